@@ -1,0 +1,127 @@
+# eutree: `make demo` and `make test` install everything they need into .venv, then run.
+#
+#   make demo      demonstrations, training, evaluation, compression, export and a report
+#   make test      the tests (about ten minutes on two cores)
+#   make test-all  the tests with the slow ones
+#   make check     format, lint, types, import contracts, documentation
+#   make docs      the documentation, into docs/_build/html
+#   make bench     the benchmarks
+#   make pictures  the pictures in docs/images
+#   make lock      the lock files in requirements/ (maintainers; needs uv; ARGS=--upgrade)
+#   make changelog fold changelog.d/ into CHANGELOG.md (before a release)
+#   make clean     remove what the above have made
+#
+# Options: PYTHON=python3.13 (the interpreter), VENV=.venv-3.13 (where to install), UV= (use pip
+# although uv is there), JOBS=4 (test processes), ARGS="..." (more arguments for the command),
+# RUN_LOCK=, TEST_LOCK= (other lock files).
+
+SHELL := /bin/bash
+.SHELLFLAGS := -eu -o pipefail -c
+.DELETE_ON_ERROR:
+MAKEFLAGS += --no-print-directory
+
+PYTHON ?= python3
+VENV ?= .venv
+JOBS ?= 2
+ARGS ?=
+RUN_LOCK ?= requirements/run.txt
+TEST_LOCK ?= requirements/test.txt
+UV ?= $(shell command -v uv 2>/dev/null)
+PY := $(VENV)/bin/python
+
+# Downloads of interpreters are refused: they hang for long where there is no network.
+ifneq ($(strip $(UV)),)
+  MKVENV = UV_PYTHON_DOWNLOADS=never "$(UV)" venv -q --clear --python "$(PYTHON)" $(VENV)
+  INSTALL = UV_PYTHON_DOWNLOADS=never "$(UV)" pip install -q --python $(VENV)
+else
+  MKVENV = "$(PYTHON)" -c 'import ensurepip' 2>/dev/null || { echo 'error: $(PYTHON) cannot create virtual environments. On Debian or Ubuntu: apt-get install python3-venv. Without root, if pip is there: $(PYTHON) -m pip install --require-hashes --target .tools -r requirements/uv.txt, then: make UV=.tools/bin/uv $(GOAL)' >&2; exit 1; }; "$(PYTHON)" -m venv --clear $(VENV)
+  # An environment that uv has made has no pip; ensurepip brings its own copy along.
+  INSTALL = { "$(PY)" -c 'import pip' 2>/dev/null || "$(PY)" -m ensurepip >/dev/null; } && $(PY) -m pip install -q --disable-pip-version-check --no-input
+endif
+
+# A second make waits for the first. The lock outlives a killed make until its children have ended.
+FLOCK := $(shell command -v flock 2>/dev/null)
+LOCKED = $(if $(FLOCK),"$(FLOCK)" .venv.lock) $(MAKE) -s
+
+.PHONY: demo test test-all check docs bench pictures lock changelog clean install-run install-test
+
+demo: install-run
+	$(PY) -m eutree demo $(ARGS)
+
+test: install-test
+	$(PY) -m pytest -q -rs -p no:benchmark -n $(JOBS) --dist worksteal -m "not slow" $(ARGS)
+
+test-all: install-test
+	$(PY) -m pytest -q -rs -p no:benchmark -n $(JOBS) --dist worksteal $(ARGS)
+
+check: install-test
+	$(PY) -m ruff format --check .
+	$(PY) -m ruff check .
+	$(PY) -m mypy
+	$(VENV)/bin/lint-imports --no-cache
+	$(MAKE) docs
+
+docs: install-test
+	$(PY) -m sphinx -q -E -W --keep-going -n -j auto -b html docs docs/_build/html
+	@echo "documentation: docs/_build/html/index.html"
+
+bench: install-test
+	$(PY) -m pytest -q -p no:xdist benchmarks $(ARGS)
+
+# The runs behind the pictures stay in a temporary folder.
+pictures: install-run
+	folder=$$(mktemp -d); \
+	$(PY) -m eutree record eutree/Evasion2-v0 --expert gate --episodes 15 --seed 0 --out $$folder/demos; \
+	$(PY) -m eutree fit $$folder/demos --out $$folder/expert.json; \
+	$(PY) -m eutree export $$folder/expert.json --format svg --out docs/images/expert-tree.svg; \
+	rm -r $$folder
+
+install-run install-test: install-%:
+	@[ "$$(cat $(VENV)/.made 2>/dev/null)" = "$$PWD" ] || rm -f $(VENV)/.made $(VENV)/.run $(VENV)/.test
+	@$(LOCKED) GOAL='$(firstword $(MAKECMDGOALS) demo)' $(VENV)/.$*
+
+# The stamps below appear only after success; .made also says which folder it belongs to, because
+# a virtual environment cannot be moved.
+$(VENV)/.made:
+	@command -v "$(PYTHON)" >/dev/null || { echo 'error: there is no $(PYTHON); Python 3.11 or newer is needed' >&2; exit 1; }
+	@"$(PYTHON)" -c 'import sys; v = sys.version_info; sys.exit(0 if v >= (3, 11) else f"error: Python 3.11 or newer is needed, found {v[0]}.{v[1]}; try: make PYTHON=python3.12 $(GOAL)")'
+	@$(MKVENV)
+	@pwd > $@
+
+$(VENV)/.run: $(RUN_LOCK) requirements/build.txt pyproject.toml | $(VENV)/.made
+	@echo "installing eutree into $(VENV) (about a minute the first time)"
+	@$(INSTALL) --require-hashes -r $(RUN_LOCK)
+	@$(INSTALL) --require-hashes -r requirements/build.txt
+	@$(INSTALL) --no-deps --no-build-isolation -e .
+	@touch $@
+
+$(VENV)/.test: $(TEST_LOCK) $(VENV)/.run
+	@echo "installing the test tools into $(VENV) (about a minute the first time)"
+	@$(INSTALL) --require-hashes -r $(TEST_LOCK)
+	@touch $@
+
+# run: what `make demo` needs. test: all extras and tools. build: the build back end. oldest: the
+# oldest declared versions of what eutree depends on, with today's tools. uv: the way round a
+# missing python3-venv. The guard at the end: no lock names a host, an index or a local path.
+LOCK = $(UV) pip compile -q --universal --python-version 3.11 --generate-hashes --no-header --no-annotate $(ARGS)
+TOOLS = --group test --group bench --group check --group docs
+OLDEST = --extra record --extra plot --extra sklearn --extra minari --extra onnx --extra tensorboard
+
+lock:
+	@[ -n "$(UV)" ] || { echo 'error: make lock needs uv on PATH' >&2; exit 1; }
+	$(LOCK) pyproject.toml --extra record --extra plot -o requirements/run.txt
+	$(LOCK) pyproject.toml --all-extras $(TOOLS) -c requirements/run.txt -o requirements/test.txt
+	printf 'hatchling\neditables\n' | $(LOCK) - -o requirements/build.txt
+	printf 'uv\n' | $(LOCK) - -o requirements/uv.txt
+	$(LOCK) pyproject.toml $(OLDEST) --resolution lowest-direct -o $(VENV).oldest.txt
+	$(LOCK) pyproject.toml $(OLDEST) --group test --group bench -c $(VENV).oldest.txt -o requirements/oldest.txt
+	rm $(VENV).oldest.txt
+	! grep -nE '://|^-' requirements/*.txt
+
+# Fold the fragments into the changelog; part of a release.
+changelog:
+	sed -i '/^## Unreleased/r /dev/stdin' CHANGELOG.md < <(echo; cat changelog.d/*.md)
+	rm changelog.d/*.md
+
+clean:
+	rm -rf $(VENV) .venv.lock .mypy_cache .ruff_cache .hypothesis docs/_build
