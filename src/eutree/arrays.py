@@ -1,0 +1,27 @@
+"""Array aliases. Shapes are written behind each use, as in ``x: Floats  # [N, d]``.
+
+Letters used for shapes throughout: N transitions or rows, d features, A actions, L leaves
+(states of the leaf MDP), M nodes of a tree, T steps of an episode, E episodes or environments.
+"""
+
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Int32s = NDArray[np.int32]
+Unsigned = NDArray[np.uint64]
+Booleans = NDArray[np.bool_]
+
+_Scalar = TypeVar("_Scalar", bound=np.generic)
+
+
+def frozen(array: NDArray[_Scalar]) -> NDArray[_Scalar]:
+    """Return the array itself if it is read-only, else a read-only C-ordered copy of it."""
+    if not array.flags.writeable and array.flags.c_contiguous:
+        return array
+    copy = np.array(array, order="C", copy=True)
+    copy.setflags(write=False)
+    return copy

@@ -1,0 +1,115 @@
+"""Every error that eutree raises on purpose.
+
+    EutreeError
+    ├── InvalidArgumentError (also ValueError)   an argument is not what it must be
+    │   ├── UnknownNameError                     a name is not among the known ones
+    │   └── UnsupportedSpaceError                an environment's space cannot be learned on
+    ├── FormatError (also ValueError)            a file is not what it claims to be
+    ├── FileError (also OSError)                 a file cannot be read or written
+    ├── EnvironmentFault (also RuntimeError)     an environment broke its contract
+    ├── RunFolderError (also RuntimeError)       a run folder is locked, missing or in the way
+    └── MissingExtraError (also ImportError)     an optional dependency is not installed
+
+The command line prints the message of an ``EutreeError`` as one line and exits with code 2.
+"""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+from pathlib import Path
+
+
+class EutreeError(Exception):
+    """Base of all errors that eutree raises on purpose."""
+
+
+class InvalidArgumentError(EutreeError, ValueError):
+    """An argument is not what it must be; the message says which, what it must be, what it was."""
+
+
+class UnknownNameError(InvalidArgumentError):
+    """A name is not among the known ones.
+
+    Args:
+        kind: What is named, for example ``"environment"``.
+        name: The unknown name.
+        known: The names that would have been right.
+    """
+
+    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+        known = sorted(known)
+        nearest = get_close_matches(name, known, n=1, cutoff=0.5)
+        hint = f" Did you mean {nearest[0]!r}?" if nearest else ""
+        listing = f" Known: {', '.join(known)}." if len(known) <= 20 else ""
+        super().__init__(f"unknown {kind} {name!r}.{hint}{listing}")
+
+
+class UnsupportedSpaceError(InvalidArgumentError):
+    """An environment's observation or action space is one that a tree cannot be learned on."""
+
+
+class FormatError(EutreeError, ValueError):
+    """A file is not what it claims to be.
+
+    Args:
+        path: The file.
+        place: Where in the file, for example ``"nodes[3].threshold"``; empty for the whole file.
+        reason: What is wrong there.
+    """
+
+    def __init__(self, path: str | Path, place: str, reason: str) -> None:
+        place, reason = _printable(place), _printable(reason)
+        self.path, self.place, self.reason = str(path), place, reason
+        where = f"{path}: {place}" if place else str(path)
+        super().__init__(f"{where}: {reason}")
+
+
+class FileError(EutreeError, OSError):
+    """A file or folder cannot be read or written: missing, no permission, disk full.
+
+    Args:
+        action: What was tried, for example ``"write"``.
+        path: The file or folder.
+        reason: Why it failed, and what to do where that is known.
+    """
+
+    def __init__(self, action: str, path: str | Path, reason: str) -> None:
+        super().__init__(f"cannot {action} {path}: {reason}")
+        self.action, self.path, self.reason = action, str(path), reason
+
+
+class EnvironmentFault(EutreeError, RuntimeError):  # noqa: N818 - a fault of theirs, not ours
+    """An environment broke its contract: NaN, a wrong shape, an exception inside ``step``.
+
+    Args:
+        environment: Id of the environment.
+        episode: Number of the episode, from 0.
+        step: Number of the step within the episode, from 0; -1 during ``reset``.
+        reason: What was wrong, with the offending value.
+    """
+
+    def __init__(self, environment: str, episode: int, step: int, reason: str) -> None:
+        self.environment, self.episode, self.step, self.reason = environment, episode, step, reason
+        moment = "reset" if step < 0 else f"step {step}"
+        super().__init__(f"{environment}, episode {episode}, {moment}: {reason}")
+
+
+class RunFolderError(EutreeError, RuntimeError):
+    """A run folder is locked by another process, missing, or already holds something else."""
+
+
+class MissingExtraError(EutreeError, ImportError):
+    """An optional dependency is not installed.
+
+    Args:
+        package: The package that could not be imported.
+        extra: The extra of eutree that installs it.
+    """
+
+    def __init__(self, package: str, extra: str) -> None:
+        super().__init__(f"{package} is not installed; get it with: pip install 'eutree[{extra}]'")
+
+
+def _printable(text: str) -> str:
+    """Escape line breaks and terminal controls, and cut: the text may quote a hostile file."""
+    text = text if len(text) <= 400 else f"{text[:300]} ... {text[-80:]}"
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)

@@ -1,0 +1,311 @@
+"""Whole files, written so that a reader finds the old content or the new, never a mixture.
+
+The bytes go to a temporary file in the same folder, are flushed to the disk, and take the
+file's name in one rename, which is flushed too by an fsync of the folder. A process that dies on
+the way leaves at most a temporary file, whose name tells machine and process; the next writer in
+that folder removes it. Every file of eutree is written and read through this package.
+"""
+
+import errno
+import itertools
+import os
+import platform
+import re
+import stat
+import zlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from eutree.errors import EutreeError, FileError, FormatError
+
+try:
+    import fcntl
+except ImportError:  # not a POSIX system: no locks there
+    fcntl = None  # type: ignore[assignment]  # a module elsewhere
+
+TEMPORARY_SUFFIX = ".eutree-tmp"
+
+_MACHINE = f"{zlib.crc32(platform.node().encode()):08x}"
+_TEMPORARY_NAME = re.compile(
+    rf"\.(?P<name>.+)\.(?P<machine>[0-9a-f]{{8}})-(?P<pid>\d+)-\d+{re.escape(TEMPORARY_SUFFIX)}"
+)
+_counter = itertools.count()
+
+_ADVICE = {
+    errno.ENOSPC: "the disk is full; what was there before is intact",
+    errno.EDQUOT: "the disk quota is used up; what was there before is intact",
+    errno.EROFS: "the file system is read-only",
+    errno.EACCES: "no permission; choose another folder or change its permissions",
+    errno.EPERM: "no permission; choose another folder or change its permissions",
+    errno.ENOENT: "it does not exist",
+    errno.ENOTDIR: "a part of the path is a file, not a folder",
+    errno.EISDIR: "it is a folder, not a file",
+    errno.ENAMETOOLONG: "the name is too long",
+}
+
+
+class Operations:
+    """The system calls behind every write; tests hand in others that fail on purpose."""
+
+    def write(self, descriptor: int, data: bytes) -> int:
+        """Write some of ``data`` and return how many bytes."""
+        return os.write(descriptor, data)
+
+    def fsync(self, descriptor: int) -> None:
+        """Flush a file or a folder to the disk."""
+        os.fsync(descriptor)
+
+    def replace(self, source: Path, target: Path) -> None:
+        """Give ``source`` the name ``target`` in one step."""
+        os.replace(source, target)
+
+
+_operations = Operations()
+
+
+@contextmanager
+def use_operations(operations: Operations) -> Iterator[None]:
+    """Let all writes inside the ``with`` block go through ``operations``."""
+    global _operations
+    before, _operations = _operations, operations
+    try:
+        yield
+    finally:
+        _operations = before
+
+
+def write_bytes(path: str | Path, data: bytes) -> None:
+    """Make ``data`` the content of the file, completely or not at all.
+
+    The folder must exist. An existing file keeps its permissions; a symbolic link keeps pointing
+    where it points.
+
+    Raises:
+        FileError: The file cannot be written; its old content is intact and no temporary file
+            is left behind.
+    """
+    with reported("write", path):
+        target = Path(os.path.realpath(path))
+        _refuse_special(target)
+        remove_orphans(target.parent)
+        temporary = temporary_path(target)
+        try:
+            _write_new(temporary, data, _permissions(target))
+            _operations.replace(temporary, target)
+        except BaseException:
+            with suppress(OSError):
+                temporary.unlink(missing_ok=True)
+            raise
+        sync_folder(target.parent)
+
+
+def write_text(path: str | Path, text: str) -> None:
+    """Make ``text`` the content of the file, in UTF-8; see ``write_bytes``."""
+    write_bytes(path, text.encode("utf-8"))
+
+
+def read_bytes(path: str | Path, *, limit: int) -> bytes:
+    """Return the content of a regular file of at most ``limit`` bytes.
+
+    Raises:
+        FileError: The file is missing, unreadable or no regular file.
+        FormatError: It is larger than ``limit``.
+    """
+    with reported("read", path):
+        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
+        with open(descriptor, "rb") as file:
+            status = os.fstat(descriptor)
+            if not stat.S_ISREG(status.st_mode):
+                raise FileError("read", path, "it is not a regular file")
+            content = file.read(status.st_size + 1) if status.st_size <= limit else b""
+    if status.st_size > limit or len(content) > limit:
+        raise FormatError(path, "", f"too large: {status.st_size:,} bytes, more than {limit:,}")
+    return content
+
+
+def make_folder(path: str | Path) -> Path:
+    """Make the folder and its missing parents; return its path."""
+    folder = Path(path)
+    with reported("make folder", path):
+        if folder.exists() and not folder.is_dir():
+            raise FileError("make folder", path, "a file of that name is in the way")
+        folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def check_new_folder(path: str | Path) -> Path:
+    """Raise FileError if there is something at ``path`` but an empty folder; return its place."""
+    with reported("write", path):
+        target = Path(os.path.realpath(path))
+        if target.exists() and (not target.is_dir() or any(target.iterdir())):
+            raise FileError("write", path, "it exists and is not an empty folder")
+    return target
+
+
+def write_folder(path: str | Path, files: dict[str, bytes]) -> None:
+    """Make a folder with these files appear under its name in one step.
+
+    Raises:
+        FileError: There is already something in the folder, or it cannot be written; then
+            nothing is left behind.
+    """
+    with reported("write", path):
+        target = check_new_folder(path)
+        make_folder(target.parent)
+        remove_orphans(target.parent)
+        temporary = temporary_path(target)
+        try:
+            temporary.mkdir()
+            for name, data in files.items():
+                _write_new(temporary / name, data, None)
+            sync_folder(temporary)
+            _operations.replace(temporary, target)
+        except BaseException:
+            _remove_folder(temporary)
+            raise
+        sync_folder(target.parent)
+
+
+def remove_file(path: str | Path) -> None:
+    """Remove the file if it exists, and make that last."""
+    with reported("remove", path):
+        Path(path).unlink(missing_ok=True)
+        sync_folder(Path(path).parent)
+
+
+def remove_orphans(folder: str | Path) -> list[Path]:
+    """Remove the temporary files that dead processes of this machine left in ``folder``.
+
+    Returns:
+        What was removed. Files of living processes and of other machines stay.
+    """
+    removed = []
+    with suppress(OSError):
+        for path in sorted(Path(folder).iterdir()):
+            match = _TEMPORARY_NAME.fullmatch(path.name)
+            if match is None or match["machine"] != _MACHINE or is_running(int(match["pid"])):
+                continue
+            if path.is_dir():
+                _remove_folder(path)
+            else:
+                path.unlink(missing_ok=True)
+            removed.append(path)
+    return removed
+
+
+def is_running(pid: int) -> bool:
+    """Return whether a process of that number runs on this machine."""
+    try:
+        os.kill(pid, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except OSError:
+        return True  # it is there, but another user's
+    return True
+
+
+def lock(descriptor: int) -> None:
+    """Lock an open file until its process closes it or dies; a lock of another is an OSError."""
+    if fcntl is not None:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def is_locked(path: str | Path) -> bool:
+    """Return whether a living process holds the lock on a file."""
+    if fcntl is None:
+        return False
+    with reported("read", path):
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+        finally:
+            os.close(descriptor)
+    return False
+
+
+def temporary_path(target: Path) -> Path:
+    """Return a new name beside ``target`` that tells machine and process."""
+    name = f".{target.name[:150]}.{_MACHINE}-{os.getpid()}-{next(_counter)}{TEMPORARY_SUFFIX}"
+    return target.with_name(name)
+
+
+def write_all(descriptor: int, data: bytes) -> None:
+    """Write all of ``data``, in as many calls as the system wants."""
+    view = memoryview(data)
+    while view:
+        view = view[_operations.write(descriptor, bytes(view[: 1 << 24])) :]
+
+
+def sync(descriptor: int) -> None:
+    """Flush an open file to the disk."""
+    _operations.fsync(descriptor)
+
+
+def sync_folder(folder: Path) -> None:
+    """Flush the folder's list of names to the disk, where the system can."""
+    if os.name == "nt":
+        return
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        _operations.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+@contextmanager
+def reported(action: str, path: str | Path) -> Iterator[None]:
+    """Turn an OSError inside the ``with`` block into one clear FileError."""
+    try:
+        yield
+    except EutreeError:
+        raise
+    except OSError as error:
+        raise FileError(action, path, _reason(error, action, Path(path))) from error
+    except ValueError as error:  # a path with a null character
+        raise FileError(action, path, str(error)) from None
+
+
+def _reason(error: OSError, action: str, path: Path) -> str:
+    if error.errno == errno.ENOENT and action != "read":
+        return f"the folder {path.parent} does not exist"
+    return _ADVICE.get(error.errno or 0, error.strerror or str(error))
+
+
+def _write_new(path: Path, data: bytes, permissions: int | None) -> None:
+    """Write a file that does not exist yet and flush it to the disk."""
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
+    try:
+        if permissions is not None:
+            with suppress(OSError):
+                os.chmod(path, permissions)
+        write_all(descriptor, data)
+        _operations.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _permissions(path: Path) -> int | None:
+    try:
+        return stat.S_IMODE(path.stat().st_mode)
+    except FileNotFoundError:
+        return None
+
+
+def _refuse_special(path: Path) -> None:
+    if path.is_dir():
+        raise FileError("write", path, "it is a folder, not a file")
+    if path.exists() and not path.is_file():
+        raise FileError("write", path, "it is not a regular file")
+
+
+def _remove_folder(folder: Path) -> None:
+    """Remove a flat folder and its files; ignore what is already gone."""
+    remove: Callable[[Path], None]
+    with suppress(OSError):
+        for path in folder.iterdir():
+            remove = Path.rmdir if path.is_dir() else Path.unlink
+            remove(path)
+        folder.rmdir()

@@ -1,0 +1,112 @@
+"""Schema and environment as parts of documents; a bound of null means unbounded."""
+
+import math
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+import numpy as np
+
+from eutree.errors import FormatError, InvalidArgumentError
+from eutree.schema import EnvironmentSpec, Feature, Schema
+
+Index = Annotated[int, msgspec.Meta(ge=0, lt=2**31)]
+
+
+class FeatureDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A feature; ``low`` and ``high`` are null where unbounded."""
+
+    name: str
+    unit: str
+    low: float | None
+    high: float | None
+
+
+class SchemaDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Features and names of actions, in index order."""
+
+    features: list[FeatureDocument]
+    actions: list[str]
+
+
+class EnvironmentDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What ``gymnasium.make`` needs."""
+
+    id: str
+    arguments: dict[str, Any]
+
+
+def schema_to_document(schema: Schema) -> SchemaDocument:
+    """Return the schema as part of a document."""
+    features = [
+        FeatureDocument(
+            name=feature.name,
+            unit=feature.unit,
+            low=None if feature.low == -math.inf else float(feature.low),
+            high=None if feature.high == math.inf else float(feature.high),
+        )
+        for feature in schema.features
+    ]
+    return SchemaDocument(features, list(schema.actions))
+
+
+def schema_from_document(document: SchemaDocument, path: str | Path) -> Schema:
+    """Return the schema; ``path`` is for the messages."""
+    try:
+        features = tuple(
+            Feature(
+                feature.name,
+                feature.unit,
+                -math.inf if feature.low is None else feature.low,
+                math.inf if feature.high is None else feature.high,
+            )
+            for feature in document.features
+        )
+        return Schema(features, tuple(document.actions))
+    except InvalidArgumentError as error:
+        raise FormatError(path, "schema", str(error)) from None
+
+
+def environment_to_document(spec: EnvironmentSpec | None) -> EnvironmentDocument | None:
+    """Return the environment as part of a document, its arguments in sorted order."""
+    if spec is None:
+        return None
+    if ":" in spec.id:
+        raise InvalidArgumentError(f"an environment's id must name no module, got {spec.id!r}")
+    return EnvironmentDocument(spec.id, plain_json(spec.arguments, f"arguments of {spec.id}"))
+
+
+def environment_from_document(
+    document: EnvironmentDocument | None, path: str | Path
+) -> EnvironmentSpec | None:
+    """Return how to make the environment; ``path`` is for the messages.
+
+    Gymnasium imports the module before the colon in an id. No file may make us import anything,
+    so such an id is refused.
+    """
+    if document is None:
+        return None
+    if ":" in document.id:
+        raise FormatError(path, "environment.id", f"must name no module, got {document.id!r}")
+    return EnvironmentSpec(document.id, document.arguments)
+
+
+def plain_json(value: Any, name: str) -> Any:
+    """Return ``value`` in JSON's own types, keys sorted; NumPy numbers and arrays become plain.
+
+    Raises:
+        InvalidArgumentError: Something in it is none of these types, or not finite.
+    """
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    if isinstance(value, float) and math.isfinite(value):
+        return value
+    if isinstance(value, list | tuple):
+        return [plain_json(item, f"{name}[{i}]") for i, item in enumerate(value)]
+    if hasattr(value, "items") and all(isinstance(key, str) for key in value):
+        return {key: plain_json(value[key], f"{name}[{key!r}]") for key in sorted(value)}
+    raise InvalidArgumentError(
+        f"{name} must be made of numbers, strings, lists and dicts to be written, got {value!r}"
+    )

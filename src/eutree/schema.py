@@ -1,0 +1,95 @@
+"""What the numbers mean: names, units and bounds of features, names of actions, the environment.
+
+A schema travels with demonstrations and policies, so that every text, picture and export can
+speak of ``opponent_1 <= 8.25 m`` and ``stop`` instead of ``x[1]`` and ``0``.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from eutree.errors import InvalidArgumentError
+
+
+@dataclass(frozen=True)
+class Feature:
+    """One attribute of an observation.
+
+    Attributes:
+        name: Its name, for example ``"opponent_1"``.
+        unit: Its unit, for example ``"m"``; empty for a pure number.
+        low: Smallest possible value; ``-inf`` where unbounded.
+        high: Largest possible value; ``inf`` where unbounded.
+    """
+
+    name: str
+    unit: str = ""
+    low: float = -math.inf
+    high: float = math.inf
+
+    def __post_init__(self) -> None:
+        if math.isnan(self.low) or math.isnan(self.high) or self.low > self.high:
+            raise InvalidArgumentError(
+                f"feature {self.name!r} must have low <= high, got {self.low} and {self.high}"
+            )
+
+
+@dataclass(frozen=True)
+class Schema:
+    """Features of the observations and names of the actions, both in index order."""
+
+    features: tuple[Feature, ...]
+    actions: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        for kind, names in (("features", self.feature_names), ("actions", self.actions)):
+            if not names:
+                raise InvalidArgumentError(f"schema must name at least one of {kind}, got none")
+            if len(set(names)) != len(names):
+                raise InvalidArgumentError(f"schema must have distinct {kind}, got {list(names)}")
+
+    @property
+    def feature_names(self) -> tuple[str, ...]:
+        """Names of the features, in index order."""
+        return tuple(feature.name for feature in self.features)
+
+    @property
+    def n_features(self) -> int:
+        """Number of features."""
+        return len(self.features)
+
+    @property
+    def n_actions(self) -> int:
+        """Number of actions."""
+        return len(self.actions)
+
+    @classmethod
+    def anonymous(cls, n_features: int, n_actions: int) -> "Schema":
+        """Return a schema with features ``x0, x1, ...`` and actions ``action 0, action 1, ...``."""
+        return cls(
+            features=tuple(Feature(f"x{i}") for i in range(n_features)),
+            actions=tuple(f"action {i}" for i in range(n_actions)),
+        )
+
+    def with_history(self, steps: int) -> "Schema":
+        """Return the schema of an observation followed by its ``steps`` predecessors."""
+        past = [
+            Feature(f"{feature.name}, {k} ago", feature.unit, feature.low, feature.high)
+            for k in range(1, steps + 1)
+            for feature in self.features
+        ]
+        return Schema(self.features + tuple(past), self.actions)
+
+
+@dataclass(frozen=True)
+class EnvironmentSpec:
+    """How to make the environment again: ``gymnasium.make(id, **arguments)``."""
+
+    id: str
+    arguments: Mapping[str, Any] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        """Return the id and the arguments that differ from the environment's own defaults."""
+        listing = ", ".join(f"{key}={value!r}" for key, value in sorted(self.arguments.items()))
+        return f"{self.id}({listing})" if listing else self.id

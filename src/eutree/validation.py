@@ -1,0 +1,109 @@
+"""The shared argument checks: each message says which argument, what it must be, what it was."""
+
+import math
+from collections.abc import Iterable
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from eutree.arrays import Floats, Integers
+from eutree.errors import InvalidArgumentError, UnknownNameError
+
+_Value = TypeVar("_Value")
+
+
+def check_number(
+    name: str,
+    value: object,
+    *,
+    low: float = -math.inf,
+    high: float = math.inf,
+    low_open: bool = False,
+    high_open: bool = False,
+) -> float:
+    """Return ``value`` as a finite float inside the interval, or raise InvalidArgumentError."""
+    interval = f"{'(' if low_open else '['}{low:g}, {high:g}{')' if high_open else ']'}"
+    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+        raise InvalidArgumentError(f"{name} must be a number in {interval}, got {value!r}")
+    number = float(value)
+    too_low = number <= low if low_open else number < low
+    too_high = number >= high if high_open else number > high
+    if not math.isfinite(number) or too_low or too_high:
+        raise InvalidArgumentError(f"{name} must be a number in {interval}, got {value!r}")
+    return number
+
+
+def check_integer(name: str, value: object, *, low: int = 0, high: int | None = None) -> int:
+    """Return ``value`` as an int of at least ``low`` (and at most ``high``), or raise."""
+    bounds = f"an integer >= {low}" if high is None else f"an integer from {low} to {high}"
+    if isinstance(value, bool) or not isinstance(value, int | np.integer):
+        raise InvalidArgumentError(f"{name} must be {bounds}, got {value!r}")
+    number = int(value)
+    if number < low or (high is not None and number > high):
+        raise InvalidArgumentError(f"{name} must be {bounds}, got {value!r}")
+    return number
+
+
+def check_choice(name: str, value: _Value, choices: Iterable[_Value]) -> _Value:
+    """Return ``value`` if it is among ``choices``, or raise UnknownNameError with the nearest."""
+    choices = list(choices)
+    if value not in choices:
+        raise UnknownNameError(name, str(value), map(str, choices))
+    return value
+
+
+def check_observations(name: str, value: ArrayLike, *, n_features: int | None = None) -> Floats:
+    """Return ``value`` as a C-contiguous float64 array of shape [N, d] with finite values."""
+    try:
+        array = np.ascontiguousarray(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidArgumentError(f"{name} must be a matrix of numbers: {error}") from None
+    if array.ndim != 2:
+        raise InvalidArgumentError(f"{name} must have shape (N, d), got shape {array.shape}")
+    if n_features is not None and array.shape[1] != n_features:
+        raise InvalidArgumentError(f"{name} must have {n_features} columns, got {array.shape[1]}")
+    check_finite(name, array)
+    return array
+
+
+def check_vector(name: str, value: ArrayLike, *, size: int | None = None) -> Floats:
+    """Return ``value`` as a C-contiguous float64 vector with finite values."""
+    try:
+        array = np.ascontiguousarray(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidArgumentError(f"{name} must be a vector of numbers: {error}") from None
+    if array.ndim != 1:
+        raise InvalidArgumentError(f"{name} must have shape (N,), got shape {array.shape}")
+    if size is not None and array.size != size:
+        raise InvalidArgumentError(f"{name} must have {size} entries, got {array.size}")
+    check_finite(name, array)
+    return array
+
+
+def check_actions(name: str, value: ArrayLike, *, size: int | None = None) -> Integers:
+    """Return ``value`` as a vector of action indices (int64, none negative)."""
+    array = np.asarray(value)
+    if array.ndim != 1:
+        raise InvalidArgumentError(f"{name} must have shape (N,), got shape {array.shape}")
+    if size is not None and array.size != size:
+        raise InvalidArgumentError(f"{name} must have {size} entries, got {array.size}")
+    if array.size and not np.issubdtype(array.dtype, np.integer):
+        raise InvalidArgumentError(f"{name} must hold integers, got {array.dtype}")
+    if array.size and array.min() < 0:
+        raise InvalidArgumentError(f"{name} must hold integers >= 0, got {array.min()}")
+    return np.ascontiguousarray(array, dtype=np.int64)
+
+
+def check_finite(name: str, array: Floats) -> None:
+    """Raise InvalidArgumentError naming the first entry that is NaN or infinite."""
+    finite = np.isfinite(array)
+    if not finite.all():
+        place = tuple(int(i) for i in np.argwhere(~finite)[0])
+        where = ", ".join(map(str, place))
+        raise InvalidArgumentError(f"{name} must be finite, got {array[place]} at [{where}]")
+
+
+def check_seed(seed: object) -> int:
+    """Return ``seed`` as a non-negative int, or raise InvalidArgumentError."""
+    return check_integer("seed", seed, low=0)

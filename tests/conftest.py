@@ -1,0 +1,22 @@
+"""Settings shared by all tests."""
+
+import os
+
+import hypothesis
+
+# Compiling a kernel takes seconds on its first call, and test machines are busy: no deadlines. In
+# CI the same examples every time; elsewhere fresh ones, printed when they fail.
+hypothesis.settings.register_profile(
+    "eutree",
+    deadline=None,
+    derandomize=bool(os.environ.get("CI")),
+    print_blob=True,
+    suppress_health_check=[hypothesis.HealthCheck.too_slow],
+)
+hypothesis.settings.load_profile("eutree")
+
+# Without a display; matplotlib and SDL read these when they are imported.
+os.environ.setdefault("MPLBACKEND", "Agg")
+os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
+os.environ.setdefault("SDL_AUDIODRIVER", "dummy")
+os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")

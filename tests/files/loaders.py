@@ -1,0 +1,95 @@
+"""Every loader of files from outside, with a valid file and the ways to damage it."""
+
+import json
+import sys
+from pathlib import Path
+
+from eutree.data import Demonstrations
+from eutree.data.files import DemonstrationFolder
+from eutree.data.journal import recover_episode
+from eutree.policies import TreePolicy
+from tests.files.mutations import mutate, mutate_members, mutate_records
+
+GOLDEN = Path(__file__).parents[1] / "golden" / "v1"
+
+
+def load_header(path):
+    return DemonstrationFolder(path.parent)
+
+
+def load_folder(path):
+    return Demonstrations.load(path.parent)
+
+
+def load_journal(path):
+    return recover_episode(path)
+
+
+# kind: (golden file, name it must have, loader, damages)
+LOADERS = {
+    "policy": ("policy.json", "policy.json", TreePolicy.load, (mutate,)),
+    "header": ("demonstrations/demonstrations.json", "demonstrations.json", load_header, (mutate,)),
+    "episode": (
+        "demonstrations/episode-00000.npz",
+        "episode-00000.npz",
+        load_folder,
+        (mutate, mutate_members),
+    ),
+    "journal": ("running.journal", "x.journal", load_journal, (mutate, mutate_records)),
+    "csv": ("demos.csv", "demos.csv", Demonstrations.from_csv, (mutate,)),
+    "npz": ("demos.npz", "demos.npz", Demonstrations.from_npz, (mutate, mutate_members)),
+}
+
+
+def prepare(kind, folder):
+    """Return where to put damaged content, the valid content, the loader and the damages."""
+    golden, name, load, damages = LOADERS[kind]
+    if kind == "episode":
+        header = (GOLDEN / "demonstrations" / "demonstrations.json").read_bytes()
+        (folder / "demonstrations.json").write_bytes(header)
+    return folder / name, (GOLDEN / golden).read_bytes(), load, damages
+
+
+def fuzz(kind, count, seed, folder):
+    """Load ``count`` damaged files; stop the process at the first crash, hang or big allocation."""
+    import random
+    import resource
+    import signal
+
+    from eutree.errors import FormatError
+
+    path, valid, load, damages = prepare(kind, folder)
+    path.write_bytes(valid)
+    load(path)  # imports what it needs, before the limit
+    used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (used + 2**30, resource.RLIM_INFINITY))
+    signal.signal(signal.SIGALRM, lambda *_: (_ for _ in ()).throw(TimeoutError("2 s")))
+    refused = 0
+    for number in range(count):
+        rng = random.Random(f"{kind} {seed} {number}")
+        content = rng.choice(damages)(valid, rng)
+        path.write_bytes(content)
+        signal.setitimer(signal.ITIMER_REAL, 2.0)
+        try:
+            load(path)
+        except FormatError as error:
+            refused += 1
+            if "\n" in str(error) or not error.reason or not error.path:
+                raise AssertionError(f"unclear: {error}") from error
+        except BaseException:
+            failed = folder.parent / f"failed-{kind}-{seed}-{number}"
+            failed.write_bytes(content)
+            print(f"{kind}, seed {seed}, number {number}: see {failed}", file=sys.stderr)
+            raise
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0)
+    return refused
+
+
+if __name__ == "__main__":
+    where, count, seed = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
+    found = {}
+    for kind in sys.argv[4:]:
+        (where / kind).mkdir()
+        found[kind] = fuzz(kind, count, seed, where / kind)
+    print(json.dumps(found))
