@@ -1,0 +1,221 @@
+"""Reading a table of episodes row by row, keeping numbers and not text."""
+
+import csv
+import io
+import re
+from array import array
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from eutree.data.episode import Episode
+from eutree.data.rows import MAX_NAMES
+from eutree.errors import FormatError, InvalidArgumentError
+from eutree.files import read_bytes
+from eutree.schema import Feature, Schema
+
+MAX_CSV = 32 * 2**20
+MAX_EPISODES = 100_000
+
+KNOWN = (
+    "episode",
+    "step",
+    "action",
+    "action_name",
+    "reward",
+    "terminated",
+    "truncated",
+    "seed",
+    "ending",
+    "is_success",
+    "kept",
+)
+_FEATURE = re.compile(r"(?P<name>.*?)(?: \[(?P<unit>[^\]]*)\])?", re.DOTALL)
+_INDEX = re.compile(r"[0-9]{1,5}")
+_SEED = re.compile(r"[0-9]{1,99}")
+_TRUTH = {"": None, "true": True, "false": False, "1": True, "0": False}
+
+_Row = dict[str, str]
+
+
+class CsvReader:
+    """A table of episodes.
+
+    Args:
+        path: The file.
+        schema: Names and units; made from the columns if None.
+
+    Attributes:
+        episodes: The episodes, in the order in which they begin.
+        schema: The schema that was given or made.
+
+    Raises:
+        FormatError: A column is missing, or a value is not what it must be; says which line.
+        FileError: The file is missing or cannot be read.
+    """
+
+    def __init__(self, path: str | Path, schema: Schema | None) -> None:
+        self._path = path
+        self._codes: dict[str, int] = {}  # of the texts in the column action
+        self._names: dict[str, str] = {}  # what action_name says about them
+        groups: dict[str, _EpisodeRows] = {}
+        rows = self._rows()
+        columns = next(rows)[1]
+        self._features = [column for column in columns if column not in KNOWN]
+        if schema is not None and schema.n_features != len(self._features):
+            reason = f"expected {schema.n_features} features, got columns {self._features}"
+            raise FormatError(path, "line 1", reason)
+        for line, row in rows:
+            group = groups.setdefault(row["episode"], _EpisodeRows())
+            if len(groups) > MAX_EPISODES:
+                raise FormatError(path, f"line {line}", f"more than {MAX_EPISODES:,} episodes")
+            self._add(group, line, row)
+        self._texts = list(self._codes)
+        self.schema = self._made_schema() if schema is None else schema
+        self.episodes = tuple(self._episode(group) for group in groups.values())
+
+    def _rows(self) -> Iterator[tuple[int, _Row]]:
+        """Yield the columns, then each row, with the number of its line."""
+        content = io.BytesIO(read_bytes(self._path, limit=MAX_CSV))
+        reader = csv.reader(io.TextIOWrapper(content, "utf-8-sig", newline=""), strict=True)
+        try:
+            columns = next(reader, [])
+            self._check_columns(columns)
+            yield 1, dict.fromkeys(columns, "")
+            for values in reader:
+                if len(values) != len(columns):
+                    reason = f"expected {len(columns)} values, got {len(values)}"
+                    raise FormatError(self._path, f"line {reader.line_num}", reason)
+                yield reader.line_num, dict(zip(columns, values, strict=True))
+        except csv.Error as error:
+            raise FormatError(self._path, f"line {reader.line_num}", str(error)) from None
+        except UnicodeDecodeError:
+            reason = "not UTF-8 text"
+            raise FormatError(self._path, f"after line {reader.line_num}", reason) from None
+
+    def _check_columns(self, columns: list[str]) -> None:
+        for name in ("episode", "action"):
+            if name not in columns:
+                raise FormatError(self._path, "line 1", f"there is no column {name!r}")
+        if len(set(columns)) < len(columns):
+            raise FormatError(self._path, "line 1", "two columns have the same name")
+        if not 1 <= len(set(columns) - set(KNOWN)) <= MAX_NAMES:
+            raise FormatError(self._path, "line 1", "there is no column of a feature, or too many")
+
+    def _add(self, group: "_EpisodeRows", line: int, row: _Row) -> None:
+        """Add a row to its episode."""
+        if group.observations and not group.last_row["action"]:
+            reason = "only an episode's last row may have no action"
+            raise FormatError(self._path, f"line {group.last_line}", reason)
+        group.observations.extend(self._number(row, name, line) for name in self._features)
+        group.last_line, group.last_row = line, row
+        if row["action"]:
+            if any(group.ends[-1]):
+                reason = "the episode ended on an earlier line"
+                raise FormatError(self._path, f"line {line}", reason)
+            group.actions.append(self._code(row, line))
+            group.rewards.append(self._number(row, "reward", line) if row.get("reward") else 0.0)
+        if row["action"] or not group.actions:
+            flags = (self._truth(row, name, line) for name in ("terminated", "truncated"))
+            group.ends = (group.ends[-1], (next(flags) is True, next(flags) is True))
+
+    def _code(self, row: _Row, line: int) -> int:
+        code = self._codes.setdefault(row["action"], len(self._codes))
+        if code >= MAX_NAMES:
+            raise FormatError(self._path, f"line {line}", f"more than {MAX_NAMES:,} actions")
+        if row["action"] not in self._names and row.get("action_name"):
+            self._names[row["action"]] = row["action_name"]
+        return code
+
+    def _made_schema(self) -> Schema:
+        """Return a schema of what the columns and the actions tell."""
+        actions = tuple(self._codes)
+        if all(map(str.isdecimal, actions)):
+            large = [a for a in actions if not _INDEX.fullmatch(a) or int(a) >= MAX_NAMES]
+            if large:
+                reason = f"must be an index below {MAX_NAMES:,}, got {large[0]}"
+                raise FormatError(self._path, "action", reason)
+            highest = max(map(int, actions), default=0)
+            names = {int(text): name for text, name in self._names.items()}
+            actions = tuple(names.get(k, f"action {k}") for k in range(highest + 1))
+        try:
+            return Schema(tuple(map(_feature, self._features)), actions)
+        except InvalidArgumentError as error:
+            raise FormatError(self._path, "", str(error)) from None
+
+    def _episode(self, group: "_EpisodeRows") -> Episode:
+        row, line = group.last_row, group.last_line
+        dropped = bool(row["action"])  # what the last action led to is not in the table
+        count = len(group.actions) - dropped
+        terminated, truncated = group.ends[0] if dropped else group.ends[1]
+        actions = np.array([self._index(code) for code in group.actions[:count]], dtype=np.int64)
+        try:
+            return Episode(
+                np.array(group.observations).reshape(-1, len(self._features)),
+                actions,
+                np.array(group.rewards)[:count],
+                terminated=terminated,
+                truncated=truncated,
+                seed=self._seed(row, line),
+                ending=row.get("ending", ""),
+                is_success=self._truth(row, "is_success", line),
+                kept=self._truth(row, "kept", line) is not False,
+            )
+        except InvalidArgumentError as error:
+            raise FormatError(self._path, f"line {line}", str(error)) from None
+
+    def _index(self, code: int) -> int:
+        """Return the action that a text in the column means: an index, or else a name."""
+        text, names = self._texts[code], self.schema.actions
+        if _INDEX.fullmatch(text) and int(text) < len(names):
+            return int(text)
+        if text in names:
+            return names.index(text)
+        reason = f"must be one of {', '.join(names)} or its index, got {text!r}"
+        raise FormatError(self._path, "action", reason)
+
+    def _number(self, row: _Row, column: str, line: int) -> float:
+        text = row[column]
+        try:
+            number = float(text)
+        except ValueError:
+            number = np.nan
+        if not np.isfinite(number) or "_" in text:
+            reason = f"{column} must be a finite number, got {text!r}"
+            raise FormatError(self._path, f"line {line}", reason)
+        return number
+
+    def _truth(self, row: _Row, column: str, line: int) -> bool | None:
+        text = row.get(column, "").lower()
+        if text not in _TRUTH:
+            reason = f"{column} must be true or false, got {text!r}"
+            raise FormatError(self._path, f"line {line}", reason)
+        return _TRUTH[text]
+
+    def _seed(self, row: _Row, line: int) -> int | None:
+        text = row.get("seed", "")
+        if text and not _SEED.fullmatch(text):
+            reason = f"seed must be an integer >= 0, got {text!r}"
+            raise FormatError(self._path, f"line {line}", reason)
+        return int(text) if text else None
+
+
+class _EpisodeRows:
+    """The rows of one episode so far."""
+
+    __slots__ = ("actions", "ends", "last_line", "last_row", "observations", "rewards")
+
+    def __init__(self) -> None:
+        self.observations = array("d")
+        self.actions = array("q")
+        self.rewards = array("d")
+        # Terminated and truncated after the last action but one, and after the last.
+        self.ends = ((False, False), (False, False))
+        self.last_line = 0
+        self.last_row: _Row = {}
+
+
+def _feature(column: str) -> Feature:
+    match = _FEATURE.fullmatch(column)
+    return Feature(match["name"], match["unit"] or "") if match else Feature(column)

@@ -1,0 +1,246 @@
+"""Episodes recorded under an expert's control, with what is needed to read and replay them."""
+
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from eutree.arrays import Floats, Integers
+from eutree.data.episode import Episode
+from eutree.data.files import DemonstrationFolder, save_folder
+from eutree.data.rows import episodes_from_rows, schema_for
+from eutree.errors import FormatError, InvalidArgumentError
+from eutree.schema import EnvironmentSpec, Schema
+
+
+@dataclass(frozen=True, eq=False)
+class Demonstrations:
+    """Episodes of one environment under one expert.
+
+    Iterating, counting and the arrays ``observations`` and ``actions`` see the kept episodes;
+    ``episodes`` also holds those that a person discarded.
+
+    Attributes:
+        episodes: The episodes, in the order in which they were recorded.
+        schema: Names, units and bounds of the observations; names of the actions.
+        environment: How to make the environment again; None if unknown.
+        expert: Who or what acted, for people to read.
+    """
+
+    episodes: tuple[Episode, ...]
+    schema: Schema
+    environment: EnvironmentSpec | None = None
+    expert: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "episodes", tuple(self.episodes))
+        for number, episode in enumerate(self.episodes):
+            size = episode.observations.shape[1]
+            if size != self.schema.n_features:
+                raise InvalidArgumentError(
+                    f"episode {number} must have observations of {self.schema.n_features} "
+                    f"features, got {size}"
+                )
+            if len(episode) and not 0 <= episode.actions.min() <= episode.actions.max() < (
+                self.schema.n_actions
+            ):
+                raise InvalidArgumentError(
+                    f"episode {number} must have actions in 0..{self.schema.n_actions - 1}, got "
+                    f"{episode.actions.min()}..{episode.actions.max()}"
+                )
+
+    @property
+    def kept(self) -> tuple[Episode, ...]:
+        """The episodes that count: all but the discarded ones."""
+        return tuple(episode for episode in self.episodes if episode.kept)
+
+    def __len__(self) -> int:
+        """Return the number of kept episodes."""
+        return len(self.kept)
+
+    def __iter__(self) -> Iterator[Episode]:
+        """Iterate over the kept episodes."""
+        return iter(self.kept)
+
+    @property
+    def n_transitions(self) -> int:
+        """Number of transitions in the kept episodes."""
+        return sum(map(len, self.kept))
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 over the kept episodes: the same demonstrations have the same digest."""
+        sha = hashlib.sha256()
+        for episode in self.kept:
+            for array in (episode.observations, episode.actions, episode.rewards):
+                sha.update(array.tobytes())
+            sha.update(bytes([episode.terminated, episode.truncated]))
+        return sha.hexdigest()
+
+    @property
+    def observations(self) -> Floats:
+        """Observation at the start of each transition of the kept episodes, shape [N, d]."""
+        rows = [episode.observations[:-1] for episode in self.kept]
+        return np.concatenate([np.empty((0, self.schema.n_features)), *rows])
+
+    @property
+    def actions(self) -> Integers:
+        """Action of each transition of the kept episodes, shape [N]."""
+        return np.concatenate([np.empty(0, np.int64), *(e.actions for e in self.kept)])
+
+    def with_history(self, steps: int) -> "Demonstrations":
+        """Return the demonstrations with observations followed by their ``steps`` predecessors."""
+        return replace(
+            self,
+            episodes=tuple(episode.with_history(steps) for episode in self.episodes),
+            schema=self.schema.with_history(steps),
+        )
+
+    def save(self, folder: str | Path) -> None:
+        """Write one file for each episode, and a header, into a new folder.
+
+        Raises:
+            FileError: The folder exists and is not empty, or cannot be written; then nothing is
+                left behind.
+            InvalidArgumentError: An observation or reward is not finite.
+        """
+        save_folder(folder, self.episodes, self.schema, self.environment, self.expert)
+
+    @classmethod
+    def load(cls, folder: str | Path) -> "Demonstrations":
+        """Read what ``save`` or a recorder wrote, discarded episodes included.
+
+        An episode that a dead recorder left in its journal is among them, its ending
+        ``"interrupted"``; nothing in the folder is changed.
+
+        Raises:
+            FormatError: The folder holds no demonstrations, or a file in it is damaged.
+            FileError: The folder is missing or cannot be read.
+        """
+        opened = DemonstrationFolder(folder)
+        return cls(
+            tuple(opened.read_all().values()), opened.schema, opened.environment, opened.expert
+        )
+
+    @classmethod
+    def from_arrays(
+        cls,
+        observations: ArrayLike,
+        actions: ArrayLike,
+        *,
+        starts: ArrayLike,
+        rewards: ArrayLike | None = None,
+        next_observations: ArrayLike | None = None,
+        terminated: ArrayLike | None = None,
+        truncated: ArrayLike | None = None,
+        schema: Schema | None = None,
+        environment: EnvironmentSpec | None = None,
+        expert: str = "",
+    ) -> "Demonstrations":
+        """Make demonstrations of a log: flat rows of observations and actions.
+
+        Args:
+            observations: What was sensed before each action, shape [N, d].
+            actions: The actions, shape [N].
+            starts: Whether each row is the first of an episode, shape [N].
+            rewards: What each action earned, shape [N]; zeros if not known.
+            next_observations: What was sensed after each action, shape [N, d]; if not known, the
+                last action of each episode is dropped, because what it led to is not known.
+            terminated: Whether the task ended after each row, shape [N].
+            truncated: Whether a limit cut the episode short after each row, shape [N].
+            schema: Names and units; made up if not known.
+            environment: How to make the environment again, if known.
+            expert: Who or what acted.
+        """
+        episodes = episodes_from_rows(
+            observations,
+            actions,
+            starts=starts,
+            rewards=rewards,
+            next_observations=next_observations,
+            terminated=terminated,
+            truncated=truncated,
+        )
+        n_features = np.shape(observations)[1]
+        return cls(episodes, schema_for(episodes, n_features, schema), environment, expert)
+
+    @classmethod
+    def from_npz(
+        cls,
+        path: str | Path,
+        *,
+        schema: Schema | None = None,
+        environment: EnvironmentSpec | None = None,
+    ) -> "Demonstrations":
+        """Read arrays saved by imitation or Stable-Baselines, without pickle; see docs/formats."""
+        from eutree.data.npz_files import read_npz
+
+        episodes, n_features = read_npz(path)
+        try:
+            schema = schema_for(episodes, n_features, schema)
+        except InvalidArgumentError as error:
+            raise FormatError(path, "", str(error)) from None
+        return _blamed(path, episodes, schema, environment, Path(path).stem)
+
+    def to_npz(self, path: str | Path) -> None:
+        """Write the kept episodes as the arrays that imitation and Stable-Baselines use."""
+        from eutree.data.npz_files import write_npz
+
+        write_npz(path, self.kept, self.schema.n_features)
+
+    @classmethod
+    def from_csv(
+        cls,
+        path: str | Path,
+        *,
+        schema: Schema | None = None,
+        environment: EnvironmentSpec | None = None,
+    ) -> "Demonstrations":
+        """Read a table with one row for each observation; see docs/formats."""
+        from eutree.data.csv_files import read_csv
+
+        episodes, found = read_csv(path, schema)
+        return _blamed(path, episodes, found, environment, Path(path).stem)
+
+    def to_csv(self, path: str | Path) -> None:
+        """Write a table with one row for each observation, discarded episodes included."""
+        from eutree.data.csv_files import write_csv
+
+        write_csv(path, self.episodes, self.schema)
+
+    @classmethod
+    def from_minari(cls, dataset_id: str) -> "Demonstrations":
+        """Read a Minari dataset from the local folder (extra ``minari``)."""
+        from eutree.data.minari_files import read_minari
+
+        return _blamed(f"minari:{dataset_id}", *read_minari(dataset_id))
+
+    def to_minari(self, dataset_id: str, *, env: Any = None) -> None:
+        """Write the kept episodes as a Minari dataset (extra ``minari``).
+
+        Args:
+            dataset_id: Its id, ending in a version: ``eutree/evasion2/human-v0``.
+            env: A Gymnasium environment or spec to store with it, if any.
+        """
+        from eutree.data.minari_files import MinariContent, write_minari
+
+        content = MinariContent(self.episodes, self.schema, self.environment, self.expert)
+        write_minari(dataset_id, content, env=env)
+
+
+def _blamed(
+    path: str | Path,
+    episodes: tuple[Episode, ...],
+    schema: Schema,
+    environment: EnvironmentSpec | None,
+    expert: str,
+) -> Demonstrations:
+    """Return demonstrations; if they do not fit the schema, blame the file."""
+    try:
+        return Demonstrations(episodes, schema, environment, expert)
+    except InvalidArgumentError as error:
+        raise FormatError(path, "", str(error)) from None

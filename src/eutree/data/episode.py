@@ -1,0 +1,118 @@
+"""One episode (the paper's *trial*): T+1 observations, T actions and rewards, how it ended."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eutree.arrays import Floats, Integers, frozen
+from eutree.errors import InvalidArgumentError
+
+
+@dataclass(frozen=True, eq=False)
+class Episode:
+    """An episode from reset to end.
+
+    Attributes:
+        observations: What was sensed, from the reset observation to the last one.
+        actions: Action taken at each observation but the last.
+        rewards: Reward received for each action.
+        terminated: Whether the task itself ended the episode (value 0 follows).
+        truncated: Whether a limit outside the task cut it short (its value goes on).
+        seed: Seed given to ``reset``; None if unknown.
+        ending: Why it ended, in the environment's words ("goal", "collision", "time limit"),
+            or "stopped" where a person ended it (then neither terminated nor truncated).
+        is_success: ``info["is_success"]`` of the last step; None where none was reported.
+        kept: Whether learners use it; a person who discards an episode does not delete it.
+        comment: What the person wrote about it.
+        steps: Further arrays with one row for each action, by name: of a recording its
+            ``time``, ``frame`` (the last one seen) and ``keys`` (held). NaN means not measured.
+        extras: Further facts about the episode in JSON's types, for example the names of the
+            keys.
+    """
+
+    observations: Floats  # [T + 1, d]
+    actions: Integers  # [T]
+    rewards: Floats  # [T]
+    terminated: bool
+    truncated: bool
+    seed: int | None = None
+    ending: str = ""
+    is_success: bool | None = None
+    kept: bool = True
+    comment: str = ""
+    steps: Mapping[str, NDArray[Any]] = field(default_factory=dict)  # each [T, ...]
+    extras: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name, dtype in (("observations", np.float64), ("rewards", np.float64)):
+            object.__setattr__(self, name, frozen(np.asarray(getattr(self, name), dtype=dtype)))
+        object.__setattr__(self, "actions", frozen(np.asarray(self.actions, dtype=np.int64)))
+        if self.observations.ndim != 2 or self.actions.ndim != 1 or self.rewards.ndim != 1:
+            raise InvalidArgumentError(
+                "an episode must have observations [T + 1, d], actions [T] and rewards [T], got "
+                f"shapes {self.observations.shape}, {self.actions.shape}, {self.rewards.shape}"
+            )
+        if len(self.observations) != len(self.actions) + 1:
+            raise InvalidArgumentError(
+                "expected one more observations than actions: "
+                f"{len(self.observations)} != {len(self.actions)} + 1"
+            )
+        if len(self.rewards) != len(self.actions):
+            raise InvalidArgumentError(
+                f"expected as many rewards as actions: {len(self.rewards)} != {len(self.actions)}"
+            )
+        steps = {name: frozen(np.asarray(array)) for name, array in self.steps.items()}
+        for name, array in steps.items():
+            if array.ndim < 1 or len(array) != len(self.actions):
+                raise InvalidArgumentError(
+                    f"steps[{name!r}] must have {len(self.actions)} rows, one for each action, "
+                    f"got shape {array.shape}"
+                )
+        object.__setattr__(self, "steps", steps)
+        object.__setattr__(self, "extras", dict(self.extras))
+        if self.terminated and self.truncated:
+            raise InvalidArgumentError("an episode must not be both terminated and truncated")
+
+    def __len__(self) -> int:
+        """Return the number of steps T."""
+        return len(self.actions)
+
+    @property
+    def undiscounted_return(self) -> float:
+        """Sum of the rewards."""
+        return float(self.rewards.sum())
+
+    def equals(self, other: "Episode") -> bool:
+        """Return whether both are the same, arrays bit for bit."""
+        arrays = (
+            (self.observations, other.observations),
+            (self.actions, other.actions),
+            (self.rewards, other.rewards),
+            *((self.steps[name], other.steps.get(name, np.empty(0))) for name in self.steps),
+        )
+        plain = ("terminated", "truncated", "seed", "ending", "is_success", "kept", "comment")
+        return (
+            all(getattr(self, name) == getattr(other, name) for name in plain)
+            and self.extras == other.extras
+            and set(self.steps) == set(other.steps)
+            and all(
+                mine.dtype == theirs.dtype
+                and mine.shape == theirs.shape
+                and mine.tobytes() == theirs.tobytes()
+                for mine, theirs in arrays
+            )
+        )
+
+    def with_history(self, steps: int) -> "Episode":
+        """Return the episode with each observation followed by its ``steps`` predecessors.
+
+        Before the first step they repeat the first observation.
+        """
+        last = len(self.observations) - 1
+        moments = [
+            self.observations[np.maximum(np.arange(last + 1) - k, 0)] for k in range(steps + 1)
+        ]
+        return replace(self, observations=np.concatenate(moments, axis=1))

@@ -1,0 +1,272 @@
+"""A folder of demonstrations: a header, one archive for each episode, journals of running ones.
+
+    demos/
+        demonstrations.json      schema, environment, expert
+        episode-00000.npz        a finished episode, written atomically
+        episode-00001.journal    the episode that is being recorded, or that a crash left
+
+A number is taken by making the journal, which fails if the file exists: so two recorders in one
+folder never write the same episode. Nothing else lists the episodes; the folder itself does.
+"""
+
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, ClassVar
+
+from numpy.typing import ArrayLike
+
+from eutree.data.episode import Episode
+from eutree.data.episode_file import episode_from_bytes, episode_to_bytes
+from eutree.data.journal import EpisodeJournal, is_running, recover_episode
+from eutree.errors import FileError, FormatError, InvalidArgumentError
+from eutree.files import atomic
+from eutree.files.arrays import MAX_ARCHIVE
+from eutree.files.documents import Document, encode_document, read_document
+from eutree.files.schema_document import (
+    EnvironmentDocument,
+    SchemaDocument,
+    environment_from_document,
+    environment_to_document,
+    schema_from_document,
+    schema_to_document,
+)
+from eutree.schema import EnvironmentSpec, Schema
+
+HEADER = "demonstrations.json"
+
+_EPISODE = re.compile(r"episode-(\d{5,9})\.(npz|journal)")
+
+
+class DemonstrationsDocument(Document, frozen=True, kw_only=True):
+    """The header of a folder of demonstrations."""
+
+    FORMAT: ClassVar[str] = "eutree/demonstrations"
+    VERSION: ClassVar[int] = 1
+
+    environment: EnvironmentDocument | None
+    schema: SchemaDocument
+    expert: str
+
+
+class DemonstrationFolder:
+    """An existing folder of demonstrations, to read, to add to and to edit.
+
+    Args:
+        path: The folder.
+
+    Raises:
+        FormatError: The folder holds no demonstrations, or its header is damaged.
+        FileError: The folder is missing or cannot be read.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        header = self.path / HEADER
+        with atomic.reported("read", path):
+            if not self.path.exists():
+                raise FileError("read", path, "no such folder of demonstrations")
+            if not header.exists():
+                reason = f"holds no demonstrations: there is no file {HEADER}"
+                raise FormatError(path, "", reason)
+        document = read_document(header, DemonstrationsDocument)
+        self.schema = schema_from_document(document.schema, header)
+        self.environment = environment_from_document(document.environment, header)
+        self.expert = document.expert
+
+    @classmethod
+    def create(
+        cls,
+        path: str | Path,
+        schema: Schema,
+        environment: EnvironmentSpec | None = None,
+        expert: str = "",
+    ) -> "DemonstrationFolder":
+        """Make the folder, or open it if it holds demonstrations of the same environment.
+
+        Raises:
+            InvalidArgumentError: It holds demonstrations of another environment.
+            FileError: It cannot be written.
+        """
+        folder = Path(path)
+        if not (folder / HEADER).exists():
+            atomic.make_folder(folder)
+            atomic.write_bytes(folder / HEADER, _header(schema, environment, expert))
+        opened = cls(folder)
+        opened.check_same(schema, environment)
+        return opened
+
+    def check_same(self, schema: Schema, environment: EnvironmentSpec | None) -> None:
+        """Raise InvalidArgumentError unless the folder is of this schema and environment."""
+        if environment_to_document(environment) != environment_to_document(self.environment):
+            mine, other = (e or "an unnamed environment" for e in (self.environment, environment))
+            raise InvalidArgumentError(
+                f"{self.path} holds demonstrations of {mine}, not of {other}; choose another folder"
+            )
+        if self.schema != schema:
+            raise InvalidArgumentError(
+                f"{self.path} holds demonstrations with other features or actions; "
+                "choose another folder"
+            )
+
+    def numbers(self) -> list[int]:
+        """Return the numbers of the finished episodes, in order."""
+        return self._numbers("npz")
+
+    def episode_path(self, number: int) -> Path:
+        """Return the file of an episode."""
+        return self.path / f"episode-{number:05d}.npz"
+
+    def read(self, number: int) -> Episode:
+        """Read one finished episode.
+
+        Raises:
+            InvalidArgumentError: There is no episode of that number.
+            FormatError: Its file is damaged.
+        """
+        if number not in self.numbers():
+            raise InvalidArgumentError(f"{self.path} has no episode {number}")
+        path = self.episode_path(number)
+        return self._fitting(
+            episode_from_bytes(atomic.read_bytes(path, limit=MAX_ARCHIVE), path), path
+        )
+
+    def read_all(self) -> dict[int, Episode]:
+        """Read all episodes, those that dead recorders left in their journals included."""
+        episodes = {number: self.read(number) for number in self.numbers()}
+        for number in self._abandoned():
+            path = self._journal_path(number)
+            episode = None if number in episodes else recover_episode(path)
+            if episode is not None:
+                episodes[number] = self._fitting(episode, path)
+        return dict(sorted(episodes.items()))
+
+    def append(self, episode: Episode) -> int:
+        """Write one more episode and return its number."""
+        number = self._next()
+        self.write(number, episode)
+        return number
+
+    def write(self, number: int, episode: Episode) -> None:
+        """Write or replace an episode, atomically."""
+        problem = _misfit(episode, self.schema)
+        if problem:
+            raise InvalidArgumentError(f"the episode {problem}")
+        try:
+            content = episode_to_bytes(episode)
+        except InvalidArgumentError as error:
+            raise InvalidArgumentError(f"episode {number}: {error}") from None
+        atomic.write_bytes(self.episode_path(number), content)
+
+    def start_episode(
+        self,
+        observation: ArrayLike,
+        *,
+        seed: int | None = None,
+        extras: dict[str, Any] | None = None,
+    ) -> "RunningEpisode":
+        """Open the journal of a new episode; ``finish`` it when it is over."""
+        number = self._next()
+        path = self._journal_path(number)
+        return RunningEpisode(
+            self, number, EpisodeJournal(path, observation, seed=seed, extras=extras)
+        )
+
+    def recover(self) -> list[int]:
+        """Turn the journals of dead recorders into episodes; return their numbers.
+
+        A journal without a step is removed, and so is one whose episode was finished.
+        """
+        recovered = []
+        for number in self._abandoned():
+            path = self._journal_path(number)
+            episode = None if self.episode_path(number).exists() else recover_episode(path)
+            if episode is not None:
+                self.write(number, episode)
+                recovered.append(number)
+            atomic.remove_file(path)
+        return recovered
+
+    def _fitting(self, episode: Episode, path: Path) -> Episode:
+        """Return the episode of a file if it fits the schema."""
+        problem = _misfit(episode, self.schema)
+        if problem:
+            raise FormatError(path, "", problem)
+        return episode
+
+    def _abandoned(self) -> list[int]:
+        """Return the numbers of the journals of dead recorders."""
+        return [n for n in self._numbers("journal") if not is_running(self._journal_path(n))]
+
+    def _journal_path(self, number: int) -> Path:
+        return self.path / f"episode-{number:05d}.journal"
+
+    def _next(self) -> int:
+        return max(self._numbers("npz") + self._numbers("journal"), default=-1) + 1
+
+    def _numbers(self, kind: str) -> list[int]:
+        with atomic.reported("read", self.path):
+            names = [path.name for path in self.path.iterdir()]
+        matches = filter(None, map(_EPISODE.fullmatch, names))
+        return sorted(int(match[1]) for match in matches if match[2] == kind)
+
+
+class RunningEpisode:
+    """An episode under way: its number, its journal, and how to end it."""
+
+    def __init__(self, folder: DemonstrationFolder, number: int, journal: EpisodeJournal) -> None:
+        self._folder = folder
+        self.number = number
+        self.journal = journal
+
+    def finish(self, episode: Episode) -> None:
+        """Write the finished episode under its number; the journal goes."""
+        self._folder.write(self.number, episode)
+        self.journal.discard()
+
+    def discard(self) -> None:
+        """Forget the episode; the journal goes."""
+        self.journal.discard()
+
+
+def save_folder(
+    path: str | Path,
+    episodes: Iterable[Episode],
+    schema: Schema,
+    environment: EnvironmentSpec | None,
+    expert: str,
+) -> None:
+    """Write a new folder of demonstrations, completely or not at all."""
+    files = {HEADER: _header(schema, environment, expert)}
+    for number, episode in enumerate(episodes):
+        try:
+            files[f"episode-{number:05d}.npz"] = episode_to_bytes(episode)
+        except InvalidArgumentError as error:
+            raise InvalidArgumentError(f"episode {number}: {error}") from None
+    atomic.write_folder(path, files)
+
+
+def _header(schema: Schema, environment: EnvironmentSpec | None, expert: str) -> bytes:
+    return encode_document(demonstrations_document(schema, environment, expert))
+
+
+def demonstrations_document(
+    schema: Schema, environment: EnvironmentSpec | None, expert: str
+) -> DemonstrationsDocument:
+    """Return the header of demonstrations."""
+    return DemonstrationsDocument(
+        environment=environment_to_document(environment),
+        schema=schema_to_document(schema),
+        expert=expert,
+    )
+
+
+def _misfit(episode: Episode, schema: Schema) -> str:
+    """Return why the episode does not fit the schema, or an empty string."""
+    size = episode.observations.shape[1]
+    if size != schema.n_features:
+        return f"must have observations of {schema.n_features} features, got {size}"
+    if len(episode) and (episode.actions.min() < 0 or episode.actions.max() >= schema.n_actions):
+        low, high = episode.actions.min(), episode.actions.max()
+        return f"must have actions in 0..{schema.n_actions - 1}, got {low}..{high}"
+    return ""

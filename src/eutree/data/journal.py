@@ -1,0 +1,214 @@
+"""The journal of a running episode: what a crash leaves becomes an episode all the same."""
+
+import math
+import os
+from array import array
+from pathlib import Path
+from typing import Any, ClassVar
+
+import msgspec
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from eutree.data.episode import Episode
+from eutree.errors import FormatError, InvalidArgumentError
+from eutree.files import atomic
+from eutree.files.documents import Document
+from eutree.files.journal import Journal, read_journal
+from eutree.files.schema_document import Index, plain_json
+from eutree.validation import check_vector
+
+INTERRUPTED = "interrupted"
+MAX_STEP_VALUES = 16
+
+StepValue = bool | int | float | list[bool | int | float]
+
+
+class JournalDocument(Document, frozen=True, kw_only=True):
+    """The header of a journal: what is known at reset, and who writes."""
+
+    FORMAT: ClassVar[str] = "eutree/journal"
+    VERSION: ClassVar[int] = 1
+
+    pid: int
+    seed: int | None
+    observation: list[float]
+    extras: dict[str, Any]
+
+
+class _Step(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
+    """One record: an action, what followed, and what else was measured."""
+
+    action: Index
+    reward: float
+    observation: list[float]
+    terminated: bool
+    truncated: bool
+    steps: dict[str, StepValue]
+
+
+_encoder = msgspec.msgpack.Encoder()
+_decoder = msgspec.msgpack.Decoder(_Step)
+
+
+class EpisodeJournal:
+    """Keeps the episode that is being recorded safe, step by step.
+
+    A step is safe from the death of the process when ``append`` returns, and from a power cut
+    after at most 32 further steps (see ``eutree.files.journal``).
+
+    Args:
+        path: The journal's file, which must not exist yet.
+        observation: What was sensed after reset, shape [d].
+        seed: Seed given to reset.
+        extras: Further facts about the episode, as in ``Episode``.
+
+    Raises:
+        FileError: The file exists or cannot be written.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        observation: ArrayLike,
+        *,
+        seed: int | None = None,
+        extras: dict[str, Any] | None = None,
+    ) -> None:
+        first = check_vector("observation", observation)
+        header = JournalDocument(
+            pid=os.getpid(),
+            seed=seed,
+            observation=first.tolist(),
+            extras=plain_json(extras or {}, "extras"),
+        )
+        self._size = first.size
+        self._journal = Journal(path, header)
+
+    @property
+    def path(self) -> Path:
+        """The journal's file."""
+        return self._journal.path
+
+    def append(
+        self,
+        action: int,
+        reward: float,
+        observation: ArrayLike,
+        *,
+        terminated: bool = False,
+        truncated: bool = False,
+        steps: dict[str, StepValue] | None = None,
+    ) -> None:
+        """Add one step: the action, and what followed it.
+
+        Args:
+            action: The action.
+            reward: The reward; finite.
+            observation: What was sensed after the action, shape [d]; finite.
+            terminated: Whether the task ended the episode.
+            truncated: Whether a limit cut it short.
+            steps: One value (or one list of them) for each array in ``Episode.steps``.
+        """
+        sensed = check_vector("observation", observation, size=self._size)
+        if steps is not None and len(steps) > MAX_STEP_VALUES:
+            raise InvalidArgumentError(f"steps must be at most {MAX_STEP_VALUES}, got {len(steps)}")
+        if not math.isfinite(reward):
+            raise InvalidArgumentError(f"reward must be finite, got {reward!r}")
+        step = _Step(
+            int(action),
+            float(reward),
+            sensed.tolist(),
+            bool(terminated),
+            bool(truncated),
+            steps or {},
+        )
+        self._journal.append(_encoder.encode(step))
+
+    def close(self) -> None:
+        """Stop writing and leave the file, as a crash would."""
+        self._journal.close()
+
+    def discard(self) -> None:
+        """Stop writing and remove the file."""
+        self._journal.close()
+        atomic.remove_file(self.path)
+
+
+def is_running(path: str | Path) -> bool:
+    """Return whether a process is still writing the journal."""
+    return atomic.is_locked(path)
+
+
+def recover_episode(path: str | Path) -> Episode | None:
+    """Return the episode in a journal, ending ``"interrupted"``; None if it has no step.
+
+    Raises:
+        FormatError: The file is no journal, or a record in it is not what it must be.
+        FileError: The file is missing or cannot be read.
+    """
+    header, records = read_journal(path, JournalDocument)
+    if header is None:
+        return None
+    if header.seed is not None and header.seed < 0:
+        raise FormatError(path, "seed", f"must be >= 0, got {header.seed}")
+    steps = _Steps(header.observation)
+    for record in records:
+        try:
+            steps.add(_decoder.decode(record))
+        except (msgspec.MsgspecError, ValueError, RecursionError) as error:
+            raise FormatError(path, f"step {len(steps.actions)}", str(error)) from None
+    if not steps.actions:
+        return None
+    try:
+        return Episode(
+            observations=np.array(steps.observations).reshape(-1, steps.size),
+            actions=np.array(steps.actions, dtype=np.int64),
+            rewards=np.array(steps.rewards),
+            terminated=steps.terminated,
+            truncated=steps.truncated,
+            seed=header.seed,
+            ending=INTERRUPTED,
+            steps={name: _column(name, steps.values[name]) for name in sorted(steps.values)},
+            extras=header.extras,
+        )
+    except (ValueError, TypeError, OverflowError) as error:
+        raise FormatError(path, "", str(error)) from None
+
+
+class _Steps:
+    """The steps of a journal so far, as numbers and not as objects."""
+
+    def __init__(self, first: list[float]) -> None:
+        self.size = len(first)
+        self.observations = array("d", first)
+        self.actions = array("q")
+        self.rewards = array("d")
+        self.terminated = self.truncated = False
+        self.values: dict[str, list[StepValue]] = {}
+
+    def add(self, step: _Step) -> None:
+        """Add a step, or raise ValueError with what is wrong with it."""
+        if not self.actions:
+            self.values = {name: [] for name in step.steps}
+        if self.terminated or self.truncated:
+            raise ValueError("the episode ended before this step")
+        if len(step.observation) != self.size or not all(map(math.isfinite, step.observation)):
+            raise ValueError(f"observation must hold {self.size} finite numbers")
+        if not math.isfinite(step.reward):
+            raise ValueError(f"reward must be finite, got {step.reward}")
+        if step.steps.keys() != self.values.keys() or len(self.values) > MAX_STEP_VALUES:
+            raise ValueError(f"must measure {sorted(self.values)}, at most {MAX_STEP_VALUES}")
+        for name, value in step.steps.items():
+            self.values[name].append(value)
+        self.observations.extend(step.observation)
+        self.actions.append(step.action)
+        self.rewards.append(step.reward)
+        self.terminated, self.truncated = step.terminated, step.truncated
+
+
+def _column(name: str, values: list[Any]) -> NDArray[Any]:
+    array = np.array(values)
+    if array.dtype.kind not in "bif" or array.ndim > 2:
+        raise InvalidArgumentError(f"steps[{name!r}] must hold numbers or equal lists of them")
+    return array

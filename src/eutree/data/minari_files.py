@@ -1,0 +1,250 @@
+"""Demonstrations as Minari datasets, and back (extra ``minari``).
+
+What Minari has no place for (names and units, endings, comments) travels as documents in the
+metadata, under the key ``eutree``, and step records travel in ``infos``, so that what is exported
+is imported again to the bit. Other readers see an ordinary dataset. Discarded episodes, and
+episodes without a step, are not exported.
+"""
+
+import json
+import re
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eutree.data.episode import Episode
+from eutree.data.episode_file import EpisodeDocument, episode_document, episode_from_document
+from eutree.data.files import DemonstrationsDocument, demonstrations_document
+from eutree.errors import (
+    EutreeError,
+    FileError,
+    FormatError,
+    InvalidArgumentError,
+    MissingExtraError,
+)
+from eutree.files.documents import decode_document, encode_document
+from eutree.files.schema_document import environment_from_document, schema_from_document
+from eutree.schema import EnvironmentSpec, Feature, Schema
+
+KEY = "eutree"
+
+_ID = re.compile(r"(?:[-_\w]+/)*[-_\w]+-v\d+")
+_STEPS = "steps_"
+
+
+class MinariContent(NamedTuple):
+    """What a dataset holds, in the order of the fields of ``Demonstrations``."""
+
+    episodes: tuple[Episode, ...]
+    schema: Schema
+    environment: EnvironmentSpec | None
+    expert: str
+
+
+def read_minari(dataset_id: str) -> MinariContent:
+    """Return the content of a dataset in Minari's local folder.
+
+    Raises:
+        FileError: There is no such dataset; it can be fetched with ``minari download``.
+        FormatError: Its spaces are not a flat observation and a discrete action.
+        MissingExtraError: Minari is not installed.
+    """
+    minari, name = _minari(), f"minari:{_checked_id(dataset_id)}"
+    with _as_format_errors(name):
+        try:
+            dataset = minari.load_dataset(dataset_id)
+        except FileNotFoundError:
+            reason = f"no such dataset here; get it with: minari download {dataset_id}"
+            raise FileError("read", name, reason) from None
+        metadata = dataset.storage.metadata
+        space = _space(dataset.observation_space, name)
+        action_space = _space(dataset.action_space, name)
+        if action_space["type"] != "Discrete":
+            raise FormatError(name, "action_space", f"must be Discrete, got {action_space['type']}")
+        schema, environment, expert = _header(dataset, metadata, space, action_space["n"], name)
+        notes = dataset.storage.get_episode_metadata(dataset.episode_indices)
+        pairs = zip(dataset.iterate_episodes(), notes, strict=True)
+        episodes = tuple(
+            _episode(data, note, action_space["start"], f"{name} episode {number}")
+            for number, (data, note) in enumerate(pairs)
+        )
+    return MinariContent(episodes, schema, environment, expert)
+
+
+def write_minari(dataset_id: str, content: MinariContent, *, env: Any = None) -> None:
+    """Write a new dataset into Minari's local folder.
+
+    Args:
+        dataset_id: Its id, ending in a version: ``eutree/evasion2/human-v0``.
+        content: What to write.
+        env: A Gymnasium environment or spec to store, for ``recover_environment``.
+
+    Raises:
+        FileError: The dataset exists, or cannot be written.
+        MissingExtraError: Minari is not installed.
+    """
+    minari, name = _minari(), f"minari:{_checked_id(dataset_id)}"
+    episodes = [episode for episode in content.episodes if episode.kept and len(episode)]
+    if not episodes:
+        raise InvalidArgumentError(f"cannot write {name}: there is no kept episode with a step")
+    buffers = [_buffer(number, episode) for number, episode in enumerate(episodes)]
+    notes = [{KEY: encode_document(episode_document(episode)).decode()} for episode in episodes]
+    header = demonstrations_document(content.schema, content.environment, content.expert)
+    spaces = _spaces(content.schema)
+    with _quiet():
+        try:
+            dataset = minari.create_dataset_from_buffers(
+                dataset_id,
+                buffers,
+                env=env,
+                observation_space=spaces[0],
+                action_space=spaces[1],
+                algorithm_name=content.expert,
+                jpeg_encoding=False,
+            )
+            dataset.storage.update_metadata({KEY: encode_document(header).decode()})
+            dataset.storage.update_episode_metadata(notes)
+        except (OSError, ValueError, TypeError, AssertionError) as error:
+            raise FileError("write", name, str(error) or type(error).__name__) from error
+
+
+def _minari() -> Any:
+    try:
+        return import_module("minari")
+    except ImportError:
+        raise MissingExtraError("minari", "minari") from None
+
+
+def _checked_id(dataset_id: str) -> str:
+    if not _ID.fullmatch(dataset_id):
+        raise InvalidArgumentError(
+            "the id of a Minari dataset must be made of letters, digits, - and _, with / between "
+            f"the parts, and end in a version like -v0; got {dataset_id!r}"
+        )
+    return dataset_id
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Ignore Minari's warnings about metadata that we do not give."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
+
+
+@contextmanager
+def _as_format_errors(name: str) -> Iterator[None]:
+    """Turn whatever Minari and HDF5 raise on a damaged dataset into a FormatError."""
+    with _quiet():
+        try:
+            yield
+        except EutreeError:
+            raise
+        except Exception as error:
+            reason = f"not a readable Minari dataset: {type(error).__name__}: {error}"
+            raise FormatError(name, "", reason) from error
+
+
+def _space(space: Any, name: str) -> dict[str, Any]:
+    """Return a space in Minari's own description of it."""
+    serialize = import_module("minari.serialization").serialize_space
+    description: dict[str, Any] = serialize(space, to_string=False)
+    flat = description["type"] in ("Discrete", "MultiDiscrete", "MultiBinary")
+    if not flat and not (description["type"] == "Box" and len(description["shape"]) == 1):
+        raise FormatError(name, "observation_space", f"must be flat, got {space}")
+    return description
+
+
+def _spaces(schema: Schema) -> tuple[Any, Any]:
+    """Return the spaces of observations and actions, built by Minari from its description."""
+    deserialize = import_module("minari.serialization").deserialize_space
+    box = {
+        "type": "Box",
+        "dtype": "float64",
+        "shape": [schema.n_features],
+        "low": [feature.low for feature in schema.features],
+        "high": [feature.high for feature in schema.features],
+    }
+    discrete = {"type": "Discrete", "dtype": "int64", "n": schema.n_actions, "start": 0}
+    return deserialize(json.dumps(box)), deserialize(json.dumps(discrete))
+
+
+def _header(
+    dataset: Any, metadata: dict[str, Any], space: dict[str, Any], n_actions: int, name: str
+) -> tuple[Schema, EnvironmentSpec | None, str]:
+    if KEY in metadata:
+        document = decode_document(str(metadata[KEY]).encode(), DemonstrationsDocument, name)
+        schema = schema_from_document(document.schema, name)
+        return schema, environment_from_document(document.environment, name), document.expert
+    spec = dataset.env_spec
+    environment = None if spec is None else EnvironmentSpec(spec.id, dict(spec.kwargs))
+    actions = Schema.anonymous(1, n_actions).actions
+    expert = str(metadata.get("algorithm_name") or dataset.id)
+    return Schema(_features(space), actions), environment, expert
+
+
+def _features(space: dict[str, Any]) -> tuple[Feature, ...]:
+    if space["type"] == "Box":
+        bounds = list(zip(space["low"], space["high"], strict=True))
+    elif space["type"] == "Discrete":
+        bounds = [(space["start"], space["start"] + space["n"] - 1)]
+    elif space["type"] == "MultiDiscrete":
+        bounds = [(low, low + n - 1) for low, n in zip(space["start"], space["nvec"], strict=True)]
+    else:
+        bounds = [(0, 1)] * int(space["n"])
+    return tuple(
+        Feature(f"x{i}", low=float(low), high=float(high)) for i, (low, high) in enumerate(bounds)
+    )
+
+
+def _episode(data: Any, note: dict[str, Any], first_action: int, name: str) -> Episode:
+    observations = np.asarray(data.observations, dtype=np.float64)
+    arrays: dict[str, NDArray[Any]] = {
+        "observations": observations[:, np.newaxis] if observations.ndim == 1 else observations,
+        "actions": np.asarray(data.actions, dtype=np.int64) - first_action,
+        "rewards": np.asarray(data.rewards, dtype=np.float64),
+    }
+    if KEY in note:
+        document = decode_document(str(note[KEY]).encode(), EpisodeDocument, name)
+        infos = data.infos or {}
+        steps = {
+            key.removeprefix(_STEPS): np.asarray(infos[key])
+            for key in sorted(infos)
+            if key.startswith(_STEPS)
+        }
+        return episode_from_document(document, arrays, steps, name)
+    terminated = bool(np.any(data.terminations))
+    truncated = bool(np.any(data.truncations)) and not terminated
+    document = EpisodeDocument(
+        seed=note.get("seed"),
+        ending="terminated" if terminated else "truncated" if truncated else "",
+        terminated=terminated,
+        truncated=truncated,
+        is_success=None,
+        kept=True,
+        comment="",
+        extras={},
+    )
+    return episode_from_document(document, arrays, {}, name)
+
+
+def _buffer(number: int, episode: Episode) -> Any:
+    """Return the episode as Minari takes it."""
+    buffer = import_module("minari.data_collector.episode_buffer").EpisodeBuffer
+    last = np.arange(len(episode)) == len(episode) - 1
+    fits = episode.seed is not None and episode.seed < 2**63
+    return buffer(
+        id=number,
+        seed=episode.seed if fits else None,
+        observations=episode.observations,
+        actions=episode.actions,
+        rewards=episode.rewards,
+        terminations=last & episode.terminated,
+        truncations=last & episode.truncated,
+        infos={_STEPS + name: array for name, array in episode.steps.items()} or None,
+    )

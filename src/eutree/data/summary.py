@@ -1,0 +1,220 @@
+"""What demonstrations show, and where they contradict themselves.
+
+Near-equal observations: each feature's range within the demonstrations is cut into ``BINS`` equal
+bins; two observations are near-equal if they share the bin of every feature. A group of
+near-equal observations with more than one action is inconsistent, and its transitions with
+another action than the group's most frequent one (the lowest of several) disagree. Sorting finds
+the groups, so n transitions of d features take O(d n log n).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from eutree.arrays import Floats, Integers
+from eutree.data.demonstrations import Demonstrations
+from eutree.data.episode import Episode
+
+BINS = 50
+COVERAGE_BINS = 10
+MAX_EXAMPLES = 5
+
+
+@dataclass(frozen=True)
+class EpisodeSummary:
+    """One episode in a line.
+
+    Attributes:
+        number: Its number, from 0.
+        kept: Whether learners use it.
+        length: Number of steps.
+        undiscounted_return: Sum of its rewards.
+        ending: Why it ended.
+        is_success: Whether the environment called it a success; None where it did not say.
+        seed: Seed given to reset; None if unknown.
+        comment: What the person wrote about it.
+    """
+
+    number: int
+    kept: bool
+    length: int
+    undiscounted_return: float
+    ending: str
+    is_success: bool | None
+    seed: int | None
+    comment: str
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """How much of one feature's range the demonstrations visit.
+
+    Attributes:
+        name: The feature.
+        low: Smallest value seen.
+        high: Largest value seen.
+        share: Share of ``COVERAGE_BINS`` equal bins visited, between the schema's bounds where
+            they are finite, else between the values seen.
+    """
+
+    name: str
+    low: float
+    high: float
+    share: float
+
+
+@dataclass(frozen=True)
+class Conflict:
+    """A group of near-equal observations with different actions.
+
+    Attributes:
+        observation: The mean observation of the group.
+        counts: How often each action was taken there.
+        places: Episode and step of the first transition of each action taken.
+    """
+
+    observation: tuple[float, ...]
+    counts: tuple[int, ...]
+    places: tuple[tuple[int, int], ...]
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What ``summarize`` found; coverage and conflicts are of the kept episodes.
+
+    Attributes:
+        episodes: One line for each episode, discarded ones included.
+        coverage: One entry for each feature.
+        joint_cells: Cells of the joint grid of ``COVERAGE_BINS`` bins a feature that are visited.
+        disagreement: Share of the transitions that disagree with their near-equals.
+        n_conflicts: Number of inconsistent groups.
+        conflicts: The groups with the most disagreeing transitions, at most ``MAX_EXAMPLES``.
+    """
+
+    episodes: tuple[EpisodeSummary, ...]
+    coverage: tuple[Coverage, ...]
+    joint_cells: int
+    disagreement: float
+    n_conflicts: int
+    conflicts: tuple[Conflict, ...]
+
+    @property
+    def success_rate(self) -> float | None:
+        """Share of successes among the kept episodes; None where no success is reported."""
+        known = [e.is_success for e in self.episodes if e.kept and e.is_success is not None]
+        return sum(known) / len(known) if known else None
+
+
+def summarize(demonstrations: Demonstrations) -> Summary:
+    """Return results, coverage and inconsistencies of demonstrations."""
+    observations, actions = demonstrations.observations, demonstrations.actions
+    group, counts = _group_counts(observations, actions, demonstrations.schema.n_actions)
+    disagreeing = counts.sum(axis=1) - counts.max(axis=1, initial=0)
+    order = np.lexsort((np.arange(len(disagreeing)), -disagreeing))
+    worst = [int(g) for g in order[:MAX_EXAMPLES] if disagreeing[g] > 0]
+    places = _places(demonstrations)
+    coarse = _bins(observations, *_bounds(demonstrations), COVERAGE_BINS)
+    return Summary(
+        episodes=tuple(
+            summarize_episode(number, episode)
+            for number, episode in enumerate(demonstrations.episodes)
+        ),
+        coverage=_coverage(demonstrations, coarse),
+        joint_cells=len(np.unique(coarse, axis=0)),
+        disagreement=float(disagreeing.sum() / max(len(actions), 1)),
+        n_conflicts=int((disagreeing > 0).sum()),
+        conflicts=tuple(
+            _conflict(observations, actions, np.flatnonzero(group == g), counts[g], places)
+            for g in worst
+        ),
+    )
+
+
+def summarize_episode(number: int, episode: Episode) -> EpisodeSummary:
+    """Return one episode in a line."""
+    return EpisodeSummary(
+        number=number,
+        kept=episode.kept,
+        length=len(episode),
+        undiscounted_return=episode.undiscounted_return,
+        ending=episode.ending,
+        is_success=episode.is_success,
+        seed=episode.seed,
+        comment=episode.comment,
+    )
+
+
+def _group_counts(
+    observations: Floats, actions: Integers, n_actions: int
+) -> tuple[Integers, Integers]:
+    """Return the group of near-equals of each transition [N], and action counts of each [G, A]."""
+    if not len(actions):
+        return np.empty(0, np.int64), np.zeros((0, n_actions), np.int64)
+    bins = _bins(observations, observations.min(axis=0), observations.max(axis=0), BINS)
+    _, group = np.unique(bins, axis=0, return_inverse=True)
+    group = group.reshape(-1).astype(np.int64)
+    counts = np.zeros((int(group.max()) + 1, n_actions), dtype=np.int64)
+    np.add.at(counts, (group, actions), 1)
+    return group, counts
+
+
+def _bins(observations: Floats, low: Floats, high: Floats, n_bins: int) -> Integers:
+    """Return the bin of each value, shape [N, d]; a feature without a range has bin 0."""
+    # Halves, because high - low may overflow.
+    width = high / 2 - low / 2
+    share = np.divide(
+        observations / 2 - low / 2, width, out=np.zeros_like(observations), where=width > 0
+    )
+    return np.clip((share * n_bins).astype(np.int64), 0, n_bins - 1)
+
+
+def _bounds(demonstrations: Demonstrations) -> tuple[Floats, Floats]:
+    """Return the schema's bounds where both are finite, else the range seen."""
+    observations, features = demonstrations.observations, demonstrations.schema.features
+    low = np.array([feature.low for feature in features])
+    high = np.array([feature.high for feature in features])
+    if not len(observations):
+        return np.zeros_like(low), np.zeros_like(high)
+    bounded = np.isfinite(low) & np.isfinite(high)
+    return (
+        np.where(bounded, low, observations.min(axis=0)),
+        np.where(bounded, high, observations.max(axis=0)),
+    )
+
+
+def _coverage(demonstrations: Demonstrations, bins: Integers) -> tuple[Coverage, ...]:
+    observations = demonstrations.observations
+    return tuple(
+        Coverage(
+            name=name,
+            low=float(observations[:, j].min()) if len(bins) else 0.0,
+            high=float(observations[:, j].max()) if len(bins) else 0.0,
+            share=len(np.unique(bins[:, j])) / COVERAGE_BINS,
+        )
+        for j, name in enumerate(demonstrations.schema.feature_names)
+    )
+
+
+def _places(demonstrations: Demonstrations) -> list[tuple[int, int]]:
+    """Return episode and step of each transition of the kept episodes."""
+    return [
+        (number, step)
+        for number, episode in enumerate(demonstrations.episodes)
+        if episode.kept
+        for step in range(len(episode))
+    ]
+
+
+def _conflict(
+    observations: Floats,
+    actions: Integers,
+    rows: Integers,
+    counts: Integers,
+    places: list[tuple[int, int]],
+) -> Conflict:
+    firsts = [rows[actions[rows] == action][0] for action in np.flatnonzero(counts)]
+    return Conflict(
+        observation=tuple(observations[rows].mean(axis=0).tolist()),
+        counts=tuple(counts.tolist()),
+        places=tuple(places[row] for row in firsts),
+    )

@@ -1,0 +1,140 @@
+"""Simple scripted controllers of some Gymnasium tasks, to demonstrate with.
+
+Each task has a plain one, well below what can be earned, and a better one. Mean returns are those
+of 200 episodes with the seeds 0 to 199 (``python benchmarks/experts.py``).
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from eutree.arrays import Floats, Integers
+from eutree.errors import InvalidArgumentError
+
+Rule = Callable[[Floats], Integers]  # [..., d] -> [...]
+
+
+class RulePolicy:
+    """Acts by a written rule.
+
+    Args:
+        rule: The rule, from observations [..., d] to actions [...].
+    """
+
+    def __init__(self, rule: Rule) -> None:
+        self._rule = rule
+
+    def predict(
+        self,
+        observation: ArrayLike,
+        state: Any = None,
+        episode_start: ArrayLike | None = None,
+        deterministic: bool = True,
+    ) -> tuple[Any, Any]:
+        """Return the action for one observation, or those of a batch."""
+        return self._rule(np.asarray(observation, dtype=np.float64)), state
+
+
+def follow_the_fall(env: Any) -> RulePolicy:
+    """Return a rule for CartPole: push to the side to which the pole is turning.
+
+    Mean return 200.
+    """
+    return _policy(env, 4, lambda o: np.where(o[..., 3] > 0.0, 1, 0))
+
+
+def balance(env: Any) -> RulePolicy:
+    """Return a rule for CartPole: push to where the pole is about to be.
+
+    Mean return 500.
+    """
+    return _policy(env, 4, lambda o: np.where(o[..., 2] + 0.2 * o[..., 3] > 0.0, 1, 0))
+
+
+def push_along(env: Any) -> RulePolicy:
+    """Return a rule for MountainCar: right when rolling right, else left.
+
+    Mean return -132.
+    """
+    return _policy(env, 2, lambda o: np.where(o[..., 1] > ROLLING, 2, 0))
+
+
+def rock(env: Any) -> RulePolicy:
+    """Return a rule for MountainCar: push along, but not far up the left slope.
+
+    Mean return -118.
+    """
+
+    def rule(o: Floats) -> Integers:
+        backward = np.where(o[..., 0] > LEFT_SLOPE, 0, 1)
+        return np.where(o[..., 1] >= 0.0, 2, backward)
+
+    return _policy(env, 2, rule)
+
+
+def swing_both(env: Any) -> RulePolicy:
+    """Return a rule for Acrobot: torque along a mix of both joints' velocities.
+
+    Mean return -110.
+    """
+    return _policy(env, 6, lambda o: np.where(o[..., 5] + 0.3 * o[..., 4] > 0.0, 2, 0))
+
+
+def swing_elbow(env: Any) -> RulePolicy:
+    """Return a rule for Acrobot: torque along the elbow's velocity.
+
+    Mean return -86.
+    """
+    return _policy(env, 6, lambda o: np.where(o[..., 5] > 0.0, 2, 0))
+
+
+def brake_upright(env: Any) -> RulePolicy:
+    """Return a rule for LunarLander: stay upright and brake, drift as it comes.
+
+    Mean return -1, standard deviation 156: it lands where the drift happens to be small.
+    """
+    return _policy(env, 8, lambda o: _land(o, tilt=0.0, fall=0.15, glide=0.4))
+
+
+def steer_home(env: Any) -> RulePolicy:
+    """Return a rule for LunarLander: tilt against distance and drift, and brake.
+
+    Mean return 255.
+    """
+    return _policy(env, 8, lambda o: _land(o, tilt=0.5, fall=0.05, glide=0.3))
+
+
+# MountainCar: what counts as rolling right; how far left pushing left still helps.
+ROLLING, LEFT_SLOPE = 0.005, -0.8
+# LunarLander's actions, and how far it tilts at most [rad].
+NOTHING, LEFT_ENGINE, MAIN_ENGINE, RIGHT_ENGINE = 0, 1, 2, 3
+MAX_TILT = 0.4
+
+
+def _land(o: Floats, *, tilt: float, fall: float, glide: float) -> Integers:
+    """Return the lander's actions.
+
+    Args:
+        o: Position x, y, velocity x, y, angle, its velocity, contact of each leg; [..., 8].
+        tilt: How much to tilt against the distance from the pad; twice that against drift.
+        fall: Velocity of the fall that is allowed at the ground.
+        glide: How much more is allowed with height.
+    """
+    x, y, x_velocity, y_velocity, angle, turning = np.moveaxis(o[..., :6], -1, 0)
+    wanted = np.clip(tilt * x + 2.0 * tilt * x_velocity, -MAX_TILT, MAX_TILT)
+    lean = angle - wanted + turning
+    sideways = np.where(lean > 0.1, RIGHT_ENGINE, np.where(lean < -0.1, LEFT_ENGINE, NOTHING))
+    in_air = np.where(y_velocity < -(fall + glide * y), MAIN_ENGINE, sideways)
+    on_ground = np.where(y_velocity < -0.1, MAIN_ENGINE, NOTHING)
+    return np.where((o[..., 6:] > 0.0).any(axis=-1), on_ground, in_air)
+
+
+def _policy(env: Any, n_features: int, rule: Rule) -> RulePolicy:
+    space = getattr(env, "single_observation_space", None) or env.observation_space
+    if space.shape != (n_features,):
+        raise InvalidArgumentError(
+            f"env must have observations of {n_features} numbers for this expert, got {space}"
+        )
+    return RulePolicy(rule)

@@ -1,0 +1,161 @@
+"""Compiled twin of ``_dynamics``: one step of every copy of the environment."""
+
+import numpy as np
+
+from eutree.arrays import Booleans, Floats, Int32s, Integers
+from eutree.compiled import compiled
+from eutree.envs._dynamics import COLLISION, GOAL, RUNNING, STOP, TIME_LIMIT
+
+# Order of the constants that ``advance_all`` is given.
+CONSTANTS = (
+    "noise",
+    "agent_step",
+    "opponent_step",
+    "half_path",
+    "main_path_length",
+    "collision_square",
+    "goal_reward",
+    "collision_reward",
+    "stop_reward",
+)
+
+
+@compiled
+def begin(
+    e: int,
+    half_path: float,
+    uniforms: Floats,  # [E, 2 N]
+    positions: Floats,  # [E]
+    opponents: Floats,  # [E, N]
+    directions: Floats,  # [E, N]
+    steps: Integers,  # [E]
+) -> None:
+    """Put copy ``e`` at the start of the episode that ``uniforms`` describes."""
+    count = opponents.shape[1]
+    positions[e] = 0.0
+    steps[e] = 0
+    for i in range(count):
+        opponents[e, i] = (2.0 * uniforms[e, i] - 1.0) * half_path
+        directions[e, i] = -1.0 if uniforms[e, count + i] < 0.5 else 1.0
+
+
+@compiled
+def move(
+    e: int,
+    action: int,
+    constants: Floats,
+    noise: Floats,  # [E, T, N + 1]
+    positions: Floats,  # [E]
+    opponents: Floats,  # [E, N]
+    directions: Floats,  # [E, N]
+    steps: Integers,  # [E]
+) -> None:
+    """Move copy ``e`` one step, operation by operation as ``_dynamics.advance``."""
+    share, half_path = constants[0], constants[3]
+    path = 2.0 * half_path
+    row = noise[e, steps[e]]
+    factor = max(1.0 + share * row[0], 0.0)
+    positions[e] = min(positions[e] + action * (constants[1] * factor), constants[4])
+    for i in range(opponents.shape[1]):
+        factor = max(1.0 + share * row[i + 1], 0.0)
+        target = opponents[e, i] + directions[e, i] * (constants[2] * factor)
+        beyond = target + half_path
+        if not 0.0 <= beyond < path:  # else no end is passed and the lines below change nothing
+            passes = np.floor(beyond / path)
+            turns = 1.0 - 2.0 * (passes - 2.0 * np.floor(passes / 2.0))
+            target = turns * (target - path * passes)
+            directions[e, i] *= turns
+        opponents[e, i] = min(max(target, -half_path), half_path)
+    steps[e] += 1
+
+
+@compiled
+def judge(
+    e: int,
+    max_steps: int,
+    constants: Floats,
+    crossing: Floats,  # [N]
+    positions: Floats,  # [E]
+    opponents: Floats,  # [E, N]
+    steps: Integers,  # [E]
+) -> int:
+    """Return how the episode of copy ``e`` has ended, as ``_dynamics.ending``."""
+    for i in range(opponents.shape[1]):
+        along = positions[e] - crossing[i]
+        if along * along + opponents[e, i] * opponents[e, i] <= constants[5]:
+            return COLLISION
+    if positions[e] >= constants[4]:
+        return GOAL
+    return TIME_LIMIT if steps[e] >= max_steps else RUNNING
+
+
+@compiled
+def show(
+    e: int,
+    positions: Floats,  # [E]
+    opponents: Floats,  # [E, N]
+    directions: Floats,  # [E, N]
+    observations: Floats,  # [E, d]
+) -> None:
+    """Write the observation of copy ``e``; directions only where there is room for them."""
+    count = opponents.shape[1]
+    observations[e, 0] = positions[e]
+    for i in range(count):
+        observations[e, 1 + i] = opponents[e, i]
+    for i in range(observations.shape[1] - 1 - count):
+        observations[e, 1 + count + i] = directions[e, i]
+
+
+@compiled
+def begin_chosen(
+    chosen: Booleans,  # [E]
+    half_path: float,
+    uniforms: Floats,  # [E, 2 N]
+    positions: Floats,  # [E]
+    opponents: Floats,  # [E, N]
+    directions: Floats,  # [E, N]
+    steps: Integers,  # [E]
+    observations: Floats,  # [E, d] out
+) -> None:
+    """Begin the next episode of the chosen copies and show all copies."""
+    for e in range(chosen.size):
+        if chosen[e]:
+            begin(e, half_path, uniforms, positions, opponents, directions, steps)
+        show(e, positions, opponents, directions, observations)
+
+
+@compiled
+def advance_all(
+    actions: Integers,  # [E]
+    waiting: Booleans,  # [E] ended at the step before: begin anew instead of moving
+    max_steps: int,
+    constants: Floats,
+    crossing: Floats,  # [N]
+    uniforms: Floats,  # [E, 2 N]
+    noise: Floats,  # [E, T, N + 1]
+    positions: Floats,  # [E]
+    opponents: Floats,  # [E, N]
+    directions: Floats,  # [E, N]
+    steps: Integers,  # [E]
+    observations: Floats,  # [E, d] out
+    rewards: Floats,  # [E] out
+    endings: Int32s,  # [E] out
+) -> int:
+    """Move every copy one step, or begin its next episode; return how many episodes ended."""
+    ended = 0
+    for e in range(actions.size):
+        if waiting[e]:
+            begin(e, constants[3], uniforms, positions, opponents, directions, steps)
+            rewards[e], endings[e] = 0.0, RUNNING
+        else:
+            move(e, actions[e], constants, noise, positions, opponents, directions, steps)
+            how = judge(e, max_steps, constants, crossing, positions, opponents, steps)
+            price = constants[8] if actions[e] == STOP else 0.0
+            if how == GOAL:
+                price += constants[6]
+            elif how == COLLISION:
+                price += constants[7]
+            rewards[e], endings[e] = price, how
+            ended += how != RUNNING
+        show(e, positions, opponents, directions, observations)
+    return ended

@@ -1,0 +1,69 @@
+"""Scripted experts: each is a function that makes a policy for an environment.
+
+A policy has SB3's ``predict``; ``eutree.record`` takes the expert itself:
+``eutree.record(env, eutree.experts.wait_at_crossing, episodes=15, seed=0)``.
+"""
+
+from collections.abc import Mapping
+
+from eutree.envs._classic_experts import (
+    RulePolicy,
+    balance,
+    brake_upright,
+    follow_the_fall,
+    push_along,
+    rock,
+    steer_home,
+    swing_both,
+    swing_elbow,
+)
+from eutree.envs._evasion_experts import GatePolicy, LookAheadPolicy, look_ahead, wait_at_crossing
+from eutree.envs._imperfect import CarelessPolicy, Expert, LatePolicy, careless, late
+from eutree.errors import UnknownNameError
+
+__all__ = [
+    "EXPERTS",
+    "CarelessPolicy",
+    "Expert",
+    "GatePolicy",
+    "LatePolicy",
+    "LookAheadPolicy",
+    "RulePolicy",
+    "balance",
+    "brake_upright",
+    "careless",
+    "experts_for",
+    "follow_the_fall",
+    "late",
+    "look_ahead",
+    "push_along",
+    "rock",
+    "steer_home",
+    "swing_both",
+    "swing_elbow",
+    "wait_at_crossing",
+]
+
+_EVASION: Mapping[str, Expert] = {"gate": wait_at_crossing, "look-ahead": look_ahead}
+
+EXPERTS: Mapping[str, Mapping[str, Expert]] = {
+    "eutree/Evasion-v0": _EVASION,
+    "eutree/Evasion2-v0": _EVASION,
+    "eutree/Evasion3-v0": _EVASION,
+    "CartPole-v1": {"fall": follow_the_fall, "balance": balance},
+    "MountainCar-v0": {"push": push_along, "rock": rock},
+    "Acrobot-v1": {"both": swing_both, "elbow": swing_elbow},
+    "LunarLander-v3": {"brake": brake_upright, "steer": steer_home},
+}
+
+
+def experts_for(environment: str) -> Mapping[str, Expert]:
+    """Return the scripted experts of an environment by name; the first is the default one.
+
+    Args:
+        environment: Its id, with or without the module to import (``"eutree:..."``).
+    """
+    name = environment.rpartition(":")[2]
+    if name not in EXPERTS:
+        raise UnknownNameError("environment with a scripted expert", name, EXPERTS)
+    return EXPERTS[name]

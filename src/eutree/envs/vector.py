@@ -1,0 +1,182 @@
+"""Many copies of N-Evasion moved by one compiled loop."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from gymnasium.error import ResetNeeded
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from eutree.arrays import Booleans, Floats, Integers
+from eutree.envs import _dynamics as dynamics
+from eutree.envs import _kernels as kernels
+from eutree.envs._dynamics import ENDINGS, GOAL, RUNNING, TIME_LIMIT, EvasionParameters
+from eutree.envs.evasion import features, observation_space
+from eutree.errors import InvalidArgumentError
+from eutree.validation import check_integer, check_seed
+
+_ENDING_NAMES = np.array([None, *ENDINGS[1:]], dtype=object)
+
+
+class EvasionVectorEnv(VectorEnv[Floats, Integers, Any]):
+    """``num_envs`` copies of ``EvasionEnv``, with its episodes bit for bit.
+
+    With the same seed per copy, each copy goes through the episodes of a single environment that
+    was reset with that seed once and afterwards without one. A copy whose episode has ended
+    begins the next at the following step, which ignores its action, gives reward 0 and returns
+    the reset observation (Gymnasium's ``AutoresetMode.NEXT_STEP``).
+
+    Args:
+        num_envs: Number of copies E.
+        render_mode: None; a vector environment draws no pictures.
+        arguments: As of ``EvasionEnv``.
+    """
+
+    metadata = {  # noqa: RUF012 - as Gymnasium declares it
+        "render_modes": [],
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+        "same_episodes_as_single": True,
+    }
+
+    def __init__(
+        self, num_envs: int = 1, *, render_mode: str | None = None, **arguments: Any
+    ) -> None:
+        if render_mode is not None:
+            raise InvalidArgumentError(
+                f"render_mode must be None for a vector environment, got {render_mode!r}"
+            )
+        self.parameters = EvasionParameters.from_arguments(arguments)
+        self.num_envs = check_integer("num_envs", num_envs, low=1)
+        self.render_mode = None
+        self.single_observation_space = observation_space(self.parameters)
+        self.single_action_space = spaces.Discrete(2)
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self.feature_names, self.feature_units = features(self.parameters)
+        self.action_names = ("stop", "go")
+        self._constants = np.array([getattr(self.parameters, n) for n in kernels.CONSTANTS])
+        self._is_ready = False
+        self._allocate()
+
+    def _allocate(self) -> None:
+        copies, count = self.num_envs, self.parameters.n_opponents
+        self._uniforms = np.zeros((copies, 2 * count))  # [E, 2 N]
+        self._noise = np.zeros((copies, self.parameters.max_steps, count + 1))  # [E, T, N + 1]
+        self._positions = np.zeros(copies)  # [E]
+        self._opponents = np.zeros((copies, count))  # [E, N]
+        self._directions = np.zeros((copies, count))  # [E, N]
+        self._steps = np.zeros(copies, dtype=np.int64)  # [E]
+        self._waiting = np.ones(copies, dtype=np.bool_)  # [E] to begin an episode at the next step
+        # Methods and slices looked up once: that costs as much as the shorter of the draws.
+        self._draws: list[Any] = [None] * copies
+
+    def reset(
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+    ) -> tuple[Floats, dict[str, Any]]:
+        """Begin an episode in every copy, or in those of ``options["reset_mask"]``.
+
+        Args:
+            seed: One seed per copy (None keeps its generator), or an int s for s, s + 1, ...
+            options: ``{"reset_mask": Booleans of shape [E]}`` leaves the other copies as they are.
+        """
+        chosen = self._chosen(options)
+        self._seed(chosen, seed)
+        self._check_reset()
+        self._draw(chosen)
+        self._waiting &= ~chosen
+        observations = self._empty_observations()
+        kernels.begin_chosen(
+            chosen,
+            self.parameters.half_path,
+            self._uniforms,
+            self._positions,
+            self._opponents,
+            self._directions,
+            self._steps,
+            observations,
+        )
+        return observations, {}
+
+    def step(self, actions: Integers) -> tuple[Floats, Floats, Booleans, Booleans, dict[str, Any]]:
+        """Take one step in every copy; return observations [E, d], rewards, flags [E] and info."""
+        self._check_reset()
+        actions = dynamics.as_actions(actions, self.num_envs)
+        began = self._waiting
+        self._draw(began)
+        observations = self._empty_observations()
+        rewards = np.empty(self.num_envs)
+        endings = np.empty(self.num_envs, dtype=np.int32)
+        n_ended = kernels.advance_all(
+            actions,
+            began,
+            self.parameters.max_steps,
+            self._constants,
+            self.parameters.crossing,
+            self._uniforms,
+            self._noise,
+            self._positions,
+            self._opponents,
+            self._directions,
+            self._steps,
+            observations,
+            rewards,
+            endings,
+        )
+        self._waiting = endings != RUNNING
+        info: dict[str, Any] = {"is_success": endings == GOAL, "_is_success": ~began}
+        if n_ended:
+            info["ending"] = _ENDING_NAMES[endings]
+            info["_ending"] = self._waiting.copy()
+        truncated = endings == TIME_LIMIT
+        return observations, rewards, self._waiting & ~truncated, truncated, info
+
+    def _draw(self, chosen: Booleans) -> None:
+        """Draw the next episode of the chosen copies, as ``_dynamics.draw`` does for one."""
+        for e in np.flatnonzero(chosen).tolist():
+            draw_uniforms, uniforms, draw_normals, noise = self._draws[e]
+            draw_uniforms(out=uniforms)
+            draw_normals(out=noise)
+
+    def _seed(self, chosen: Booleans, seed: int | Sequence[int | None] | None) -> None:
+        """Give each chosen copy a new generator; None keeps the one it has."""
+        if seed is None or isinstance(seed, int | np.integer):
+            first = None if seed is None else check_seed(seed)
+            seeds = [None if first is None else first + e for e in range(self.num_envs)]
+        else:
+            seeds = [None if one is None else check_seed(one) for one in seed]
+        if len(seeds) != self.num_envs:
+            raise InvalidArgumentError(
+                f"seed must hold one seed for each of the {self.num_envs} copies, got {len(seeds)}"
+            )
+        for e in np.flatnonzero(chosen).tolist():
+            if seeds[e] is not None or self._draws[e] is None:
+                generator, _ = seeding.np_random(seeds[e])
+                uniforms, noise = self._uniforms[e], self._noise[e]
+                self._draws[e] = (generator.random, uniforms, generator.standard_normal, noise)
+        self._is_ready = all(draws is not None for draws in self._draws)
+
+    def _chosen(self, options: dict[str, Any] | None) -> Booleans:
+        """Return which copies to reset: all, or those of ``options["reset_mask"]``."""
+        mask = (options or {}).get("reset_mask")
+        if mask is None:
+            return np.ones(self.num_envs, dtype=np.bool_)
+        mask = np.asarray(mask)
+        if mask.shape != (self.num_envs,) or mask.dtype != np.bool_:
+            raise InvalidArgumentError(
+                f"options['reset_mask'] must be {self.num_envs} booleans, "
+                f"got shape {mask.shape} of {mask.dtype}"
+            )
+        return mask
+
+    def _empty_observations(self) -> Floats:
+        return np.empty((self.num_envs, self.parameters.n_features))
+
+    def _check_reset(self) -> None:
+        if not self._is_ready:
+            raise ResetNeeded("call reset for every copy before anything else")

@@ -1,0 +1,9 @@
+"""The MDP over leaves: counts, Pr and R (Eqs. 3, 4), exact solving, prioritized sweeping."""
+
+from eutree.mdp.model import NO_ACTION, TERMINAL, Model
+from eutree.mdp.prioritized_sweeping import Sweeping
+from eutree.mdp.problem import Solution
+from eutree.mdp.solver import solve
+from eutree.mdp.tabular import TabularMDP
+
+__all__ = ["NO_ACTION", "TERMINAL", "Model", "Solution", "Sweeping", "TabularMDP", "solve"]

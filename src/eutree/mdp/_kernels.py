@@ -1,0 +1,337 @@
+"""Compiled loops over the counts of the leaf MDP.
+
+Transitions are kept as *rows*: sorted lists of (key, count) in one pool. State s of A actions owns
+A + 1 rows: row s (A + 1) + a lists the successors of (s, a), its last row the pairs s' A + a that
+lead to s. Sorted rows make every sum a function of the counts alone, whatever the order in which
+the transitions came. A row that is full moves to the end of the pool with twice the capacity; the
+caller repacks the pool when a kernel answers ``NO_ROOM``, before which nothing has been changed.
+"""
+
+import numpy as np
+
+from eutree.arrays import Floats, Int32s, Integers
+from eutree.compiled import compiled
+
+START, SIZE, CAPACITY = 0, 1, 2  # columns of the table of rows
+KEY, COUNT = 0, 1  # columns of the pool
+USED = 0  # entry of the counters
+
+TERMINAL = -1
+FIRST_CAPACITY = 4
+
+DONE = 0
+NO_ROOM = -1
+NO_TRANSITION = -2
+
+
+@compiled
+def _search(pool: Int32s, start: int, size: int, key: int) -> int:
+    """Return the first place in the row whose key is not below ``key``."""
+    low, high = start, start + size
+    while low < high:
+        middle = (low + high) // 2
+        if pool[middle, KEY] < key:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@compiled
+def count_of(table: Int32s, pool: Int32s, row: int, key: int) -> int:
+    """Return the count of ``key`` in the row; 0 where it is absent."""
+    start, size = table[row, START], table[row, SIZE]
+    at = _search(pool, start, size, key)
+    if at < start + size and pool[at, KEY] == key:
+        return int(pool[at, COUNT])
+    return 0
+
+
+@compiled
+def _increment(table: Int32s, pool: Int32s, counters: Integers, row: int, key: int) -> None:
+    """Count ``key`` once more in the row; the pool has room."""
+    start, size, capacity = table[row, START], table[row, SIZE], table[row, CAPACITY]
+    at = _search(pool, start, size, key)
+    if at < start + size and pool[at, KEY] == key:
+        pool[at, COUNT] += 1
+        return
+    if size == capacity:
+        moved = counters[USED]
+        for k in range(size):
+            pool[moved + k, KEY] = pool[start + k, KEY]
+            pool[moved + k, COUNT] = pool[start + k, COUNT]
+        at += moved - start
+        start = moved
+        capacity = max(FIRST_CAPACITY, 2 * capacity)
+        counters[USED] += capacity
+        table[row, START] = start
+        table[row, CAPACITY] = capacity
+    for k in range(start + size, at, -1):
+        pool[k, KEY] = pool[k - 1, KEY]
+        pool[k, COUNT] = pool[k - 1, COUNT]
+    pool[at, KEY] = key
+    pool[at, COUNT] = 1
+    table[row, SIZE] = size + 1
+
+
+@compiled
+def _decrement(table: Int32s, pool: Int32s, row: int, key: int) -> None:
+    """Count ``key`` once less in the row, where it is present; drop it at zero."""
+    start, size = table[row, START], table[row, SIZE]
+    at = _search(pool, start, size, key)
+    pool[at, COUNT] -= 1
+    if pool[at, COUNT] == 0:
+        for k in range(at, start + size - 1):
+            pool[k, KEY] = pool[k + 1, KEY]
+            pool[k, COUNT] = pool[k + 1, COUNT]
+        table[row, SIZE] = size - 1
+
+
+@compiled
+def has_room(
+    table: Int32s, pool: Int32s, counters: Integers, n_actions: int, pair: int, next_state: int
+) -> bool:
+    """Return whether both rows of a transition could move to the end of the pool."""
+    row = pair // n_actions * (n_actions + 1) + pair % n_actions
+    needed = max(FIRST_CAPACITY, 2 * table[row, CAPACITY])
+    if next_state != TERMINAL:
+        back = next_state * (n_actions + 1) + n_actions
+        needed += max(FIRST_CAPACITY, 2 * table[back, CAPACITY])
+    return bool(counters[USED] + needed <= pool.shape[0])
+
+
+@compiled
+def link(
+    table: Int32s, pool: Int32s, counters: Integers, n_actions: int, pair: int, next_state: int
+) -> None:
+    """Count a transition in the row of its pair and in the row of its next state."""
+    row = pair // n_actions * (n_actions + 1) + pair % n_actions
+    _increment(table, pool, counters, row, next_state)
+    if next_state != TERMINAL:
+        _increment(table, pool, counters, next_state * (n_actions + 1) + n_actions, pair)
+
+
+@compiled
+def _unlink(table: Int32s, pool: Int32s, n_actions: int, pair: int, next_state: int) -> bool:
+    """Take back one count of a transition; return whether there was one."""
+    row = pair // n_actions * (n_actions + 1) + pair % n_actions
+    if count_of(table, pool, row, next_state) == 0:
+        return False
+    _decrement(table, pool, row, next_state)
+    if next_state != TERMINAL:
+        _decrement(table, pool, next_state * (n_actions + 1) + n_actions, pair)
+    return True
+
+
+@compiled
+def observe_rows(
+    table: Int32s,  # [S (A + 1), 3]
+    pool: Int32s,  # [K, 2]
+    counters: Integers,  # [2]
+    visits: Integers,  # [S, A]
+    reward_sums: Floats,  # [S, A]
+    states: Int32s,  # [N]
+    actions: Int32s,  # [N]
+    rewards: Floats,  # [N]
+    next_states: Int32s,  # [N]
+    first: int,
+) -> int:
+    """Count the transitions from row ``first`` on; return the row at which room ran out, or N."""
+    n_actions = visits.shape[1]
+    for i in range(first, states.shape[0]):
+        pair = states[i] * n_actions + actions[i]
+        if not has_room(table, pool, counters, n_actions, pair, next_states[i]):
+            return i
+        link(table, pool, counters, n_actions, pair, next_states[i])
+        visits[states[i], actions[i]] += 1
+        reward_sums[states[i], actions[i]] += rewards[i]
+    return int(states.shape[0])
+
+
+@compiled
+def forget_rows(
+    table: Int32s,  # [S (A + 1), 3]
+    pool: Int32s,  # [K, 2]
+    visits: Integers,  # [S, A]
+    reward_sums: Floats,  # [S, A]
+    states: Int32s,  # [N]
+    actions: Int32s,  # [N]
+    rewards: Floats,  # [N]
+    next_states: Int32s,  # [N]
+) -> int:
+    """Take the transitions back; return the row that was never counted, or N."""
+    n_actions = visits.shape[1]
+    for i in range(states.shape[0]):
+        s, a = states[i], actions[i]
+        if not _unlink(table, pool, n_actions, s * n_actions + a, next_states[i]):
+            return i
+        visits[s, a] -= 1
+        reward_sums[s, a] -= rewards[i]
+        if visits[s, a] == 0:
+            reward_sums[s, a] = 0.0
+    return int(states.shape[0])
+
+
+@compiled
+def relabel_rows(
+    table: Int32s,  # [S (A + 1), 3]
+    pool: Int32s,  # [K, 2]
+    counters: Integers,  # [2]
+    visits: Integers,  # [S, A]
+    actions: Int32s,  # [N]
+    states: Int32s,  # [N]
+    next_states: Int32s,  # [N]
+    new_states: Int32s,  # [N]
+    new_next_states: Int32s,  # [N]
+    first: int,
+) -> tuple[int, int]:
+    """Move counts from old to new labels; return the row where it stopped (or N) and why."""
+    n_actions = visits.shape[1]
+    for i in range(first, actions.shape[0]):
+        old = states[i] * n_actions + actions[i]
+        new = new_states[i] * n_actions + actions[i]
+        if not has_room(table, pool, counters, n_actions, new, new_next_states[i]):
+            return i, NO_ROOM
+        if not _unlink(table, pool, n_actions, old, next_states[i]):
+            return i, NO_TRANSITION
+        link(table, pool, counters, n_actions, new, new_next_states[i])
+        visits[states[i], actions[i]] -= 1
+        visits[new_states[i], actions[i]] += 1
+    return int(actions.shape[0]), DONE
+
+
+@compiled
+def repack(
+    table: Int32s,  # [S (A + 1), 3]
+    pool: Int32s,  # [K, 2]
+    larger: Int32s,  # [K', 2]
+) -> int:
+    """Move all rows to the front of ``larger``, each with room to grow; return its used size."""
+    used = 0
+    for row in range(table.shape[0]):
+        start, size = table[row, START], table[row, SIZE]
+        for k in range(size):
+            larger[used + k, KEY] = pool[start + k, KEY]
+            larger[used + k, COUNT] = pool[start + k, COUNT]
+        table[row, START] = used
+        table[row, CAPACITY] = size + size // 4
+        used += size + size // 4
+    return used
+
+
+@compiled
+def count_successors(
+    states: Int32s,  # [N]
+    actions: Int32s,  # [N]
+    rewards: Floats,  # [N]
+    next_states: Int32s,  # [N]
+    visits: Integers,  # [S, A]
+    reward_sums: Floats,  # [S, A]
+    offsets: Integers,  # [S A + 1]
+    keys: Int32s,  # [N]
+    counts: Int32s,  # [N]
+    sizes: Int32s,  # [S A]
+) -> None:
+    """Count all transitions in linear time.
+
+    The distinct successors of pair p, ascending, go to ``keys[offsets[p]:]``, their counts to
+    ``counts[offsets[p]:]`` and their number to ``sizes[p]``.
+    """
+    n_states, n_actions = visits.shape
+    for i in range(states.shape[0]):
+        visits[states[i], actions[i]] += 1
+        reward_sums[states[i], actions[i]] += rewards[i]
+    for pair in range(n_states * n_actions):
+        offsets[pair + 1] = offsets[pair] + visits[pair // n_actions, pair % n_actions]
+    filled = offsets[:-1].copy()
+    for i in range(states.shape[0]):
+        pair = states[i] * n_actions + actions[i]
+        keys[filled[pair]] = next_states[i]
+        filled[pair] += 1
+    seen = np.zeros(n_states + 1, np.int32)  # [S + 1] how often each key + 1 was met in the pair
+    for pair in range(n_states * n_actions):
+        start, stop = offsets[pair], offsets[pair + 1]
+        size = 0
+        for i in range(start, stop):
+            key = keys[i]
+            seen[key + 1] += 1
+            if seen[key + 1] == 1:
+                keys[start + size] = key
+                size += 1
+        keys[start : start + size].sort()
+        for i in range(start, start + size):
+            counts[i] = seen[keys[i] + 1]
+            seen[keys[i] + 1] = 0
+        sizes[pair] = size
+
+
+@compiled
+def fill_rows(
+    offsets: Integers,  # [S A + 1]
+    keys: Int32s,  # [N]
+    counts: Int32s,  # [N]
+    sizes: Int32s,  # [S A]
+    n_actions: int,
+    table: Int32s,  # [S (A + 1), 3]
+    pool: Int32s,  # [K, 2]
+) -> int:
+    """Write rows of successors and predecessors from ``count_successors``; return the used size."""
+    n_states = sizes.shape[0] // n_actions
+    incoming = np.zeros(n_states, np.int32)  # [S] size of each row of predecessors
+    for pair in range(sizes.shape[0]):
+        for i in range(offsets[pair], offsets[pair] + sizes[pair]):
+            if keys[i] != TERMINAL:
+                incoming[keys[i]] += 1
+    used = 0
+    for row in range(table.shape[0]):
+        state, action = row // (n_actions + 1), row % (n_actions + 1)
+        table[row, START] = used
+        if action == n_actions:
+            table[row, CAPACITY] = incoming[state]
+        else:
+            table[row, CAPACITY] = sizes[state * n_actions + action]
+        used += table[row, CAPACITY]
+    for pair in range(sizes.shape[0]):
+        row = pair // n_actions * (n_actions + 1) + pair % n_actions
+        for i in range(offsets[pair], offsets[pair] + sizes[pair]):
+            _append(table, pool, row, keys[i], counts[i])
+            if keys[i] != TERMINAL:
+                _append(table, pool, keys[i] * (n_actions + 1) + n_actions, pair, counts[i])
+    return used
+
+
+@compiled
+def _append(table: Int32s, pool: Int32s, row: int, key: int, count: int) -> None:
+    """Write an entry behind the last one of a row."""
+    at = table[row, START] + table[row, SIZE]
+    pool[at, KEY] = key
+    pool[at, COUNT] = count
+    table[row, SIZE] += 1
+
+
+@compiled
+def fill_model(
+    table: Int32s,  # [S (A + 1), 3]
+    pool: Int32s,  # [K, 2]
+    visits: Integers,  # [S, A]
+    indptr: Integers,  # [S A + 1]
+    successor: Int32s,  # [K]
+    probability: Floats,  # [K]
+    termination: Floats,  # [S, A]
+) -> int:
+    """Write Pr (Eq. 3) row by row; return the number of entries."""
+    n_states, n_actions = visits.shape
+    filled = 0
+    for s in range(n_states):
+        for a in range(n_actions):
+            row = s * (n_actions + 1) + a
+            for k in range(table[row, START], table[row, START] + table[row, SIZE]):
+                share = pool[k, COUNT] / visits[s, a]
+                if pool[k, KEY] == TERMINAL:
+                    termination[s, a] = share
+                else:
+                    successor[filled] = pool[k, KEY]
+                    probability[filled] = share
+                    filled += 1
+            indptr[s * n_actions + a + 1] = filled
+    return filled

@@ -1,0 +1,412 @@
+"""Compiled loops of the exact solver: reachability, improvement backups, values of one policy.
+
+Pair p = s A + a. ``worth`` is R(s, a); ``usable`` says which pairs may be chosen. The system of
+one policy is divided by its diagonal D = 1 - discount * Pr(s, a, s), which solves the loops of
+states to themselves: (I - M) V = r / D, where M holds the rest of discount * Pr / D by rows,
+columns ascending.
+"""
+
+import numpy as np
+
+from eutree.arrays import Booleans, Floats, Int32s, Integers
+from eutree.compiled import compiled
+
+NO_ACTION = -1
+SMALLEST = 1e-16  # diagonal: a loop that rounds to certain is left after 10^16 steps
+SWEEPS = 20  # of symmetric Gauss-Seidel, where the Krylov iteration fails
+RESTARTS = 4
+KRYLOV_LIMIT = 300
+ROUNDS = 200
+FORCING = 0.03  # residual of an evaluation, as a share of the Bellman residual before it
+TIGHT = 1e-6  # share from which on an evaluation counts as exact
+
+
+@compiled
+def find_ways_out(
+    indptr: Integers,  # [S A + 1]
+    successor: Int32s,  # [K]
+    ends: Booleans,  # [S A]
+    usable: Booleans,  # [S A]
+    policy: Int32s,  # [S]
+) -> None:
+    """Write an action that leads towards an end for each state.
+
+    ``ends`` are the pairs after which the process may stop. Followed from any state, the actions
+    reach an end with probability 1. States without a way out get NO_ACTION.
+    """
+    n_states = policy.shape[0]
+    n_actions = usable.shape[0] // n_states
+    starts = np.zeros(n_states + 1, np.int64)  # [S + 1] pairs that lead to each state
+    for k in range(successor.shape[0]):
+        starts[successor[k] + 1] += 1
+    for s in range(n_states):
+        starts[s + 1] += starts[s]
+    incoming = np.empty(successor.shape[0], np.int64)
+    filled = starts[:-1].copy()
+    for p in range(usable.shape[0]):
+        for k in range(indptr[p], indptr[p + 1]):
+            incoming[filled[successor[k]]] = p
+            filled[successor[k]] += 1
+    found = np.empty(n_states, np.int64)
+    n_found = 0
+    policy[:] = NO_ACTION
+    for p in range(usable.shape[0]):
+        if usable[p] and ends[p] and policy[p // n_actions] == NO_ACTION:
+            policy[p // n_actions] = p % n_actions
+            found[n_found] = p // n_actions
+            n_found += 1
+    n_followed = 0
+    while n_followed < n_found:
+        state = found[n_followed]
+        n_followed += 1
+        for k in range(starts[state], starts[state + 1]):
+            p = incoming[k]
+            if usable[p] and policy[p // n_actions] == NO_ACTION:
+                policy[p // n_actions] = p % n_actions
+                found[n_found] = p // n_actions
+                n_found += 1
+
+
+@compiled
+def improve(
+    indptr: Integers,  # [S A + 1]
+    successor: Int32s,  # [K]
+    probability: Floats,  # [K]
+    worth: Floats,  # [S A]
+    usable: Booleans,  # [S A]
+    discounts: Floats,  # [S]
+    tie: float,
+    values: Floats,  # [S]
+    policy: Int32s,  # [S]
+    action_values: Floats,  # [S A]
+    backed_up: Floats,  # [S]
+) -> int:
+    """Back up every state at once (Eqs. 5, 6), make the policy greedy; return its changes.
+
+    The old action stays unless another is better by more than ``tie`` times the size of the value:
+    else rounding could turn the policy round for ever.
+    """
+    n_states = values.shape[0]
+    n_actions = usable.shape[0] // n_states
+    changes = 0
+    for s in range(n_states):
+        best, choice = -np.inf, NO_ACTION
+        for p in range(s * n_actions, (s + 1) * n_actions):
+            if not usable[p]:
+                continue
+            total = 0.0
+            for k in range(indptr[p], indptr[p + 1]):
+                total += probability[k] * values[successor[k]]
+            action_values[p] = worth[p] + discounts[s] * total
+            if action_values[p] > best:
+                best, choice = action_values[p], p - s * n_actions
+        backed_up[s] = best
+        if policy[s] != NO_ACTION:
+            old = action_values[s * n_actions + policy[s]]
+            if policy[s] == choice or old >= best - tie * (1.0 + abs(best)):
+                continue
+        policy[s] = choice
+        changes += 1
+    return changes
+
+
+@compiled
+def fill_system(
+    indptr: Integers,  # [S A + 1]
+    successor: Int32s,  # [K]
+    probability: Floats,  # [K]
+    discounts: Floats,  # [S]
+    policy: Int32s,  # [S]
+    starts: Integers,  # [S + 1]
+    middles: Integers,  # [S]
+    column: Int32s,  # [K]
+    entry: Floats,  # [K]
+    diagonal: Floats,  # [S]
+) -> None:
+    """Write D and M of one policy; ``middles`` is where columns above the diagonal begin."""
+    n_states = policy.shape[0]
+    n_actions = (indptr.shape[0] - 1) // n_states
+    size = 0
+    for s in range(n_states):
+        p = s * n_actions + policy[s]
+        middles[s] = starts[s]
+        loops = 0.0
+        for k in range(indptr[p], indptr[p + 1]):
+            if successor[k] == s:
+                loops = probability[k]
+                continue
+            if successor[k] < s:
+                middles[s] += 1
+            column[size] = successor[k]
+            entry[size] = probability[k]
+            size += 1
+        starts[s + 1] = size
+        diagonal[s] = max(1.0 - discounts[s] * loops, SMALLEST)
+        scale = discounts[s] / diagonal[s]
+        for k in range(starts[s], size):
+            entry[k] *= scale
+
+
+@compiled
+def _residual(
+    starts: Integers,  # [S + 1]
+    column: Int32s,  # [K]
+    entry: Floats,  # [K]
+    right: Floats,  # [S]
+    values: Floats,  # [S]
+    out: Floats,  # [S]
+) -> float:
+    """Write right - (I - M) values to ``out``; return the size of its largest entry."""
+    largest = 0.0
+    for s in range(values.shape[0]):
+        total = right[s] - values[s]
+        for k in range(starts[s], starts[s + 1]):
+            total += entry[k] * values[column[k]]
+        out[s] = total
+        if not abs(total) <= largest:  # NaN counts as larger
+            largest = abs(total)
+    return float(largest)
+
+
+@compiled
+def _precondition(
+    starts: Integers,  # [S + 1]
+    middles: Integers,  # [S]
+    column: Int32s,  # [K]
+    entry: Floats,  # [K]
+    right: Floats,  # [S]
+    out: Floats,  # [S]
+) -> None:
+    """Write what one symmetric Gauss-Seidel sweep from 0 makes of ``right``."""
+    n_states = right.shape[0]
+    for s in range(n_states):
+        total = right[s]
+        for k in range(starts[s], middles[s]):
+            total += entry[k] * out[column[k]]
+        out[s] = total
+    for s in range(n_states - 1, -1, -1):
+        total = 0.0
+        for k in range(middles[s], starts[s + 1]):
+            total += entry[k] * out[column[k]]
+        out[s] += total
+
+
+@compiled
+def _relax(
+    starts: Integers,  # [S + 1]
+    column: Int32s,  # [K]
+    entry: Floats,  # [K]
+    right: Floats,  # [S]
+    values: Floats,  # [S]
+) -> None:
+    """Improve the values by Gauss-Seidel sweeps there and back; they converge always."""
+    n_states = right.shape[0]
+    for sweep in range(2 * SWEEPS):
+        for i in range(n_states):
+            s = i if sweep % 2 == 0 else n_states - 1 - i
+            total = right[s]
+            for k in range(starts[s], starts[s + 1]):
+                total += entry[k] * values[column[k]]
+            values[s] = total
+
+
+@compiled
+def _dot(x: Floats, y: Floats) -> float:
+    """Return the inner product, in an order of sums that is fixed."""
+    even, odd = 0.0, 0.0
+    for i in range(0, x.shape[0] - 1, 2):
+        even += x[i] * y[i]
+        odd += x[i + 1] * y[i + 1]
+    if x.shape[0] % 2:
+        even += x[-1] * y[-1]
+    return even + odd
+
+
+@compiled
+def _advance(target: Floats, residual: Floats, step: float, direction: Floats,
+             image: Floats) -> float:  # fmt: skip
+    """Go a step: target += step * direction, residual -= step * image; return its largest size."""
+    largest = 0.0
+    for i in range(target.shape[0]):
+        target[i] += step * direction[i]
+        residual[i] += step * image[i]
+        if not abs(residual[i]) <= largest:
+            largest = abs(residual[i])
+    return float(largest)
+
+
+@compiled
+def _krylov(
+    starts: Integers,  # [S + 1]
+    middles: Integers,  # [S]
+    column: Int32s,  # [K]
+    entry: Floats,  # [K]
+    right: Floats,  # [S]
+    values: Floats,  # [S]
+    tolerance: float,
+    limit: int,
+    work: Floats,  # [8, S]
+) -> int:
+    """Solve (I - M) V = right by BiCGSTAB (van der Vorst 1992); return the iterations.
+
+    The images below are those of -(I - M), which is what ``_residual`` with a zero right side
+    gives. A breakdown (a divisor of 0) ends the iteration where it is.
+    """
+    residual, shadow, direction, image = work[0], work[1], work[2], work[3]
+    smooth, second, zero = work[4], work[5], work[6]
+    zero[:] = 0.0
+    if _residual(starts, column, entry, right, values, residual) <= tolerance:
+        return 0
+    shadow[:] = residual
+    direction[:] = residual
+    rho = _dot(shadow, residual)
+    for iteration in range(1, limit + 1):
+        _precondition(starts, middles, column, entry, direction, smooth)
+        _residual(starts, column, entry, zero, smooth, image)
+        divisor = -_dot(shadow, image)
+        if divisor == 0.0:
+            return iteration
+        alpha = rho / divisor
+        if not _advance(values, residual, alpha, smooth, image) > tolerance:
+            return iteration
+        _precondition(starts, middles, column, entry, residual, smooth)
+        _residual(starts, column, entry, zero, smooth, second)
+        divisor = _dot(second, second)
+        if divisor == 0.0:
+            return iteration
+        omega = -_dot(second, residual) / divisor
+        if not _advance(values, residual, omega, smooth, second) > tolerance:
+            return iteration
+        new_rho = _dot(shadow, residual)
+        if new_rho == 0.0 or omega == 0.0:
+            return iteration
+        beta = new_rho / rho * (alpha / omega)
+        rho = new_rho
+        for i in range(direction.shape[0]):
+            direction[i] = residual[i] + beta * (direction[i] + omega * image[i])
+    return limit
+
+
+@compiled
+def evaluate(
+    starts: Integers,  # [S + 1]
+    middles: Integers,  # [S]
+    column: Int32s,  # [K]
+    entry: Floats,  # [K]
+    right: Floats,  # [S]
+    values: Floats,  # [S]
+    tolerance: float,
+    limit: int,
+    work: Floats,  # [8, S]
+) -> float:
+    """Solve (I - M) V = right from the given values; return the size of the true residual.
+
+    The true residual never ends larger than it began: where the Krylov iteration makes it worse,
+    Gauss-Seidel sweeps take its place.
+    """
+    kept = work[7]
+    size = _residual(starts, column, entry, right, values, work[0])
+    for _ in range(RESTARTS):
+        if size <= tolerance:
+            return size
+        kept[:] = values
+        _krylov(starts, middles, column, entry, right, values, tolerance, limit, work)
+        new = _residual(starts, column, entry, right, values, work[0])
+        if not new < 0.5 * size:
+            if not new < size:
+                values[:] = kept
+            _relax(starts, column, entry, right, values)
+            new = _residual(starts, column, entry, right, values, work[0])
+            if not new < size:
+                values[:] = kept
+                return size
+        size = new
+    return size
+
+
+@compiled
+def _range(before: Floats, after: Floats, episodic: bool) -> tuple[float, float]:
+    """Return the ends of the change of all states, the absorbing one (0) included."""
+    low, high = after[0] - before[0], after[0] - before[0]
+    for s in range(before.shape[0]):
+        change = after[s] - before[s]
+        low, high = min(low, change), max(high, change)
+    if episodic:
+        low, high = min(low, 0.0), max(high, 0.0)
+    return low, high
+
+
+@compiled
+def iterate_discounted(
+    indptr: Integers,  # [S A + 1]
+    successor: Int32s,  # [K]
+    probability: Floats,  # [K]
+    worth: Floats,  # [S A]
+    usable: Booleans,  # [S A]
+    discount: float,
+    tie: float,
+    episodic: bool,
+    tolerance: float,
+    values: Floats,  # [S]
+    policy: Int32s,  # [S]
+    action_values: Floats,  # [S A]
+    backed_up: Floats,  # [S]
+    starts: Integers,  # [S + 1]
+    middles: Integers,  # [S]
+    column: Int32s,  # [K]
+    entry: Floats,  # [K]
+    diagonal: Floats,  # [S]
+    work: Floats,  # [8, S]
+) -> tuple[int, float, float]:
+    """Improve the policy until the values are certain; return rounds, bound and shift.
+
+    The answer is what ``backed_up`` and ``action_values`` hold, plus the shift.
+    """
+    n_states = values.shape[0]
+    n_actions = usable.shape[0] // n_states
+    discounts = np.full(n_states, discount)
+    right, kept = np.empty(n_states), values.copy()
+    scale, forcing, aim = discount / (1.0 - discount), FORCING, 0.3 * tolerance * (1.0 - discount)
+    narrowest, bound, stalled, rounds = np.inf, np.inf, 0, 0
+    low, high = 0.0, 0.0
+    while rounds < ROUNDS and stalled < 3:
+        rounds += 1
+        changes = improve(
+            indptr, successor, probability, worth, usable, discounts, tie, values, policy,
+            action_values, backed_up,
+        )  # fmt: skip
+        low, high = _range(values, backed_up, episodic)
+        bound = scale * (high - low) / 2
+        if bound < narrowest:
+            kept[:] = values
+            narrowest, stalled = bound, 0
+        elif forcing > TIGHT:
+            # Far horizons magnify what an evaluation leaves: go back, and evaluate more closely.
+            forcing *= 0.01
+            improve(
+                indptr, successor, probability, worth, usable, discounts, tie, kept, policy,
+                action_values, backed_up,
+            )  # fmt: skip
+            low, high = _range(kept, backed_up, episodic)
+            bound = narrowest
+        elif changes == 0:
+            stalled += 1
+        if bound <= tolerance:
+            break
+        for s in range(n_states):
+            values[s] = backed_up[s] + scale * (high + low) / 2
+        fill_system(
+            indptr, successor, probability, discounts, policy, starts, middles, column, entry,
+            diagonal,
+        )  # fmt: skip
+        for s in range(n_states):
+            right[s] = worth[s * n_actions + policy[s]] / diagonal[s]
+        target = max(forcing * (high - low) / 2, aim)
+        evaluate(starts, middles, column, entry, right, values, target, KRYLOV_LIMIT, work)
+    if bound > narrowest:
+        improve(
+            indptr, successor, probability, worth, usable, discounts, tie, kept, policy,
+            action_values, backed_up,
+        )  # fmt: skip
+        low, high = _range(kept, backed_up, episodic)
+    return rounds, narrowest, scale * (high + low) / 2

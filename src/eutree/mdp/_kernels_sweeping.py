@@ -1,0 +1,230 @@
+"""Compiled loops of prioritized sweeping: the queue, the backup of a state, the learner's step.
+
+Apart from the loops over counts because together they are too long to read. They are compiled into
+these: after a change there, remove the cached machine code of these too (``__pycache__``).
+"""
+
+import numpy as np
+
+from eutree.arrays import Floats, Int32s, Integers
+from eutree.compiled import compiled
+from eutree.mdp._kernels import (
+    COUNT,
+    DONE,
+    KEY,
+    NO_ROOM,
+    SIZE,
+    START,
+    TERMINAL,
+    count_of,
+    has_room,
+    link,
+)
+
+QUEUED = 1  # entry of the counters behind USED
+ORDER, PLACE = 0, 1  # rows of the heap: state in each slot, slot of each state
+DISCOUNT, THRESHOLD, UNTRIED, HORIZON = 0, 1, 2, 3  # entries of the settings
+
+NO_PLACE = -1
+SOON = 1e300  # before all changes, but after the state that was just left
+BAD_TRANSITION = -3
+
+
+@compiled
+def _precedes(priority: Floats, one: int, other: int) -> bool:
+    """Return whether state ``one`` is popped before ``other``; ties go to the lower number."""
+    return bool(
+        priority[one] > priority[other] or (priority[one] == priority[other] and one < other)
+    )
+
+
+@compiled
+def _sift_up(heap: Int32s, priority: Floats, slot: int) -> None:
+    """Restore the heap after the state in ``slot`` rose."""
+    state = heap[ORDER, slot]
+    while slot > 0:
+        above = (slot - 1) // 2
+        if not _precedes(priority, state, heap[ORDER, above]):
+            break
+        heap[ORDER, slot] = heap[ORDER, above]
+        heap[PLACE, heap[ORDER, slot]] = slot
+        slot = above
+    heap[ORDER, slot] = state
+    heap[PLACE, state] = slot
+
+
+@compiled
+def push(heap: Int32s, priority: Floats, counters: Integers, state: int, value: float) -> None:
+    """Queue the state with this priority, or raise the one it has; never lower it."""
+    if heap[PLACE, state] == NO_PLACE:
+        heap[ORDER, counters[QUEUED]] = state
+        priority[state] = value
+        counters[QUEUED] += 1
+        _sift_up(heap, priority, counters[QUEUED] - 1)
+    elif value > priority[state]:
+        priority[state] = value
+        _sift_up(heap, priority, heap[PLACE, state])
+
+
+@compiled
+def pop(heap: Int32s, priority: Floats, counters: Integers) -> int:
+    """Take the state of the highest priority from the queue, which is not empty."""
+    top = heap[ORDER, 0]
+    heap[PLACE, top] = NO_PLACE
+    counters[QUEUED] -= 1
+    size = counters[QUEUED]
+    if size == 0:
+        return int(top)
+    state = heap[ORDER, size]
+    slot = 0
+    while 2 * slot + 1 < size:
+        below = 2 * slot + 1
+        if below + 1 < size and _precedes(priority, heap[ORDER, below + 1], heap[ORDER, below]):
+            below += 1
+        if not _precedes(priority, heap[ORDER, below], state):
+            break
+        heap[ORDER, slot] = heap[ORDER, below]
+        heap[PLACE, heap[ORDER, slot]] = slot
+        slot = below
+    heap[ORDER, slot] = state
+    heap[PLACE, state] = slot
+    return int(top)
+
+
+@compiled
+def back_up(
+    table: Int32s,  # [S (A + 1), 3]
+    pool: Int32s,  # [K, 2]
+    visits: Integers,  # [S, A]
+    reward_sums: Floats,  # [S, A]
+    values: Floats,  # [S]
+    action_values: Floats,  # [S, A]
+    settings: Floats,  # [4]
+    state: int,
+) -> float:
+    """Set V (Eq. 6) and Q (Eq. 5) of one state, its loops to itself solved; return |change| of V.
+
+    With r the summed rewards, n the visits and l the loops of an action, staying with it until it
+    leaves is worth (r + discount * sum over the other successors) / (n - discount l).
+    """
+    n_actions = visits.shape[1]
+    discount = settings[DISCOUNT]
+    best, endless = -np.inf, -np.inf
+    for a in range(n_actions):
+        if visits[state, a] == 0:
+            action_values[state, a] = settings[UNTRIED]
+            if settings[UNTRIED] > best:  # false for NaN: untried actions are left out
+                best = settings[UNTRIED]
+            continue
+        row = state * (n_actions + 1) + a
+        total, loops = 0.0, 0
+        for k in range(table[row, START], table[row, START] + table[row, SIZE]):
+            key = pool[k, KEY]
+            if key == state:
+                loops = pool[k, COUNT]
+            elif key != TERMINAL:
+                total += pool[k, COUNT] * values[key]
+        worth = reward_sums[state, a] + discount * total
+        action_values[state, a] = worth
+        leaving = visits[state, a] - discount * loops
+        if leaving > 0.0:
+            if worth / leaving > best:
+                best = worth / leaving
+        elif worth / visits[state, a] * settings[HORIZON] > endless:
+            endless = worth / visits[state, a] * settings[HORIZON]
+    # A loop that never ends (discount 1) is chosen where it pays, or where nothing else was tried.
+    if endless > best and (endless > 0.0 or best == -np.inf):
+        best = endless
+    if best == -np.inf:
+        return 0.0
+    for a in range(n_actions):
+        if visits[state, a] > 0:
+            loops = count_of(table, pool, state * (n_actions + 1) + a, state)
+            action_values[state, a] += discount * loops * best
+            action_values[state, a] /= visits[state, a]
+    change = abs(best - values[state])
+    values[state] = best
+    return float(change)
+
+
+@compiled
+def sweep(
+    table: Int32s,  # [S (A + 1), 3]
+    pool: Int32s,  # [K, 2]
+    counters: Integers,  # [2]
+    visits: Integers,  # [S, A]
+    reward_sums: Floats,  # [S, A]
+    values: Floats,  # [S]
+    action_values: Floats,  # [S, A]
+    heap: Int32s,  # [2, S]
+    priority: Floats,  # [S]
+    settings: Floats,  # [4]
+    budget: int,
+) -> int:
+    """Back up the states of highest priority; return how many backups were done."""
+    n_actions = visits.shape[1]
+    backups = 0
+    while backups < budget and counters[QUEUED] > 0:
+        state = pop(heap, priority, counters)
+        change = back_up(table, pool, visits, reward_sums, values, action_values, settings, state)
+        backups += 1
+        if change <= settings[THRESHOLD]:
+            continue
+        row = state * (n_actions + 1) + n_actions
+        for k in range(table[row, START], table[row, START] + table[row, SIZE]):
+            before, action = pool[k, KEY] // n_actions, pool[k, KEY] % n_actions
+            share = pool[k, COUNT] / visits[before, action]
+            if before != state and share * change > settings[THRESHOLD]:
+                push(heap, priority, counters, before, share * change)
+    return backups
+
+
+@compiled
+def observe(
+    table: Int32s,  # [S (A + 1), 3]
+    pool: Int32s,  # [K, 2]
+    counters: Integers,  # [2]
+    visits: Integers,  # [S, A]
+    reward_sums: Floats,  # [S, A]
+    values: Floats,  # [S]
+    action_values: Floats,  # [S, A]
+    heap: Int32s,  # [2, S]
+    priority: Floats,  # [S]
+    settings: Floats,  # [4]
+    n_states: int,
+    state: int,
+    action: int,
+    reward: float,
+    next_state: int,
+    budget: int,
+) -> int:
+    """Count one transition, put its state on top of the queue and sweep; return the status."""
+    n_actions = visits.shape[1]
+    if not (
+        0 <= state < n_states
+        and 0 <= action < n_actions
+        and TERMINAL <= next_state < n_states
+        and abs(reward) < np.inf
+    ):
+        return BAD_TRANSITION
+    pair = state * n_actions + action
+    if not has_room(table, pool, counters, n_actions, pair, next_state):
+        return NO_ROOM
+    link(table, pool, counters, n_actions, pair, next_state)
+    visits[state, action] += 1
+    reward_sums[state, action] += reward
+    push(heap, priority, counters, state, np.inf if budget > 0 else SOON)
+    sweep(
+        table,
+        pool,
+        counters,
+        visits,
+        reward_sums,
+        values,
+        action_values,
+        heap,
+        priority,
+        settings,
+        budget,
+    )
+    return DONE

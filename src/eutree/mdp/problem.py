@@ -1,0 +1,183 @@
+"""One planning problem: a model with its choices made definite, and the arrays to work on.
+
+Shared by the two iterations, discounted and undiscounted; :mod:`eutree.mdp.solver` has the theory.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from eutree.arrays import Booleans, Floats, Int32s, Integers, frozen
+from eutree.errors import InvalidArgumentError
+from eutree.mdp import _kernels_planning as _kernels
+from eutree.mdp.model import NO_ACTION, Model
+from eutree.validation import check_number
+
+_TIE = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Values and a greedy policy, with what is known of their error.
+
+    Attributes:
+        values: V(s) (Eq. 6).
+        action_values: Q(s, a) (Eq. 5); NaN where the action was never tried and left out.
+        policy: The best action of each state; NO_ACTION where nothing was tried.
+        n_iterations: Improvements of the policy.
+        bound: Largest error that ``values`` may have.
+        converged: Whether the bound is within the tolerance that was asked for.
+        discount: The discount that was used: below 1 though 1 was asked for, if endless
+            behaviour would pay.
+        trapped: States from which no tried action can reach an end; empty below discount 1.
+    """
+
+    values: Floats  # [S]
+    action_values: Floats  # [S, A]
+    policy: Integers  # [S]
+    n_iterations: int
+    bound: float
+    converged: bool
+    discount: float
+    trapped: Integers  # [n]
+
+    def __post_init__(self) -> None:
+        for name in ("values", "action_values", "policy", "trapped"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+
+
+@dataclass(eq=False)
+class Problem:
+    """A model with its choices made definite, and the arrays that the iteration works on."""
+
+    model: Model
+    worth: Floats  # [S A]
+    usable: Booleans  # [S A]
+    ends: Booleans  # [S A] pairs after which the process may stop
+    untouched: Booleans  # [S] states in which nothing was tried
+    policy: Int32s  # [S]
+    action_values: Floats  # [S A]
+    starts: Integers  # [S + 1]
+    middles: Integers  # [S]
+    column: Int32s  # [K]
+    entry: Floats  # [K]
+    diagonal: Floats  # [S]
+    work: Floats = field(repr=False)  # [8, S]
+
+    @classmethod
+    def of(cls, model: Model, values: Floats, untried: float | None) -> "Problem":
+        """Return the problem of a model; fixed values become pairs that end with that reward."""
+        n_states, n_actions = model.visits.shape
+        tried = model.visits > 0
+        worth = model.reward.copy()
+        ends: Booleans = (model.termination > 0.0) | ~tried
+        if untried is not None:
+            worth[~tried] = check_number("untried", untried)
+        usable = tried | (untried is not None)
+        untouched = ~tried.any(axis=1) & (untried is None)
+        worth[untouched, 0] = values[untouched]
+        usable[untouched, 0] = True
+        size = model.n_triples
+        return cls(
+            model, worth.ravel(), usable.ravel(), ends.ravel(), np.asarray(untouched),
+            np.full(n_states, NO_ACTION, np.int32),
+            np.full(n_states * n_actions, np.nan),
+            np.zeros(n_states + 1, np.int64), np.zeros(n_states, np.int64),
+            np.empty(size, np.int32), np.empty(size), np.empty(n_states),
+            np.empty((8, n_states)),
+        )  # fmt: skip
+
+    @property
+    def episodic(self) -> bool:
+        """Whether the process can stop anywhere."""
+        return bool((self.ends & self.usable).any())
+
+    def keep(self, policy: ArrayLike | None) -> None:
+        """Begin with these actions, where they may be chosen."""
+        if policy is None:
+            return
+        actions = np.asarray(policy)
+        n_states, n_actions = self.model.visits.shape
+        if actions.shape != (n_states,) or not (-1 <= actions.min() <= actions.max() < n_actions):
+            raise InvalidArgumentError(
+                f"initial_policy must have {n_states} actions in -1..{n_actions - 1}, got "
+                f"shape {actions.shape}"
+            )
+        chosen = np.clip(actions, 0, None).astype(np.int64)
+        fine = self.usable.reshape(n_states, n_actions)[np.arange(n_states), chosen]
+        self.policy[:] = np.where(fine & (actions >= 0), actions, NO_ACTION)
+
+    def improve(self, values: Floats, discounts: Floats, backed_up: Floats) -> int:
+        """Back up all states; make the policy greedy and return how many actions changed."""
+        model = self.model
+        return _kernels.improve(
+            model.indptr, model.successor, model.probability, self.worth, self.usable, discounts,
+            _TIE, values, self.policy, self.action_values, backed_up,
+        )  # fmt: skip
+
+    def iterate_discounted(
+        self, values: Floats, backed_up: Floats, discount: float, tolerance: float
+    ) -> tuple[int, float, float]:
+        """Improve the policy until the values are certain; return rounds, bound and shift."""
+        model = self.model
+        return _kernels.iterate_discounted(
+            model.indptr, model.successor, model.probability, self.worth, self.usable, discount,
+            _TIE, self.episodic, tolerance, values, self.policy, self.action_values, backed_up,
+            self.starts, self.middles, self.column, self.entry, self.diagonal, self.work,
+        )  # fmt: skip
+
+    def evaluate(self, values: Floats, discounts: Floats, residual: float) -> float:
+        """Set the values to those of the policy, up to a residual; return the one reached."""
+        self._fill(discounts)
+        pairs = np.arange(len(values)) * self.model.n_actions + self.policy
+        return self._solve_system(self.worth[pairs], values, residual)
+
+    def steps(self, discounts: Floats) -> float:
+        """Return the largest expected (discounted) number of steps; infinite where it is lost."""
+        self._fill(discounts)
+        steps = np.ones(len(discounts))
+        left = self._solve_system(np.ones(len(discounts)), steps, 1e-3)
+        return float(steps.max()) if left <= 0.1 and steps.min() > 0.5 else np.inf
+
+    def n_endless(self) -> int:
+        """Return from how many states the policy never reaches an end."""
+        n_states, n_actions = self.model.visits.shape
+        chosen = np.zeros(n_states * n_actions, dtype=bool)
+        chosen[np.arange(n_states) * n_actions + self.policy] = True
+        return int((self.ways_out(chosen) == NO_ACTION).sum())
+
+    def ways_out(self, usable: Booleans) -> Int32s:
+        """Return an action of each state that leads towards an end; NO_ACTION where none does."""
+        out = np.empty(self.model.n_states, np.int32)
+        model = self.model
+        _kernels.find_ways_out(model.indptr, model.successor, self.ends, usable, out)
+        return out
+
+    def solution(
+        self, values: Floats, shift: float, *, rounds: int, bound: float, tolerance: float,
+        discount: float, trapped: Integers,
+    ) -> Solution:  # fmt: skip
+        """Return the answer; ``shift`` is added to every Q but the fixed ones."""
+        shape = self.model.visits.shape
+        shown = self.action_values.reshape(shape).copy()
+        shown[self.model.visits > 0] += shift
+        shown[self.untouched] = np.nan
+        final = values.copy()
+        touched = ~self.untouched
+        final[touched] = np.fmax.reduce(shown[touched], axis=1)
+        policy = np.where(self.untouched, NO_ACTION, self.policy).astype(np.int64)
+        return Solution(final, shown, policy, rounds, bound, bound <= tolerance, discount, trapped)
+
+    def _fill(self, discounts: Floats) -> None:
+        model = self.model
+        _kernels.fill_system(
+            model.indptr, model.successor, model.probability, discounts, self.policy,
+            self.starts, self.middles, self.column, self.entry, self.diagonal,
+        )  # fmt: skip
+
+    def _solve_system(self, right: Floats, values: Floats, residual: float) -> float:
+        return _kernels.evaluate(
+            self.starts, self.middles, self.column, self.entry, right / self.diagonal,
+            values, residual, _kernels.KRYLOV_LIMIT, self.work,
+        )  # fmt: skip

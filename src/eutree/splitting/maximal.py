@@ -1,0 +1,76 @@
+"""The null distribution of the largest scaled statistic over all cuts of one attribute.
+
+Under the null hypothesis the maximum of K over the cuts of one attribute is a rank statistic: with
+no ties it has one distribution for each number n of tuples, whatever the returns look like. The
+table comes from ``benchmarks/maximal_ks_table.py``. Values are interpolated linearly in log n;
+between tabulated tail probabilities log p is linear in K^2. Beyond the smallest one,
+
+    p(K) = p0 * (K / K0)^2 * exp(-2 (K^2 - K0^2)),
+
+the tail of one two-sample test times the usual factor K^2 of a maximum over a continuum of cuts.
+Below the smallest tabulated n the table is used as it stands there, which is conservative, and so
+is the table under ties; beyond the largest one the values hardly grow and the last row is used.
+A minimum share per side lowers the values a little; a second table for 10 % is used where the
+minimum side is at least that.
+"""
+
+import math
+from functools import lru_cache
+
+import numpy as np
+
+from eutree.splitting._maximal_ks_table import SIZES, TAILS, VALUES, VALUES_SHARE_10
+from eutree.validation import check_integer, check_number
+
+_SHARE = 0.1
+
+
+@lru_cache(maxsize=4096)
+def quantiles(n: int, min_side: int = 1) -> tuple[float, ...]:
+    """Return the values of max K that noise exceeds with the probabilities ``TAILS``."""
+    table = VALUES_SHARE_10 if min_side >= _SHARE * n else VALUES
+    logs = np.log(SIZES)
+    at = math.log(min(max(n, SIZES[0]), SIZES[-1]))
+    low = min(int(np.searchsorted(logs, at, side="right")), len(SIZES) - 1) - 1
+    part = (at - logs[low]) / (logs[low + 1] - logs[low])
+    return tuple(float(a + part * (b - a)) for a, b in zip(table[low], table[low + 1], strict=True))
+
+
+def maximal_p(scaled_statistic: float, n: int, *, min_side: int = 1) -> float:
+    """Return the chance that the best cut of one attribute reaches K on noise.
+
+    Args:
+        scaled_statistic: K of the best cut, at least 0.
+        n: Number of tested tuples.
+        min_side: Fewest tuples on each side of a cut.
+    """
+    check_number("scaled_statistic", scaled_statistic, low=0.0)
+    check_integer("n", n, low=2)
+    check_integer("min_side", min_side, low=1)
+    squares = [0.0] + [value * value for value in quantiles(n, min_side)]
+    square = scaled_statistic * scaled_statistic
+    if square > squares[-1]:
+        ratio = square / squares[-1]
+        return TAILS[-1] * ratio * math.exp(-2.0 * (square - squares[-1]))
+    return math.exp(float(np.interp(square, squares, np.log((1.0, *TAILS)))))
+
+
+def critical_value(n: int, alpha: float, *, min_side: int = 1) -> float:
+    """Return the K with ``maximal_p(K, n) == alpha``, the inverse of that function."""
+    check_number("alpha", alpha, low=0.0, high=1.0, low_open=True)
+    check_integer("n", n, low=2)
+    check_integer("min_side", min_side, low=1)
+    return _critical_value(n, alpha, min_side)
+
+
+@lru_cache(maxsize=4096)
+def _critical_value(n: int, alpha: float, min_side: int) -> float:
+    squares = [0.0] + [value * value for value in quantiles(n, min_side)]
+    if alpha >= TAILS[-1]:
+        logs = -np.log((1.0, *TAILS))
+        return math.sqrt(float(np.interp(-math.log(alpha), logs, squares)))
+    # p is decreasing beyond the table (its K exceeds 1), so a fixed point iteration converges.
+    square = last = squares[-1]
+    for _ in range(60):
+        square = last + 0.5 * (math.log(TAILS[-1] / alpha) + math.log(square / last))
+    return math.sqrt(square)

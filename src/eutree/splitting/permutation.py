@@ -1,0 +1,135 @@
+"""The permutation test of the best split of a leaf: exact under ties, rare events and many cuts.
+
+If the returns of an action do not depend on the observations, every assignment of its returns to
+its tuples is equally likely. One draw permutes the returns within each action and searches all
+actions, attributes and cuts again, so the p-value is already family-wise over all of them
+(Westfall and Young). Permuting whole episodes instead keeps the dependence inside an episode.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from eutree.arrays import Booleans, Floats, Int32s, Integers
+from eutree.splitting import _kernels
+from eutree.splitting.search import KolmogorovSmirnov
+from eutree.splitting.split import LeafSample, Split
+from eutree.validation import check_integer
+
+
+def permutation_p(
+    sample: LeafSample,
+    split: Split,
+    *,
+    search: KolmogorovSmirnov,
+    generator: np.random.Generator,
+    n_permutations: int = 999,
+    stop_after: int = 10,
+    by_episode: bool = False,
+) -> float:
+    """Return the chance that a leaf with no structure has a split as good as this one.
+
+    After ``stop_after`` draws that reach the observed value the test ends with p = stop_after /
+    draws (Besag and Clifford), else p = (1 + reached) / (1 + n_permutations).
+
+    Args:
+        sample: The tuples of the leaf.
+        split: ``search.best(sample)``.
+        search: The search that found the split; the draws repeat it.
+        generator: Source of the permutations.
+        n_permutations: Most draws; the smallest possible p is 1 / (1 + n_permutations).
+        stop_after: Draws reaching the observed value after which the answer is clear.
+        by_episode: Permute whole episodes (``sample.episodes`` is needed) instead of tuples.
+    """
+    check_integer("n_permutations", n_permutations, low=1)
+    check_integer("stop_after", stop_after, low=1)
+    value = search.value(split)
+    groups = [
+        _Group.of(sample, rows, search, value, by_episode) for _, rows in search.groups(sample)
+    ]
+    reached = 0
+    for draw in range(1, n_permutations + 1):
+        # no generator expression: every group must draw, or the stream would depend on the data
+        reached += max([group.reaches(generator) for group in groups])
+        if reached == stop_after:
+            return stop_after / draw
+    return (1 + reached) / (1 + n_permutations)
+
+
+@dataclass(frozen=True, eq=False)
+class _Group:
+    """What stays the same between the draws of one tested sample."""
+
+    order: Integers  # [d, n] rows in the order of each attribute
+    legal: Booleans  # [d, n] as in _kernels.best_cut
+    rank: Int32s  # [n] dense ranks of the returns
+    cumulative: Floats  # [m] tuples of each rank or a lower one
+    blocks: tuple[Integers, ...]  # rows of each episode; empty: permute single rows
+    side: int
+    distance: bool
+    floor: float
+
+    @classmethod
+    def of(
+        cls,
+        sample: LeafSample,
+        rows: Integers,
+        search: KolmogorovSmirnov,
+        value: float,
+        by_episode: bool,
+    ) -> "_Group":
+        returns = search.compared_returns(sample)
+        _, rank, counts = np.unique(returns[rows], return_inverse=True, return_counts=True)
+        columns = np.ascontiguousarray(sample.observations[rows].T)
+        order = np.argsort(columns, axis=1, kind="stable")
+        return cls(
+            order=order,
+            legal=_legal(columns, order),
+            rank=rank.astype(np.int32),
+            cumulative=np.cumsum(counts).astype(np.float64),
+            blocks=tuple(_episodes(sample, rows)) if by_episode else (),
+            side=search.min_side(rows.size),
+            distance=search.score == "distance",
+            floor=search.floor(value, rows.size),
+        )
+
+    def reaches(self, generator: np.random.Generator) -> bool:
+        """Return whether one permutation of the returns has a cut above the floor."""
+        rank = self._permuted(generator)
+        for order, legal in zip(self.order, self.legal, strict=True):
+            cut, _, _ = _kernels.best_cut(
+                rank[order],
+                legal,
+                self.cumulative,
+                self.side,
+                self.distance,
+                self.floor,
+                0,
+                _kernels.BRUTE,
+            )
+            if cut:
+                return True
+        return False
+
+    def _permuted(self, generator: np.random.Generator) -> Int32s:
+        if not self.blocks:
+            return generator.permutation(self.rank)
+        shuffled = [self.blocks[k] for k in generator.permutation(len(self.blocks))]
+        result = np.empty_like(self.rank)
+        result[np.concatenate(self.blocks)] = self.rank[np.concatenate(shuffled)]
+        return result
+
+
+def _legal(columns: Floats, order: Integers) -> Booleans:
+    values = np.take_along_axis(columns, order, axis=1)
+    legal = np.zeros(values.shape, dtype=np.bool_)
+    legal[:, 1:] = values[:, :-1] < values[:, 1:]
+    return legal
+
+
+def _episodes(sample: LeafSample, rows: Integers) -> Iterator[Integers]:
+    """Yield the positions within ``rows`` of each episode, in order of the episode's number."""
+    episodes = rows if sample.episodes is None else sample.episodes[rows]
+    order = np.argsort(episodes, kind="stable")
+    yield from np.split(order, np.flatnonzero(np.diff(episodes[order])) + 1)

@@ -1,0 +1,107 @@
+"""Compiled loops over the parallel arrays of a tree."""
+
+import numpy as np
+
+from eutree.arrays import Booleans, Floats, Int32s, Integers, Unsigned
+from eutree.compiled import compiled
+
+_BLOCK = 128
+_LEFT = np.uint64(0)
+_RIGHT = np.uint64(1)
+
+
+@compiled
+def locate(
+    feature: Unsigned,  # [M] 0 at a leaf
+    threshold: Floats,  # [M] NaN at a leaf
+    child: Unsigned,  # [M, 2] left and right; a leaf is its own child
+    leaf: Int32s,  # [M]
+    rounds: int,
+    observations: Floats,  # [N, d]
+    out: Int32s,  # [N]
+) -> None:
+    """Write the leaf of each observation to ``out``; NaN compares false and so goes right.
+
+    A block of observations goes down ``rounds`` levels together, without a branch that the
+    processor could guess wrong: whoever is at a leaf stays there. Then each walks on by itself,
+    as few do. Node numbers are unsigned, so no index has to be checked for its sign.
+    """
+    n = observations.shape[0]
+    nodes = np.zeros(_BLOCK, dtype=np.uint64)
+    for start in range(0, n, _BLOCK):
+        block = observations[start : min(n, start + _BLOCK)]
+        size = block.shape[0]
+        for k in range(size):
+            nodes[k] = 0
+        for _ in range(rounds):
+            for k in range(size):
+                node = nodes[k]
+                goes_right = not (block[k, feature[node]] <= threshold[node])
+                nodes[k] = child[node, np.uint64(goes_right)]
+        for k in range(size):
+            node = nodes[k]
+            while leaf[node] < 0:
+                goes_left = block[k, feature[node]] <= threshold[node]
+                node = child[node, _LEFT if goes_left else _RIGHT]
+            out[start + k] = leaf[node]
+
+
+@compiled
+def disagreeing_volume(
+    leaf_low: Floats,  # [L, d] boxes of the first tree's leaves, clipped
+    leaf_high: Floats,  # [L, d]
+    labels: Integers,  # [L]
+    feature: Int32s,  # [M] the second tree
+    threshold: Floats,  # [M]
+    left: Int32s,  # [M]
+    right: Int32s,  # [M]
+    leaf: Int32s,  # [M]
+    other_labels: Integers,  # [L']
+    width: Floats,  # [d] of the whole box
+    counts: Booleans,  # [d] whether the feature is a dimension of the box
+) -> float:
+    """Return the share of the box on which the labels of two trees differ.
+
+    Where a feature is no dimension of the box, ``leaf_high`` is its one value.
+    The second tree is walked with a stack of nodes, each with its part of the first leaf's box.
+    """
+    n_features = leaf_low.shape[1]
+    n_nodes = feature.shape[0]
+    stack = np.empty(n_nodes + 1, dtype=np.int64)
+    low = np.empty((n_nodes + 1, n_features))
+    high = np.empty((n_nodes + 1, n_features))
+    total = 0.0
+    for i in range(leaf_low.shape[0]):
+        stack[0] = 0
+        low[0] = leaf_low[i]
+        high[0] = leaf_high[i]
+        size = 1
+        while size > 0:
+            size -= 1
+            node = stack[size]
+            tested = feature[node]
+            if tested < 0:
+                if other_labels[leaf[node]] != labels[i]:
+                    volume = 1.0
+                    for j in range(n_features):
+                        if high[size, j] <= low[size, j]:
+                            volume = 0.0
+                        elif counts[j]:
+                            volume *= (high[size, j] - low[size, j]) / width[j]
+                    total += volume
+                continue
+            cut = threshold[node]
+            goes_right = high[size, tested] > cut
+            goes_left = low[size, tested] < cut if counts[tested] else not goes_right
+            if goes_left and goes_right:
+                low[size + 1] = low[size]
+                high[size + 1] = high[size]
+                high[size, tested] = cut
+                stack[size] = left[node]
+                low[size + 1, tested] = cut
+                stack[size + 1] = right[node]
+                size += 2
+            else:
+                stack[size] = left[node] if goes_left else right[node]
+                size += 1
+    return total

@@ -1,0 +1,265 @@
+"""Exchange with other tools: rows, npz, CSV, Minari; exact, checked, nothing shifted."""
+
+import csv
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+from eutree.data import Demonstrations, Episode
+from eutree.errors import FileError, FormatError, InvalidArgumentError
+from eutree.schema import EnvironmentSpec, Schema
+from tests.data.strategies import demonstrations, same, three_episodes
+
+SPEC = EnvironmentSpec("eutree/Evasion2-v0", {"opponent_speed": 2.5})
+
+
+def test_rows_become_episodes():
+    x = np.arange(6.0)[:, np.newaxis]
+    starts = [True, False, False, True, False, False]
+    demos = Demonstrations.from_arrays(x, [0, 1, 2, 0, 1, 2], starts=starts)
+    assert [e.observations.ravel().tolist() for e in demos] == [[0, 1, 2], [3, 4, 5]]
+    assert [e.actions.tolist() for e in demos] == [[0, 1], [0, 1]]
+    assert demos.schema == Schema.anonymous(1, 2)
+    following = np.array([1, 2, 10, 4, 5, 11.0])[:, np.newaxis]
+    demos = Demonstrations.from_arrays(
+        x,
+        [0, 1, 2, 0, 1, 2],
+        starts=starts,
+        rewards=np.arange(6),
+        next_observations=following,
+        terminated=[0, 0, 1, 0, 0, 0],
+        truncated=[False] * 5 + [True],
+    )
+    assert [e.observations.ravel().tolist() for e in demos] == [[0, 1, 2, 10], [3, 4, 5, 11]]
+    assert [e.rewards.tolist() for e in demos] == [[0, 1, 2], [3, 4, 5]]
+    assert [(e.terminated, e.truncated) for e in demos] == [(True, False), (False, True)]
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"actions": [0, 1]}, "actions must have 3 entries, got 2"),
+        ({"actions": [0.0, 1.0, 1.5]}, "actions must hold integers"),
+        ({"starts": [0, 1, 0]}, "starts must be true in the first row"),
+        ({"starts": [1, 0, 2]}, "starts must hold 3 truth values"),
+        ({"next_observations": [[1.0], [5.0], [6.0]]}, "one row later .* rows 0 to 2"),
+        ({"next_observations": [[1.0]]}, "next_observations must have 3 rows, got 1"),
+        ({"terminated": [0, 1, 0]}, "rows 0 to 2 must be one episode, but it ends before"),
+        ({"observations": [[1.0], [math.nan], [2.0]]}, "observations must be finite"),
+    ],
+)
+def test_rows_that_contradict_each_other_are_refused(changes, message):
+    log = {"observations": [[0.0], [1.0], [2.0]], "actions": [0, 1, 1], "starts": [1, 0, 0]}
+    with pytest.raises(InvalidArgumentError, match=message):
+        Demonstrations.from_arrays(**log | changes)
+
+
+@given(demonstrations())
+@settings(deadline=None, max_examples=30)
+def test_npz_keeps_what_it_has_room_for(tmp_path_factory, demos):
+    path = tmp_path_factory.mktemp("npz") / "demos.npz"
+    demos.to_npz(path)
+    back = Demonstrations.from_npz(path, schema=demos.schema)
+    mine = [e for e in demos if len(e)]
+    assert len(back) == len(mine)
+    for a, b in zip(mine, back, strict=True):
+        plain = Episode(a.observations, a.actions, a.rewards, a.terminated, a.truncated)
+        assert replace(b, ending="").equals(plain)
+
+
+def test_npz_of_other_libraries_is_read(tmp_path):
+    path = tmp_path / "demos.npz"
+    episodes = [three_episodes().episodes[k] for k in (0, 1)]
+    obs = np.concatenate([e.observations for e in episodes])
+    acts = np.concatenate([e.actions for e in episodes])
+    infos = np.array([{}] * len(acts), dtype=object)
+    np.savez_compressed(
+        path,
+        obs=obs,
+        acts=acts,
+        infos=infos,
+        rews=np.concatenate([e.rewards for e in episodes]),
+        terminal=np.array([True, False]),
+        indices=np.array([3]),
+    )
+    back = Demonstrations.from_npz(path)
+    for mine, theirs in zip(episodes, back, strict=True):
+        assert np.array_equal(mine.observations, theirs.observations)
+        assert np.array_equal(mine.actions, theirs.actions)
+        assert mine.terminated == theirs.terminated
+    np.savez(
+        path,
+        obs=obs[:-1].astype(np.float32),
+        actions=np.arange(len(obs) - 1)[:, np.newaxis] % 2,
+        episode_starts=np.arange(len(obs) - 1) % 3 == 0,
+        episode_returns=np.zeros(2),
+    )
+    assert [len(e) for e in Demonstrations.from_npz(path)] == [2, 2, 2]  # 9 rows, 3 dropped
+    for bad in ([9], [-1], [2**62], [[1]], [1.5]):
+        np.savez(path, obs=obs, acts=acts, indices=np.array(bad))
+        with pytest.raises(FormatError, match=r"indices|one more row"):
+            Demonstrations.from_npz(path)
+    np.savez(path, obs=obs)
+    with pytest.raises(FormatError, match="acts: missing"):
+        Demonstrations.from_npz(path)
+    np.savez(path, obs=obs[:-2], acts=acts + 0.5)
+    with pytest.raises(FormatError, match="actions must hold integers"):
+        Demonstrations.from_npz(path)
+
+
+def test_csv_keeps_everything_but_step_records(tmp_path):
+    path = tmp_path / "demos.csv"
+    demos = three_episodes(SPEC)
+    demos.to_csv(path)
+    back = Demonstrations.from_csv(path, schema=demos.schema, environment=SPEC)
+    for mine, theirs in zip(demos.episodes, back.episodes, strict=True):
+        assert theirs.equals(replace(mine, steps={}, extras={}, comment=""))
+    assert back.environment == SPEC
+    found = Demonstrations.from_csv(path).schema
+    assert found.feature_names == demos.schema.feature_names
+    assert found.actions == demos.schema.actions
+    assert [f.unit for f in found.features] == ["m", ""]
+    with open(path, newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == sum(len(e) + 1 for e in demos.episodes)
+    assert rows[0]["position [m]"] == repr(float(demos.episodes[0].observations[0, 0]))
+    assert rows[3]["action"] == ""
+
+
+@given(demonstrations())
+@settings(deadline=None, max_examples=30)
+def test_csv_floats_read_back_to_the_bit(tmp_path_factory, demos):
+    names = [f"x{i}" for i in range(demos.schema.n_features)]
+    from eutree.schema import Feature
+
+    schema = Schema(tuple(map(Feature, names)), demos.schema.actions)
+    demos = replace(demos, schema=schema)
+    path = tmp_path_factory.mktemp("csv") / "demos.csv"
+    demos.to_csv(path)
+    back = Demonstrations.from_csv(path, schema=schema)
+    for mine, theirs in zip(demos.episodes, back.episodes, strict=True):
+        assert theirs.equals(replace(mine, steps={}, extras={}, comment=""))
+
+
+BAD_CSV = {
+    "": "line 1: there is no column 'episode'",
+    "episode,x\n": "line 1: there is no column 'action'",
+    "episode,action\n": "no column of a feature",
+    "episode,action,x,x\n": "two columns have the same name",
+    "episode,action,x\n0,1\n": "line 2: expected 3 values, got 2",
+    "episode,action,x\n0,1,nan\n": "line 2: x must be a finite number, got 'nan'",
+    "episode,action,x\n0,1,1_0\n": "x must be a finite number",
+    "episode,action,x\n0,,1\n0,1,2\n": "line 2: only an episode's last row may have no action",
+    "episode,action,x\n0,99999,1\n0,,2\n": "below 10,000",
+    "episode,action,terminated,x\n0,1,1,1\n0,1,,2\n0,,,2\n": "line 3: the episode ended on",
+    "episode,action,reward,x\n0,1,inf,1\n0,,,2\n": "reward must be a finite number",
+    "episode,action,kept,x\n0,1,maybe,1\n0,,maybe,2\n": "kept must be true or false, got 'maybe'",
+    "episode,action,seed,x\n0,1,-1,1\n0,,-1,2\n": "seed must be an integer",
+    'episode,action,x\n0,"1,1\n': "unexpected end of data|line 2",
+    "episode,action,terminated,truncated,x\n0,1,1,1,1\n0,,,,2\n": "both terminated and truncated",
+}
+
+
+@pytest.mark.promise(2)
+@pytest.mark.parametrize("text", BAD_CSV)
+def test_a_bad_table_is_refused_with_its_line(tmp_path, text):
+    path = tmp_path / "demos.csv"
+    path.write_text(text)
+    with pytest.raises(FormatError, match=BAD_CSV[text]):
+        Demonstrations.from_csv(path)
+
+
+def test_a_log_with_named_actions_is_read(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("episode,action,speed [m/s],height\na,up,1,2\na,down,2,3\na,up,3,4\nb,up,1,1\n")
+    demos = Demonstrations.from_csv(path)
+    assert demos.schema.actions == ("up", "down")
+    assert [e.actions.tolist() for e in demos] == [[0, 1], []]
+    assert demos.schema.features[0].unit == "m/s"
+    with pytest.raises(FormatError, match="expected 1 features"):
+        Demonstrations.from_csv(path, schema=Schema.anonymous(1, 2))
+    named = replace(demos.schema, actions=("x", "y"))
+    with pytest.raises(FormatError, match="action: must be one of x, y or its index, got 'up'"):
+        Demonstrations.from_csv(path, schema=named)
+
+
+minari = pytest.importorskip("minari", reason="needs the extra minari")
+
+
+@pytest.fixture(autouse=True)
+def _minari_folder(tmp_path_factory, monkeypatch):
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path_factory.mktemp("minari")))
+
+
+def test_minari_round_trip_is_exact():
+    demos = three_episodes(SPEC)
+    demos.to_minari("eutree/evasion2/human-v0")
+    back = Demonstrations.from_minari("eutree/evasion2/human-v0")
+    assert same(back, replace(demos, episodes=demos.kept))
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_minari_itself_reads_what_we_write():
+    demos = three_episodes()
+    demos.to_minari("eutree/test-v3")
+    dataset = minari.load_dataset("eutree/test-v3")
+    assert dataset.total_episodes == 2
+    assert dataset.total_steps == 8
+    assert dataset.env_spec is None
+    for mine, theirs in zip(demos, dataset.iterate_episodes(), strict=True):
+        assert np.array_equal(mine.observations, theirs.observations)
+        assert theirs.observations.dtype == np.float64
+        assert np.array_equal(mine.actions, theirs.actions)
+        assert theirs.terminations[-1] == mine.terminated
+        assert theirs.truncations[-1] == mine.truncated
+        assert theirs.observations[0] in dataset.observation_space
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_a_minari_dataset_made_elsewhere_is_read():
+    import gymnasium
+    from minari.data_collector.episode_buffer import EpisodeBuffer
+
+    buffers = [
+        EpisodeBuffer(
+            id=k,
+            seed=k,
+            observations=np.random.default_rng(k).random((4, 4)).astype(np.float32),
+            actions=np.array([1, 2, 1]),
+            rewards=[1.0] * 3,
+            terminations=[False, False, k == 0],
+            truncations=[False, False, k == 1],
+        )
+        for k in range(2)
+    ]
+    minari.create_dataset_from_buffers(
+        "other/set-v1",
+        buffers,
+        env="CartPole-v1",
+        action_space=gymnasium.spaces.Discrete(2, start=1),
+    )
+    demos = Demonstrations.from_minari("other/set-v1")
+    assert demos.environment.id == "CartPole-v1"
+    assert [e.actions.tolist() for e in demos] == [[0, 1, 0]] * 2
+    assert [(e.terminated, e.truncated, e.seed) for e in demos] == [
+        (True, False, 0),
+        (False, True, 1),
+    ]
+    assert demos.schema.n_actions == 2
+    assert np.array_equal(demos.episodes[0].observations, buffers[0].observations)
+
+
+def test_minari_mistakes_give_one_clear_line():
+    demos = three_episodes()
+    with pytest.raises(InvalidArgumentError, match="end in a version like -v0; got 'human'"):
+        demos.to_minari("human")
+    with pytest.raises(FileError, match="get it with: minari download eutree/none-v0"):
+        Demonstrations.from_minari("eutree/none-v0")
+    demos.to_minari("eutree/twice-v0")
+    with pytest.raises(FileError, match="cannot write minari:eutree/twice-v0"):
+        demos.to_minari("eutree/twice-v0")
+    with pytest.raises(InvalidArgumentError, match="no kept episode"):
+        replace(demos, episodes=demos.episodes[2:]).to_minari("eutree/none-v0")
