@@ -1,0 +1,289 @@
+"""Compiled loops of growing: the best test of each node, and the division of its cases.
+
+A *case* is a row with a weight. A row whose tested value is unknown becomes one case in every
+branch, with its weight shared out. While a tree grows, each continuous attribute keeps the cases
+of a level sorted by value, node after node; dividing a node is a stable partition of every list,
+so nothing is sorted twice. Unknown values are NaN and stand last.
+"""
+
+import math
+
+import numpy as np
+
+from eutree.arrays import Booleans, Floats, Int32s
+from eutree.c45._kernels_entropy import Int16s, count_values, merge_values, nominal_gain, xlogx
+from eutree.compiled import compiled
+
+KNOWN_NONE = -1  # branch of a case whose value no branch stands for
+
+
+@compiled
+def best_cut(
+    values: Floats,  # [E] of one attribute, sorted within each node
+    cases: Int32s,  # [E] the cases they belong to
+    start: int,
+    stop: int,
+    label: Int16s,  # [cases]
+    weight: Floats,  # [cases]; empty if every weight is 1
+    table: Floats,
+    counts: Floats,  # [4, A] scratch: left, right, and x log x of both
+    total: float,
+    min_objects: float,
+    use_min_split: bool,
+    gap: float,
+    tolerance: float,
+    greedy: bool,  # accept the best cut even if it gains nothing
+    least: float,  # least weight of a side even if min_split is capped below it
+) -> tuple[int, float, float, float, int]:
+    """Return (position, reduction, weight on the left, known weight, tries) of the best cut.
+
+    The cut is between ``position`` and ``position + 1``; -1 if there is none. The reduction is
+    the known weight times the decrease of entropy. Of equal cuts the first wins.
+    """
+    end = stop
+    while end > start and math.isnan(values[end - 1]):
+        end -= 1
+    n_classes = counts.shape[1]
+    unit = weight.size == 0
+    left, right, left_term, right_term = counts[0], counts[1], counts[2], counts[3]
+    for c in range(n_classes):
+        left[c] = 0.0
+        left_term[c] = 0.0
+        right[c] = 0.0
+    for i in range(start, end):
+        case = cases[i]
+        right[label[case]] += 1.0 if unit else weight[case]
+    known = 0.0
+    terms = 0.0  # sum over classes and sides of x log x
+    for c in range(n_classes):
+        known += right[c]
+        right_term[c] = xlogx(right[c], table)
+        terms += right_term[c]
+    base = xlogx(known, table) - terms
+    minimum = min_objects
+    if use_min_split:
+        share = 0.1 * known / n_classes
+        if share > min_objects:
+            minimum = 25.0 if share > 25.0 else share
+    margin = tolerance * total
+    best = -math.inf if greedy else 0.0
+    position = -1
+    best_low = 0.0
+    tries = 0
+    low = 0.0
+    for i in range(start, end - 1):
+        case = cases[i]
+        c = label[case]
+        w = 1.0 if unit else weight[case]
+        left[c] += w
+        right[c] -= w
+        low += w
+        new_left = xlogx(left[c], table)
+        new_right = xlogx(right[c], table)
+        terms += (new_left - left_term[c]) + (new_right - right_term[c])
+        left_term[c] = new_left
+        right_term[c] = new_right
+        if low < minimum - tolerance:
+            continue
+        if low > known - minimum + tolerance:
+            break
+        if values[i] < values[i + 1] - gap:
+            tries += 1
+            high = known - low
+            reduction = base - (xlogx(low, table) + xlogx(high, table) - terms)
+            if reduction > best + margin and min(low, high) >= least - tolerance:
+                best = reduction
+                position = i
+                best_low = low
+    return position, best, best_low, known, tries
+
+
+@compiled
+def choose_tests(
+    starts: Int32s,  # [n + 1] segments of the nodes of this level
+    weights: Floats,  # [n] of the nodes
+    values: Floats,  # [lists, E]
+    order: Int32s,  # [lists, E]
+    list_of: Int32s,  # [d] the list of each attribute
+    n_values: Int32s,  # [d] values of a nominal attribute, 0 for a continuous one
+    counted: Booleans,  # [d] whether its gain counts in the average
+    codes: Floats,  # [N, d]
+    row: Int32s,
+    label: Int16s,
+    weight: Floats,
+    table: Floats,
+    n_classes: int,
+    options: Floats,  # see growing.options
+    feature: Int32s,  # [n] out: attribute tested, -1 for a leaf
+    cut: Floats,  # [n, 2] out: the values on both sides of the best cut
+    forks: Int32s,  # [n] out: branches of a nominal test
+    blocks: Int32s,  # [n, V] out: branch of each value; [0, V] if values are not grouped
+) -> None:
+    """Choose the test of each node: the best gain ratio among those of at least average gain."""
+    min_objects, gap, tolerance = options[0], options[1], options[2]
+    epsilon, start_value, use_min_split = options[3], options[4], options[5]
+    use_penalty, use_filter, greedy, least = options[6], options[7], options[8], options[9]
+    d = n_values.size
+    gain = np.empty(d)
+    split = np.empty(d)
+    valid = np.empty(d, np.bool_)
+    cuts = np.empty((d, 2))
+    counts = np.empty((4, n_classes))
+    frequency = np.empty((max(1, n_values.max()), n_classes))
+    block = np.empty((d, blocks.shape[1]), np.int32)
+    n_blocks = np.zeros(d, np.int32)
+    for node in range(starts.size - 1):
+        start, stop = starts[node], starts[node + 1]
+        total = weights[node]
+        sum_of_gains = 0.0
+        n_counted = 0
+        for j in range(d):
+            at = list_of[j]
+            valid[j] = False
+            if n_values[j] == 0:
+                position, reduction, low, known, tries = best_cut(
+                    values[at], order[at], start, stop, label, weight, table, counts, total,
+                    min_objects, use_min_split > 0, gap, tolerance, greedy > 0, least,
+                )  # fmt: skip
+                if position < 0:
+                    continue
+                gain[j] = reduction / total
+                if use_penalty > 0:
+                    gain[j] -= math.log2(tries) / total
+                if greedy == 0 and gain[j] <= tolerance:
+                    continue
+                terms = xlogx(low, table) + xlogx(known - low, table)
+                terms += xlogx(total - known, table)
+                split[j] = (xlogx(total, table) - terms) / total
+                cuts[j, 0] = values[at, position]
+                cuts[j, 1] = values[at, position + 1]
+            else:
+                known = count_values(
+                    frequency, codes, j, order[at], start, stop, row, label, weight
+                )
+                if known <= 0.0:
+                    continue
+                if blocks.size > 0 and n_values[j] > 2:
+                    n_blocks[j], reasonable, gain[j], split[j] = merge_values(
+                        frequency, block[j], n_values[j], known, total, min_objects, table,
+                        tolerance,
+                    )  # fmt: skip
+                else:
+                    for v in range(block.shape[1]):
+                        block[j, v] = v
+                    n_blocks[j] = n_values[j]
+                    reasonable, gain[j], split[j] = nominal_gain(
+                        frequency, n_values[j], known, total, min_objects, table
+                    )
+                if not reasonable:
+                    continue
+            valid[j] = True
+            if counted[j]:
+                sum_of_gains += gain[j]
+                n_counted += 1
+        average = -math.inf
+        if use_filter > 0:
+            average = sum_of_gains / n_counted if n_counted > 0 else math.inf
+        feature[node] = -1
+        best = start_value
+        for j in range(d):
+            if valid[j] and gain[j] >= average - 1e-3 and split[j] > epsilon:
+                ratio = gain[j] / split[j]
+                if ratio > best + tolerance:
+                    best = ratio
+                    feature[node] = j
+                    cut[node] = cuts[j]
+                    forks[node] = n_blocks[j]
+                    if blocks.shape[0] > 0:
+                        blocks[node] = block[j]
+
+
+@compiled
+def assign_branches(
+    starts: Int32s,  # [n + 1]
+    feature: Int32s,  # [n]
+    threshold: Floats,  # [n]
+    offset: Int32s,  # [n] first child of each node, counted within the level
+    value_start: Int32s,  # [n] where the branches of a nominal test begin, -1 if continuous
+    value_branch: Int32s,
+    values: Floats,  # [lists, E]
+    order: Int32s,  # [lists, E]
+    list_of: Int32s,
+    codes: Floats,
+    row: Int32s,
+    label: Int16s,
+    weight: Floats,
+    branch: Int32s,  # [cases] out; -1 if unknown
+    sizes: Int32s,  # [children] out: cases with a known value
+    distribution: Floats,  # [children, A] out: their classes
+    unknown_sizes: Int32s,  # [n] out
+    unknown: Floats,  # [n, A] out: classes of the cases with unknown value
+) -> None:
+    """Find the branch of each case, and count the cases and classes of each branch."""
+    for node in range(starts.size - 1):
+        j = feature[node]
+        if j < 0:
+            continue
+        at = list_of[j]
+        for i in range(starts[node], starts[node + 1]):
+            case = order[at, i]
+            w = 1.0 if weight.size == 0 else weight[case]
+            value = values[at, i] if value_start[node] < 0 else codes[row[case], j]
+            b = branch_of(value, threshold[node], value_start[node], value_branch)
+            branch[case] = b
+            if b < 0:
+                unknown_sizes[node] += 1
+                unknown[node, label[case]] += w
+            else:
+                sizes[offset[node] + b] += 1
+                distribution[offset[node] + b, label[case]] += w
+
+
+@compiled
+def branch_of(value: float, threshold: float, value_start: int, value_branch: Int32s) -> int:
+    """Return the branch that a value takes, -1 if it is unknown or no branch stands for it."""
+    if math.isnan(value):
+        return KNOWN_NONE
+    if value_start < 0:
+        return 0 if value <= threshold else 1
+    return int(value_branch[value_start + int(value)])
+
+
+@compiled
+def divide(
+    starts: Int32s,  # [n + 1]
+    feature: Int32s,  # [n]
+    offset: Int32s,  # [n]
+    forks: Int32s,  # [n]
+    branch: Int32s,  # [cases]
+    copy: Int32s,  # [cases] first of the new cases of a case with unknown value
+    open_child: Booleans,  # [children] whether the child may be divided again
+    shared: Booleans,  # [children] whether it takes part of the cases with unknown value
+    child_starts: Int32s,  # [children] where each open child's segment begins
+    values: Floats,  # [lists, E]
+    order: Int32s,
+    new_values: Floats,  # [lists, E'] out
+    new_order: Int32s,
+) -> None:
+    """Hand every sorted list down to the children by stable partition."""
+    cursor = np.empty(forks.max(), np.int32)
+    for node in range(starts.size - 1):  # node by node: the branches of its cases stay in cache
+        if feature[node] < 0:
+            continue
+        first, last = offset[node], offset[node] + forks[node]
+        for at in range(order.shape[0]):
+            cursor[: forks[node]] = child_starts[first:last]
+            for i in range(starts[node], starts[node + 1]):
+                case = order[at, i]
+                b = branch[case]
+                if b >= 0:
+                    if open_child[first + b]:
+                        new_order[at, cursor[b]] = case
+                        new_values[at, cursor[b]] = values[at, i]
+                        cursor[b] += 1
+                else:
+                    for fork in range(forks[node]):
+                        if open_child[first + fork] and shared[first + fork]:
+                            new_order[at, cursor[fork]] = copy[case] + fork
+                            new_values[at, cursor[fork]] = values[at, i]
+                            cursor[fork] += 1

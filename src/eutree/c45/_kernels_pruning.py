@@ -1,0 +1,304 @@
+"""Compiled loops of pruning: estimated errors, and the cases of a node handed down its subtree.
+
+A *case* is a row with a weight. A row whose tested value is unknown becomes one case in every
+branch, with its weight shared out.
+"""
+
+import math
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eutree.arrays import Floats, Int32s, Integers
+from eutree.c45._kernels import branch_of
+from eutree.c45._kernels_entropy import Int16s
+from eutree.compiled import compiled
+
+_Number = TypeVar("_Number", np.int32, np.float64)
+
+
+@compiled
+def add_errors(n: float, e: float, confidence: float, z: float, normal: bool) -> float:
+    """Return the errors expected beyond the ``e`` seen among ``n`` cases (release 8's AddErrs).
+
+    ``normal`` selects J48's variant: no addition for a confidence above one half, interpolation
+    from e = 0, and n - e in place of 0.67 (n - e) at the upper end.
+    """
+    if normal and confidence > 0.5:
+        return 0.0
+    if e < (1.0 if normal else 0.9999):
+        base: float = n * (1.0 - confidence ** (1.0 / n))
+        if e < (1e-300 if normal else 1e-6):
+            return base
+        return base + e * (add_errors_from_one(n, 1.0, z, normal) - base)
+    return add_errors_from_one(n, e, z, normal)
+
+
+@compiled
+def add_errors_from_one(n: float, e: float, z: float, normal: bool) -> float:
+    """Return ``add_errors`` for at least one error seen."""
+    if e + 0.5 >= n:
+        rest = n - e if normal else 0.67 * (n - e)
+        return float(rest) if rest > 0.0 else 0.0
+    e += 0.5
+    z2 = z * z
+    rate = (e + z2 / 2.0 + math.sqrt(z2 * (e * (1.0 - e / n) + z2 / 4.0))) / (n + z2)
+    return n * rate - (e - 0.5)
+
+
+@compiled
+def estimated_errors(
+    distribution: Floats,  # [A]
+    confidence: float,
+    z: float,
+    normal: bool,
+) -> float:
+    """Return the pessimistic number of errors of a leaf."""
+    total = float(distribution.sum())
+    e = total - float(distribution.max())
+    if total <= 1e-9:
+        return 0.0
+    if e < 1e-9:
+        e = 0.0
+    return e + add_errors(total, e, confidence, z, normal)
+
+
+@compiled
+def room(array: NDArray[_Number], needed: int) -> NDArray[_Number]:
+    """Return the array, or a longer copy if it has fewer than ``needed`` entries."""
+    if array.size >= needed:
+        return array
+    longer = np.empty(max(needed, 2 * array.size), array.dtype)
+    longer[: array.size] = array
+    return longer
+
+
+@compiled
+def hand_down(
+    node: int,
+    start: int,
+    stop: int,
+    top: int,
+    rows: Int32s,  # arena of cases; rows[start:stop] are those of the node
+    weights: Floats,  # arena
+    feature: Int32s,
+    threshold: Floats,
+    n_children: Int32s,
+    value_start: Int32s,
+    value_branch: Int32s,
+    observations: Floats,
+    bounds: Int32s,  # [forks + 1] out, relative to the returned place
+    scratch_rows: Int32s,
+    scratch_weights: Floats,
+) -> tuple[int, int]:
+    """Divide the cases of a node; return where its first branch begins and the new arena top.
+
+    Without unknown values the cases are permuted in place. Otherwise the branches are written
+    to the arena from ``top`` on, which must have room for ``forks`` copies of the cases.
+    """
+    forks, j = n_children[node], feature[node]
+    t, at = threshold[node], value_start[node]
+    bounds[: forks + 1] = 0
+    unknown = 0
+    known_weight = 0.0
+    for i in range(start, stop):
+        b = branch_of(observations[rows[i], j], t, at, value_branch)
+        if b < 0:
+            unknown += 1
+        else:
+            bounds[b + 1] += 1
+            known_weight += weights[i]
+    if unknown == 0:
+        for b in range(forks):
+            bounds[b + 1] += bounds[b]
+        cursor = bounds[:forks].copy()
+        for i in range(start, stop):
+            b = branch_of(observations[rows[i], j], t, at, value_branch)
+            scratch_rows[cursor[b]] = rows[i]
+            scratch_weights[cursor[b]] = weights[i]
+            cursor[b] += 1
+        for i in range(stop - start):
+            rows[start + i] = scratch_rows[i]
+            weights[start + i] = scratch_weights[i]
+        return start, top
+    share = np.zeros(forks)
+    for i in range(start, stop):
+        b = branch_of(observations[rows[i], j], t, at, value_branch)
+        if b >= 0:
+            share[b] += weights[i]
+    if known_weight > 0.0:
+        share /= known_weight
+    else:
+        share[:] = 1.0 / forks
+    out = top
+    for b in range(forks):
+        bounds[b] = out - top
+        for i in range(start, stop):
+            where = branch_of(observations[rows[i], j], t, at, value_branch)
+            if where == b or (where < 0 and share[b] > 0.0):
+                rows[out] = rows[i]
+                weights[out] = weights[i] if where == b else weights[i] * share[b]
+                out += 1
+    bounds[forks] = out - top
+    return top, out
+
+
+@compiled
+def prune(
+    feature: Int32s,  # [M] changed in place, as are all arrays of the nodes
+    threshold: Floats,
+    first_child: Int32s,
+    n_children: Int32s,
+    value_start: Int32s,
+    value_branch: Int32s,
+    distribution: Floats,  # [M, A]
+    observations: Floats,  # [N, d]
+    label: Int16s,  # [N]
+    weight: Floats,  # [N]
+    confidence: float,
+    z: float,
+    normal: bool,
+    raising: bool,
+) -> None:
+    """Prune by estimated errors: a node may become a leaf or be replaced by its largest branch.
+
+    The stack holds (node, cases, phase): in phase 0 the classes of a node are counted and its
+    cases handed down, in phase 1 its branches are finished and the node is decided on. A raised
+    branch is counted and pruned again with all cases of the node.
+    """
+    n_rows, n_nodes = observations.shape[0], feature.size
+    rows = np.arange(n_rows).astype(np.int32)
+    weights = weight.copy()
+    scratch_rows, scratch_weights = rows.copy(), weights.copy()
+    error = np.zeros(n_nodes)
+    bounds = np.zeros(n_children.max() + 1, np.int32)
+    stack = np.zeros((2 * n_nodes + 2, 5), np.int64)
+    stack[0, 2] = n_rows
+    stack[0, 4] = n_rows
+    depth = 1
+    inner_stack = np.zeros((n_nodes + 1, 3), np.int64)
+    while depth > 0:
+        depth -= 1
+        node, start, stop = stack[depth, 0], stack[depth, 1], stack[depth, 2]
+        phase, top = stack[depth, 3], stack[depth, 4]
+        if phase == 0:
+            distribution[node, :] = 0.0
+            for i in range(start, stop):
+                distribution[node, label[rows[i]]] += weights[i]
+            if feature[node] < 0:
+                error[node] = estimated_errors(distribution[node], confidence, z, normal)
+                continue
+            forks = n_children[node]
+            rows = room(rows, top + forks * (stop - start))
+            weights = room(weights, top + forks * (stop - start))
+            scratch_rows = room(scratch_rows, stop - start)
+            scratch_weights = room(scratch_weights, stop - start)
+            place, new_top = hand_down(
+                node, start, stop, top, rows, weights, feature, threshold, n_children,
+                value_start, value_branch, observations, bounds, scratch_rows, scratch_weights,
+            )  # fmt: skip
+            stack[depth, 3] = 1
+            depth += 1
+            for b in range(forks):
+                stack[depth, 0] = first_child[node] + b
+                stack[depth, 1] = place + bounds[b]
+                stack[depth, 2] = place + bounds[b + 1]
+                stack[depth, 3] = 0
+                stack[depth, 4] = new_top
+                depth += 1
+            continue
+        first, forks = first_child[node], n_children[node]
+        largest = first
+        most = 0.0
+        tree_error = 0.0
+        for b in range(forks):
+            size = distribution[first + b].sum()
+            if size >= most - 1e-9:
+                largest = first + b
+                most = size
+            tree_error += error[first + b]
+        leaf_error = estimated_errors(distribution[node], confidence, z, normal)
+        branch_error = math.inf
+        if raising:
+            branch_error, rows, weights, scratch_rows, scratch_weights = errors_of_branch(
+                largest, start, stop, top, max(leaf_error, tree_error) + 0.1, rows, weights,
+                feature, threshold, first_child, n_children, value_start, value_branch,
+                observations, label, distribution.shape[1], confidence, z, normal, bounds,
+                inner_stack, scratch_rows, scratch_weights,
+            )  # fmt: skip
+        if leaf_error <= branch_error + 0.1 + 1e-9 and leaf_error <= tree_error + 0.1 + 1e-9:
+            feature[node] = -1
+            n_children[node] = 0
+            error[node] = leaf_error
+        elif branch_error <= tree_error + 0.1 + 1e-9:
+            feature[node] = feature[largest]
+            threshold[node] = threshold[largest]
+            first_child[node] = first_child[largest]
+            n_children[node] = n_children[largest]
+            value_start[node] = value_start[largest]
+            stack[depth, 3] = 0
+            depth += 1
+        else:
+            error[node] = tree_error
+
+
+@compiled
+def errors_of_branch(
+    branch: int,
+    start: int,
+    stop: int,
+    top: int,
+    limit: float,
+    rows: Int32s,
+    weights: Floats,
+    feature: Int32s,
+    threshold: Floats,
+    first_child: Int32s,
+    n_children: Int32s,
+    value_start: Int32s,
+    value_branch: Int32s,
+    observations: Floats,
+    label: Int16s,
+    n_classes: int,
+    confidence: float,
+    z: float,
+    normal: bool,
+    bounds: Int32s,
+    stack: Integers,
+    scratch_rows: Int32s,
+    scratch_weights: Floats,
+) -> tuple[float, Int32s, Floats, Int32s, Floats]:
+    """Return the estimated errors of a branch on all cases of its parent, and the arenas.
+
+    Stops early once the sum exceeds ``limit``, where it no longer changes any decision.
+    """
+    counts = np.zeros(n_classes)
+    stack[0, 0], stack[0, 1], stack[0, 2] = branch, start, stop
+    depth = 1
+    errors = 0.0
+    while depth > 0 and errors <= limit + 1e-6:
+        depth -= 1
+        node, first, last = stack[depth, 0], stack[depth, 1], stack[depth, 2]
+        if feature[node] < 0:
+            counts[:] = 0.0
+            for i in range(first, last):
+                counts[label[rows[i]]] += weights[i]
+            errors += estimated_errors(counts, confidence, z, normal)
+            continue
+        forks = n_children[node]
+        here = max(top, last)  # what lies above belongs to branches already counted
+        rows = room(rows, here + forks * (last - first))
+        weights = room(weights, here + forks * (last - first))
+        scratch_rows = room(scratch_rows, last - first)
+        scratch_weights = room(scratch_weights, last - first)
+        place, _ = hand_down(
+            node, first, last, here, rows, weights, feature, threshold, n_children,
+            value_start, value_branch, observations, bounds, scratch_rows, scratch_weights,
+        )  # fmt: skip
+        for b in range(forks):
+            stack[depth, 0] = first_child[node] + b
+            stack[depth, 1] = place + bounds[b]
+            stack[depth, 2] = place + bounds[b + 1]
+            depth += 1
+    return errors, rows, weights, scratch_rows, scratch_weights

@@ -1,0 +1,346 @@
+"""Growing a C4.5 tree level by level (release 8's ``FormTree``), and collapsing it.
+
+Each attribute is sorted once; a level costs O(d n) however many nodes it has.
+"""
+
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+
+from eutree.arrays import Booleans, Floats, Int32s
+from eutree.c45 import _kernels, _kernels_entropy
+from eutree.c45._kernels_entropy import Int16s
+from eutree.c45.settings import C45Settings
+
+EPSILON = 1e-3  # release 8's tolerance: average filter, split information, collapse
+
+
+@dataclass
+class Nodes:
+    """A tree while it grows and is pruned; children of a node stand together, after it."""
+
+    feature: Int32s  # [M] attribute tested, -1 at a leaf
+    threshold: Floats  # [M] NaN unless a continuous attribute is tested
+    first_child: Int32s  # [M]
+    n_children: Int32s  # [M] 0 at a leaf
+    value_start: Int32s  # [M] where the branches of a nominal test begin, -1 if there are none
+    value_branch: Int32s  # [V] branch of each value, -1 where no branch stands for it
+    distribution: Floats  # [M, A] weight of each class
+
+
+@dataclass
+class _Cases:
+    """The cases of a level: those of one node stand together in every list."""
+
+    starts: Int32s  # [n + 1]
+    values: Floats  # [lists, E] sorted within each node; NaN last
+    order: Int32s  # [lists, E]
+    row: Int32s  # [cases]
+    label: Int16s  # [cases]
+    weight: Floats  # [cases]; empty if every weight is 1
+
+
+@dataclass
+class Training:
+    """What is known of the training set before the first test.
+
+    Attributes:
+        observations: Numbers, codes of nominal values, NaN where unknown.
+        actions: Class of each row.
+        weights: Weight of each row.
+        n_values: Number of values of each nominal attribute; 0 for a continuous one.
+        n_classes: Number of classes.
+    """
+
+    observations: Floats  # [N, d]
+    actions: Int16s  # [N]
+    weights: Floats  # [N]
+    n_values: Int32s  # [d]
+    n_classes: int
+    table: Floats = field(init=False)  # [W + 1] x log2 x of whole weights; [0] if others exist
+
+    def __post_init__(self) -> None:
+        whole = np.array_equal(self.weights, np.floor(self.weights))
+        total = self.weights.sum()
+        small = whole and total <= 4 * len(self.weights) + 1000
+        complete = not np.isnan(self.observations).any()
+        self.table = _kernels_entropy.xlogx_table(int(total) + 2 if small and complete else 0)
+
+    @property
+    def counted(self) -> Booleans:
+        """Whether the gain of each attribute counts in the average (not if of many values)."""
+        few: Booleans = self.n_values < 0.3 * self.weights.sum()
+        return few if few.any() else ~few
+
+
+def grow_nodes(training: Training, settings: C45Settings) -> Nodes:
+    """Grow the tree and collapse it as the settings say; nothing is pruned."""
+    nodes = _Grower(training, settings).grow()
+    if settings.collapse:
+        _collapse(nodes)
+    return nodes
+
+
+def is_closed(distribution: Floats, settings: C45Settings) -> Booleans:
+    """Return which nodes are leaves from the start: pure, or of less than 2 m."""
+    total = distribution.sum(axis=1)
+    other = total - distribution.max(axis=1)
+    few = total < 2 * settings.min_objects - settings.tolerance
+    closed: Booleans = few | (other <= settings.tolerance)
+    return closed
+
+
+class _Grower:
+    """One growing tree: its finished levels, and the cases of the present one."""
+
+    def __init__(self, training: Training, settings: C45Settings) -> None:
+        self.training, self.settings = training, settings
+        nominal = training.n_values > 0
+        self.list_of = (np.cumsum(~nominal) - 1).astype(np.int32)
+        self.list_of[nominal] = (~nominal).sum()  # all nominal attributes share one list
+        self.options = _options(settings)
+        self.cases = self._sort()
+        self.sorted_values = self.cases.values.copy()  # [lists, N]
+        self.spare = (np.empty_like(self.cases.values), np.empty_like(self.cases.order))
+        self.levels: list[Nodes] = []
+        self.n_value_branches = 0
+
+    def _sort(self) -> _Cases:
+        training = self.training
+        n_rows, n_features = training.observations.shape
+        columns = [j for j in range(n_features) if training.n_values[j] == 0]
+        n_lists = len(columns) + (len(columns) < n_features)
+        order = np.empty((n_lists, n_rows), dtype=np.int32)
+        values = np.zeros((n_lists, n_rows))
+        order[-1] = np.arange(n_rows)
+        for at, j in enumerate(columns):
+            column = np.ascontiguousarray(training.observations[:, j])
+            order[at] = np.argsort(column, kind="stable")
+            values[at] = column[order[at]]
+        unit = bool((training.weights == 1).all())
+        return _Cases(
+            starts=np.array([0, n_rows], dtype=np.int32),
+            values=values,
+            order=order,
+            row=np.arange(n_rows, dtype=np.int32),
+            label=training.actions,
+            weight=np.empty(0) if unit else training.weights.copy(),
+        )
+
+    def grow(self) -> Nodes:
+        """Grow level by level until every node is a leaf; return all nodes."""
+        training = self.training
+        root = np.bincount(training.actions, training.weights, minlength=training.n_classes)
+        distribution = root[np.newaxis].astype(np.float64)
+        closed = is_closed(distribution, self.settings)
+        n_nodes = 1
+        while True:
+            level, children = self._level(distribution, ~closed, n_nodes)
+            self.levels.append(level)
+            if not len(children):
+                return _join(self.levels)
+            n_nodes += len(children)
+            distribution, closed = children, is_closed(children, self.settings)
+
+    def _level(self, distribution: Floats, opened: Booleans, n_nodes: int) -> tuple[Nodes, Floats]:
+        """Return the nodes of a level, tested where they are open, and their children's classes."""
+        level = _leaves(distribution)
+        where = np.flatnonzero(opened)
+        if not len(where):
+            return level, np.empty((0, distribution.shape[1]))
+        feature, cut, n_blocks, blocks = self._choose(distribution[where])
+        split = feature >= 0
+        threshold = np.full(len(where), np.nan)
+        forks = np.zeros(len(where), dtype=np.int32)
+        value_start = np.full(len(where), -1, dtype=np.int32)
+        maps: list[Int32s] = []
+        nominal = split & (self.training.n_values[feature] > 0)
+        forks[split] = 2
+        for j in np.unique(feature[split & ~nominal]):
+            threshold[feature == j] = self._thresholds(j, cut[feature == j])
+        n_mapped = 0
+        for k in np.flatnonzero(nominal):
+            n_values = int(self.training.n_values[feature[k]])
+            forks[k], value_start[k] = n_blocks[k], n_mapped
+            every = np.arange(n_values, dtype=np.int32)
+            maps.append(blocks[k, :n_values] if self.settings.grouped else every)
+            n_mapped += n_values
+        value_branch = np.concatenate([np.empty(0, np.int32), *maps])
+        offset = (np.cumsum(forks) - forks).astype(np.int32)
+        test = (feature, threshold, offset, value_start, value_branch)
+        children = self._divide(test, forks, distribution[where])
+        level.feature[where], level.threshold[where] = feature, threshold
+        level.n_children[where] = forks
+        level.first_child[where] = np.where(split, n_nodes + offset, -1)
+        level.value_start[where[nominal]] = value_start[nominal] + self.n_value_branches
+        level.value_branch = value_branch
+        self.n_value_branches += len(value_branch)
+        return level, children
+
+    def _choose(self, distribution: Floats) -> tuple[Int32s, Floats, Int32s, Int32s]:
+        """Return attribute (-1: none), cut [n, 2], branches and branch of each value [n, V]."""
+        cases, training = self.cases, self.training
+        feature = np.empty(len(distribution), dtype=np.int32)
+        cut = np.full((len(distribution), 2), np.nan)
+        forks = np.zeros(len(distribution), dtype=np.int32)
+        n_maps = len(distribution) if self.settings.grouped else 0
+        blocks = np.empty((n_maps, max(1, int(training.n_values.max()))), dtype=np.int32)
+        _kernels.choose_tests(
+            cases.starts, distribution.sum(axis=1), cases.values, cases.order, self.list_of,
+            training.n_values, training.counted, training.observations, cases.row, cases.label,
+            cases.weight, training.table, training.n_classes, self.options, feature, cut,
+            forks, blocks,
+        )  # fmt: skip
+        return feature, cut, forks, blocks
+
+    def _thresholds(self, feature: int, cut: Floats) -> Floats:
+        """Return the greatest training value up to the midpoint of each cut [n, 2].
+
+        J48 also takes a value that is above the midpoint by less than its tolerance.
+        """
+        low, high = cut[:, 0], cut[:, 1]
+        middle = 0.5 * low + 0.5 * high
+        # Neighbours in float64 (and subnormal numbers) may have no number between them.
+        middle = np.where((low <= middle) & (middle < high), middle, low)
+        if self.settings.z == "normal":
+            above = middle + self.settings.tolerance
+            middle = np.where((middle > low) & (above < high), above, middle)
+        column = self.sorted_values[self.list_of[feature]]
+        values: Floats = column[np.searchsorted(column, middle, side="right") - 1]
+        return values
+
+    def _divide(
+        self,
+        test: tuple[Int32s, Floats, Int32s, Int32s, Int32s],
+        forks: Int32s,
+        parents: Floats,  # [n, A]
+    ) -> Floats:
+        """Make the cases of the next level; return the classes of all children [children, A]."""
+        cases, training = self.cases, self.training
+        feature, threshold, offset, value_start, value_branch = test
+        n_children = int(forks.sum())
+        branch = np.empty(len(cases.row), dtype=np.int32)
+        sizes = np.zeros(n_children, dtype=np.int32)
+        children = np.zeros((n_children, training.n_classes))
+        unknown_sizes = np.zeros(len(forks), dtype=np.int32)
+        unknown = np.zeros((len(forks), training.n_classes))
+        _kernels.assign_branches(
+            cases.starts, feature, threshold, offset, value_start, value_branch, cases.values,
+            cases.order, self.list_of, training.observations, cases.row, cases.label, cases.weight,
+            branch, sizes, children, unknown_sizes, unknown,
+        )  # fmt: skip
+        parent = np.repeat(np.arange(len(forks)), forks)
+        known = (parents - unknown).sum(axis=1)
+        share = children.sum(axis=1) / known[parent]
+        children += share[:, np.newaxis] * unknown[parent]
+        shared = share > 0
+        copy = self._copy_unknown(branch, feature, forks, share, offset)
+        sizes += np.where(shared, unknown_sizes[parent], 0).astype(np.int32)
+        opened = ~is_closed(children, self.settings)
+        ends = np.cumsum(np.where(opened, sizes, 0))
+        child_starts = (ends - np.where(opened, sizes, 0)).astype(np.int32)
+        n_cases = int(ends[-1]) if n_children else 0
+        new_values, new_order = self._room(n_cases)
+        _kernels.divide(
+            cases.starts, feature, offset, forks, branch, copy, opened, shared, child_starts,
+            cases.values, cases.order, new_values, new_order,
+        )  # fmt: skip
+        self.spare = (cases.values, cases.order)
+        cases.values, cases.order = new_values, new_order
+        cases.starts = np.append(child_starts[opened], n_cases).astype(np.int32)
+        return children
+
+    def _room(self, n_cases: int) -> tuple[Floats, Int32s]:
+        """Return lists [lists, n_cases] to write to, in the memory of the last but one level."""
+        values, order = self.spare
+        n_lists = len(order)
+        if n_lists * n_cases > order.size:
+            return np.empty((n_lists, n_cases)), np.empty((n_lists, n_cases), dtype=np.int32)
+        size = n_lists * n_cases
+        return (
+            values.reshape(-1)[:size].reshape(n_lists, n_cases),
+            order.reshape(-1)[:size].reshape(n_lists, n_cases),
+        )
+
+    def _copy_unknown(
+        self, branch: Int32s, feature: Int32s, forks: Int32s, share: Floats, offset: Int32s
+    ) -> Int32s:
+        """Append one case per branch for each case with unknown value; return the first of each."""
+        cases = self.cases
+        copy = np.empty(len(branch), dtype=np.int32)
+        n_cases = len(cases.row)
+        sources: list[Int32s] = []
+        weights: list[Floats] = []
+        for k in np.flatnonzero(feature >= 0):
+            members = cases.order[self.list_of[feature[k]], cases.starts[k] : cases.starts[k + 1]]
+            members = members[branch[members] < 0]
+            if len(members):
+                copy[members] = n_cases + forks[k] * np.arange(len(members))
+                n_cases += int(forks[k]) * len(members)
+                sources.append(np.repeat(members, forks[k]))
+                old = cases.weight[members] if len(cases.weight) else np.ones(len(members))
+                parts = share[offset[k] : offset[k] + forks[k]]
+                weights.append((old[:, np.newaxis] * parts).ravel())
+        if sources:
+            source = np.concatenate(sources)
+            old = cases.weight if len(cases.weight) else np.ones(len(cases.row))
+            cases.weight = np.concatenate([old, *weights])
+            cases.row = np.concatenate([cases.row, cases.row[source]])
+            cases.label = np.concatenate([cases.label, cases.label[source]])
+        return copy
+
+
+def _options(settings: C45Settings) -> Floats:
+    """Return the settings as the numbers that the kernel ``choose_tests`` reads."""
+    normal = settings.z == "normal"
+    start = 0.0 if normal else -EPSILON
+    epsilon = 1e-6 if normal else EPSILON
+    return np.array(
+        [
+            settings.min_objects,
+            settings.gap,
+            settings.tolerance,
+            epsilon if settings.require_gain else -np.inf,
+            start if settings.require_gain else -np.inf,
+            settings.use_min_split,
+            settings.use_penalty,
+            settings.use_average_filter,
+            not settings.require_gain,
+            0.0 if normal else settings.min_objects,
+        ],
+        dtype=np.float64,
+    )
+
+
+def _leaves(distribution: Floats) -> Nodes:
+    """Return nodes with the given classes that are all leaves."""
+    none = np.full(len(distribution), -1, dtype=np.int32)
+    return Nodes(
+        feature=none.copy(),
+        threshold=np.full(len(distribution), np.nan),
+        first_child=none.copy(),
+        n_children=np.zeros(len(distribution), dtype=np.int32),
+        value_start=none.copy(),
+        value_branch=np.empty(0, dtype=np.int32),
+        distribution=distribution,
+    )
+
+
+def _join(levels: list[Nodes]) -> Nodes:
+    """Return the nodes of all levels in one."""
+    names = [column.name for column in fields(Nodes)]
+    return Nodes(**{n: np.concatenate([getattr(level, n) for level in levels]) for n in names})
+
+
+def _collapse(nodes: Nodes) -> None:
+    """Make a leaf of each node whose subtree makes no fewer errors on the training set."""
+    own = nodes.distribution.sum(axis=1) - nodes.distribution.max(axis=1)
+    errors = own.copy()
+    for node in np.flatnonzero(nodes.feature >= 0)[::-1]:
+        first = nodes.first_child[node]
+        below = errors[first : first + nodes.n_children[node]].sum()
+        if below >= own[node] - EPSILON:
+            nodes.feature[node], nodes.threshold[node] = -1, np.nan
+            nodes.n_children[node], nodes.first_child[node], nodes.value_start[node] = 0, -1, -1
+        else:
+            errors[node] = below

@@ -1,0 +1,87 @@
+"""C4.5 from a training set to a tree: grow, collapse, prune."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from eutree.arrays import Floats
+from eutree.c45.growing import Training, grow_nodes
+from eutree.c45.pruning import compact, prune_nodes
+from eutree.c45.settings import C45Settings
+from eutree.c45.tree import C45Tree, read_only
+from eutree.errors import InvalidArgumentError
+from eutree.validation import check_actions, check_integer, check_vector
+
+MOST_CLASSES = 2**15 - 1
+
+_DEFAULT = C45Settings()
+
+
+def grow(
+    observations: ArrayLike,
+    actions: ArrayLike,
+    *,
+    n_classes: int,
+    weights: ArrayLike | None = None,
+    n_values: ArrayLike | None = None,
+    settings: C45Settings = _DEFAULT,
+) -> C45Tree:
+    """Return the tree that C4.5 makes of a training set.
+
+    Args:
+        observations: Numbers, shape [N, d]; NaN where a value is unknown.
+        actions: Class of each row, an integer in 0..n_classes - 1, shape [N].
+        n_classes: Number of classes; it enters the least size of a branch.
+        weights: Weight of each row, none negative; rows of weight 0 are left out. 1 by default.
+        n_values: Number of values of each nominal attribute, whose column holds the codes
+            0..n_values - 1; 0 for a continuous attribute. All are continuous by default.
+        settings: Every choice of the learner; release 8 by default.
+
+    Raises:
+        InvalidArgumentError: If an argument is not as described, or no row has weight.
+    """
+    check_integer("n_classes", n_classes, low=1, high=MOST_CLASSES)
+    rows = _matrix(observations)
+    labels = check_actions("actions", actions, size=len(rows))
+    if labels.size and labels.max() >= n_classes:
+        raise InvalidArgumentError(
+            f"actions must be in 0..{n_classes - 1}, got {int(labels.max())}"
+        )
+    weight = np.ones(len(rows)) if weights is None else check_vector(
+        "weights", weights, size=len(rows)
+    )  # fmt: skip
+    if weight.size and weight.min() < 0:
+        raise InvalidArgumentError(f"weights must not be negative, got {weight.min()}")
+    used = weight > 0
+    if not used.any():
+        raise InvalidArgumentError("observations must have at least one row with weight, got none")
+    if not used.all():
+        rows, labels, weight = rows[used], labels[used], weight[used]
+    values = np.zeros(rows.shape[1]) if n_values is None else np.asarray(n_values)
+    training = Training(
+        observations=read_only(rows),
+        actions=labels.astype(np.int16),
+        weights=weight.copy(),
+        n_values=values.astype(np.int32),
+        n_classes=n_classes,
+    )
+    nodes = grow_nodes(training, settings)
+    if settings.prune:
+        prune_nodes(nodes, training, settings)
+    kept = compact(nodes)
+    return C45Tree(n_values=training.n_values, **vars(kept))
+
+
+def _matrix(observations: ArrayLike) -> Floats:
+    """Return the observations as a C-ordered float64 matrix without infinities."""
+    try:
+        rows = np.ascontiguousarray(observations, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidArgumentError(f"observations must be a matrix of numbers: {error}") from None
+    if rows.ndim != 2 or rows.shape[1] == 0:
+        raise InvalidArgumentError(
+            f"observations must have shape (N, d) with d >= 1, got {rows.shape}"
+        )
+    if np.isinf(rows).any():
+        place = ", ".join(map(str, np.argwhere(np.isinf(rows))[0]))
+        raise InvalidArgumentError(f"observations must not be infinite, got infinity at [{place}]")
+    return rows

@@ -1,0 +1,109 @@
+"""C4.5 trees as text, Graphviz and JSON, with names for attributes, values and classes.
+
+The writers of ``eutree.export`` take binary trees; these also take tests with many branches.
+"""
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+from eutree.c45.tree import C45Tree
+from eutree.trees.text import printable
+
+
+@dataclass(frozen=True)
+class Names:
+    """What the numbers of a tree are called.
+
+    Attributes:
+        features: Names of the attributes.
+        classes: Names of the classes.
+        values: Names of the values of each nominal attribute; empty for a continuous one.
+    """
+
+    features: tuple[str, ...]
+    classes: tuple[str, ...]
+    values: tuple[tuple[str, ...], ...]
+
+
+def condition(tree: C45Tree, names: Names, node: int, branch: int) -> str:
+    """Return the condition under which ``node`` hands a case to a branch."""
+    name = printable(names.features[tree.feature[node]])
+    if tree.value_start[node] < 0:
+        return f"{name} {'>' if branch else '<='} {_number(tree.threshold[node])}"
+    every = names.values[tree.feature[node]]
+    values = [printable(every[v]) for v in tree.values_of_branch(node, branch)]
+    return f"{name} = {values[0]}" if len(values) == 1 else f"{name} in {{{', '.join(values)}}}"
+
+
+def verdict(tree: C45Tree, names: Names, node: int) -> str:
+    """Return the class of a leaf with its training cases and errors: ``play (4)``, ``(4/1)``."""
+    total = float(tree.distribution[node].sum())
+    wrong = total - float(tree.distribution[node].max())
+    errors = f"/{_number(round(wrong, 2))}" if round(wrong, 2) else ""
+    return f"{printable(names.classes[tree.label[node]])} ({_number(round(total, 2))}{errors})"
+
+
+def to_text(tree: C45Tree, names: Names) -> str:
+    """Return one line for each branch, indented by its depth, as C4.5 prints its trees."""
+    if tree.n_nodes == 1:
+        return verdict(tree, names, 0)
+    lines = []
+    for node, depth in tree.preorder():
+        if node:
+            parent = int(tree.parent[node])
+            text = condition(tree, names, parent, node - int(tree.first_child[parent]))
+            leaf = f" {verdict(tree, names, node)}" if not tree.n_children[node] else ""
+            lines.append(f"{'|   ' * (depth - 1)}{text}:{leaf}")
+    return "\n".join(lines)
+
+
+def to_dot(tree: C45Tree, names: Names) -> str:
+    """Return a Graphviz digraph."""
+    lines = ["digraph tree {", "  node [shape=box];"]
+    for node, _ in tree.preorder():
+        inner = tree.n_children[node] > 0
+        name = printable(names.features[tree.feature[node]])
+        label = name if inner else verdict(tree, names, node)
+        lines.append(f"  n{node} [label={_quoted(label)}];")
+        for branch, child in enumerate(tree.children(node)):
+            text = condition(tree, names, node, branch)
+            edge = text.removeprefix(name).strip()
+            lines.append(f"  n{node} -> n{child} [label={_quoted(edge)}];")
+    return "\n".join([*lines, "}", ""])
+
+
+def to_json(tree: C45Tree, names: Names) -> str:
+    """Return names and nodes; children follow their parents, numbers are written in full."""
+    nodes: list[dict[str, Any]] = []
+    for node in range(tree.n_nodes):
+        entry: dict[str, Any] = {"classes": tree.distribution[node].tolist()}
+        if tree.n_children[node]:
+            entry |= {"feature": int(tree.feature[node]), "children": [*tree.children(node)]}
+            if tree.value_start[node] < 0:
+                entry["threshold"] = float(tree.threshold[node])
+            else:
+                branches = range(int(tree.n_children[node]))
+                entry["values"] = [list(tree.values_of_branch(node, b)) for b in branches]
+        nodes.append(entry)
+    document = {
+        "format": "eutree c45 tree",
+        "version": 1,
+        "features": [
+            {"name": name, "values": list(values)}
+            for name, values in zip(names.features, names.values, strict=True)
+        ],
+        "classes": list(names.classes),
+        "nodes": nodes,
+    }
+    return json.dumps(document, allow_nan=False, ensure_ascii=False, indent=1) + "\n"
+
+
+def _number(value: float) -> str:
+    """Return the shortest decimal that reads back as the same double."""
+    return repr(int(value)) if value == int(value) and abs(value) < 1e15 else repr(float(value))
+
+
+def _quoted(text: str) -> str:
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{escaped}"'

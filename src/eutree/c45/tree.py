@@ -1,0 +1,222 @@
+"""A tree as C4.5 makes it: binary tests of numbers, tests of nominal values, classes by node.
+
+Node 0 is the root. A node on a continuous attribute tests ``x[feature] <= threshold``: true takes
+its first child, false its second. A node on a nominal attribute has one child per value or group
+of values. The children of a node have consecutive indices, all larger than its own. A case whose
+tested value is unknown (NaN, or a value that no branch stands for) goes down all branches, weighted
+by their shares of the training cases (*fractional cases*).
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from eutree.arrays import Floats, Int32s, Integers, frozen
+from eutree.c45 import _kernels_prediction
+from eutree.errors import InvalidArgumentError
+from eutree.trees import DecisionTree
+
+
+@dataclass(frozen=True, eq=False)
+class C45Tree:
+    """A C4.5 tree; see the module's docstring for the meaning of its arrays.
+
+    Attributes:
+        n_values: Number of values of each nominal attribute; 0 for a continuous one.
+        feature: Attribute tested at each node; ``NO_FEATURE`` at a leaf.
+        threshold: Threshold of a continuous test; NaN elsewhere.
+        first_child: First child of each node; ``NO_NODE`` at a leaf.
+        n_children: Number of children of each node; 0 at a leaf.
+        value_start: Where the branches of a nominal test begin in ``value_branch``; -1 elsewhere.
+        value_branch: Branch of each value of a nominal test; -1 where no branch stands for it.
+        distribution: Weight of each class among the training cases of each node.
+    """
+
+    NO_FEATURE: ClassVar[int] = -1
+    NO_NODE: ClassVar[int] = -1
+
+    n_values: Int32s  # [d]
+    feature: Int32s  # [M]
+    threshold: Floats  # [M]
+    first_child: Int32s  # [M]
+    n_children: Int32s  # [M]
+    value_start: Int32s  # [M]
+    value_branch: Int32s  # [V]
+    distribution: Floats  # [M, A]
+
+    def __post_init__(self) -> None:
+        for column in fields(self):
+            object.__setattr__(self, column.name, frozen(getattr(self, column.name)))
+
+    @property
+    def n_features(self) -> int:
+        """Number of attributes d."""
+        return int(self.n_values.size)
+
+    @property
+    def n_classes(self) -> int:
+        """Number of classes A."""
+        return int(self.distribution.shape[1])
+
+    @property
+    def n_nodes(self) -> int:
+        """Number of nodes M."""
+        return int(self.feature.size)
+
+    @property
+    def n_leaves(self) -> int:
+        """Number of leaves, empty ones included."""
+        return int((self.feature == self.NO_FEATURE).sum())
+
+    @cached_property
+    def parent(self) -> Int32s:
+        """Parent of each node, shape [M]; ``NO_NODE`` at the root."""
+        inner = np.flatnonzero(self.feature != self.NO_FEATURE)
+        order = np.argsort(self.first_child[inner], kind="stable")
+        parents = np.repeat(inner[order], self.n_children[inner[order]])
+        return frozen(np.concatenate([[self.NO_NODE], parents]).astype(np.int32))
+
+    @cached_property
+    def depth(self) -> int:
+        """Number of tests on the longest path."""
+        depths = np.zeros(self.n_nodes, dtype=np.int64)
+        for node in range(1, self.n_nodes):
+            depths[node] = depths[self.parent[node]] + 1
+        return int(depths.max())
+
+    @cached_property
+    def probability(self) -> Floats:
+        """Share of each class at each node, shape [M, A]; an empty leaf has its parent's."""
+        weight = self.distribution.sum(axis=1, keepdims=True)
+        shares = np.divide(self.distribution, weight, where=weight > 0, out=self.distribution * 0)
+        for node in np.flatnonzero(weight[:, 0] <= 0):
+            shares[node] = shares[self.parent[node]]
+        return frozen(shares)
+
+    @cached_property
+    def label(self) -> Integers:
+        """Most frequent class of each node, shape [M]; the lowest index wins ties."""
+        return frozen(self.probability.argmax(axis=1).astype(np.int64))
+
+    def children(self, node: int) -> range:
+        """Return the children of a node; an empty range for a leaf."""
+        first = int(self.first_child[node])
+        return range(first, first + int(self.n_children[node]))
+
+    def path(self, node: int) -> tuple[int, ...]:
+        """Return the nodes from the root to ``node``, both included."""
+        nodes = [node]
+        while nodes[-1]:
+            nodes.append(int(self.parent[nodes[-1]]))
+        return tuple(reversed(nodes))
+
+    def values_of_branch(self, node: int, branch: int) -> tuple[int, ...]:
+        """Return the values of the nominal attribute of ``node`` that take a branch."""
+        start = int(self.value_start[node])
+        branches = self.value_branch[start : start + self.n_values[self.feature[node]]]
+        return tuple(int(value) for value in np.flatnonzero(branches == branch))
+
+    def preorder(self) -> Iterator[tuple[int, int]]:
+        """Yield (node, depth) of all nodes, each before its children, first child first."""
+        stack = [(0, 0)]
+        while stack:
+            node, depth = stack.pop()
+            yield node, depth
+            stack += [(child, depth + 1) for child in reversed(self.children(node))]
+
+    def leaf_node(self, observations: ArrayLike) -> Int32s:
+        """Return the leaf (its node) of each observation, shape [N].
+
+        Of the leaves of a fractional case it is the one with the largest share.
+        """
+        rows = self._check(observations)
+        leaves, unknown = self._find(rows)
+        if len(unknown):
+            leaves[unknown] = self._share(rows, unknown)[1]
+        return leaves
+
+    def predict(self, observations: ArrayLike) -> Integers:
+        """Return the most probable class of each observation, shape [N]."""
+        rows = self._check(observations)
+        leaves, unknown = self._find(rows)
+        classes = self.label[leaves]
+        if len(unknown):
+            classes[unknown] = self._share(rows, unknown)[0].argmax(axis=1)
+        return classes
+
+    def predict_proba(self, observations: ArrayLike) -> Floats:
+        """Return the share of each class at the leaf (or leaves) of each observation, [N, A]."""
+        rows = self._check(observations)
+        leaves, unknown = self._find(rows)
+        shares = self.probability[leaves]
+        if len(unknown):
+            shares[unknown] = self._share(rows, unknown)[0]
+        return shares
+
+    def _check(self, observations: ArrayLike) -> Floats:
+        rows = np.ascontiguousarray(observations, dtype=np.float64)
+        if rows.ndim != 2 or rows.shape[1] != self.n_features:
+            raise InvalidArgumentError(
+                f"observations must have shape (N, {self.n_features}), got {rows.shape}"
+            )
+        return read_only(rows)
+
+    def _find(self, rows: Floats) -> tuple[Int32s, Integers]:
+        """Return the leaf of each row, and the rows that have no single one (leaf -1)."""
+        leaves = np.empty(len(rows), dtype=np.int32)
+        n_unknown = _kernels_prediction.find_leaves(
+            self.feature, self.threshold, self.first_child, self.value_start, self.value_branch,
+            rows, leaves,
+        )  # fmt: skip
+        return leaves, np.flatnonzero(leaves < 0) if n_unknown else np.empty(0, np.int64)
+
+    def _share(self, rows: Floats, unknown: Integers) -> tuple[Floats, Int32s]:
+        """Return the probabilities of the rows ``unknown`` and the leaf of each's largest share."""
+        shares = np.zeros((len(unknown), self.n_classes))
+        leaves = np.empty(len(unknown), dtype=np.int32)
+        _kernels_prediction.share_out(
+            self.feature, self.threshold, self.first_child, self.n_children, self.value_start,
+            self.value_branch, self.distribution.sum(axis=1), self.probability, rows, unknown,
+            shares, leaves,
+        )  # fmt: skip
+        return shares, leaves
+
+    def to_decision_tree(self) -> tuple[DecisionTree, Integers]:
+        """Return the same tree as a ``DecisionTree``, and the class of each of its leaves.
+
+        Leaves are numbered from left to right. Raises InvalidArgumentError if the tree tests a
+        nominal attribute.
+        """
+        if (self.value_start >= 0).any():
+            nominal = int(self.feature[np.argmax(self.value_start >= 0)])
+            raise InvalidArgumentError(
+                "a decision tree must test continuous attributes only, got a test of the "
+                f"nominal attribute {nominal}"
+            )
+        order = np.array([node for node, _ in self.preorder()])
+        new = np.empty(self.n_nodes, dtype=np.int32)
+        new[order] = np.arange(self.n_nodes, dtype=np.int32)
+        leaves = self.feature[order] == self.NO_FEATURE
+        children = np.full((2, self.n_nodes), DecisionTree.NO_NODE, dtype=np.int32)
+        first = self.first_child[order[~leaves]]
+        children[:, ~leaves] = new[first], new[first + 1]
+        tree = DecisionTree(
+            n_features=self.n_features,
+            feature=self.feature[order],
+            threshold=self.threshold[order],
+            left=children[0],
+            right=children[1],
+            leaf=np.where(leaves, np.cumsum(leaves) - 1, DecisionTree.NO_LEAF),
+        )
+        return tree, self.label[order[leaves]]
+
+
+def read_only(array: Floats) -> Floats:
+    """Return a read-only view: kernels are compiled anew for arrays that differ in this."""
+    view = array.view()
+    view.setflags(write=False)
+    return view

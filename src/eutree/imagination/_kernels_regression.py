@@ -1,0 +1,334 @@
+"""Compiled loops of the model trees: bins, the best cut, linear fits, growing and pruning.
+
+Apart from ``_kernels.py`` because these loops fit a model and those run one.
+"""
+
+import numpy as np
+
+from eutree.arrays import Booleans, Floats, Integers
+from eutree.compiled import compiled
+
+MANY_ROWS = 256  # nodes above this look at bin edges only, nodes below at every cut
+RIDGE = 1e-5
+TINY = 1e-12
+
+
+@compiled
+def bin_columns(
+    X: Floats,  # [N, p]
+    n_bins: int,
+    edges: Floats,  # [p, n_bins]
+    n_edges: Integers,  # [p]
+    bins: Integers,  # [p, N]
+) -> None:
+    """Cut each column at its quantiles, between distinct values; a value at an edge is below it."""
+    n, p = X.shape
+    for j in range(p):
+        ordered = np.sort(X[:, j])
+        count = 0
+        for b in range(1, n_bins):
+            i = b * n // n_bins
+            while i > 0 and i < n and ordered[i] == ordered[i - 1]:
+                i += 1
+            if i < 1 or i >= n:
+                continue
+            edge = 0.5 * (ordered[i - 1] + ordered[i])
+            if edge >= ordered[i]:
+                edge = ordered[i - 1]
+            if count == 0 or edge > edges[j, count - 1]:
+                edges[j, count] = edge
+                count += 1
+        n_edges[j] = count
+        for i in range(n):
+            bins[j, i] = np.searchsorted(edges[j, :count], X[i, j])
+
+
+@compiled
+def solve_positive(A: Floats, b: Floats, p: int) -> None:
+    """Solve A x = b in place for a symmetric positive definite A (lower triangle, Cholesky)."""
+    for i in range(p):
+        for j in range(i + 1):
+            total = A[i, j]
+            for k in range(j):
+                total -= A[i, k] * A[j, k]
+            if i == j:
+                A[i, i] = np.sqrt(max(total, TINY))
+            else:
+                A[i, j] = total / A[j, j]
+    for i in range(p):
+        for k in range(i):
+            b[i] -= A[i, k] * b[k]
+        b[i] /= A[i, i]
+    for i in range(p - 1, -1, -1):
+        for k in range(i + 1, p):
+            b[i] -= A[k, i] * b[k]
+        b[i] /= A[i, i]
+
+
+@compiled
+def fit_leaf(
+    X: Floats,  # [N, p]
+    y: Floats,  # [N]
+    rows: Integers,  # [n]
+    scale: Floats,  # [p]
+    linear: bool,
+    coefficients: Floats,  # [p + 1], the last is the constant
+) -> float:
+    """Fit a constant, or a line where it predicts better; return the corrected squared error.
+
+    The correction (n + parameters) / (n - parameters) is Quinlan's for M5.
+    """
+    n, p = rows.size, X.shape[1]
+    mean = 0.0
+    for i in range(n):
+        mean += y[rows[i]]
+    mean /= n
+    error = 0.0
+    for i in range(n):
+        error += (y[rows[i]] - mean) ** 2
+    coefficients[:] = 0.0
+    coefficients[p] = mean
+    constant_error = error * (n + 1) / max(n - 1, 1)
+    if not linear or error == 0.0:
+        return constant_error
+    centre, spread = np.zeros(p), np.zeros(p)
+    for i in range(n):
+        for j in range(p):
+            centre[j] += X[rows[i], j]
+    centre /= n
+    for i in range(n):
+        for j in range(p):
+            spread[j] += (X[rows[i], j] - centre[j]) ** 2
+    used = np.zeros(p, dtype=np.int64)
+    q = 0
+    for j in range(p):
+        spread[j] = np.sqrt(spread[j] / n)
+        if spread[j] > 1e-6 * scale[j]:
+            used[q] = j
+            q += 1
+    if q == 0 or n < q + 3:
+        return constant_error
+    A, b, x = np.zeros((q, q)), np.zeros(q), np.zeros(q)
+    for i in range(n):
+        row = rows[i]
+        for k in range(q):
+            x[k] = (X[row, used[k]] - centre[used[k]]) / spread[used[k]]
+        for k in range(q):
+            b[k] += x[k] * (y[row] - mean)
+            for m in range(k + 1):
+                A[k, m] += x[k] * x[m]
+    for k in range(q):
+        A[k, k] += RIDGE * n + 1e-3
+    solve_positive(A, b, q)
+    line = np.zeros(p + 1)
+    line[p] = mean
+    for k in range(q):
+        line[used[k]] = b[k] / spread[used[k]]
+        line[p] -= line[used[k]] * centre[used[k]]
+    error = 0.0
+    for i in range(n):
+        value = line[p]
+        for k in range(q):
+            value += line[used[k]] * X[rows[i], used[k]]
+        error += (y[rows[i]] - value) ** 2
+    error *= (n + q + 1) / max(n - q - 1, 1)
+    if error >= constant_error:
+        return constant_error
+    coefficients[:] = line
+    return error
+
+
+@compiled
+def best_cut(
+    X: Floats,  # [N, p]
+    y: Floats,  # [N]
+    rows: Integers,  # [n]
+    edges: Floats,  # [p, B]
+    n_edges: Integers,  # [p]
+    bins: Integers,  # [p, N]
+    min_leaf: int,
+    allowed: Booleans,  # [p]
+) -> tuple[int, float]:
+    """Return the cut (feature, threshold) that reduces the squared error most; feature -1: none."""
+    n = rows.size
+    mean = 0.0
+    for i in range(n):
+        mean += y[rows[i]]
+    mean /= n
+    best, feature, threshold = 0.0, -1, 0.0
+    if n > MANY_ROWS:
+        count, total = np.zeros(edges.shape[1] + 1), np.zeros(edges.shape[1] + 1)
+        for j in range(X.shape[1]):
+            if not allowed[j]:
+                continue
+            count[:] = 0.0
+            total[:] = 0.0
+            for i in range(n):
+                row = rows[i]
+                count[bins[j, row]] += 1.0
+                total[bins[j, row]] += y[row] - mean
+            below, residual = 0.0, 0.0
+            for b in range(n_edges[j]):
+                below += count[b]
+                residual += total[b]
+                if below < min_leaf or n - below < min_leaf or count[b] == 0.0:
+                    continue
+                gain = residual * residual * n / (below * (n - below))
+                if gain > best * (1.0 + TINY):
+                    best, feature, threshold = gain, j, edges[j, b]
+        return feature, threshold
+    values = np.empty(n)
+    for j in range(X.shape[1]):
+        if not allowed[j]:
+            continue
+        for i in range(n):
+            values[i] = X[rows[i], j]
+        order = np.argsort(values)
+        residual = 0.0
+        for i in range(n - 1):
+            residual += y[rows[order[i]]] - mean
+            low, high = values[order[i]], values[order[i + 1]]
+            if i + 1 < min_leaf or n - i - 1 < min_leaf or not low < high:
+                continue
+            gain = residual * residual * n / ((i + 1.0) * (n - i - 1.0))
+            if gain > best * (1.0 + TINY):
+                best, feature, threshold = gain, j, 0.5 * (low + high)
+                if threshold >= high:
+                    threshold = low
+    return feature, threshold
+
+
+@compiled
+def shift_towards_better(
+    x: Floats,  # [N]
+    danger: Floats,  # [N]
+    rows: Integers,  # [n]
+    threshold: float,
+    share: float,
+) -> float:
+    """Return the threshold moved inside its gap: ``share`` of the gap goes to the worse side."""
+    low, high = -np.inf, np.inf
+    below, above, n_below = 0.0, 0.0, 0
+    for i in range(rows.size):
+        value = x[rows[i]]
+        if value <= threshold:
+            n_below += 1
+            below += danger[rows[i]]
+            low = max(low, value)
+        else:
+            above += danger[rows[i]]
+            high = min(high, value)
+    if n_below == 0 or n_below == rows.size:
+        return threshold
+    below /= n_below
+    above /= rows.size - n_below
+    part = share if below > above else (1.0 - share if below < above else 0.5)
+    moved = low + part * (high - low)
+    return moved if moved < high else low
+
+
+@compiled
+def grow(
+    X: Floats,  # [N, p]
+    y: Floats,  # [N]
+    rows: Integers,  # [n] rows to fit; reordered so that each leaf's rows are contiguous
+    edges: Floats,  # [p, B]
+    n_edges: Integers,  # [p]
+    bins: Integers,  # [p, N]
+    allowed: Booleans,  # [p]
+    danger: Floats,  # [N]
+    min_leaf: int,
+    linear: bool,
+    gap: float,
+    floor: float,
+    feature: Integers,  # [M] out
+    threshold: Floats,  # [M] out
+    left: Integers,  # [M] out
+    right: Integers,  # [M] out
+    coefficients: Floats,  # [M, p + 1] out
+    low: Floats,  # [M] out: least y of the node
+    high: Floats,  # [M] out: greatest y of the node
+    first: Integers,  # [M] out: first row of the node in ``rows``
+    count: Integers,  # [M] out
+) -> int:
+    """Grow breadth first while there is room for two more nodes, then prune; return the nodes.
+
+    A node is pruned when its own fit predicts as well as its subtree (M5). ``gap`` other than one
+    half moves each threshold inside its gap, see ``shift_towards_better``.
+    """
+    n = rows.size
+    scale = np.zeros(X.shape[1])
+    for j in range(X.shape[1]):
+        scale[j] = np.std(X[:, j]) + TINY
+    mean, variation = 0.0, 0.0
+    for i in range(n):
+        mean += y[rows[i]] / n
+    for i in range(n):
+        variation += (y[rows[i]] - mean) ** 2
+    errors = np.zeros(feature.size)
+    buffer = np.empty(n, dtype=np.int64)
+    first[0], count[0] = 0, n
+    n_nodes, node = 1, 0
+    while node < n_nodes:
+        feature[node] = -1
+        start, size = first[node], count[node]
+        mine = rows[start : start + size]
+        errors[node] = fit_leaf(X, y, mine, scale, linear, coefficients[node])
+        low[node], high[node] = y[mine].min(), y[mine].max()
+        worth = high[node] > low[node] and errors[node] > floor * variation * size / n
+        if worth and size >= 2 * min_leaf and n_nodes + 2 <= feature.size:
+            j, cut = best_cut(X, y, mine, edges, n_edges, bins, min_leaf, allowed)
+            if j >= 0:
+                if gap != 0.5:
+                    cut = shift_towards_better(X[:, j], danger, mine, cut, gap)
+                n_left, n_right = 0, 0
+                for i in range(size):
+                    row = mine[i]
+                    if X[row, j] <= cut:
+                        mine[n_left] = row
+                        n_left += 1
+                    else:
+                        buffer[n_right] = row
+                        n_right += 1
+                for i in range(n_right):
+                    mine[n_left + i] = buffer[i]
+                feature[node], threshold[node] = j, cut
+                left[node], right[node] = n_nodes, n_nodes + 1
+                first[n_nodes], count[n_nodes] = start, n_left
+                first[n_nodes + 1], count[n_nodes + 1] = start + n_left, n_right
+                n_nodes += 2
+        node += 1
+    for node in range(n_nodes - 1, -1, -1):
+        if feature[node] >= 0:
+            below = errors[left[node]] + errors[right[node]]
+            if errors[node] <= below * 1.0001:
+                feature[node] = -1
+            else:
+                errors[node] = below
+    return n_nodes
+
+
+@compiled
+def write_residuals(
+    X: Floats,  # [N, p]
+    y: Floats,  # [N]
+    rows: Integers,  # [n]
+    feature: Integers,  # [M]
+    coefficients: Floats,  # [M, p + 1]
+    first: Integers,  # [M]
+    count: Integers,  # [M]
+    covered: Booleans,  # [n] scratch
+    out: Floats,  # [n]
+) -> None:
+    """Write what the fit of each row's leaf leaves over; parents come before their children."""
+    p = X.shape[1]
+    covered[:] = False
+    for node in range(feature.size):
+        if feature[node] >= 0 or covered[first[node]]:
+            continue
+        for i in range(first[node], first[node] + count[node]):
+            covered[i] = True
+            value = coefficients[node, p]
+            for j in range(p):
+                value += coefficients[node, j] * X[rows[i], j]
+            out[i] = y[rows[i]] - value

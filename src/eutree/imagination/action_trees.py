@@ -1,0 +1,114 @@
+"""Policy trees under change: nested tuples to edit, parallel arrays to run.
+
+A nested tree is an action, or ``(feature, threshold, left, right)``.
+"""
+
+from collections.abc import Mapping
+from typing import TypeAlias
+
+import numpy as np
+
+from eutree.arrays import Floats, Integers
+from eutree.imagination._kernels import ActionTree
+from eutree.trees import DecisionTree
+
+Nested: TypeAlias = "int | tuple[int, float, Nested, Nested]"
+
+
+def n_leaves(tree: ActionTree) -> int:
+    """Return the number of leaves."""
+    return (tree.feature.size + 1) // 2
+
+
+def single_action(action: int) -> ActionTree:
+    """Return the tree that always takes one action."""
+    return packed(action)
+
+
+def packed(nested: Nested) -> ActionTree:
+    """Return the arrays of a nested tree, after merging sibling leaves of equal action."""
+    rows: list[list[float]] = []
+
+    def add(tree: Nested) -> int:
+        node = len(rows)
+        rows.append([-1, 0.0, 0, 0, 0])
+        if isinstance(tree, tuple):
+            rows[node][:2] = tree[0], tree[1]
+            rows[node][2] = add(tree[2])
+            rows[node][3] = add(tree[3])
+        else:
+            rows[node][4] = tree
+        return node
+
+    add(_merged(nested))
+    columns = np.array(rows)
+    feature, left, right, action = (columns[:, i].astype(np.int64) for i in (0, 2, 3, 4))
+    return ActionTree(feature, np.ascontiguousarray(columns[:, 1]), left, right, action)
+
+
+def nested(
+    tree: ActionTree, node: int = 0, *, instead: Mapping[int, Nested] | None = None
+) -> Nested:
+    """Return the subtree at ``node`` as a nested tree, with some nodes replaced."""
+    if instead and node in instead:
+        return instead[node]
+    if tree.feature[node] < 0:
+        return int(tree.action[node])
+    return (
+        int(tree.feature[node]),
+        float(tree.threshold[node]),
+        nested(tree, int(tree.left[node]), instead=instead),
+        nested(tree, int(tree.right[node]), instead=instead),
+    )
+
+
+def collapsed(tree: ActionTree, node: int, child: int) -> ActionTree:
+    """Return the tree with ``node`` replaced by one of its children."""
+    return packed(nested(tree, instead={node: nested(tree, child)}))
+
+
+def carved(box: Floats, inside: int, outside: int) -> Nested:
+    """Return the tree that takes ``inside`` within the box [d, 2] and ``outside`` elsewhere."""
+    result: Nested = inside
+    for feature, (low, high) in enumerate(box.tolist()):
+        if np.isfinite(high):
+            result = (feature, high, result, outside)
+        if np.isfinite(low):
+            result = (feature, low, outside, result)
+    return result
+
+
+def from_decision_tree(tree: DecisionTree, actions: Integers) -> ActionTree:
+    """Return the arrays of a state tree whose leaves have these actions [L]."""
+
+    def at(node: int) -> Nested:
+        if tree.feature[node] == tree.NO_FEATURE:
+            return int(actions[tree.leaf[node]])
+        test = int(tree.feature[node]), float(tree.threshold[node])
+        return (*test, at(int(tree.left[node])), at(int(tree.right[node])))
+
+    return packed(at(0))
+
+
+def to_decision_tree(tree: ActionTree, n_features: int) -> tuple[DecisionTree, Integers]:
+    """Return the state tree, leaves numbered in preorder, and the actions of its leaves [L]."""
+    is_leaf = tree.feature < 0
+    leaf = np.where(is_leaf, np.cumsum(is_leaf) - 1, DecisionTree.NO_LEAF)
+    state_tree = DecisionTree(
+        n_features,
+        feature=np.where(is_leaf, DecisionTree.NO_FEATURE, tree.feature).astype(np.int32),
+        threshold=np.where(is_leaf, np.nan, tree.threshold),
+        left=np.where(is_leaf, DecisionTree.NO_NODE, tree.left).astype(np.int32),
+        right=np.where(is_leaf, DecisionTree.NO_NODE, tree.right).astype(np.int32),
+        leaf=leaf.astype(np.int32),
+    )
+    return state_tree, tree.action[is_leaf]
+
+
+def _merged(tree: Nested) -> Nested:
+    if not isinstance(tree, tuple):
+        return tree
+    left, right = _merged(tree[2]), _merged(tree[3])
+    if not isinstance(left, tuple) and left == right:
+        return left
+    return (tree[0], tree[1], left, right)

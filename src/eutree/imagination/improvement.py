@@ -1,0 +1,155 @@
+"""Improve a policy tree in imagination, one provable change at a time.
+
+Carve: in each leaf find the box in which another action pays most, judged by single deviations.
+Collapse: replace a node by one of its children where that costs less than the leaves it saves.
+Shift: move a threshold where that pays. Each change is accepted only if the changed policy earns
+more than the present one, with the same luck, by more than its price in leaves.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from eutree.arrays import Floats
+from eutree.imagination import _kernels_search
+from eutree.imagination._kernels import ActionTree
+from eutree.imagination.action_trees import Nested, carved, collapsed, n_leaves, nested, packed
+from eutree.imagination.rehearsal import Rehearsal
+from eutree.validation import check_integer, check_number
+
+MOST_CARVES = 12
+SHIFTS = (0.02, 0.05, 0.1, 0.2, 0.4)
+FEW = 20
+
+
+@dataclass(frozen=True, kw_only=True)
+class Improvement:
+    """How a policy tree is improved.
+
+    Attributes:
+        rounds: Rounds of carving, collapsing and shifting, each with new luck.
+        price: Return per episode that a leaf must earn, as a share of a typical return's size.
+        deviations: Steps at which single deviations are tried, at most.
+        min_rows: Fewest of them inside a box.
+        max_leaves: Most leaves of the tree.
+    """
+
+    rounds: int = 1
+    price: float = 0.0006
+    deviations: int = 6000
+    min_rows: int = 8
+    max_leaves: int = 40
+
+    def __post_init__(self) -> None:
+        check_integer("rounds", self.rounds, low=1)
+        check_number("price", self.price, low=0.0)
+        check_integer("deviations", self.deviations, low=1)
+        check_integer("min_rows", self.min_rows, low=1)
+        check_integer("max_leaves", self.max_leaves, low=2)
+
+    def improve(self, rehearsal: Rehearsal, policy: ActionTree, scale: float) -> ActionTree:
+        """Return a policy that earns more or is smaller.
+
+        Args:
+            rehearsal: Where to imagine; it ends with the result rehearsed.
+            policy: The policy to start from.
+            scale: A typical size of returns.
+        """
+        price = self.price * scale
+        for _ in range(self.rounds):
+            rehearsal.reshuffle()
+            rehearsal.rehearse(policy)
+            self._carve(rehearsal, price)
+            _collapse(rehearsal, price)
+            _shift(rehearsal)
+            policy = packed(nested(rehearsal.policy))
+        return policy
+
+    def _carve(self, rehearsal: Rehearsal, price: float) -> None:
+        """Carve the most promising boxes, one for each leaf, that stand the test."""
+        base = rehearsal.policy
+        changes: dict[int, Nested] = {}
+        for leaf, change in self._boxes(rehearsal, price)[:MOST_CARVES]:
+            if leaf in changes:
+                continue
+            rival = packed(nested(base, instead={**changes, leaf: change}))
+            if n_leaves(rival) > self.max_leaves:
+                continue
+            needed = price * (n_leaves(rival) - n_leaves(rehearsal.policy))
+            gain = rehearsal.gain(rival, hopeless=needed)
+            if gain.complete and gain.mean - gain.error > needed:
+                changes[leaf] = change
+                rehearsal.rehearse(rival)
+
+    def _boxes(self, rehearsal: Rehearsal, price: float) -> list[tuple[int, Nested]]:
+        """Return leaf nodes and what to put in their place, the most promising first."""
+        n_steps = rehearsal.n_steps
+        n = min(self.deviations, n_steps)
+        steps = np.sort(rehearsal.generator.choice(n_steps, n, replace=False))
+        gains = rehearsal.deviations(steps) * (n_steps / n / rehearsal.n_episodes)  # [n, A]
+        observations, node = rehearsal.observations[steps], rehearsal.node[steps]
+        found: list[tuple[float, int, Nested]] = []
+        box = np.empty((observations.shape[1], 2))
+        for leaf in np.unique(node):
+            rows = np.flatnonzero(node == leaf)
+            taken = int(rehearsal.policy.action[leaf])
+            for action in range(gains.shape[1]):
+                if rows.size < 2 * self.min_rows or action == taken:
+                    continue
+                mine: Floats = np.ascontiguousarray(gains[:, action])
+                gain, cuts = _kernels_search.best_box(
+                    observations, mine, rows, self.min_rows, price, box
+                )
+                if gain > price * cuts:
+                    found.append((price * cuts - gain, int(leaf), carved(box, action, taken)))
+        return [(leaf, change) for _, leaf, change in sorted(found, key=lambda item: item[:2])]
+
+
+def _collapse(rehearsal: Rehearsal, price: float) -> None:
+    """Collapse the node that pays most, again and again, while any pays."""
+    while True:
+        policy = rehearsal.policy
+        best, best_rival = 0.0, None
+        for node in np.flatnonzero(policy.feature >= 0):
+            for child in (policy.left[node], policy.right[node]):
+                rival = collapsed(policy, int(node), int(child))
+                saved = price * (n_leaves(policy) - n_leaves(rival))
+                gain = rehearsal.gain(rival, hopeless=best - saved)
+                if gain.complete and gain.mean + saved > best:
+                    best, best_rival = gain.mean + saved, rival
+        if best_rival is None:
+            return
+        rehearsal.rehearse(best_rival)
+
+
+def _shift(rehearsal: Rehearsal) -> None:
+    """Move each threshold to the best of a few places near it, if that pays."""
+    for node in rehearsal.generator.permutation(np.flatnonzero(rehearsal.policy.feature >= 0)):
+        policy = rehearsal.policy
+        values = rehearsal.values_at(int(node), int(policy.feature[node]))
+        if values.size < FEW:
+            continue
+        best, best_rival = 0.0, None
+        for threshold in _places(values, float(policy.threshold[node])):
+            thresholds = policy.threshold.copy()
+            thresholds[node] = threshold
+            rival = policy._replace(threshold=thresholds)
+            gain = rehearsal.gain(rival, hopeless=best)
+            if gain.complete and gain.mean > max(best, gain.error):
+                best, best_rival = gain.mean, rival
+        if best_rival is not None:
+            rehearsal.rehearse(best_rival)
+
+
+def _places(values: Floats, threshold: float) -> list[float]:
+    """Return thresholds a few per cent of the smaller side away, on both sides."""
+    n = values.size
+    at = int(np.searchsorted(values, threshold))
+    reach = min(n, 4 * min(at, n - at) + FEW)
+    places = []
+    for share in SHIFTS:
+        for sign in (-1, 1):
+            i = at + sign * max(1, int(share * reach))
+            if 1 <= i < n:
+                places.append(float(0.5 * (values[i - 1] + values[i])))
+    return places

@@ -1,0 +1,175 @@
+"""Plan, try, adopt: how imagined improvements become the policy.
+
+After a gathering phase two trees are planned. The *candidate* is planned in a pessimistic world
+model; it acts in some episodes, without exploration, and becomes the policy when imagination still
+prefers it with their transitions known and the returns that it really earned do not speak against
+it. The *explorer* is planned in an optimistic one; where it is wrong it finds out what the model
+did not know. The policy itself never changes without a trial.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from eutree.arrays import Floats
+from eutree.imagination._kernels import ActionTree
+from eutree.imagination.improvement import Improvement
+from eutree.imagination.rehearsal import Rehearsal
+from eutree.imagination.transitions import Transitions
+from eutree.imagination.world_model import View, fit_world_models
+from eutree.validation import check_integer, check_number
+
+_SHORTEST_TRIAL = 5  # episodes
+_FEW_OWN = 10  # episodes
+_CLEARLY = 3.0  # standard errors
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What a learner with imagination acts by.
+
+    Attributes:
+        policy: The policy.
+        candidate: What is on trial to become it; None while there is nothing better.
+        explorer: What acts to find out; None before the first planning.
+        proved: Episodes in which the policy acted without exploration.
+        tried: Episodes in which candidates did, since the policy was adopted.
+        planned_at: Number of transitions at the last planning.
+        demonstrations: How many of the first episodes are demonstrations that still count.
+        outdated: First episode that world models are fitted to; those before are of another world.
+    """
+
+    policy: ActionTree
+    candidate: ActionTree | None = None
+    explorer: ActionTree | None = None
+    proved: tuple[int, ...] = ()
+    tried: tuple[int, ...] = ()
+    planned_at: int = 0
+    demonstrations: int = 0
+    outdated: int = 0
+
+    @property
+    def on_trial(self) -> ActionTree:
+        """The candidate, or the policy while there is none."""
+        return self.policy if self.candidate is None else self.candidate
+
+    def with_episode(self, episode: int) -> "Plan":
+        """Return the plan after ``on_trial`` acted in an episode without exploration."""
+        if self.candidate is None:
+            return replace(self, proved=(*self.proved, episode))
+        return replace(self, tried=(*self.tried, episode))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Imagination:
+    """Planning in imagination, as a choice of the learner's settings.
+
+    Attributes:
+        n_episodes: Imagined episodes that judge each change.
+        improvement: How trees are improved.
+        explorer_share: Share of the gathered episodes in which the explorer acts.
+        pessimist: How the candidate's world model looks at the unknown.
+        optimist: How the explorer's does.
+        min_trial: Fewest episodes of a trial.
+        memory: Most recent trial episodes that count.
+        growth: Plan again when the history has grown by this factor.
+        max_transitions: Most recent transitions a world model is fitted to.
+        discount: gamma of imagined episodes.
+    """
+
+    n_episodes: int = 1000
+    improvement: Improvement = Improvement()
+    explorer_share: float = 0.3
+    pessimist: View = View(gap=0.9, caution=0.75)
+    optimist: View = View(gap=0.4)
+    min_trial: int = 20
+    memory: int = 30
+    growth: float = 1.06
+    max_transitions: int = 50_000
+    discount: float = 1.0
+
+    def __post_init__(self) -> None:
+        check_integer("n_episodes", self.n_episodes, low=8)
+        check_number("explorer_share", self.explorer_share, low=0.0, high=1.0)
+        check_integer("min_trial", self.min_trial, low=2)
+        check_integer("memory", self.memory, low=2)
+        check_number("growth", self.growth, low=1.0)
+        check_integer("max_transitions", self.max_transitions, low=1)
+        check_number("discount", self.discount, low=0.0, high=1.0)
+
+    def due(self, plan: Plan, n_transitions: int) -> bool:
+        """Return whether the history has grown enough to plan again."""
+        return n_transitions > plan.planned_at * self.growth
+
+    def plan(self, plan: Plan, data: Transitions, generator: np.random.Generator) -> Plan:
+        """Return the next plan: adopt the candidate or not, then plan both trees anew."""
+        plan = _without_outdated(plan, data.episode_returns(0.0))
+        known = data.since(plan.outdated).recent(self.max_transitions)
+        views = (self.pessimist, self.optimist)
+        rehearsals = [
+            Rehearsal(model, self.n_episodes, self.discount, generator)
+            for model in fit_world_models(known, views)
+        ]
+        sober, hopeful = rehearsals
+        scale = max(float(np.abs(known.episode_returns(0.0)).mean()), 1e-9)
+        if plan.candidate is not None and self._deserves(plan, plan.candidate, data, sober):
+            proved = plan.tried[-self.memory :]
+            plan = replace(plan, policy=plan.candidate, candidate=None, proved=proved, tried=())
+        begin = plan.policy if plan.explorer is None else plan.explorer
+        explorer = self.improvement.improve(hopeful, begin, scale)
+        candidate = self._candidate(plan, sober, scale)
+        planned_at = data.rewards.size
+        return replace(plan, candidate=candidate, explorer=explorer, planned_at=planned_at)
+
+    def _deserves(
+        self, plan: Plan, candidate: ActionTree, data: Transitions, sober: Rehearsal
+    ) -> bool:
+        """Return whether imagination prefers the candidate and reality does not object."""
+        returns = data.episode_returns(self.pessimist.caution)  # [E]
+        tried = returns[list(plan.tried[-self.memory :])]
+        known = plan.proved[-6 * self.memory :] or _others(plan, returns.size)
+        proved = returns[list(known)]
+        if tried.size < _SHORTEST_TRIAL:
+            return False
+        if tried.size < self.min_trial and not _clearly_better(tried, proved):
+            return False
+        if tried.mean() <= proved.mean():
+            return False
+        sober.rehearse(plan.policy)
+        gain = sober.gain(candidate)
+        return gain.mean > gain.error
+
+    def _candidate(self, plan: Plan, sober: Rehearsal, scale: float) -> ActionTree | None:
+        """Return the best of the policy and the last candidate, improved; None if not better."""
+        best = self.improvement.improve(sober, plan.policy, scale)
+        if plan.candidate is not None:
+            rival = self.improvement.improve(sober, plan.candidate, scale)
+            sober.reshuffle()
+            sober.rehearse(best)
+            if sober.gain(rival).mean > 0.0:
+                best = rival
+        sober.reshuffle()
+        sober.rehearse(plan.policy)
+        gain = sober.gain(best)
+        return best if gain.mean > gain.error else None
+
+
+def _without_outdated(plan: Plan, returns: Floats) -> Plan:
+    """Return the plan without the demonstrations, if the policy does much worse than they did."""
+    n = plan.demonstrations
+    own = [episode for episode in plan.proved if episode >= n]
+    shown, earned = returns[:n], returns[own]
+    if not n or len(own) < _FEW_OWN or not _clearly_better(shown, earned):
+        return plan
+    return replace(plan, proved=tuple(own), demonstrations=0, outdated=n)
+
+
+def _others(plan: Plan, n_episodes: int) -> tuple[int, ...]:
+    """Return the episodes that are not of the trial: what an untested policy is compared with."""
+    return tuple(sorted(set(range(n_episodes)) - set(plan.tried)))
+
+
+def _clearly_better(tried: Floats, proved: Floats) -> bool:
+    """Return whether few episodes are enough: a difference of several standard errors."""
+    error = np.sqrt(tried.var() / tried.size + proved.var() / proved.size)
+    return bool(tried.mean() - proved.mean() > _CLEARLY * error)

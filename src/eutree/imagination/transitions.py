@@ -1,0 +1,116 @@
+"""Stored transitions as a world model and a planner see them."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from eutree.arrays import Booleans, Floats, Integers
+
+
+@dataclass(frozen=True, eq=False)
+class Transitions:
+    """Whole episodes, row after row.
+
+    Attributes:
+        observations: o of each transition.
+        actions: a.
+        rewards: r.
+        next_observations: o'.
+        terminated: Whether the task ended with the transition.
+        episodes: Number of the transition's episode, ascending.
+        n_actions: Number of actions A.
+    """
+
+    observations: Floats  # [N, d]
+    actions: Integers  # [N]
+    rewards: Floats  # [N]
+    next_observations: Floats  # [N, d]
+    terminated: Booleans  # [N]
+    episodes: Integers  # [N]
+    n_actions: int
+
+    @cached_property
+    def first(self) -> Booleans:
+        """Whether each transition is the first of its episode, shape [N]."""
+        return np.append(True, self.episodes[1:] != self.episodes[:-1])[: self.episodes.size]
+
+    @cached_property
+    def last(self) -> Booleans:
+        """Whether each transition is the last of its episode, shape [N]."""
+        return np.append(self.first[1:], True)[: self.episodes.size]
+
+    @cached_property
+    def displacements(self) -> Floats:
+        """Displacement o' - o, shape [N, d]."""
+        return self.next_observations - self.observations
+
+    @cached_property
+    def previous_displacements(self) -> Floats:
+        """Displacement that led to o, 0 at the start of an episode, shape [N, d]."""
+        previous = np.zeros_like(self.displacements)
+        previous[1:] = self.displacements[:-1]
+        previous[self.first] = 0.0
+        return previous
+
+    @cached_property
+    def returns_to_go(self) -> Floats:
+        """Sum of rewards from each transition to the end of its episode, shape [N]."""
+        ahead = np.cumsum(self.rewards[::-1])[::-1]  # [N] to the end of all
+        last = np.flatnonzero(self.last)
+        beyond = np.append(ahead, 0.0)[last + 1]  # [E]
+        returns: Floats = ahead - beyond[np.searchsorted(last, np.arange(self.rewards.size))]
+        return returns
+
+    @cached_property
+    def bad_level(self) -> float:
+        """What a transition that goes on still earns on average; a last reward below it is bad."""
+        goes_on = ~self.terminated
+        return float(self.returns_to_go[goes_on].mean()) if goes_on.any() else 0.0
+
+    @cached_property
+    def danger(self) -> Floats:
+        """1 where an episode ended badly, -1 where it ended well, 0 elsewhere, shape [N]."""
+        kind = np.where(self.rewards < self.bad_level, 1.0, -1.0)
+        return np.where(self.terminated, kind, 0.0)
+
+    def penalty(self, caution: float) -> float:
+        """Return ``caution`` times what a bad end costs on average."""
+        bad = self.danger > 0
+        return caution * (self.bad_level - float(self.rewards[bad].mean())) if bad.any() else 0.0
+
+    def episode_returns(self, caution: float) -> Floats:
+        """Return the return of each episode, bad ends made worse, shape [E]."""
+        bad = self.danger[self.last] > 0
+        return self.returns_to_go[self.first] - self.penalty(caution) * bad
+
+    def horizon(self) -> int:
+        """Return the longest truncated episode's length, or twice the longest's if none was cut."""
+        begin, end = np.flatnonzero(self.first), np.flatnonzero(self.last)
+        lengths = end - begin + 1
+        cut = ~self.terminated[end]
+        longest = lengths[cut].max() if cut.any() else 2 * lengths.max()
+        return int(longest)
+
+    def recent(self, limit: int) -> "Transitions":
+        """Return the last episodes that hold at most ``limit`` transitions, at least one."""
+        if self.rewards.size <= limit:
+            return self
+        begins = np.flatnonzero(self.first)
+        fits = int(np.searchsorted(begins, self.rewards.size - limit))
+        return self._after(int(begins[min(fits, begins.size - 1)]))
+
+    def since(self, episode: int) -> "Transitions":
+        """Return the transitions of ``episode`` and all later ones."""
+        return self._after(int(np.searchsorted(self.episodes, episode)))
+
+    def _after(self, start: int) -> "Transitions":
+        return Transitions(
+            self.observations[start:],
+            self.actions[start:],
+            self.rewards[start:],
+            self.next_observations[start:],
+            self.terminated[start:],
+            self.episodes[start:],
+            self.n_actions,
+        )

@@ -1,0 +1,195 @@
+"""A world model from stored transitions: where a step leads, what it earns, whether it ends.
+
+Where: for each feature a model tree (axis-parallel tests, linear leaves; Quinlan's M5) of the
+displacement o' - o, given o, the displacement before it and the action. A displacement carries
+what one observation hides, such as a direction of movement. A leaf's residuals are its noise.
+What and whether: trees over o' (the reward also over o' - o and the action); the reward of steps
+that go on and that of last steps are apart.
+
+What lies between the safe and the fatal transitions seen so far is unknown. ``gap`` is the share
+of that gap that counts as fatal: 0.5 is the usual middle, more is pessimistic, less optimistic.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from eutree.arrays import Booleans, Floats, Integers
+from eutree.imagination import _kernels_regression as kernels
+from eutree.imagination._kernels import Forest
+from eutree.imagination.transitions import Transitions
+
+N_BINS = 256
+MAX_LEAVES = 64
+MAX_OUTCOME_LEAVES = 128
+MIN_LEAF = 8
+GOOD_ENOUGH = 1e-4  # share of the variation that need not be explained
+_SHARED = (
+    "feature",
+    "threshold",
+    "left",
+    "right",
+    "coefficients",
+    "low",
+    "high",
+    "first",
+    "n_rows",
+)
+
+
+@dataclass(frozen=True)
+class View:
+    """How to look at what is unknown or fatal.
+
+    Attributes:
+        gap: Share of the gap between safe and fatal transitions that counts as fatal.
+        caution: How much worse a bad end counts than it was, in units of what it cost.
+    """
+
+    gap: float = 0.5
+    caution: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class WorldModel:
+    """A fitted model: its trees, and the observations episodes start from.
+
+    Attributes:
+        forest: The trees.
+        starts: First observations of the stored episodes.
+        horizon: Steps after which an imagined episode is cut.
+        n_actions: Number of actions.
+    """
+
+    forest: Forest
+    starts: Floats  # [E, d]
+    horizon: int
+    n_actions: int
+
+
+@dataclass(frozen=True, eq=False)
+class _Design:
+    """Inputs of regression trees, with their bins."""
+
+    X: Floats  # [N, p]
+    edges: Floats  # [p, B]
+    n_edges: Integers  # [p]
+    bins: Integers  # [p, N]
+
+    @classmethod
+    def of(cls, *columns: Floats) -> "_Design":
+        X = np.ascontiguousarray(np.concatenate(columns, axis=1))
+        p = X.shape[1]
+        edges, n_edges = np.zeros((p, N_BINS)), np.zeros(p, dtype=np.int64)
+        bins = np.zeros((p, X.shape[0]), dtype=np.int64)
+        kernels.bin_columns(X, N_BINS, edges, n_edges, bins)
+        return cls(X, edges, n_edges, bins)
+
+
+@dataclass(frozen=True)
+class _Growth:
+    """How far a tree grows."""
+
+    min_leaf: int
+    max_leaves: int
+    linear: bool
+    floor: float = 0.0
+    gap: float = 0.5
+
+
+_MOVES = _Growth(min_leaf=MIN_LEAF, max_leaves=MAX_LEAVES, linear=True, floor=GOOD_ENOUGH)
+_REWARDS = _Growth(min_leaf=1, max_leaves=MAX_LEAVES, linear=True, floor=1e-6)
+
+
+def fit_world_models(data: Transitions, views: Sequence[View]) -> tuple[WorldModel, ...]:
+    """Fit one world model for each view; they share all but the trees of ends and last rewards."""
+    chosen = np.eye(data.n_actions)[data.actions]  # [N, A]
+    before = _Design.of(data.observations, data.previous_displacements, chosen)
+    after = _Design.of(data.next_observations, data.displacements, chosen)
+    everything = np.arange(data.rewards.size)
+    anywhere = np.ones(after.X.shape[1], dtype=np.bool_)
+    d = data.observations.shape[1]
+    shared = [
+        _grow(before, data.displacements[:, i], everything, anywhere, data.danger, _MOVES)
+        for i in range(d)
+    ]
+    goes_on = _rows(~data.terminated)
+    shared.append(_grow(after, data.rewards, goes_on, anywhere, data.danger, _REWARDS))
+    place = np.arange(anywhere.size) < d
+    ended, models = _rows(data.terminated), []
+    for view in views:
+        rewards = data.rewards - data.penalty(view.caution) * (data.danger > 0)
+        growth = _Growth(min_leaf=1, max_leaves=MAX_OUTCOME_LEAVES, linear=False, gap=view.gap)
+        ends = data.terminated.astype(np.float64)
+        last = _grow(after, rewards, ended, anywhere, data.danger, _REWARDS)
+        end = _grow(after, ends, everything, place, data.danger, growth)
+        forest = _plant([*shared, last, end])
+        starts = np.ascontiguousarray(data.observations[data.first])
+        models.append(WorldModel(forest, starts, data.horizon(), data.n_actions))
+    return tuple(models)
+
+
+def _rows(mask: Booleans) -> Integers:
+    """Return the rows of a mask, or the first row if there is none."""
+    return np.flatnonzero(mask) if mask.any() else np.zeros(1, dtype=np.int64)
+
+
+def _grow(
+    design: _Design,
+    y: Floats,  # [N]
+    rows: Integers,  # [n]
+    allowed: Booleans,  # [p]
+    danger: Floats,  # [N]
+    growth: _Growth,
+) -> Forest:
+    """Grow one tree over the rows."""
+    y = np.ascontiguousarray(y)
+    rows = rows.copy()
+    m, p = 2 * growth.max_leaves - 1, design.X.shape[1]
+    integers = {name: np.zeros(m, dtype=np.int64) for name in ("feature", "left", "right")}
+    counts = {name: np.zeros(m, dtype=np.int64) for name in ("first", "n_rows")}
+    floats = {name: np.zeros(m) for name in ("threshold", "low", "high")}
+    out = {**integers, **counts, **floats, "coefficients": np.zeros((m, p + 1))}
+    n_nodes = kernels.grow(
+        design.X,
+        y,
+        rows,
+        design.edges,
+        design.n_edges,
+        design.bins,
+        allowed,
+        danger,
+        growth.min_leaf,
+        growth.linear,
+        growth.gap,
+        growth.floor,
+        *(out[name] for name in _SHARED),
+    )
+    out = {name: array[:n_nodes] for name, array in out.items()}
+    residuals = np.zeros(rows.size)
+    kernels.write_residuals(
+        design.X,
+        y,
+        rows,
+        out["feature"],
+        out["coefficients"],
+        out["first"],
+        out["n_rows"],
+        np.zeros(rows.size, dtype=np.bool_),
+        residuals,
+    )
+    return Forest(roots=np.zeros(1, dtype=np.int64), residuals=residuals, **out)
+
+
+def _plant(trees: Sequence[Forest]) -> Forest:
+    """Return the trees in common arrays."""
+    nodes = np.cumsum([0, *(tree.feature.size for tree in trees)])
+    rows = np.cumsum([0, *(tree.residuals.size for tree in trees)])
+    moved = [
+        tree._replace(left=tree.left + node, right=tree.right + node, first=tree.first + row)
+        for tree, node, row in zip(trees, nodes, rows, strict=False)
+    ]
+    names = (*_SHARED, "residuals")
+    joined = {name: np.concatenate([getattr(tree, name) for tree in moved]) for name in names}
+    return Forest(roots=nodes[:-1].astype(np.int64), **joined)

@@ -1,0 +1,208 @@
+"""A frozen tree with one action a leaf: what learning produces and everything else consumes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from eutree.arrays import Floats, Integers, frozen
+from eutree.errors import FormatError, InvalidArgumentError
+from eutree.files import read_bytes, write_bytes
+from eutree.files.documents import MAX_DOCUMENT
+from eutree.policies.document import PolicyParts, policy_from_bytes, policy_to_bytes
+from eutree.policies.leaf_statistics import LeafStatistics
+from eutree.schema import EnvironmentSpec, Schema
+from eutree.trees import DecisionTree
+from eutree.trees.text import printable, rules
+
+
+@dataclass(frozen=True, eq=False)
+class TreePolicy:
+    """A decision tree whose leaves are actions.
+
+    Attributes:
+        tree: The tree; its features are those of ``schema``.
+        actions: Action of each leaf.
+        schema: Names, units and bounds of the tree's features; names of the actions.
+        environment: The environment it was made for, if known.
+        history: Number of previous observations that follow the present one in the tree's
+            features; ``predict`` keeps them in its ``state``.
+        leaves: Visits and values of each leaf, where they are known.
+        locked: Leaves that neither learning nor an edit may change, in order.
+    """
+
+    tree: DecisionTree
+    actions: Integers  # [L]
+    schema: Schema
+    environment: EnvironmentSpec | None = None
+    history: int = 0
+    leaves: LeafStatistics | None = None
+    locked: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "actions", frozen(np.asarray(self.actions, dtype=np.int64)))
+        if self.actions.shape != (self.tree.n_leaves,):
+            raise InvalidArgumentError(
+                f"actions must have one entry for each of the {self.tree.n_leaves} leaves, "
+                f"got shape {self.actions.shape}"
+            )
+        if self.actions.min() < 0 or self.actions.max() >= self.schema.n_actions:
+            raise InvalidArgumentError(
+                f"actions must be in 0..{self.schema.n_actions - 1}, got {self.actions.tolist()}"
+            )
+        if self.schema.n_features != self.tree.n_features:
+            raise InvalidArgumentError(
+                f"schema must name the tree's {self.tree.n_features} features, "
+                f"got {self.schema.n_features}"
+            )
+        if self.history < 0 or self.tree.n_features % (self.history + 1):
+            raise InvalidArgumentError(
+                f"history must be >= 0 and history + 1 must divide the tree's "
+                f"{self.tree.n_features} features, got {self.history}"
+            )
+        if list(self.locked) != sorted(set(self.locked) & set(range(self.n_leaves))):
+            raise InvalidArgumentError(
+                f"locked must be leaves from 0 to {self.n_leaves - 1} in order, got {self.locked}"
+            )
+        object.__setattr__(self, "_action_list", self.actions.tolist())
+
+    @property
+    def n_leaves(self) -> int:
+        """Number of leaves."""
+        return self.tree.n_leaves
+
+    @property
+    def observation_size(self) -> int:
+        """Number of entries of one observation, without its history."""
+        return self.tree.n_features // (self.history + 1)
+
+    def save(self, path: str | Path) -> None:
+        """Write the policy to a file that ``load`` reads; see docs/formats.
+
+        Raises:
+            InvalidArgumentError: The policy holds an infinite value, which no file may hold.
+            FileError: The file cannot be written; what was there before is intact.
+        """
+        write_bytes(path, self.to_bytes())
+
+    @classmethod
+    def load(cls, path: str | Path) -> "TreePolicy":
+        """Read a policy from a file, checking everything; no code in it is ever run.
+
+        Raises:
+            FormatError: The file is no policy, or was made by a newer version.
+            FileError: The file is missing or cannot be read.
+        """
+        return cls.from_bytes(read_bytes(path, limit=MAX_DOCUMENT), path)
+
+    def to_bytes(self) -> bytes:
+        """Return the content of the policy's file; the same policy gives the same bytes."""
+        return policy_to_bytes(
+            PolicyParts(
+                tree=self.tree,
+                actions=self.actions,
+                schema=self.schema,
+                environment=self.environment,
+                history=self.history,
+                leaves=self.leaves,
+                locked=self.locked,
+            )
+        )
+
+    @classmethod
+    def from_bytes(cls, data: bytes, path: str | Path = "policy") -> "TreePolicy":
+        """Return the policy that ``to_bytes`` wrote; ``path`` is for the messages."""
+        parts = policy_from_bytes(data, path)
+        try:
+            return cls(**parts)
+        except InvalidArgumentError as error:
+            raise FormatError(path, "", str(error)) from None
+
+    def act(self, features: Sequence[float]) -> int:
+        """Return the action for one sequence of the tree's features (history included)."""
+        actions: list[int] = self._action_list  # type: ignore[attr-defined]  # set when frozen
+        return actions[self.tree.leaf_of(features)]
+
+    def predict(
+        self,
+        observation: ArrayLike,
+        state: Floats | None = None,
+        episode_start: ArrayLike | None = None,
+        deterministic: bool = True,
+    ) -> tuple[Any, Floats | None]:
+        """Return the action for one observation or a batch, as in Stable-Baselines3.
+
+        Args:
+            observation: One observation, shape [d], or a batch, shape [E, d].
+            state: What the last call returned, for a policy with a history; None at the start of
+                an episode. Policies without a history ignore it.
+            episode_start: Whether each observation is the first of its episode, shape [E].
+            deterministic: Ignored: a tree always decides the same.
+
+        Returns:
+            An int for one observation, an int64 array of shape [E] for a batch; and the state.
+        """
+        array = np.asarray(observation, dtype=np.float64)
+        if array.ndim not in (1, 2) or array.shape[-1] != self.observation_size:
+            raise InvalidArgumentError(
+                f"observation must have shape ({self.observation_size},) or "
+                f"(E, {self.observation_size}), got {array.shape}"
+            )
+        if self.history:
+            state = self._remember(array, state, episode_start)
+            array = state
+        if array.ndim == 1:
+            return self.act(array.tolist()), state
+        return self.actions[self.tree.leaf_index(array)], state
+
+    def _remember(
+        self, observation: Floats, state: Floats | None, episode_start: ArrayLike | None
+    ) -> Floats:
+        """Return the features [..., d * (history + 1)]: the observation, then the past ones.
+
+        The state that ``predict`` hands on is this very array: its first ``history`` blocks are
+        the past of the next call. At the start of an episode the past repeats the first
+        observation.
+        """
+        fresh = np.tile(observation, self.history + 1)
+        if state is None:
+            return fresh
+        past = state[..., : -self.observation_size]
+        features = np.concatenate([observation, past], axis=-1)
+        if episode_start is None:
+            return features
+        starts = np.asarray(episode_start, dtype=bool)
+        return np.where(starts[:, np.newaxis] if observation.ndim == 2 else starts, fresh, features)
+
+    def __str__(self) -> str:
+        """Return the policy as nested rules, with the names and units of its schema."""
+        names = [printable(name) for name in self.schema.actions]
+        return rules(self.tree, self.schema, [names[action] for action in self.actions])
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether both decide by the same tree with the same names and statistics."""
+        if not isinstance(other, TreePolicy):
+            return NotImplemented
+        mine, theirs = self.leaves, other.leaves
+        same_leaves = (mine is None) == (theirs is None) and (
+            mine is None
+            or theirs is None
+            or all(
+                getattr(mine, name).tobytes() == getattr(theirs, name).tobytes()
+                for name in ("visits", "values", "deviations")
+            )
+        )
+        return (
+            self.tree.equals(other.tree)
+            and np.array_equal(self.actions, other.actions)
+            and self.schema == other.schema
+            and self.environment == other.environment
+            and self.history == other.history
+            and self.locked == other.locked
+            and same_leaves
+        )
+
+    __hash__ = object.__hash__

@@ -1,0 +1,338 @@
+"""World models, paired comparisons, improvement and trials of eutree.imagination."""
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from eutree.errors import InvalidArgumentError
+from eutree.imagination import Imagination, Plan, Transitions, fit_world_models
+from eutree.imagination import _kernels_regression as regression
+from eutree.imagination import _kernels_search as search
+from eutree.imagination.action_trees import (
+    carved,
+    collapsed,
+    from_decision_tree,
+    n_leaves,
+    nested,
+    packed,
+    single_action,
+    to_decision_tree,
+)
+from eutree.imagination.improvement import Improvement
+from eutree.imagination.rehearsal import Rehearsal
+from eutree.imagination.world_model import View
+from tests import naive_imagination
+
+STAY, GO = 0, 1
+
+
+def walks(n_episodes, seed, *, pit=(5.0, 7.0), policy=None):
+    """A walk to 10 past a pit that opens and closes: feature 1 swings between -1 and 1.
+
+    Being in the pit while feature 1 is above 0 ends the walk at -50; the goal earns 100.
+    """
+    generator = np.random.default_rng(seed)
+    rows = []
+    for episode in range(n_episodes):
+        at, phase = 0.0, generator.uniform(-1, 1)
+        for _ in range(40):
+            before = (at, phase)
+            action = int(generator.random() < 0.7) if policy is None else policy(before)
+            at += action * 2.0 * (1 + 0.01 * generator.standard_normal())
+            phase = -phase
+            fell = pit[0] < at <= pit[1] and phase > 0
+            ended = fell or at >= 10
+            reward = -50.0 if fell else (100.0 if at >= 10 else -2.0 * (1 - action))
+            rows.append((before, action, reward, (at, phase), ended, episode))
+            if ended:
+                break
+    columns = list(zip(*rows, strict=True))
+    return Transitions(
+        np.array(columns[0]),
+        np.array(columns[1]),
+        np.array(columns[2]),
+        np.array(columns[3]),
+        np.array(columns[4]),
+        np.array(columns[5]),
+        2,
+    )
+
+
+def mean_return(tree, seed=9, n_episodes=400):
+    policy = nested(tree)
+    data = walks(n_episodes, seed, policy=lambda o: naive_imagination.act(policy, o))
+    return data.episode_returns(0.0).mean()
+
+
+def model_of(data, view=View()):
+    return fit_world_models(data, [view])[0]
+
+
+def rehearsal_of(data, n_episodes=400, seed=0, view=View()):
+    return Rehearsal(model_of(data, view), n_episodes, 1.0, np.random.default_rng(seed))
+
+
+trees = st.recursive(
+    st.integers(0, 1),
+    lambda child: st.tuples(st.integers(0, 1), st.integers(-3, 9).map(float), child, child),
+    max_leaves=8,
+)
+
+
+@given(tree=trees)
+def test_trees_keep_their_actions_when_packed_merged_and_made_state_trees(tree):
+    arrays = packed(tree)
+    state_tree, actions = to_decision_tree(arrays, 2)
+    points = np.random.default_rng(0).uniform(-4, 10, (60, 2))
+    expected = [naive_imagination.act(tree, point) for point in points]
+    assert actions[state_tree.leaf_index(points)].tolist() == expected
+    assert nested(from_decision_tree(state_tree, actions)) == nested(arrays)
+    assert state_tree.n_leaves == n_leaves(arrays) == len(actions)
+
+
+def test_a_carved_box_takes_its_action_inside_only():
+    box = np.array([[1.0, 3.0], [-np.inf, 0.5]])
+    tree = carved(box, GO, STAY)
+    for point in np.random.default_rng(1).uniform(-1, 4, (200, 2)):
+        inside = 1.0 < point[0] <= 3.0 and point[1] <= 0.5
+        assert naive_imagination.act(tree, point) == (GO if inside else STAY)
+
+
+def test_collapsing_keeps_the_chosen_child():
+    tree = packed((0, 1.0, (1, 2.0, STAY, GO), GO))
+    assert nested(collapsed(tree, 0, 1)) == (1, 2.0, STAY, GO)
+    assert nested(collapsed(tree, 1, int(tree.left[1]))) == (0, 1.0, STAY, GO)
+    assert nested(collapsed(tree, 1, int(tree.right[1]))) == GO
+
+
+@settings(max_examples=200)
+@given(
+    data=st.lists(st.tuples(st.integers(0, 6), st.integers(-5, 5)), min_size=1, max_size=14),
+    min_rows=st.integers(1, 4),
+    shape=st.integers(0, 2),
+)
+def test_the_best_interval_is_the_best_of_all_intervals(data, min_rows, shape):
+    values, gains = (np.array(column, dtype=float) for column in zip(*data, strict=True))
+    order = np.argsort(values, kind="stable")
+    best, begin, end = search.best_interval(values, gains, order, min_rows, shape == 0, shape == 1)
+    expected = naive_imagination.best_interval(values, gains, min_rows, shape == 0, shape == 1)
+    assert best == expected
+    if np.isfinite(expected):
+        assert gains[order][begin : end + 1].sum() == expected
+
+
+@settings(max_examples=100)
+@given(
+    data=st.lists(
+        st.tuples(st.integers(0, 4), st.integers(0, 9), st.integers(-3, 3)),
+        min_size=2,
+        max_size=20,
+    ),
+    min_leaf=st.integers(1, 3),
+)
+def test_the_best_cut_leaves_the_least_squared_error(data, min_leaf):
+    table = np.array(data, dtype=float)
+    X, y, rows = np.ascontiguousarray(table[:, :2]), table[:, 2].copy(), np.arange(len(table))
+    edges, n_edges = np.zeros((2, 256)), np.zeros(2, dtype=np.int64)
+    bins = np.zeros((2, len(table)), dtype=np.int64)
+    regression.bin_columns(X, 256, edges, n_edges, bins)
+    allowed = np.ones(2, dtype=bool)
+    feature, cut = regression.best_cut(X, y, rows, edges, n_edges, bins, min_leaf, allowed)
+    expected = naive_imagination.best_cut(X, y, rows, min_leaf, allowed)
+    before = ((y - y.mean()) ** 2).sum()
+    if feature < 0:
+        assert not expected < before - 1e-9
+        return
+    below = X[:, feature] <= cut
+    error = sum(((y[side] - y[side].mean()) ** 2).sum() for side in (below, ~below))
+    assert error == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_linear_leaf_needs_no_split():
+    generator = np.random.default_rng(2)
+    X = generator.normal(size=(200, 3))
+    y = X @ [2.0, -1.0, 0.0] + 3.0
+    line = np.zeros(4)
+    error = regression.fit_leaf(X, y, np.arange(200), np.ones(3), True, line)
+    assert line == pytest.approx([2.0, -1.0, 0.0, 3.0], abs=0.01)
+    assert error < 0.01
+
+
+def test_the_gap_between_safe_and_fatal_goes_to_the_side_that_is_asked():
+    x, danger = np.array([0.0, 1.0, 2.0, 3.0]), np.array([0.0, 0.0, 1.0, 1.0])
+    rows = np.arange(4)
+    assert regression.shift_towards_better(x, danger, rows, 1.5, 0.9) == pytest.approx(1.1)
+    assert regression.shift_towards_better(x, danger, rows, 1.5, 0.1) == pytest.approx(1.9)
+    assert regression.shift_towards_better(x, -danger, rows, 1.5, 0.9) == pytest.approx(1.9)
+
+
+def test_transitions_know_their_episodes():
+    data = walks(30, 0)
+    for episode in range(30):
+        rows = np.flatnonzero(data.episodes == episode)
+        to_go = data.rewards[rows][::-1].cumsum()[::-1]
+        assert data.returns_to_go[rows] == pytest.approx(to_go)
+        assert data.first[rows].tolist() == [True] + [False] * (len(rows) - 1)
+        assert not data.previous_displacements[rows[0]].any()
+    fell = data.rewards == -50.0
+    assert (data.danger[fell] == 1).all()
+    assert (data.danger[data.rewards == 100.0] == -1).all()
+    assert (data.danger[~data.terminated] == 0).all()
+    assert data.recent(50).rewards.size <= 50
+    assert data.recent(50).first[0]
+
+
+def test_what_is_imagined_is_what_happens():
+    rehearsal = rehearsal_of(walks(800, 3), n_episodes=2000)
+    rehearsal.rehearse(single_action(GO))
+    happens = mean_return(single_action(GO), n_episodes=2000)
+    assert rehearsal.mean_return == pytest.approx(happens, abs=10)
+
+
+def test_a_gain_is_the_difference_of_two_rehearsals_with_the_same_luck():
+    rehearsal = rehearsal_of(walks(100, 4))
+    one, other = single_action(GO), packed((0, 3.0, (1, 0.2, STAY, GO), GO))
+    rehearsal.rehearse(one)
+    gain = rehearsal.gain(other)
+    first = rehearsal.mean_return
+    rehearsal.rehearse(other)
+    assert gain.complete
+    assert gain.mean == pytest.approx(rehearsal.mean_return - first, abs=1e-9)
+
+
+def test_a_hopeless_rival_is_given_up_early():
+    rehearsal = rehearsal_of(walks(100, 4))
+    rehearsal.rehearse(single_action(GO))
+    assert not rehearsal.gain(single_action(STAY), hopeless=0.0).complete
+
+
+def test_a_deviation_is_the_gain_of_acting_otherwise_once():
+    rehearsal = rehearsal_of(walks(100, 5))
+    rehearsal.rehearse(single_action(GO))
+    steps = np.arange(0, rehearsal.n_steps, 7)
+    gains = rehearsal.deviations(steps)
+    assert (gains[:, GO] == 0).all()
+    phase = rehearsal.observations[steps, 1]
+    at = rehearsal.observations[steps, 0]
+    about_to_fall = (at > 3.5) & (at < 4.5) & (phase < -0.1)
+    assert gains[about_to_fall, STAY].mean() > 50
+
+
+def test_improvement_finds_when_to_wait():
+    rehearsal = rehearsal_of(walks(300, 6))
+    improvement = Improvement(rounds=2)
+    tree = improvement.improve(rehearsal, single_action(GO), 100.0)
+    assert mean_return(tree) > 95 > 40 > mean_return(single_action(GO))
+    assert n_leaves(tree) <= 5
+
+
+def test_improvement_removes_tests_that_do_nothing():
+    useless = (1, 0.3, (0, 20.0, GO, STAY), GO)
+    rehearsal = rehearsal_of(walks(300, 6, pit=(50.0, 60.0)))
+    tree = Improvement().improve(rehearsal, packed(useless), 100.0)
+    assert nested(tree) == GO
+
+
+def planned(plan, data, seed=0, **choices):
+    imagination = Imagination(n_episodes=200, **choices)
+    return imagination.plan(plan, data, np.random.default_rng(seed))
+
+
+def test_a_candidate_is_not_the_policy_before_its_trial():
+    plan = planned(Plan(single_action(GO), proved=tuple(range(200))), walks(200, 7))
+    assert nested(plan.policy) == GO
+    assert plan.candidate is not None
+    assert mean_return(plan.candidate) > 80
+
+
+@pytest.mark.parametrize("good", [True, False])
+def test_a_candidate_is_adopted_if_its_trial_went_well(good):
+    data = walks(200, 7)
+    plan = planned(Plan(single_action(GO), proved=tuple(range(200))), data)
+    ends_well = data.rewards[data.last] == 100.0
+    episodes = np.flatnonzero(ends_well if good else ~ends_well)[:25]
+    plan = replace(plan, tried=tuple(episodes.tolist()))
+    after = planned(plan, data)
+    assert (nested(after.policy) == nested(plan.candidate)) == good
+
+
+@pytest.mark.parametrize("good", [True, False])
+def test_an_untested_policy_is_compared_with_chance(good):
+    data = walks(200, 7)
+    plan = planned(Plan(single_action(STAY)), data)
+    ends_well = data.rewards[data.last] == 100.0
+    episodes = np.flatnonzero(ends_well if good else ~ends_well)[:25]
+    plan = replace(plan, tried=tuple(episodes.tolist()))
+    assert (nested(planned(plan, data).policy) != STAY) == good
+
+
+@pytest.mark.parametrize("changed", [True, False])
+def test_demonstrations_of_another_world_are_forgotten(changed):
+    shown = walks(15, 7, pit=(50.0, 60.0))
+    own = walks(20, 8, pit=(5.0, 7.0) if changed else (50.0, 60.0), policy=lambda o: GO)
+    data = Transitions(
+        np.concatenate([shown.observations, own.observations]),
+        np.concatenate([shown.actions, own.actions]),
+        np.concatenate([shown.rewards, own.rewards]),
+        np.concatenate([shown.next_observations, own.next_observations]),
+        np.concatenate([shown.terminated, own.terminated]),
+        np.concatenate([shown.episodes, own.episodes + 15]),
+        2,
+    )
+    after = planned(Plan(single_action(GO), proved=tuple(range(35)), demonstrations=15), data)
+    assert after.outdated == (15 if changed else 0)
+    assert len(after.proved) == (20 if changed else 35)
+    assert data.since(15).rewards.tolist() == own.rewards.tolist()
+
+
+def test_planning_waits_until_the_history_has_grown():
+    imagination = Imagination(growth=1.5)
+    plan = Plan(single_action(GO), planned_at=100)
+    assert not imagination.due(plan, 150)
+    assert imagination.due(plan, 151)
+
+
+@pytest.mark.parametrize(
+    ("kind", "choice"),
+    [
+        (Imagination, {"n_episodes": 1}),
+        (Imagination, {"growth": 0.5}),
+        (Improvement, {"price": -1.0}),
+    ],
+)
+def test_bad_choices_are_refused(kind, choice):
+    with pytest.raises(InvalidArgumentError, match=next(iter(choice))):
+        kind(**choice)
+
+
+TWIN = """
+import numpy as np
+from eutree.imagination.action_trees import nested, single_action
+from eutree.imagination.improvement import Improvement
+from tests.imagination.test_imagination import rehearsal_of, walks
+
+rehearsal = rehearsal_of(walks(25, 6), n_episodes=16)
+tree = Improvement(deviations=60).improve(rehearsal, single_action(1), 100.0)
+print(nested(tree), rehearsal.mean_return)
+"""
+
+
+@pytest.mark.slow
+def test_compiled_and_plain_kernels_agree_to_the_bit():
+    printed = [
+        subprocess.run(
+            [sys.executable, "-c", TWIN],
+            env=os.environ | {"EUTREE_JIT": jit, "PYTHONPATH": os.pathsep.join(["src", "."])},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for jit in ("0", "1")
+    ]
+    assert printed[0] == printed[1] != ""
