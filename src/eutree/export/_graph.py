@@ -1,0 +1,26 @@
+"""What every drawing of a tree says: words on its nodes, answers on its branches."""
+
+from collections.abc import Iterator
+
+from eutree.policies import TreePolicy
+from eutree.trees.text import condition, printable
+
+
+def words_of_test(policy: TreePolicy, node: int) -> str:
+    """Return the test of an inner node with its exact threshold."""
+    tree = policy.tree
+    return condition(policy.schema, int(tree.feature[node]), float(tree.threshold[node]))
+
+
+def words_of_leaf(policy: TreePolicy, node: int) -> str:
+    """Return the name of the action of a leaf's node."""
+    return printable(policy.schema.actions[policy.actions[policy.tree.leaf[node]]])
+
+
+def branches(policy: TreePolicy) -> Iterator[tuple[int, int, str]]:
+    """Yield parent, child and "yes" or "no" for each branch, in preorder."""
+    tree = policy.tree
+    for node in tree.preorder():
+        if tree.feature[node] != tree.NO_FEATURE:
+            yield node, int(tree.left[node]), "yes"
+            yield node, int(tree.right[node]), "no"

@@ -1,0 +1,169 @@
+"""C99 for microcontrollers: no heap, no library calls, no recursion, one exit per function.
+
+A policy becomes up to three files: the source with the one entry point ``int NAME(const double
+*observation)``, a header with the names of the actions, and a program that tests the source on
+every threshold.
+"""
+
+import re
+
+from eutree.export._blocks import block_roots
+from eutree.export._c_numbers import Number, Numbers, Scale, in_integers, numbers
+from eutree.export._identifiers import C_WORDS, check_identifier, identifiers
+from eutree.policies import TreePolicy
+from eutree.trees.text import Syntax, condition, nested, printable
+
+_SAFE = re.compile(r"[A-Za-z0-9 _.,:;()\[\]{}<>=+*/%&|^~!#'@$-]")
+_NO_FAST_MATH = [
+    "#if defined(__FINITE_MATH_ONLY__) && (__FINITE_MATH_ONLY__ > 0)",
+    '#error "NaN must fail every test: compile without -ffast-math and -ffinite-math-only"',
+    "#endif",
+]
+
+
+def to_c(
+    policy: TreePolicy,
+    *,
+    name: str = "decide",
+    number: Number = "double",
+    scale: Scale = None,
+    header: bool = False,
+) -> str:
+    """Return C99 source that decides exactly like the policy.
+
+    Args:
+        policy: The policy.
+        name: Name of the entry point.
+        number: Type of the observation's entries. "float" and "int32" round the thresholds so
+            that the decisions agree on every number which that type can represent.
+        scale: For "int32": integers per unit, one number for all features or one for each name;
+            if left out, the largest power of two that fits the feature's bounds.
+        header: Whether to include ``NAME.h`` (see ``to_c_header``) rather than repeat it.
+    """
+    check_identifier("name", name, reserved=C_WORDS)
+    kind = numbers(policy, number, scale)
+    declarations = [f'#include "{name}.h"'] if header else _declarations(policy, name, kind)
+    guard = [] if number == "int32" else ["", *_NO_FAST_MATH]
+    lines = [*_heading(policy, kind), *declarations, *guard]
+    table = [f"    {_string(action)}" for action in policy.schema.actions]
+    size = f"{policy.schema.n_actions}"
+    lines += ["", f"const char *const {name}_actions[{size}] = {{", ",\n".join(table), "};"]
+    shown = in_integers(policy, kind.scales) if number == "int32" else policy
+    roots = block_roots(shown.tree)
+    for root in roots:
+        lines += ["", *_function(shown, name, kind, root, frozenset(roots))]
+    return "\n".join(lines) + "\n"
+
+
+def to_c_header(
+    policy: TreePolicy, *, name: str = "decide", number: Number = "double", scale: Scale = None
+) -> str:
+    """Return the header ``NAME.h``: the entry point, an enumeration of the actions, their names."""
+    check_identifier("name", name, reserved=C_WORDS)
+    kind = numbers(policy, number, scale)
+    guard = f"{name.upper()}_H"
+    lines = [
+        *_heading(policy, kind),
+        f"#ifndef {guard}",
+        f"#define {guard}",
+        "",
+        *_declarations(policy, name, kind, for_cpp=True),
+        "",
+        f"#endif /* {guard} */",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def function_name(stem: str) -> str:
+    """Return the name of an entry point for a file of that name, without its suffix."""
+    return identifiers([stem], reserved=C_WORDS, prefix="decide")[0]
+
+
+def _heading(policy: TreePolicy, kind: Numbers) -> list[str]:
+    """Return the comment at the top: what goes in, what comes out, what must hold."""
+    made_for = f" for {printable(policy.environment.id)}" if policy.environment else ""
+    lines = [f"A decision tree with {policy.n_leaves} leaves{made_for}.", "", "Observation:"]
+    for index, feature in enumerate(policy.schema.features):
+        unit = f" [{printable(feature.unit)}]" if feature.unit else ""
+        bounds = f", {feature.low!r} to {feature.high!r}"
+        scale = f", times {kind.scales[index]!r}, as an integer" if kind.scales else ""
+        lines.append(f"  [{index}] {printable(feature.name)}{unit}{bounds}{scale}")
+    lines += ["", "Action:"]
+    lines += [f"  {index} {printable(name)}" for index, name in enumerate(policy.schema.actions)]
+    if kind.number == "int32":
+        lines += ["", "Saturate what does not fit into 32 bits; do not let it wrap around."]
+    else:
+        lines += ["", "Every test is x <= threshold, so NaN fails it and takes the else branch."]
+    return ["/*", *(f" * {line}".rstrip() for line in lines), " */"]
+
+
+def _declarations(
+    policy: TreePolicy, name: str, kind: Numbers, *, for_cpp: bool = False
+) -> list[str]:
+    """Return the prototype, the enumeration of the actions and the table of their names."""
+    names = _enumerators(policy, name)
+    members = [f"    {member} = {index}" for index, member in enumerate(names)]
+    lines = ["#include <stdint.h>", ""] if kind.number == "int32" else []
+    lines += ["enum {", ",\n".join(members), "};", ""]
+    if for_cpp:
+        lines += ["#ifdef __cplusplus", 'extern "C" {', "#endif", ""]
+    lines += [
+        f"extern const char *const {name}_actions[{policy.schema.n_actions}];",
+        f"int {name}(const {kind.c_type} *observation);",
+    ]
+    if for_cpp:
+        lines += ["", "#ifdef __cplusplus", "}", "#endif"]
+    return lines
+
+
+def _enumerators(policy: TreePolicy, name: str) -> list[str]:
+    """Return the enumeration constant of each action."""
+    found = identifiers(policy.schema.actions, reserved=("h",), prefix="action")
+    return [f"{name}_{action}".upper() for action in found]
+
+
+def _function(
+    policy: TreePolicy, name: str, kind: Numbers, root: int, cut: frozenset[int]
+) -> list[str]:
+    """Return the function of one block of the tree."""
+    tree, constants = policy.tree, _enumerators(policy, name)
+
+    def test(node: int) -> str:
+        remark = ""
+        if kind.number != "int32":
+            words = condition(policy.schema, int(tree.feature[node]), float(tree.threshold[node]))
+            remark = f" /* {words} */"
+        return f"if ({kind.test(tree, node)}) {{{remark}"
+
+    def leaf(node: int) -> str:
+        if tree.leaf[node] == tree.NO_LEAF:
+            return f"action = {name}_block_{node}(observation);"
+        return f"action = {constants[policy.actions[tree.leaf[node]]]};"
+
+    syntax = Syntax(
+        opening=test,
+        chained=lambda node: f"}} else {test(node)}",
+        otherwise="} else {",
+        closing="}",
+        leaf=leaf,
+    )
+    title = f"int {name}" if root == 0 else f"static int {name}_block_{root}"
+    unused = ["    (void)observation;"] if policy.n_leaves == 1 else []
+    body = nested(tree, syntax, root=root, cut=cut)
+    return [
+        f"{title}(const {kind.c_type} *observation)",
+        "{",
+        "    int action;",
+        "",
+        *unused,
+        *("    " * (level + 1) + line for level, line in body),
+        "    return action;",
+        "}",
+    ]
+
+
+def _string(text: str) -> str:
+    """Return a string constant that holds ``text`` in UTF-8, whatever the compiler reads."""
+    units = text.encode("utf-8", "surrogatepass")
+    signs = (chr(unit) if _SAFE.fullmatch(chr(unit)) else f"\\{unit:03o}" for unit in units)
+    return f'"{"".join(signs)}"'

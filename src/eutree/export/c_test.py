@@ -1,0 +1,118 @@
+"""A C program that proves on the target that the compiled tree decides like the policy."""
+
+import math
+
+import numpy as np
+
+from eutree.arrays import Floats
+from eutree.export._c_numbers import (
+    Number,
+    Numbers,
+    Scale,
+    hexadecimal,
+    in_integers,
+    integer,
+    numbers,
+)
+from eutree.export._identifiers import C_WORDS, check_identifier
+from eutree.export._probes import probes
+from eutree.policies import TreePolicy
+
+_INT32 = np.iinfo(np.int32)
+
+
+def to_c_test(
+    policy: TreePolicy,
+    *,
+    name: str = "decide",
+    number: Number = "double",
+    scale: Scale = None,
+    n_random: int = 100,
+    seed: int = 0,
+) -> str:
+    """Return a ``main`` that runs the exported function on the policy's own decisions.
+
+    It includes ``NAME.h``, so compile it with the source and the header. It prints how many
+    decisions agree and returns 0 if all of them do.
+
+    Args:
+        policy: The policy.
+        name: Name of the entry point, as given to ``to_c``.
+        number: Type of the observation's entries, as given to ``to_c``.
+        scale: Scale of each feature, as given to ``to_c``.
+        n_random: Number of random observations besides those on and around the thresholds.
+        seed: Seed of the random observations.
+    """
+    check_identifier("name", name, reserved=C_WORDS)
+    kind = numbers(policy, number, scale)
+    stored = stored_probes(policy, kind, n_random=n_random, seed=seed)
+    actions = [policy.act(meant(kind, row)) for row in stored]
+    rows = [f"    {{{', '.join(_constant(kind, value) for value in row)}}}" for row in stored]
+    listing = ",\n".join(rows)
+    size, width = stored.shape
+    return f"""\
+#include <math.h>
+#include <stdio.h>
+
+#include "{name}.h"
+
+static const {kind.c_type} observations[{size}][{width}] = {{
+{listing}
+}};
+
+static const int actions[{size}] = {{
+{_wrapped([str(action) for action in actions])}
+}};
+
+int main(void)
+{{
+    int agreeing = 0;
+    int row;
+
+    for (row = 0; row < {size}; row++) {{
+        if ({name}(observations[row]) == actions[row]) {{
+            agreeing++;
+        }}
+    }}
+    (void)printf("%d of {size} decisions agree\\n", agreeing);
+    return (agreeing == {size}) ? 0 : 1;
+}}
+"""
+
+
+def stored_probes(policy: TreePolicy, kind: Numbers, *, n_random: int = 0, seed: int = 0) -> Floats:
+    """Return observations as the number type stores them, on and around each threshold."""
+    if kind.number == "double":
+        return probes(policy.tree, n_random=n_random, seed=seed)
+    if kind.number == "float":
+        exact = probes(policy.tree, n_random=n_random, seed=seed)
+        with np.errstate(over="ignore"):
+            near = exact.astype(np.float32)
+        ulps = [np.nextafter(near, np.float32(side)) for side in (-np.inf, np.inf)]
+        return np.unique(np.concatenate([near, *ulps]), axis=0).astype(np.float64)
+    exact = probes(in_integers(policy, kind.scales).tree, n_random=n_random, seed=seed)
+    whole = np.nan_to_num(np.rint(exact), nan=0.0, posinf=_INT32.max, neginf=_INT32.min)
+    sides = np.concatenate([whole - 1.0, whole, whole + 1.0]).clip(_INT32.min, _INT32.max)
+    return np.unique(sides + 0.0, axis=0)
+
+
+def meant(kind: Numbers, stored: Floats) -> list[float]:
+    """Return the observation that stored numbers stand for."""
+    return [kind.value(float(value), feature) for feature, value in enumerate(stored)]
+
+
+def _constant(kind: Numbers, value: float) -> str:
+    """Return one entry of an observation as a constant of C."""
+    if kind.number == "int32":
+        return integer(int(value))
+    if math.isnan(value):
+        return f"({kind.c_type})NAN"
+    if math.isinf(value):
+        return f"({kind.c_type}){'-' if value < 0 else ''}INFINITY"
+    return hexadecimal(value) + ("F" if kind.number == "float" else "")
+
+
+def _wrapped(items: list[str], *, per_line: int = 24) -> str:
+    """Return the items separated by commas, a fixed number a line."""
+    lines = [items[start : start + per_line] for start in range(0, len(items), per_line)]
+    return ",\n".join(f"    {', '.join(line)}" for line in lines)

@@ -1,0 +1,78 @@
+"""The formats by name: what the command line offers and what the contract tests run over."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from inspect import signature
+from types import MappingProxyType
+from typing import Any
+
+from eutree.errors import UnknownNameError
+from eutree.export.c import to_c
+from eutree.export.dot import to_dot
+from eutree.export.json import to_json
+from eutree.export.latex import to_latex
+from eutree.export.mermaid import to_mermaid
+from eutree.export.onnx import to_onnx
+from eutree.export.pmml import to_pmml
+from eutree.export.python import to_python
+from eutree.export.structured_text import to_structured_text
+from eutree.export.svg import to_svg
+from eutree.export.text import to_text
+from eutree.policies import TreePolicy
+from eutree.validation import check_choice
+
+
+@dataclass(frozen=True)
+class ExportFormat:
+    """One format that a policy can be exported to.
+
+    Attributes:
+        name: Its name on the command line.
+        suffix: The usual suffix of its files.
+        function: Makes the content from a policy and the format's options.
+        summary: What it is for, in a few words.
+        binary: Whether the content is bytes rather than text.
+    """
+
+    name: str
+    suffix: str
+    function: Callable[..., str | bytes]
+    summary: str
+    binary: bool = False
+
+    @property
+    def options(self) -> tuple[str, ...]:
+        """Names of the options that the function takes besides the policy."""
+        return tuple(signature(self.function).parameters)[1:]
+
+
+_ALL = (
+    ExportFormat("c", ".c", to_c, "C99 for microcontrollers"),
+    ExportFormat("onnx", ".onnx", to_onnx, "ONNX with doubles", binary=True),
+    ExportFormat("dot", ".dot", to_dot, "Graphviz"),
+    ExportFormat("svg", ".svg", to_svg, "a drawing"),
+    ExportFormat("json", ".json", to_json, "the policy file itself"),
+    ExportFormat("text", ".txt", to_text, "nested rules"),
+    ExportFormat("python", ".py", to_python, "a module that imports nothing"),
+    ExportFormat("st", ".st", to_structured_text, "IEC 61131-3 structured text for PLCs"),
+    ExportFormat("mermaid", ".mmd", to_mermaid, "a Mermaid flowchart"),
+    ExportFormat("latex", ".tex", to_latex, "a TikZ picture"),
+    ExportFormat("pmml", ".pmml", to_pmml, "PMML 4.4 for scoring engines"),
+)
+
+FORMATS: Mapping[str, ExportFormat] = MappingProxyType({entry.name: entry for entry in _ALL})
+
+
+def export(policy: TreePolicy, format: str, **options: Any) -> str | bytes:
+    """Return the policy in one of the ``FORMATS``.
+
+    Args:
+        policy: The policy.
+        format: Name of the format.
+        options: What the format's function takes besides the policy.
+    """
+    entry = FORMATS[check_choice("format", format, FORMATS)]
+    for option in options:
+        if option not in entry.options:
+            raise UnknownNameError(f"option of format {format}", option, entry.options)
+    return entry.function(policy, **options)

@@ -1,0 +1,168 @@
+"""SVG drawings of a tree, made here: no Graphviz, no fonts to install, dark and light."""
+
+import unicodedata
+from xml.sax.saxutils import escape, quoteattr
+
+import numpy as np
+
+from eutree.arrays import Floats
+from eutree.export._graph import branches, words_of_leaf, words_of_test
+from eutree.export._layout import Layout, layout
+from eutree.export._palette import fill
+from eutree.policies import TreePolicy
+from eutree.trees.text import printable
+
+STYLE = """\
+.eutree { font: 12px system-ui, "Segoe UI", Helvetica, Arial, sans-serif; }
+.eutree-edge { fill: none; stroke: #9aa5b1; stroke-linecap: round; }
+.eutree-answer { font-size: 9px; fill: #5b6672; }
+.eutree-test rect { fill: #ffffff; stroke: #9aa5b1; }
+.eutree-test text, .eutree-note { fill: #1d2733; }
+.eutree-leaf text { fill: #10161d; font-weight: 600; }
+.eutree-note { font-size: 11px; }
+@media (prefers-color-scheme: dark) {
+  .eutree-edge { stroke: #5d6a78; }
+  .eutree-answer { fill: #a9b4c0; }
+  .eutree-test rect { fill: #1b232c; stroke: #5d6a78; }
+  .eutree-test text, .eutree-note { fill: #e6ebf0; }
+}
+"""
+
+_ROW, _BOX, _GAP, _MARGIN, _PADDING, _LONGEST = 30.0, 22.0, 46.0, 12.0, 9.0, 34
+
+
+def to_svg(policy: TreePolicy, *, standalone: bool = True) -> str:
+    """Return a drawing of the tree: leaves coloured by action, branches as wide as their use.
+
+    Thresholds are shown with four digits; pointing at a node shows the exact one, which the
+    element also carries as ``data-threshold``.
+
+    Args:
+        policy: The policy.
+        standalone: Whether the drawing brings its own style; a page that embeds several
+            drawings includes ``STYLE`` once instead.
+    """
+    tree, places = policy.tree, layout(policy.tree)
+    labels = [_label(policy, node) for node in range(tree.n_nodes)]
+    widths = [_text_width(label) + 2 * _PADDING for label in labels]
+    lefts = _column_lefts(places, widths)
+    visits = None if policy.leaves is None else _node_visits(policy)
+    notes = 70.0 if visits is not None else 0.0
+    width = max(left + wide for left, wide in zip(lefts, widths, strict=True)) + notes + _MARGIN
+    height = places.n_rows * _ROW + 2 * _MARGIN
+    title = f"Decision tree with {policy.n_leaves} leaves"
+    if policy.environment:
+        title += f" for {printable(policy.environment.id)}"
+    lines = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" class="eutree" role="img" '
+        f'viewBox="0 0 {width:.1f} {height:.1f}" width="{width:.0f}" height="{height:.0f}">',
+        f"<title>{escape(title)}</title>",
+    ]
+    if standalone:
+        lines.append(f"<style>{STYLE}</style>")
+    middles = _MARGIN + (places.row + 0.5) * _ROW
+    for parent, child, answer in branches(policy):
+        start, end = lefts[parent] + widths[parent], lefts[child]
+        lines += _branch(start, middles[parent], end, middles[child], answer, _share(visits, child))
+    for node in tree.preorder():
+        lines += _node(policy, node, labels[node], (lefts[node], middles[node], widths[node]))
+        if visits is not None and tree.leaf[node] != tree.NO_LEAF:
+            x, share = lefts[node] + widths[node] + 6, 100 * _share(visits, node)
+            note = f"{share:.0f} %" if share >= 1 or share == 0 else f"{share:.1g} %"
+            lines.append(
+                f'<text class="eutree-note" x="{x:.1f}" y="{middles[node] + 4:.1f}">{note}</text>'
+            )
+    return "\n".join([*lines, "</svg>"]) + "\n"
+
+
+def _label(policy: TreePolicy, node: int) -> str:
+    """Return the short words on a node."""
+    tree = policy.tree
+    if tree.feature[node] == tree.NO_FEATURE:
+        return _shortened(words_of_leaf(policy, node))
+    feature = policy.schema.features[tree.feature[node]]
+    unit = f" {_shortened(printable(feature.unit))}" if feature.unit else ""
+    return f"{_shortened(printable(feature.name))} ≤ {tree.threshold[node]:.4g}{unit}"
+
+
+def _shortened(text: str) -> str:
+    """Return ``text``, cut where it would be too long to draw."""
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"
+
+
+def _text_width(text: str) -> float:
+    """Return about how many pixels ``text`` takes at 12 px in a common sans-serif font."""
+    return sum(
+        12.5 if unicodedata.east_asian_width(sign) in "WF"
+        else 3.8 if sign in " .,:;'|!()[]iljtfr"
+        else 10.2 if sign in "mwMW%@"
+        else 7.2
+        for sign in text
+    )  # fmt: skip
+
+
+def _column_lefts(places: Layout, widths: list[float]) -> list[float]:
+    """Return the left end of each node: columns as wide as their widest inner node."""
+    n_columns = int(places.column.max()) + 1
+    widest = [0.0] * n_columns
+    for column, width in zip(places.column.tolist(), widths, strict=True):
+        widest[column] = max(widest[column], width)
+    starts = [_MARGIN]
+    for width in widest:
+        starts.append(starts[-1] + width + _GAP)
+    return [starts[column] for column in places.column.tolist()]
+
+
+def _node_visits(policy: TreePolicy) -> Floats:
+    """Return the share of all visits that passed through each node, shape [M]."""
+    tree = policy.tree
+    visits = np.zeros(tree.n_nodes)
+    if policy.leaves is not None:
+        visits[tree.node_of_leaf] = policy.leaves.visits.sum(axis=1)
+    for node in range(tree.n_nodes - 1, 0, -1):  # children come after their parents
+        visits[tree.parent[node]] += visits[node]
+    shares: Floats = visits / max(visits[0], 1.0)
+    return shares
+
+
+def _share(visits: Floats | None, node: int) -> float:
+    """Return the share of visits through a node; 0 where unknown."""
+    return 0.0 if visits is None else float(visits[node])
+
+
+def _branch(x: float, y: float, to_x: float, to_y: float, answer: str, share: float) -> list[str]:
+    """Return one branch as a curve, and its answer."""
+    bend = (x + to_x) / 2
+    curve = f"M{x:.1f} {y:.1f}C{bend:.1f} {y:.1f} {bend:.1f} {to_y:.1f} {to_x:.1f} {to_y:.1f}"
+    beside = to_y - 4 - 3 * share if answer == "yes" else to_y + 11 + 3 * share
+    return [
+        f'<path class="eutree-edge" d="{curve}" stroke-width="{1.2 + 6 * share:.2f}"/>',
+        f'<text class="eutree-answer" text-anchor="end" x="{to_x - 5:.1f}" '
+        f'y="{beside:.1f}">{answer}</text>',
+    ]
+
+
+def _node(
+    policy: TreePolicy, node: int, label: str, place: tuple[float, float, float]
+) -> list[str]:
+    """Return one node: a box with a label, its exact words, and its data for programs."""
+    tree, (x, y, width) = policy.tree, place
+    if tree.feature[node] == tree.NO_FEATURE:
+        action = int(policy.actions[tree.leaf[node]])
+        kind, radius, paint = "leaf", _BOX / 2, f' fill="{fill(action)}"'
+        data = f'data-leaf="{tree.leaf[node]}" data-action="{action}"'
+        words = f"leaf {tree.leaf[node]}: {words_of_leaf(policy, node)}"
+    else:
+        kind, radius, paint, words = "test", 5.0, "", words_of_test(policy, node)
+        data = (
+            f'data-feature="{tree.feature[node]}" '
+            f"data-threshold={quoteattr(repr(float(tree.threshold[node])))} "
+            f'data-yes="{tree.left[node]}" data-no="{tree.right[node]}"'
+        )
+    return [
+        f'<g class="eutree-{kind}" data-node="{node}" {data}><title>{escape(words)}</title>'
+        f'<rect x="{x:.1f}" y="{y - _BOX / 2:.1f}" width="{width:.1f}" height="{_BOX:.0f}" '
+        f'rx="{radius:.0f}"{paint}/>'
+        f'<text x="{x + width / 2:.1f}" y="{y + 4:.1f}" text-anchor="middle">'
+        f"{escape(label)}</text></g>"
+    ]

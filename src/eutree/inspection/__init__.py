@@ -1,0 +1,27 @@
+"""Look into policies: what differs, what is true of them, and why they decide as they do."""
+
+from eutree.inspection.diff import Disagreement, PolicyDiff, diff
+from eutree.inspection.edit import Edited, edit, numbered
+from eutree.inspection.properties import Property
+from eutree.inspection.regions import Region
+from eutree.inspection.verify import CounterExample, Verification, verify
+from eutree.inspection.why import Alternative, Explanation, Step, Support, why
+
+__all__ = [
+    "Alternative",
+    "CounterExample",
+    "Disagreement",
+    "Edited",
+    "Explanation",
+    "PolicyDiff",
+    "Property",
+    "Region",
+    "Step",
+    "Support",
+    "Verification",
+    "diff",
+    "edit",
+    "numbered",
+    "verify",
+    "why",
+]

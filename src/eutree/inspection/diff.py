@@ -1,0 +1,196 @@
+"""What changed between two policies: in behaviour, exactly, and in structure."""
+
+from collections import defaultdict
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from eutree.arrays import Floats, Integers
+from eutree.errors import InvalidArgumentError
+from eutree.inspection.regions import Region, domain, finite_box, volumes
+from eutree.policies import TreePolicy
+from eutree.trees.boxes import leaf_boxes
+from eutree.trees.text import condition, printable
+
+_CHUNK = 2_000_000  # bounds held at once
+
+
+@dataclass(frozen=True)
+class Disagreement:
+    """A box on which two policies decide differently.
+
+    Attributes:
+        region: The box.
+        share: The share of the observation box that it takes.
+        first: Action of the first policy.
+        second: Action of the second.
+        words: All this in words.
+    """
+
+    region: Region
+    share: float
+    first: int
+    second: int
+    words: str
+
+
+@dataclass(frozen=True)
+class PolicyDiff:
+    """What changed between two policies.
+
+    Attributes:
+        share: Exact share of the observation box on which they disagree.
+        boxes: All boxes of disagreement, the largest first; neighbours are joined.
+        structure: What changed in the tree, from the root on, in words.
+        n_leaves: Leaves of both.
+    """
+
+    share: float
+    boxes: tuple[Disagreement, ...]
+    structure: tuple[str, ...]
+    n_leaves: tuple[int, int]
+
+    def __str__(self) -> str:
+        """Return the difference in words, the ten largest boxes of it."""
+        before, after = self.n_leaves
+        lines = [f"{before} leaves, then {after}; another action on {self.share:.4%} of the box"]
+        lines += [f"  {box.share:.4%}: {box.words}" for box in self.boxes[:10]]
+        if len(self.boxes) > 10:
+            lines.append(f"  and {len(self.boxes) - 10} smaller boxes")
+        return "\n".join([*lines, *(f"  {change}" for change in self.structure)])
+
+
+def diff(first: TreePolicy, second: TreePolicy) -> PolicyDiff:
+    """Return what changed between two policies of the same features and actions.
+
+    The box is that of the schema's bounds; where they are infinite it reaches a tenth beyond the
+    outermost thresholds of both trees.
+
+    Raises:
+        InvalidArgumentError: The two have other features or actions.
+    """
+    mine, other = first.schema, second.schema
+    if (mine.feature_names, mine.actions) != (other.feature_names, other.actions):
+        raise InvalidArgumentError(
+            f"both policies must have the features {list(mine.feature_names)} and the actions "
+            f"{list(mine.actions)}, got {list(other.feature_names)} and {list(other.actions)}"
+        )
+    low, high, actions = _pieces(first, second)
+    box_low, box_high = finite_box(mine, _cuts(first, second))
+    inside = domain(mine)
+    low, high, actions = _joined(
+        np.maximum(low, inside.low), np.minimum(high, inside.high), actions
+    )
+    shares = volumes(low, high, box_low, box_high)
+    boxes = []
+    for number in np.argsort(-shares, kind="stable").tolist():
+        region = Region(low[number], high[number])
+        one, two = (int(action) for action in actions[number])
+        names = [printable(mine.actions[action]) for action in (one, two)]
+        words = f"{names[0]} became {names[1]} where {region.words(mine, inside)}"
+        boxes.append(Disagreement(region, float(shares[number]), one, two, words))
+    return PolicyDiff(
+        share=float(shares.sum()),
+        boxes=tuple(boxes),
+        structure=tuple(_structure(first, second)),
+        n_leaves=(first.n_leaves, second.n_leaves),
+    )
+
+
+def _pieces(first: TreePolicy, second: TreePolicy) -> tuple[Floats, Floats, Integers]:
+    """Return the intersections of leaves of both trees whose actions differ."""
+    low, high = leaf_boxes(first.tree)
+    other_low, other_high = leaf_boxes(second.tree)
+    inside = domain(first.schema)
+    parts: list[tuple[Floats, Floats, Integers]] = []
+    step = max(1, _CHUNK // other_low.size)
+    for start in range(0, first.n_leaves, step):
+        mine = slice(start, start + step)
+        both_low = np.maximum(low[mine, np.newaxis], other_low)  # [l, L', d]
+        both_high = np.minimum(high[mine, np.newaxis], other_high)
+        differ = first.actions[mine, np.newaxis] != second.actions
+        here = np.maximum(both_low, inside.low) < np.minimum(both_high, inside.high)
+        one, two = np.nonzero(differ & here.all(axis=-1))
+        actions = np.stack([first.actions[mine][one], second.actions[two]], axis=1)
+        parts.append((both_low[one, two], both_high[one, two], actions))
+    lows, highs, pairs = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return lows, highs, pairs
+
+
+def _joined(low: Floats, high: Floats, actions: Integers) -> tuple[Floats, Floats, Integers]:
+    """Join boxes of the same actions that touch in one feature and agree in all others."""
+    boxes = [
+        (tuple(a), tuple(b), tuple(pair))
+        for a, b, pair in zip(low.tolist(), high.tolist(), actions.tolist(), strict=True)
+    ]
+    n_features, before = low.shape[1], -1
+    while len(boxes) != before:
+        before = len(boxes)
+        for j in range(n_features):
+            rows = defaultdict(list)
+            for a, b, pair in boxes:
+                rows[a[:j] + a[j + 1 :], b[:j] + b[j + 1 :], pair].append((a[j], b[j]))
+            boxes = [
+                ((*a[:j], start, *a[j:]), (*b[:j], end, *b[j:]), pair)
+                for (a, b, pair), spans in rows.items()
+                for start, end in _runs(sorted(spans))
+            ]
+    shape = (len(boxes), n_features)
+    return (
+        np.array([box[0] for box in boxes]).reshape(shape),
+        np.array([box[1] for box in boxes]).reshape(shape),
+        np.array([box[2] for box in boxes], dtype=np.int64).reshape(-1, 2),
+    )
+
+
+def _runs(spans: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Join spans that touch, in order."""
+    joined = [spans[0]]
+    for start, end in spans[1:]:
+        if start == joined[-1][1]:
+            joined[-1] = (joined[-1][0], end)
+        else:
+            joined.append((start, end))
+    return joined
+
+
+def _cuts(first: TreePolicy, second: TreePolicy) -> list[Floats]:
+    """Return the thresholds of both trees on each feature."""
+    trees = (first.tree, second.tree)
+    return [
+        np.concatenate([tree.threshold[tree.feature == number] for tree in trees])
+        for number in range(first.tree.n_features)
+    ]
+
+
+def _structure(first: TreePolicy, second: TreePolicy) -> list[str]:
+    """Walk both trees side by side from the root and say where they part."""
+    changes, schema = [], first.schema
+    pairs = [(0, 0)]
+    one, two = first.tree, second.tree
+    while pairs:
+        node, other = pairs.pop()
+        mine, theirs = int(one.feature[node]), int(two.feature[other])
+        is_same = mine == theirs and (mine < 0 or one.threshold[node] == two.threshold[other])
+        if mine == theirs and mine >= 0:
+            pairs += [
+                (int(one.right[node]), int(two.right[other])),
+                (int(one.left[node]), int(two.left[other])),
+            ]
+        if is_same and mine < 0:
+            actions = first.actions[one.leaf[node]], second.actions[two.leaf[other]]
+            is_same = actions[0] == actions[1]
+        if not is_same:
+            words = [_at(policy, at) for policy, at in ((first, node), (second, other))]
+            changes.append(f"node {node}: {words[0]} became {words[1]} (node {other})")
+    if replace(schema, actions=second.schema.actions) != second.schema:
+        changes.append("units or bounds of the features changed")
+    return changes
+
+
+def _at(policy: TreePolicy, node: int) -> str:
+    """Return a test, or a leaf's action, in words."""
+    tree = policy.tree
+    if tree.feature[node] == tree.NO_FEATURE:
+        return printable(policy.schema.actions[policy.actions[tree.leaf[node]]])
+    return f"{condition(policy.schema, int(tree.feature[node]), float(tree.threshold[node]))} ?"

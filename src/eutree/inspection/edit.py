@@ -1,0 +1,146 @@
+"""Change a policy by hand: thresholds, actions, locks; checked, and never without a word."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from eutree.arrays import Integers
+from eutree.errors import InvalidArgumentError, UnknownNameError
+from eutree.inspection.regions import domain, is_box
+from eutree.policies import TreePolicy
+from eutree.trees import DecisionTree
+from eutree.trees.boxes import leaf_boxes
+from eutree.trees.text import condition, printable
+from eutree.validation import check_integer, check_number
+
+
+@dataclass(frozen=True)
+class Edited:
+    """An edited policy.
+
+    Attributes:
+        policy: The policy.
+        changes: What was changed, in words.
+        warnings: What the changes did besides, in words: leaves that nothing reaches any more.
+    """
+
+    policy: TreePolicy
+    changes: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+
+def edit(
+    policy: TreePolicy,
+    *,
+    thresholds: Mapping[int, float] | None = None,
+    actions: Mapping[int, str] | None = None,
+    lock: Iterable[int] = (),
+    unlock: Iterable[int] = (),
+) -> Edited:
+    """Return the policy with some changes made by hand.
+
+    What is locked stays: neither an edit nor ``learn`` changes the action of a locked leaf, splits
+    it or moves a threshold above it. Unlocking comes first, locking last.
+
+    Args:
+        policy: The policy.
+        thresholds: New threshold of some inner nodes, within the bounds of their features.
+        actions: New action, by name, of some leaves, by the number of the leaf.
+        lock: Nodes below which all leaves are locked.
+        unlock: Nodes below which no leaf stays locked.
+
+    Raises:
+        InvalidArgumentError: A node, a leaf or a threshold is out of range, or locked.
+        UnknownNameError: There is no such action; names the nearest.
+    """
+    tree = policy.tree
+    locked = set(policy.locked) - set(_leaves_below(tree, unlock))
+    moved = dict(thresholds or {})
+    changes = [_moved(policy, locked, node, value) for node, value in moved.items()]
+    labels = policy.actions.copy()
+    for leaf, name in (actions or {}).items():
+        changes.append(_relabelled(policy, locked, leaf, name, labels))
+    cuts = tree.threshold.copy()
+    cuts[list(moved)] = list(moved.values())
+    locked |= set(_leaves_below(tree, lock))
+    if locked != set(policy.locked):
+        changes.append(f"locked leaves: {sorted(locked) or 'none'}")
+    result = replace(
+        policy,
+        tree=replace(tree, threshold=cuts),
+        actions=labels,
+        locked=tuple(sorted(locked)),
+        leaves=None if moved else policy.leaves,  # counts of other boxes say nothing now
+    )
+    return Edited(result, tuple(changes), tuple(_warnings(policy, result)))
+
+
+def numbered(policy: TreePolicy) -> str:
+    """Return the tree with the numbers of its nodes and leaves, which edits refer to."""
+    tree, lines, depth = policy.tree, [], {0: 0}
+    for node in tree.preorder():
+        if tree.feature[node] == tree.NO_FEATURE:
+            leaf = int(tree.leaf[node])
+            lock = ", locked" if leaf in policy.locked else ""
+            words = f"leaf {leaf}: {printable(policy.schema.actions[policy.actions[leaf]])}{lock}"
+        else:
+            feature, cut = int(tree.feature[node]), float(tree.threshold[node])
+            words = f"{condition(policy.schema, feature, cut)} ?"
+            depth[int(tree.left[node])] = depth[int(tree.right[node])] = depth[node] + 1
+        lines.append(f"{node:>4} {'    ' * depth[node]}{words}")
+    return "\n".join(lines)
+
+
+def _moved(policy: TreePolicy, locked: set[int], node: int, value: float) -> str:
+    """Check a new threshold; return the change in words."""
+    tree = policy.tree
+    check_integer("node", node, high=tree.n_nodes - 1)
+    if tree.feature[node] == tree.NO_FEATURE:
+        raise InvalidArgumentError(f"node must be a test, got {node}, leaf {tree.leaf[node]}")
+    feature = int(tree.feature[node])
+    spec = policy.schema.features[feature]
+    check_number(f"threshold of {printable(spec.name)}", value, low=spec.low, high=spec.high)
+    held = sorted(locked & set(_leaves_below(tree, [node])))
+    if held:
+        raise InvalidArgumentError(
+            f"node {node} must have no locked leaves below it, got {held}; unlock them first"
+        )
+    old = condition(policy.schema, feature, float(tree.threshold[node]))
+    return f"node {node}: {old} became {condition(policy.schema, feature, float(value))}"
+
+
+def _relabelled(
+    policy: TreePolicy, locked: set[int], leaf: int, name: str, labels: Integers
+) -> str:
+    """Check and make a new action of a leaf; return the change in words."""
+    check_integer("leaf", leaf, high=policy.n_leaves - 1)
+    names = policy.schema.actions
+    if name not in names:
+        raise UnknownNameError("action", name, names)
+    if leaf in locked:
+        raise InvalidArgumentError(f"leaf must not be locked, got {leaf}; unlock it first")
+    old, labels[leaf] = names[labels[leaf]], names.index(name)
+    return f"leaf {leaf}: {printable(old)} became {printable(name)}"
+
+
+def _leaves_below(tree: DecisionTree, nodes: Iterable[int]) -> list[int]:
+    below, work = [], [check_integer("node", node, high=tree.n_nodes - 1) for node in nodes]
+    while work:
+        node = work.pop()
+        if tree.feature[node] == tree.NO_FEATURE:
+            below.append(int(tree.leaf[node]))
+        else:
+            work += [int(tree.left[node]), int(tree.right[node])]
+    return below
+
+
+def _warnings(before: TreePolicy, after: TreePolicy) -> list[str]:
+    """Name the leaves that some observation within the bounds reached before, and none does now."""
+    inside = domain(before.schema)
+    reached = []
+    for policy in (before, after):
+        low, high = leaf_boxes(policy.tree)
+        reached.append(is_box(np.maximum(low, inside.low), np.minimum(high, inside.high)))
+    lost = np.flatnonzero(reached[0] & ~reached[1]).tolist()
+    return [f"no observation reaches leaf {leaf} any more" for leaf in lost]

@@ -1,0 +1,124 @@
+"""Boxes of observations: their points, their volumes and their description in words.
+
+A box holds the observations with ``low < x <= high`` in every feature, like a node's. Bounds that
+are given as >= or < are moved to the neighbouring double, so that every statement about boxes is
+exact for every observation of doubles. NaN is in no box.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from eutree.arrays import Booleans, Floats, frozen
+from eutree.schema import Schema
+from eutree.trees.text import printable
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """A box of observations.
+
+    Attributes:
+        low: Exclusive lower bounds.
+        high: Inclusive upper bounds.
+    """
+
+    low: Floats  # [d]
+    high: Floats  # [d]
+
+    def __post_init__(self) -> None:
+        for name in ("low", "high"):
+            array = np.array(getattr(self, name), dtype=np.float64)
+            object.__setattr__(self, name, frozen(array))
+
+    def contains(self, observation: Floats) -> bool:
+        """Return whether an observation is inside."""
+        return bool(((self.low < observation) & (observation <= self.high)).all())
+
+    def point(self) -> Floats:
+        """Return an observation inside, in the middle where the box is bounded."""
+        return np.array(
+            [_between(low, high) for low, high in zip(self.low, self.high, strict=True)]
+        )
+
+    def words(self, schema: Schema, within: "Region | None" = None) -> str:
+        """Return the box in words; bounds that ``within`` implies are left out."""
+        parts = []
+        for number, feature in enumerate(schema.features):
+            low, high = float(self.low[number]), float(self.high[number])
+            if within is not None and low <= within.low[number]:
+                low = -np.inf
+            if within is not None and high >= within.high[number]:
+                high = np.inf
+            text = _bounds(printable(feature.name), low, high)
+            if text:
+                parts.append(text + (f" {printable(feature.unit)}" if feature.unit else ""))
+        return " and ".join(parts) or "everywhere"
+
+
+def domain(schema: Schema) -> Region:
+    """Return the observations within the schema's bounds, both included."""
+    low = np.array([feature.low for feature in schema.features])
+    high = np.array([feature.high for feature in schema.features])
+    return Region(before(low), high)
+
+
+def finite_box(schema: Schema, cuts: list[Floats]) -> tuple[Floats, Floats]:
+    """Return the box that shares are of: the schema's bounds.
+
+    An infinite bound is replaced by the outermost of the given thresholds of the feature, moved
+    outwards by a tenth of what they span (by 1 where they span nothing).
+    """
+    low = np.array([feature.low for feature in schema.features])
+    high = np.array([feature.high for feature in schema.features])
+    for number, values in enumerate(cuts):
+        known = np.concatenate([values, [v for v in (low[number], high[number]) if np.isfinite(v)]])
+        least, most = (known.min(), known.max()) if known.size else (0.0, 0.0)
+        beyond = (most - least) / 10 or 1.0
+        low[number] = low[number] if np.isfinite(low[number]) else least - beyond
+        high[number] = high[number] if np.isfinite(high[number]) else most + beyond
+    return low, high
+
+
+def is_box(low: Floats, high: Floats) -> Booleans:
+    """Return which boxes [..., d] hold an observation."""
+    return np.asarray((low < high).all(axis=-1))
+
+
+def volumes(low: Floats, high: Floats, box_low: Floats, box_high: Floats) -> Floats:
+    """Return the share of the closed box that each of some boxes [..., d] takes.
+
+    A feature of which the closed box has one value only is no dimension of it: there a box takes
+    all or nothing.
+    """
+    flat = box_high <= box_low
+    width = np.where(flat, 1.0, box_high - box_low)
+    sides = np.clip(np.minimum(high, box_high) - np.maximum(low, box_low), 0.0, None) / width
+    sides = np.where(flat, (low < box_low) & (box_low <= high), sides)
+    product: Floats = sides.prod(axis=-1)
+    return product
+
+
+def before(values: Floats) -> Floats:
+    """Return the next smaller doubles; infinities stay."""
+    smaller: Floats = np.where(np.isinf(values), values, np.nextafter(values, -np.inf))
+    return smaller
+
+
+def _between(low: float, high: float) -> float:
+    if np.isinf(low) and np.isinf(high):
+        return 0.0
+    if np.isinf(low):
+        return float(high)
+    if np.isinf(high):
+        return max(float(low) + 1.0, float(np.nextafter(low, np.inf)))
+    middle = float(low / 2 + high / 2)
+    return middle if low < middle <= high else float(high)
+
+
+def _bounds(name: str, low: float, high: float) -> str:
+    if np.isinf(low) and np.isinf(high):
+        return ""
+    if np.isinf(low):
+        return f"{name} <= {high!r}"
+    return f"{name} > {low!r}" if np.isinf(high) else f"{low!r} < {name} <= {high!r}"

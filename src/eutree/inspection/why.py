@@ -1,0 +1,235 @@
+"""Why a policy decides as it does: the path, how near each test was, and what would change it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from eutree.arrays import Floats
+from eutree.data import Demonstrations
+from eutree.inspection.regions import Region, domain, is_box
+from eutree.policies import TreePolicy
+from eutree.trees.boxes import leaf_boxes
+from eutree.trees.text import condition, printable
+from eutree.validation import check_vector
+
+
+@dataclass(frozen=True)
+class Step:
+    """One test on the path.
+
+    Attributes:
+        node: The node that tests.
+        feature: The feature tested.
+        threshold: Its threshold.
+        value: The observation's value.
+        is_true: Whether the value is at most the threshold.
+        distance: How far the value is from the threshold, in the feature's unit.
+        words: All this in words.
+    """
+
+    node: int
+    feature: int
+    threshold: float
+    value: float
+    is_true: bool
+    distance: float
+    words: str
+
+
+@dataclass(frozen=True, eq=False)
+class Alternative:
+    """The nearest observation with another action.
+
+    Attributes:
+        action: That action.
+        observation: The nearest observation of doubles that gets it.
+        distance: Largest change of a feature, each in its scale.
+        leaf: The leaf of that observation.
+        words: What has to change, in words.
+    """
+
+    action: int
+    observation: Floats  # [d]
+    distance: float
+    leaf: int
+    words: str
+
+
+@dataclass(frozen=True)
+class Support:
+    """A step of a demonstration whose observation fell in the leaf.
+
+    Attributes:
+        episode: Number of the episode among the kept ones.
+        step: Step within the episode.
+        action: What was shown.
+    """
+
+    episode: int
+    step: int
+    action: int
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """Why a policy decides as it does for one observation.
+
+    Attributes:
+        action: The decision.
+        leaf: The leaf.
+        path: The tests from the root to the leaf.
+        region: The leaf's box in words.
+        alternatives: For each other action that some leaf has, the nearest observation that gets
+            it; the nearest first.
+        visits: Transitions that left the leaf, for each action; None if unknown.
+        values: Q of each action in the leaf, NaN where never tried; None if unknown.
+        support: The demonstrations' steps in the leaf; None without demonstrations.
+        text: All this in words.
+    """
+
+    action: int
+    leaf: int
+    path: tuple[Step, ...]
+    region: str
+    alternatives: tuple[Alternative, ...]
+    visits: tuple[int, ...] | None
+    values: tuple[float, ...] | None
+    support: tuple[Support, ...] | None
+    text: str
+
+    def __str__(self) -> str:
+        """Return the explanation in words."""
+        return self.text
+
+
+def why(
+    policy: TreePolicy,
+    observation: ArrayLike,
+    *,
+    demonstrations: Demonstrations | None = None,
+    scale: ArrayLike | None = None,
+) -> Explanation:
+    """Explain one decision.
+
+    The distance between two observations is the largest change of a feature, each divided by its
+    scale (scaled L-infinity). The nearest observation of another action is exact: that of the
+    nearest leaf, at its nearest double within the bounds of the features.
+
+    Args:
+        policy: The policy.
+        observation: The features of the tree, shape [d] (history included).
+        demonstrations: Whose steps in the same leaf to name.
+        scale: Of each feature, shape [d]; by default the width between its bounds, 1 where they
+            are infinite or equal.
+    """
+    tree, schema = policy.tree, policy.schema
+    point = check_vector("observation", observation, size=tree.n_features)
+    leaf = tree.leaf_of(point.tolist())
+    action = int(policy.actions[leaf])
+    low, high = leaf_boxes(tree)
+    region = Region(low[leaf], high[leaf]).words(schema, domain(schema))
+    known = policy.leaves
+    path = _path(policy, point, leaf)
+    alternatives = _alternatives(policy, point, action, _scale(policy, scale))
+    support = None if demonstrations is None else _support(policy, leaf, demonstrations)
+    visits = None if known is None else tuple(known.visits[leaf].tolist())
+    values = None if known is None else tuple(known.values[leaf].tolist())
+    name = printable(schema.actions[action])
+    lines = [f"{name}, by leaf {leaf}: {region}", *(f"  {step.words}" for step in path)]
+    lines += [f"  {alternative.words}" for alternative in alternatives]
+    for number, other in enumerate(schema.actions if visits and values else ()):
+        lines.append(f"  {printable(other)}: {_statistics(policy, leaf, number)}")
+    if support is not None:
+        lines.append(f"  {_shown(policy, support)}")
+    return Explanation(
+        action, leaf, path, region, alternatives, visits, values, support, "\n".join(lines)
+    )
+
+
+def _path(policy: TreePolicy, point: Floats, leaf: int) -> tuple[Step, ...]:
+    tree, steps = policy.tree, []
+    for node in tree.path(leaf)[:-1]:
+        feature, cut = int(tree.feature[node]), float(tree.threshold[node])
+        value = float(point[feature])
+        unit = policy.schema.features[feature].unit
+        answer = "yes" if value <= cut else "no"
+        words = (
+            f"{condition(policy.schema, feature, cut)} ? {answer}: {value!r}, by "
+            f"{abs(value - cut):g}" + (f" {printable(unit)}" if unit else "")
+        )
+        steps.append(Step(node, feature, cut, value, value <= cut, abs(value - cut), words))
+    return tuple(steps)
+
+
+def _alternatives(
+    policy: TreePolicy, point: Floats, action: int, scale: Floats
+) -> tuple[Alternative, ...]:
+    """Return the nearest observation of each other action, the nearest first."""
+    inside = domain(policy.schema)
+    low, high = leaf_boxes(policy.tree)
+    low, high = np.maximum(low, inside.low), np.minimum(high, inside.high)
+    # The nearest double of a box: the first one above its exclusive bound, or its upper bound.
+    nearest = np.where(point <= low, np.nextafter(low, np.inf), np.minimum(point, high))  # [L, d]
+    changes = np.abs(nearest - point) / scale
+    distances, totals = changes.max(axis=1), changes.sum(axis=1)
+    found = []
+    for other in range(policy.schema.n_actions):
+        leaves = np.flatnonzero(is_box(low, high) & (policy.actions == other))
+        if other == action or not leaves.size:
+            continue
+        leaf = int(leaves[np.lexsort((totals[leaves], distances[leaves]))[0]])
+        words = _changes(policy, point, nearest[leaf], other)
+        found.append(Alternative(other, nearest[leaf], float(distances[leaf]), leaf, words))
+    return tuple(sorted(found, key=lambda alternative: alternative.distance))
+
+
+def _changes(policy: TreePolicy, point: Floats, nearest: Floats, action: int) -> str:
+    parts = []
+    for j in np.flatnonzero(nearest != point).tolist():
+        feature = policy.schema.features[j]
+        unit = f" {printable(feature.unit)}" if feature.unit else ""
+        bound = float(nearest[j])
+        # Just above an exclusive bound: name the bound, not its neighbour.
+        below = float(np.nextafter(bound, -np.inf))
+        words = f"> {below!r}" if bound > point[j] else f"<= {bound!r}"
+        parts.append(f"{printable(feature.name)} {words}{unit} (by {abs(bound - point[j]):g})")
+    return f"{printable(policy.schema.actions[action])} from {' and '.join(parts)} on"
+
+
+def _scale(policy: TreePolicy, scale: ArrayLike | None) -> Floats:
+    if scale is not None:
+        return check_vector("scale", scale, size=policy.tree.n_features)
+    width = np.array([feature.high - feature.low for feature in policy.schema.features])
+    return np.where(np.isfinite(width) & (width > 0), width, 1.0)
+
+
+def _support(policy: TreePolicy, leaf: int, demonstrations: Demonstrations) -> tuple[Support, ...]:
+    found = []
+    for number, episode in enumerate(demonstrations.with_history(policy.history)):
+        leaves = policy.tree.leaf_index(episode.observations[:-1])
+        steps = np.flatnonzero(leaves == leaf).tolist()
+        found += [Support(number, step, int(episode.actions[step])) for step in steps]
+    return tuple(found)
+
+
+def _statistics(policy: TreePolicy, leaf: int, action: int) -> str:
+    if policy.leaves is None:
+        return "unknown"
+    visits = int(policy.leaves.visits[leaf, action])
+    value, error = policy.leaves.values[leaf, action], policy.leaves.deviations[leaf, action]
+    if np.isnan(value):
+        return f"{visits} visits, no value"
+    return f"{visits} visits, value {value:.4g}" + ("" if np.isnan(error) else f" +- {error:.2g}")
+
+
+def _shown(policy: TreePolicy, support: tuple[Support, ...]) -> str:
+    if not support:
+        return "no demonstration was here"
+    episodes = len({entry.episode for entry in support})
+    counts = np.bincount(
+        [entry.action for entry in support], minlength=policy.schema.n_actions
+    ).tolist()
+    names = policy.schema.actions
+    shown = [f"{count} x {printable(names[a])}" for a, count in enumerate(counts) if count]
+    return f"{len(support)} demonstrated steps of {episodes} episodes: {', '.join(shown)}"

@@ -1,0 +1,451 @@
+"use strict";
+
+/* Shows what the recorder says and tells it what the person does. All decisions are the
+   recorder's; the state is published in data- attributes of <body>. */
+
+const $ = (id) => document.getElementById(id);
+const body = document.body;
+const NAMES = {
+  " ": "space", ArrowLeft: "left", ArrowRight: "right", ArrowUp: "up", ArrowDown: "down",
+  Enter: "enter", Escape: "escape", Tab: "tab", Delete: "delete", Backspace: "backspace", "=": "+",
+};
+const GLYPHS = {
+  space: "Space", left: "←", right: "→", up: "↑", down: "↓", enter: "Enter", escape: "Esc",
+  tab: "Tab", delete: "Del", backspace: "⌫",
+};
+const CONTROLS = {
+  pause: "pause, go on", end: "end the episode", redo: "same start again", discard: "discard",
+  finish: "finish", slower: "slower", faster: "faster", mode: "other mode", wait: "one step without a key",
+};
+const GOOD = "good", BAD = "bad";
+const DEAF = 700; // ms after an episode in which a key still belongs to it
+
+let view = {};
+let socket = null;
+let sequence = 0; // of the last key sent
+let drawn = 0; // number of the picture on the screen
+let newest = null; // a picture that waits to be drawn
+let drawing = false;
+let binding = null; // the action that waits for its key
+let retry = 0;
+const down = new Map(); // key -> "keyboard" or the pad that holds it
+const sentAt = new Map(); // sequence -> when, until a picture answers
+
+function remembered(name, make) {
+  const old = sessionStorage.getItem(name);
+  const value = old || make();
+  sessionStorage.setItem(name, value);
+  return value;
+}
+
+if (location.hash.length > 1) {
+  sessionStorage.setItem("token", location.hash.slice(1));
+  history.replaceState(null, "", location.pathname);
+}
+const token = sessionStorage.getItem("token") || "";
+const client = remembered("client", () =>
+  Array.from(crypto.getRandomValues(new Uint8Array(12)), (b) => b.toString(16).padStart(2, "0")).join(""));
+
+// ---- the socket
+
+function connect() {
+  const scheme = location.protocol === "https:" ? "wss:" : "ws:";
+  socket = new WebSocket(`${scheme}//${location.host}/socket`, ["eutree", `token.${token}`]);
+  socket.binaryType = "arraybuffer";
+  socket.onopen = () => {
+    retry = 0;
+    sequence = 0;
+    drawn = 0;
+    down.clear();
+    send({ type: "hello", client });
+    if (document.hidden) send({ type: "gone" });
+  };
+  socket.onmessage = (event) => {
+    if (typeof event.data === "string") {
+      view = { ...view, ...JSON.parse(event.data) };
+      show();
+    } else {
+      receive(event.data);
+    }
+  };
+  socket.onclose = () => {
+    down.clear();
+    if (view.state === "finished" || view.state === "failed") return;
+    body.dataset.connection = "lost";
+    banner(token
+      ? "No connection to the recorder. Is it still running? Trying again …"
+      : "This address lacks the recorder's token. Open the whole address that eutree printed.");
+    retry += 1;
+    if (token) setTimeout(connect, Math.min(250 * retry, 2000));
+  };
+}
+
+function send(message) {
+  if (socket && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
+}
+
+function act(name, value = null, key = "") {
+  send({ type: "do", name, value, key });
+}
+
+// ---- pictures: the newest one is drawn, older ones are dropped
+
+function receive(buffer) {
+  const head = new DataView(buffer);
+  newest = { number: head.getUint32(0), answered: head.getUint32(4), jpeg: buffer.slice(12) };
+  if (!drawing) draw();
+}
+
+async function draw() {
+  drawing = true;
+  while (newest) {
+    const { number, answered, jpeg } = newest;
+    newest = null;
+    const bitmap = await createImageBitmap(new Blob([jpeg], { type: "image/jpeg" }));
+    if (newest) { bitmap.close(); continue; }
+    const canvas = $("picture");
+    if (canvas.width !== bitmap.width || canvas.height !== bitmap.height) {
+      canvas.width = bitmap.width;
+      canvas.height = bitmap.height;
+    }
+    canvas.getContext("2d").drawImage(bitmap, 0, 0);
+    bitmap.close();
+    drawn = number;
+    send({ type: "drawn", frame: number });
+    body.dataset.frame = number;
+    for (const [key, time] of sentAt) {
+      if (key > answered) break;
+      body.dataset.latency = `${key} ${(performance.now() - time).toFixed(2)}`;
+      sentAt.delete(key);
+    }
+  }
+  drawing = false;
+}
+
+// ---- keys and pads
+
+function acts() { return body.dataset.role === "acting"; }
+function runs() { return view.state === "playing" || view.state === "countdown"; }
+function actionKeys() { return (view.actions || []).flatMap((a) => a.keys.flatMap((k) => k.split("+"))); }
+function used(key) {
+  return actionKeys().includes(key) || Object.values(view.controls || {}).includes(key)
+    || (!runs() && (key === "enter" || key === "space"));
+}
+
+function press(key, source) {
+  if (down.has(key)) return;
+  down.set(key, source);
+  edge(key, true);
+}
+
+function release(key) {
+  if (!down.has(key)) return;
+  down.delete(key);
+  edge(key, false);
+}
+
+function edge(key, isDown) {
+  sequence += 1;
+  sentAt.set(sequence, performance.now());
+  send({ type: "key", sequence, key, down: isDown, frame: drawn });
+  body.dataset.sequence = sequence;
+  lightPads();
+}
+
+function leave() {
+  down.clear();
+  send({ type: "gone" });
+  lightPads();
+}
+
+addEventListener("keydown", (event) => {
+  if (event.ctrlKey || event.metaKey || event.altKey) return;
+  const key = NAMES[event.key] || event.key.toLowerCase();
+  if (binding !== null) {
+    event.preventDefault();
+    if (key !== "escape") act("bind", binding, key);
+    binding = null;
+    $("picture").focus();
+    show();
+    return;
+  }
+  if (!acts() || !used(key)) return;
+  const native = event.target.closest("button, select");
+  if (native && (key === "enter" || key === "space" || native.tagName === "SELECT")
+      && !(runs() && actionKeys().includes(key))) return;
+  event.preventDefault();
+  if (!event.repeat) press(key, "keyboard");
+});
+addEventListener("keyup", (event) => {
+  const key = NAMES[event.key] || event.key.toLowerCase();
+  if (down.get(key) === "keyboard") { event.preventDefault(); release(key); }
+});
+addEventListener("blur", leave);
+document.addEventListener("visibilitychange", () => { if (document.hidden) leave(); });
+addEventListener("pagehide", leave);
+
+function pad(action, key, text) {
+  const button = document.createElement("button");
+  button.type = "button";
+  button.className = "pad";
+  button.dataset.action = action;
+  button.dataset.key = key;
+  button.append(text, kbd(key));
+  const let_go = () => { for (const [k, source] of down) if (source === button) release(k); };
+  button.addEventListener("pointerdown", (event) => {
+    event.preventDefault();
+    button.setPointerCapture(event.pointerId);
+    press(key, button);
+  });
+  for (const name of ["pointerup", "pointercancel", "lostpointercapture"]) button.addEventListener(name, let_go);
+  button.addEventListener("contextmenu", (event) => event.preventDefault());
+  return button;
+}
+
+// ---- what is shown
+
+function banner(text) {
+  $("banner").hidden = !text;
+  $("banner-text").textContent = text || "";
+}
+
+function kbd(key) {
+  const element = document.createElement("kbd");
+  element.textContent = key.split("+").map((k) => GLYPHS[k] || k.toUpperCase()).join(" + ") || "+";
+  return element;
+}
+
+function words(parent, ...children) { parent.replaceChildren(...children); return parent; }
+
+function cell(text, className = "") {
+  const td = document.createElement("td");
+  td.className = className;
+  td.append(text);
+  return td;
+}
+
+/* Rebuilds a part of the page only when what it shows has changed, so that the focus stays. */
+const built = {};
+function rebuild(name, facts, build) {
+  const text = JSON.stringify(facts);
+  if (built[name] !== text) { built[name] = text; build(); }
+}
+
+function show() {
+  const before = body.dataset.state;
+  Object.assign(body.dataset, {
+    state: view.state, role: view.role || "", connection: "open", saved: view.saved, step: view.step,
+    episodes: (view.episodes || []).length, action: view.action, speed: view.speed,
+  });
+  const watching = view.role === "watching";
+  banner(watching ? "Somebody else is acting. You are watching." : "");
+  $("take").hidden = !watching;
+  $("environment").textContent = view.environment;
+  $("saved").textContent = `${view.saved} of ${view.target}`;
+  $("progress").setAttribute("aria-label", `${view.saved} of ${view.target} demonstrations saved`);
+  $("fill").style.width = `${Math.min(100, 100 * view.saved / view.target)}%`;
+  document.title = `${view.saved} of ${view.target} – eutree recorder`;
+  rebuild("keys", [view.actions, view.controls, view.state === "opening", binding, view.turn_based], showKeys);
+  rebuild("pads", [view.actions, view.turn_based, view.controls], showPads);
+  rebuild("buttons", [view.state, watching, view.saved >= view.target, view.controls, lastKept()], showButtons);
+  rebuild("episodes", [view.episodes, watching], showEpisodes);
+  rebuild("numbers", view.numbers, showNumbers);
+  showPace(watching);
+  showVeil();
+  lightPads();
+  if (before !== view.state) {
+    if (runs() && !body.contains(document.activeElement?.closest?.("select"))) $("picture").focus();
+    if (runs() && document.activeElement?.tagName === "SELECT") $("picture").focus();
+    $("announce").textContent = [$("title").textContent, $("text").textContent].join(". ");
+    if (view.state === "review") { deaf = performance.now() + DEAF; }
+  }
+}
+let deaf = 0;
+
+function lastKept() {
+  const last = (view.episodes || []).at(-1);
+  return last ? last.kept : null;
+}
+
+function keyFor(name) {
+  return (view.controls || {})[name] || "";
+}
+
+function showKeys() {
+  const rows = view.actions.map((action, index) => {
+    const row = document.createElement("tr");
+    row.dataset.action = index;
+    const keys = document.createElement("td");
+    if (binding === index) keys.append("press a key …");
+    else if (action.keys.length) action.keys.forEach((key) => keys.append(kbd(key), " "));
+    if (binding !== index && action.is_idle) keys.append(action.keys.length ? "or no key" : "no key");
+    if (view.state === "opening" && acts() && binding !== index) {
+      const change = document.createElement("button");
+      change.type = "button";
+      change.textContent = "Change";
+      change.setAttribute("aria-label", `Change the key of ${action.name}`);
+      change.addEventListener("click", () => { binding = index; show(); });
+      keys.append(change);
+    }
+    row.append(cell(action.name), keys);
+    return row;
+  });
+  Object.keys(CONTROLS).forEach((name, place) => {
+    if (!keyFor(name) || (name === "wait" && !view.turn_based)) return;
+    const row = document.createElement("tr");
+    row.className = place ? "control" : "control divide";
+    row.append(cell(CONTROLS[name]), cell(kbd(keyFor(name))));
+    rows.push(row);
+  });
+  words($("keys"), ...rows);
+  $("keys-note").textContent = view.keys_chosen || view.state !== "opening" ? ""
+    : "These keys are a suggestion; change them before you start.";
+}
+
+function showPads() {
+  const pads = view.actions.filter((a) => a.keys.length)
+    .map((a) => pad(a.name, a.keys[0].split("+")[0], a.name));
+  if (view.turn_based && keyFor("wait")) {
+    const idle = view.actions.find((a) => a.is_idle);
+    pads.push(pad("", keyFor("wait"), idle ? idle.name : "same again"));
+  }
+  words($("pads"), ...pads);
+}
+
+function lightPads() {
+  for (const button of $("pads").children) {
+    const action = view.actions.find((a) => a.name === button.dataset.action);
+    const held = down.has(button.dataset.key) || Boolean(action?.keys.some((keys) => down.has(keys)))
+      || (view.toggle && runs() && view.actions[view.action] === action && !action?.is_idle);
+    button.classList.toggle("on", held);
+    button.setAttribute("aria-pressed", held);
+  }
+  for (const row of $("keys").children) {
+    row.classList.toggle("on", view.state === "playing" && Number(row.dataset.action) === view.action);
+  }
+}
+
+function showButtons() {
+  const enough = view.saved >= view.target;
+  const list = {
+    opening: [["start", "Start", "enter"], ["finish", "Leave"]],
+    countdown: [["pause", "Pause"], ["discard", "Discard"]],
+    playing: [["pause", "Pause"], ["end", "End here"], ["redo", "Same start again"], ["discard", "Discard"]],
+    paused: [["start", "Go on", "enter"], ["end", "End here"], ["redo", "Same start again"], ["discard", "Discard"]],
+    review: enough
+      ? [["finish", "Finish", "enter"], ["end", "One more"], ["redo", "Same start again"], ["discard", "Discard"]]
+      : [["start", "Next episode", "enter"], ["redo", "Same start again"], ["discard", "Discard"], ["finish", "Finish for now"]],
+  }[view.state] || [];
+  const buttons = list.map(([name, text, key], place) => {
+    const button = document.createElement("button");
+    button.type = "button";
+    button.dataset.command = name;
+    if (place === 0 && !runs()) button.className = "first";
+    button.append(text);
+    const shown = key || keyFor(name);
+    if (shown) button.append(kbd(shown));
+    button.disabled = !acts() || (name === "discard" && view.state === "review" && lastKept() !== true);
+    button.addEventListener("click", () => {
+      if (view.state === "review" && performance.now() < deaf) return;
+      act(name);
+    });
+    return button;
+  });
+  words($("buttons"), ...buttons);
+}
+
+function mark(episode) {
+  if (episode.success === true || episode.result === "goal") return GOOD;
+  if (episode.success === false && ["collision", "terminated"].includes(episode.result)) return BAD;
+  return "";
+}
+
+function showEpisodes() {
+  const rows = view.episodes.map((episode, index) => {
+    const row = document.createElement("tr");
+    row.className = episode.kept ? "" : "dropped";
+    row.dataset.number = episode.number;
+    const dot = document.createElement("span");
+    dot.className = `dot ${mark(episode)}`;
+    const result = cell(dot);
+    result.append(episode.kept || !["redone", "discarded"].includes(episode.comment)
+      ? episode.result : `${episode.result}, ${episode.comment}`);
+    const use = document.createElement("button");
+    use.type = "button";
+    use.textContent = episode.kept ? "Discard" : "Keep";
+    use.setAttribute("aria-label", `${use.textContent} episode ${episode.number}`);
+    use.disabled = !acts();
+    use.addEventListener("click", () => act(episode.kept ? "drop" : "keep", index));
+    row.append(cell(String(episode.number)), result, cell(String(episode.length), "right"),
+      cell(String(Math.round(episode.total * 100) / 100), "right"), cell(use));
+    return row;
+  });
+  words($("episodes"), ...rows.reverse());
+  $("episodes-table").hidden = rows.length === 0;
+  $("none").hidden = rows.length > 0;
+}
+
+function showNumbers() {
+  $("numbers-section").hidden = !view.numbers;
+  words($("numbers"), ...(view.numbers || []).map(([name, value]) => {
+    const row = document.createElement("tr");
+    row.append(cell(name), cell(value, "right"));
+    return row;
+  }));
+}
+
+function showPace(watching) {
+  $("speed").value = String(view.speed);
+  $("mode").value = view.turn_based ? "turn" : view.toggle ? "toggle" : "hold";
+  $("speed").disabled = watching;
+  $("mode").disabled = watching || runs();
+}
+$("speed").addEventListener("change", (event) => act("speed", Number(event.target.value)));
+$("mode").addEventListener("change", (event) => {
+  act("toggle", event.target.value === "toggle");
+  act("turn_based", event.target.value === "turn");
+});
+$("take").addEventListener("click", () => send({ type: "take" }));
+$("picture").addEventListener("pointerdown", () => $("picture").focus());
+
+function showVeil() {
+  const last = (view.episodes || []).at(-1);
+  const enough = view.saved >= view.target;
+  const left = view.target - view.saved;
+  const shown = {
+    opening: ["", "Show how it is done", view.saved
+      ? `${view.saved} of ${view.target} are saved; this goes on with the next.`
+      : "Act as you would have the machine act. Failures may stay: they are part of the data."],
+    countdown: [String(view.countdown || ""), "", ""],
+    paused: ["", "Paused", view.message || "All keys are released. Go on when you are ready."],
+    review: ["", last ? sentence(last) : "Nothing was recorded", enough
+      ? `${view.saved} of ${view.target} done.` : `${view.saved} of ${view.target} saved, ${left} to go.`],
+    finished: ["", enough ? `${view.saved} of ${view.target} done` : `${view.saved} of ${view.target} saved`,
+      view.saved ? "Everything is stored. You can close this page." : "Nothing was recorded. You can close this page."],
+    failed: ["", "The recording has ended", `${view.message} — what was recorded before is stored.`],
+  }[view.state] || ["", "Connecting …", ""];
+  const [big, title, text] = shown;
+  $("big").textContent = big;
+  $("big").hidden = !big;
+  $("title").textContent = title;
+  $("title").hidden = !title;
+  $("text").textContent = text;
+  $("text").hidden = !text;
+  const command = view.state === "finished" && view.saved ? view.command : "";
+  $("command").textContent = command || "";
+  $("command").hidden = !command;
+  $("veil").hidden = view.state === "playing" || !(big || title || text);
+  body.dataset.result = view.state === "review" && last ? mark(last)
+    : view.state === "finished" && enough ? GOOD : view.state === "failed" ? BAD : "";
+}
+
+function sentence(episode) {
+  const known = {
+    goal: "Goal reached", collision: "Collision", "time limit": "Time is over", stopped: "Stopped by you",
+    terminated: "The episode is over", truncated: "Time is over", interrupted: "Interrupted",
+  };
+  const text = known[episode.result] || episode.result;
+  return episode.kept ? text : `${text} — ${episode.comment || "discarded"}`;
+}
+
+connect();

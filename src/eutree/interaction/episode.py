@@ -1,0 +1,50 @@
+"""One episode of a policy in an environment."""
+
+from typing import Any
+
+import numpy as np
+
+from eutree.data import Episode
+from eutree.interaction.guard import GuardedEnv
+from eutree.policies import Policy
+
+
+def run_episode(env: GuardedEnv, policy: Policy, seed: int | None = None) -> Episode:
+    """Run ``policy`` from reset to the end of the episode.
+
+    Raises:
+        EnvironmentFault: The environment broke its contract.
+    """
+    observation = env.reset(seed)
+    observations, actions, rewards = [observation], [], []
+    state, first = None, True
+    while True:
+        chosen, state = policy.predict(observation, state, np.array(first), True)
+        action, first = int(chosen), False
+        observation, reward, terminated, truncated, info = env.step(action)
+        observations.append(observation)
+        actions.append(action)
+        rewards.append(reward)
+        if terminated or truncated:
+            break
+    return Episode(
+        observations=np.array(observations),
+        actions=np.array(actions),
+        rewards=np.array(rewards),
+        terminated=terminated,
+        truncated=truncated and not terminated,
+        seed=seed,
+        ending=ending_of(info, terminated=terminated),
+        is_success=success_of(info),
+    )
+
+
+def ending_of(info: dict[str, Any], *, terminated: bool) -> str:
+    """Return why an episode ended: ``info["ending"]``, else by its flags."""
+    return str(info.get("ending") or ("terminated" if terminated else "truncated"))
+
+
+def success_of(info: dict[str, Any]) -> bool | None:
+    """Return ``info["is_success"]``, or None where the environment reports none."""
+    success = info.get("is_success")
+    return None if success is None else bool(success)

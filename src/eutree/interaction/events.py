@@ -1,0 +1,166 @@
+"""What goes into a recording session, and what comes out of it to be stored and shown."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eutree.arrays import Floats
+from eutree.data import Episode
+
+# ---- in: what the person and the viewer did
+
+
+@dataclass(frozen=True)
+class KeyDown:
+    """A key went down while the picture ``frame`` was on the viewer's screen."""
+
+    key: str
+    frame: int = 0
+
+
+@dataclass(frozen=True)
+class KeyUp:
+    """A key went up while the picture ``frame`` was on the viewer's screen."""
+
+    key: str
+    frame: int = 0
+
+
+@dataclass(frozen=True)
+class Seen:
+    """The viewer has drawn the picture ``frame``."""
+
+    frame: int
+
+
+@dataclass(frozen=True)
+class Away:
+    """Focus or connection was lost: all keys count as released, a running episode pauses."""
+
+    reason: str
+
+
+@dataclass(frozen=True)
+class Command:
+    """A button was pressed or a setting chosen: see ``Session.COMMANDS``."""
+
+    name: str
+    value: float | str | None = None
+    key: str = ""
+
+
+Event = KeyDown | KeyUp | Seen | Away | Command
+
+# ---- out: what is to be stored
+
+
+@dataclass(frozen=True)
+class EpisodeStarted:
+    """An episode was reset."""
+
+    observation: Floats  # [d]
+    seed: int
+    extras: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class StepTaken:
+    """One step of the running episode."""
+
+    action: int
+    reward: float
+    observation: Floats  # [d] after the action
+    terminated: bool
+    truncated: bool
+    steps: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class EpisodeEnded:
+    """The running episode is over and is to be stored; ``index`` is its place in the list."""
+
+    index: int
+    episode: Episode
+
+
+@dataclass(frozen=True)
+class EpisodeAbandoned:
+    """The running episode ended before its first step: there is nothing to store."""
+
+
+@dataclass(frozen=True)
+class EpisodeChanged:
+    """A stored episode was kept or discarded."""
+
+    index: int
+    episode: Episode
+
+
+Output = EpisodeStarted | StepTaken | EpisodeEnded | EpisodeAbandoned | EpisodeChanged
+
+# ---- out: what is to be shown
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A picture of the environment, numbered from 1."""
+
+    number: int
+    pixels: NDArray[np.uint8]  # [height, width, 3]
+
+
+@dataclass(frozen=True)
+class ActionView:
+    """An action, and the keys that mean it."""
+
+    name: str
+    keys: list[str]
+    is_idle: bool
+
+
+@dataclass(frozen=True)
+class EpisodeView:
+    """One line of the list of episodes."""
+
+    number: int
+    result: str
+    success: bool | None
+    length: int
+    total: float
+    kept: bool
+    comment: str
+
+
+@dataclass(frozen=True)
+class View:
+    """All that a screen shows beside the picture, in JSON's types."""
+
+    state: str
+    environment: str
+    message: str
+    countdown: int
+    step: int
+    saved: int
+    target: int
+    action: int
+    held: list[str]
+    speed: float
+    toggle: bool
+    turn_based: bool
+    keys_chosen: bool
+    actions: list[ActionView]
+    controls: dict[str, str]
+    episodes: list[EpisodeView]
+    numbers: list[tuple[str, str]] | None
+    size: tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Tick:
+    """What a session says at one moment: its view, a new picture if there is one, what to store."""
+
+    view: View
+    frame: Frame | None
+    outputs: list[Output] = field(default_factory=list)

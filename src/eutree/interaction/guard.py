@@ -1,0 +1,188 @@
+"""The border between an environment and everything that learns or records.
+
+What comes through is checked: observations are finite vectors of the right length and are copied
+(so an environment may reuse its buffer), rewards are finite numbers, ``step`` returns five values,
+episodes end. Anything else raises ``EnvironmentFault`` with environment, episode, step and value.
+"""
+
+import math
+import warnings
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from eutree.arrays import Floats
+from eutree.errors import EnvironmentFault, InvalidArgumentError
+from eutree.interaction.spaces import describe, encoder, spec_of
+from eutree.schema import EnvironmentSpec, Schema
+from eutree.validation import check_integer
+
+MAX_EPISODE_STEPS = 100_000
+
+
+class GuardedEnv:
+    """An environment whose every answer has been checked.
+
+    Args:
+        env: Any Gymnasium environment with a flat observation and a Discrete action space.
+        strict: Refuse observations outside the observation space instead of warning once.
+        max_episode_steps: An episode longer than this is a fault (it would never end).
+        history: Number of previous observations to append to each observation; before the first
+            step they repeat the first observation.
+
+    Attributes:
+        env: The environment itself.
+        schema: Names, units and bounds of its observations, history included; names of its
+            actions.
+        history: Number of previous observations in each observation.
+        spec: How to make it again, if known.
+        episode: Number of the present episode; -1 before the first.
+        step_number: Number of steps taken in the present episode.
+
+    Raises:
+        UnsupportedSpaceError: A tree cannot act in its spaces.
+    """
+
+    def __init__(
+        self,
+        env: gymnasium.Env[Any, Any],
+        *,
+        strict: bool = False,
+        max_episode_steps: int = MAX_EPISODE_STEPS,
+        history: int = 0,
+    ) -> None:
+        if not isinstance(env, gymnasium.Env):
+            raise InvalidArgumentError(f"env must be a gymnasium.Env, got {env!r}")
+        self.env = env
+        self.history = check_integer("history", history)
+        own = describe(env)
+        self.schema: Schema = own.with_history(history)
+        self.spec: EnvironmentSpec | None = spec_of(env)
+        self.name = self.spec.id if self.spec is not None else type(env.unwrapped).__name__
+        self.episode = -1
+        self.step_number = 0
+        self._encode = encoder(env.observation_space)
+        self._strict = strict
+        self._warned = False
+        self._limit = check_integer("max_episode_steps", max_episode_steps, low=1)
+        self._features = own.features
+        self._bounds = [(feature.low, feature.high) for feature in own.features]
+
+    def reset(self, seed: int | None = None) -> Floats:
+        """Begin an episode and return its first observation, shape [d]."""
+        self.episode += 1
+        self.step_number = -1
+        try:
+            answer = self.env.reset(seed=seed)
+        except Exception as error:
+            raise self._fault(f"reset raised {type(error).__name__}: {error}") from error
+        if not (isinstance(answer, tuple) and len(answer) == 2):
+            raise self._fault(f"reset must return (observation, info), got {_brief(answer)}")
+        observation = self._observation(answer[0])
+        self.step_number = 0
+        self._past = np.tile(observation, self.history)
+        return self._remember(observation)
+
+    def step(self, action: int) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
+        """Take one step; return observation, reward, terminated, truncated and info."""
+        if not 0 <= action < self.schema.n_actions:
+            raise InvalidArgumentError(
+                f"action must be in 0..{self.schema.n_actions - 1}, got {action!r}"
+            )
+        try:
+            answer = self.env.step(action)
+        except Exception as error:
+            raise self._fault(f"step raised {type(error).__name__}: {error}") from error
+        if not (isinstance(answer, tuple) and len(answer) == 5):
+            raise self._fault(
+                "step must return (observation, reward, terminated, truncated, info), "
+                f"got {_brief(answer)}"
+            )
+        observation = self._observation(answer[0])
+        reward = self._reward(answer[1])
+        terminated = self._flag("terminated", answer[2])
+        truncated = self._flag("truncated", answer[3])
+        if not isinstance(answer[4], dict):
+            raise self._fault(f"info must be a dict, got {_brief(answer[4])}")
+        self.step_number += 1
+        if self.step_number >= self._limit and not (terminated or truncated):
+            raise self._fault(
+                f"the episode has not ended after {self._limit} steps; "
+                "wrap the environment with gymnasium.wrappers.TimeLimit"
+            )
+        return self._remember(observation), reward, terminated, truncated, answer[4]
+
+    def _remember(self, observation: Floats) -> Floats:
+        """Return the observation followed by its predecessors, the latest first."""
+        if not self.history:
+            return observation
+        features = np.concatenate([observation, self._past])
+        self._past = features[: self._past.size]
+        return features
+
+    def _observation(self, value: Any) -> Floats:
+        try:
+            vector = self._encode(value)
+        except (TypeError, ValueError, KeyError, IndexError, OverflowError) as error:
+            raise self._fault(
+                f"observation must be of {self.env.observation_space}, "
+                f"got {_brief(value)} ({error})"
+            ) from None
+        if vector.shape != (len(self._bounds),):
+            raise self._fault(
+                f"observation must have shape ({len(self._bounds)},), got {vector.shape}"
+            )
+        inside = True
+        for number, (low, high) in zip(vector.tolist(), self._bounds, strict=True):
+            if not low <= number <= high:
+                inside = False
+            elif number in (math.inf, -math.inf):
+                raise self._fault(f"observation must be finite, got {vector.tolist()}")
+        if not inside:
+            self._outside(vector)
+        return vector
+
+    def _outside(self, vector: Floats) -> None:
+        """Fault on NaN and infinity; outside the space, warn once or fault."""
+        if not np.isfinite(vector).all():
+            raise self._fault(f"observation must be finite, got {vector.tolist()}")
+        for feature, number in zip(self._features, vector.tolist(), strict=True):
+            if feature.low <= number <= feature.high:
+                continue
+            message = (
+                f"observation {feature.name!r} must be in [{feature.low:g}, {feature.high:g}], "
+                f"the environment's own bounds, got {number!r}"
+            )
+            if self._strict:
+                raise self._fault(message)
+            if not self._warned:
+                self._warned = True
+                warnings.warn(f"{self.name}: {message} (said once)", stacklevel=4)
+
+    def _reward(self, value: Any) -> float:
+        if isinstance(value, str | bytes | bool | np.bool_ | complex) or np.ndim(value):
+            raise self._fault(f"reward must be a finite number, got {_brief(value)}")
+        try:
+            reward = float(value)
+        except (TypeError, ValueError, OverflowError):
+            raise self._fault(f"reward must be a finite number, got {_brief(value)}") from None
+        if not math.isfinite(reward):
+            raise self._fault(f"reward must be a finite number, got {reward}")
+        return reward
+
+    def _flag(self, name: str, value: Any) -> bool:
+        if not isinstance(value, bool | np.bool_):
+            raise self._fault(f"{name} must be a bool, got {_brief(value)}")
+        return bool(value)
+
+    def _fault(self, reason: str) -> EnvironmentFault:
+        return EnvironmentFault(self.name, self.episode, self.step_number, reason)
+
+
+def _brief(value: object) -> str:
+    """Return what ``value`` is, in at most about 100 characters."""
+    if isinstance(value, tuple):
+        return f"a tuple of {len(value)} values"
+    text = repr(value)
+    return text if len(text) <= 100 else f"{text[:97]}..."

@@ -1,0 +1,220 @@
+"""Keys by their names, the actions they mean, and the keys that control a recording.
+
+A key's name is the same in the browser and in the window: ``"space"``, ``"left"``, ``"a"``.
+What the keys held mean is a pure function of their names, in the order in which they went down.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium
+
+from eutree.errors import InvalidArgumentError, UnknownNameError
+from eutree.schema import Schema
+from eutree.validation import check_integer
+
+# Codes of pygame 2 and, where Gymnasium still has them, of pygame 1.
+_NAMES_OF_CODES = {
+    9: "tab",
+    13: "enter",
+    27: "escape",
+    32: "space",
+    127: "delete",
+    8: "backspace",
+    273: "up",
+    274: "down",
+    275: "right",
+    276: "left",
+    1073741903: "right",
+    1073741904: "left",
+    1073741905: "down",
+    1073741906: "up",
+}
+NAMED_KEYS = (*sorted(set(_NAMES_OF_CODES.values())), *(f"f{n}" for n in range(1, 13)))
+_IDLE_NAMES = ("stop", "none", "nothing", "noop", "no-op", "coast", "stay", "wait", "idle")
+_SUGGESTED = {"left": "left", "right": "right", "up": "up", "down": "down", "main": "up"}
+_NO_KEY = "none"
+
+# The first key of each row that is no action key is the one that counts.
+CONTROL_KEYS = {
+    "pause": ("p", "f8"),
+    "end": ("right", "e", "f2"),
+    "redo": ("left", "r", "f3"),
+    "discard": ("delete", "x", "f4"),
+    "finish": ("escape", "f10"),
+    "slower": ("-", "f6"),
+    "faster": ("+", "f7"),
+    "mode": ("m", "f9"),
+    "wait": ("down", ".", "enter"),  # turn-based mode: one step without an action key
+}
+START_KEYS = ("enter", "space")
+
+
+@dataclass(frozen=True)
+class KeyMap:
+    """Which action the held keys mean.
+
+    Attributes:
+        combinations: Sets of keys and the action of each.
+        idle: Action while no key of the map is held; None keeps the last action.
+        chosen: Whether a person or the environment chose the keys (else they are a suggestion).
+    """
+
+    combinations: tuple[tuple[frozenset[str], int], ...]
+    idle: int | None = None
+    chosen: bool = True
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """All keys that mean something, sorted."""
+        return tuple(sorted({key for keys, _ in self.combinations for key in keys}))
+
+    def action(self, held: Sequence[str], last: int) -> int:
+        """Return the action of the keys ``held``, given in the order in which they went down.
+
+        The largest combination that is held counts; among equals the one pressed last.
+        """
+        places = {key: place for place, key in enumerate(held)}
+        matches = [
+            (len(keys), max(places[key] for key in keys), action)
+            for keys, action in self.combinations
+            if keys <= places.keys()
+        ]
+        if matches:
+            return max(matches)[2]
+        return last if self.idle is None else self.idle
+
+    def keys_of(self, action: int) -> list[str]:
+        """Return the keys of an action as texts: ``["space", "left+up"]``."""
+        own = [keys for keys, meaning in self.combinations if meaning == action]
+        smallest = [keys for keys in own if not any(other < keys for other in own)]
+        return sorted("+".join(sorted(keys)) for keys in smallest)
+
+    def with_key(self, key: str, action: int) -> "KeyMap":
+        """Return the map in which ``key`` alone means ``action``, and no other key does."""
+        name = check_key(key)
+        others = tuple(
+            (keys, meaning)
+            for keys, meaning in self.combinations
+            if meaning != action and name not in keys
+        )
+        idle = None if self.idle == action else self.idle
+        return KeyMap((*others, (frozenset([name]), action)), idle)
+
+    def controls(self) -> dict[str, str]:
+        """Return the key of each control command, none of them an action key."""
+        taken = set(self.keys)
+        found: dict[str, str] = {}
+        for command, candidates in CONTROL_KEYS.items():
+            free = [key for key in candidates if key not in taken]
+            if free:
+                found[command] = free[0]
+                taken.add(free[0])
+        return found
+
+
+def check_key(name: str) -> str:
+    """Return the name of a key, in lower case, or raise UnknownNameError."""
+    key = {" ": "space", "=": "+"}.get(name, name.lower())
+    if (len(key) == 1 and key.isprintable()) or key in NAMED_KEYS:
+        return key
+    raise UnknownNameError("key", name, NAMED_KEYS)
+
+
+def parse_keys(text: str, schema: Schema) -> KeyMap:
+    """Return the map that ``left=0,right=go,left+up=2,none=1`` describes.
+
+    Raises:
+        InvalidArgumentError: An entry is not KEY=ACTION, or names an unknown key or action.
+    """
+    combinations: dict[frozenset[str], int] = {}
+    idle: int | None = None
+    for entry in text.split(","):
+        keys, equals, action = (part.strip() for part in entry.rpartition("="))
+        if not equals or not keys or not action:
+            raise InvalidArgumentError(
+                f"keys must be KEY=ACTION pairs such as left=0,right=1, got {entry!r}"
+            )
+        number = _action(action, schema)
+        if keys.lower() == _NO_KEY:
+            idle = number
+        else:
+            combinations[frozenset(check_key(key) for key in keys.split("+"))] = number
+    if not combinations:
+        raise InvalidArgumentError(f"keys must give at least one action a key, got {text!r}")
+    return _with_idle(combinations, idle, schema, chosen=True)
+
+
+def keys_of_environment(env: gymnasium.Env[Any, Any], schema: Schema) -> KeyMap:
+    """Return the environment's own ``get_keys_to_action()``, else a suggestion."""
+    own = getattr(env.unwrapped, "get_keys_to_action", None)
+    combinations: dict[frozenset[str], int] = {}
+    idle: int | None = None
+    for codes, action in (own() if callable(own) else {}).items():
+        names = [_name(code) for code in (codes if isinstance(codes, tuple) else (codes,))]
+        number = check_integer("an action of get_keys_to_action()", action)
+        if number >= schema.n_actions or None in names:
+            continue
+        if names:
+            combinations[frozenset(str(name) for name in names)] = number
+        else:
+            idle = number
+    if combinations:
+        return _with_idle(combinations, idle, schema, chosen=True)
+    return suggested_keys(schema)
+
+
+def suggested_keys(schema: Schema) -> KeyMap:
+    """Return keys that suit the names of the actions: arrows where they fit, else digits."""
+    idle = _idle_by_name(schema)
+    combinations: dict[frozenset[str], int] = {}
+    for action, name in enumerate(schema.actions):
+        if action == idle:
+            continue
+        arrows = [key for word, key in _SUGGESTED.items() if word in name.lower().split()]
+        key = arrows[0] if arrows else str(action + 1) if action < 9 else chr(ord("a") + action - 9)
+        if frozenset([key]) in combinations:
+            key = str((action + 1) % 10)
+        combinations[frozenset([key])] = action
+    return KeyMap(tuple(combinations.items()), idle, chosen=False)
+
+
+def held_text(keys: Iterable[str]) -> str:
+    """Return the held keys for people: ``"left + space"``, ``"no key"``."""
+    return " + ".join(keys) or "no key"
+
+
+def _with_idle(
+    combinations: Mapping[frozenset[str], int], idle: int | None, schema: Schema, *, chosen: bool
+) -> KeyMap:
+    """Return the map; idle is the action of that name, else the only one that no key means."""
+    if idle is None:
+        free = [a for a in range(schema.n_actions) if a not in combinations.values()]
+        by_name = _idle_by_name(schema)
+        idle = free[0] if by_name is None and len(free) == 1 else by_name
+    return KeyMap(tuple(combinations.items()), idle, chosen)
+
+
+def _idle_by_name(schema: Schema) -> int | None:
+    names = [name.lower() for name in schema.actions]
+    return next((i for i, name in enumerate(names) if name in _IDLE_NAMES), None)
+
+
+def _action(text: str, schema: Schema) -> int:
+    if text in schema.actions:
+        return schema.actions.index(text)
+    if text.isdecimal() and int(text) < schema.n_actions:
+        return int(text)
+    known = [*schema.actions, *map(str, range(schema.n_actions))]
+    raise UnknownNameError("action", text, known)
+
+
+def _name(code: object) -> str | None:
+    """Return the name of a key given as a character, a name or a code of pygame."""
+    if isinstance(code, str):
+        return check_key(code)
+    number = check_integer("a key of get_keys_to_action()", code)
+    if number in _NAMES_OF_CODES:
+        return _NAMES_OF_CODES[number]
+    return chr(number).lower() if 33 <= number < 127 else None  # the printable characters

@@ -1,0 +1,70 @@
+"""Record demonstrations of any controller: a scripted expert, an SB3 model, a tree."""
+
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium
+
+from eutree.data import Demonstrations, Episode
+from eutree.errors import InvalidArgumentError
+from eutree.interaction.episode import run_episode
+from eutree.interaction.guard import GuardedEnv
+from eutree.interaction.seeding import episode_seed
+from eutree.policies import Policy
+from eutree.validation import check_integer, check_seed
+
+Controller = Policy | Callable[[gymnasium.Env[Any, Any]], Policy]
+
+RECORDING_STREAM = 1
+
+
+def record(
+    env: gymnasium.Env[Any, Any],
+    controller: Controller,
+    *,
+    episodes: int = 15,
+    seed: int = 0,
+    strict: bool = False,
+    on_episode: Callable[[int, Episode], None] | None = None,
+) -> Demonstrations:
+    """Record episodes of ``controller`` acting in ``env``.
+
+    Args:
+        env: The environment.
+        controller: Anything with SB3's ``predict``, or a function that makes such a thing for
+            the environment, like ``eutree.experts.wait_at_crossing``.
+        episodes: How many.
+        seed: Seed of the recording; episode k is seeded with ``episode_seed(seed, k, 1)``.
+        strict: Refuse observations outside the observation space.
+        on_episode: Called after each episode with its number and the episode.
+
+    Raises:
+        EnvironmentFault: The environment broke its contract.
+    """
+    count = check_integer("episodes", episodes, low=1)
+    check_seed(seed)
+    guarded = GuardedEnv(env, strict=strict)
+    policy = as_policy(controller, env)
+    recorded = []
+    for number in range(count):
+        episode = run_episode(guarded, policy, episode_seed(seed, number, RECORDING_STREAM))
+        recorded.append(episode)
+        if on_episode is not None:
+            on_episode(number, episode)
+    name = getattr(controller, "__name__", type(controller).__name__)
+    return Demonstrations(tuple(recorded), guarded.schema, guarded.spec, expert=str(name))
+
+
+def as_policy(controller: Controller, env: gymnasium.Env[Any, Any]) -> Policy:
+    """Return ``controller`` if it has ``predict``, else what it makes for ``env``."""
+    if hasattr(controller, "predict"):
+        return controller
+    if not callable(controller):
+        raise InvalidArgumentError(
+            f"controller must have a method predict or be a function of an environment, "
+            f"got {controller!r}"
+        )
+    policy = controller(env)
+    if not hasattr(policy, "predict"):
+        raise InvalidArgumentError(f"controller(env) must have a method predict, got {policy!r}")
+    return policy

@@ -1,0 +1,166 @@
+"""Which spaces a tree can act in, and what their numbers mean.
+
+Observations become vectors of float64: a Box is taken as it is, a Discrete value n becomes the
+number n (an ordered attribute, split like a continuous one), MultiDiscrete and MultiBinary become
+their entries, Dict and Tuple are laid end to end with names such as ``"lidar.front"``.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+
+from eutree.arrays import Floats
+from eutree.errors import UnsupportedSpaceError
+from eutree.schema import EnvironmentSpec, Feature, Schema
+
+Encoder = Callable[[Any], Floats]
+
+# Names and units of the observations of Gymnasium's own tasks, which do not say them themselves.
+_KNOWN_FEATURES: dict[str, tuple[tuple[str, str], ...]] = {
+    "CartPole": (("position", "m"), ("velocity", "m/s"), ("angle", "rad"), ("turn rate", "rad/s")),
+    "MountainCar": (("position", ""), ("velocity", "")),
+    "Acrobot": (
+        ("cos angle 1", ""),
+        ("sin angle 1", ""),
+        ("cos angle 2", ""),
+        ("sin angle 2", ""),
+        ("turn rate 1", "rad/s"),
+        ("turn rate 2", "rad/s"),
+    ),
+    "LunarLander": (
+        ("x", ""),
+        ("y", ""),
+        ("x velocity", ""),
+        ("y velocity", ""),
+        ("angle", "rad"),
+        ("turn rate", ""),
+        ("left leg down", ""),
+        ("right leg down", ""),
+    ),
+}
+_KNOWN_ACTIONS: dict[str, tuple[str, ...]] = {
+    "CartPole": ("left", "right"),
+    "MountainCar": ("left", "coast", "right"),
+    "Acrobot": ("clockwise", "none", "counterclockwise"),
+    "LunarLander": ("nothing", "left engine", "main engine", "right engine"),
+}
+
+
+def describe(env: gymnasium.Env[Any, Any]) -> Schema:
+    """Return names, units and bounds of the observations and names of the actions of ``env``.
+
+    Names come from the environment's ``feature_names``, ``feature_units`` and ``action_names`` if
+    it has them, from a small table for Gymnasium's own tasks, else they are ``x0, x1, ...``.
+
+    Raises:
+        UnsupportedSpaceError: The observations are not flat or the actions not Discrete.
+    """
+    low, high, names = _bounds(env.observation_space, _id(env))
+    family = _id(env).split("/")[-1].split("-v")[0]
+    known = _KNOWN_FEATURES.get(family, ())
+    units = [""] * len(names)
+    if len(known) == len(names):
+        names, units = [name for name, _ in known], [unit for _, unit in known]
+    own_names = getattr(env.unwrapped, "feature_names", None)
+    if own_names is not None and len(own_names) == len(names):
+        names = [str(name) for name in own_names]
+    own_units = getattr(env.unwrapped, "feature_units", None)
+    if own_units is not None and len(own_units) == len(names):
+        units = [str(unit) for unit in own_units]
+    features = tuple(
+        Feature(name, unit, float(lo), float(hi))
+        for name, unit, lo, hi in zip(names, units, low, high, strict=True)
+    )
+    return Schema(features, _action_names(env, family))
+
+
+def spec_of(env: gymnasium.Env[Any, Any]) -> EnvironmentSpec | None:
+    """Return how to make ``env`` again, or None if it was not made by ``gymnasium.make``."""
+    if env.spec is None:
+        return None
+    arguments = {
+        key: list(value) if isinstance(value, tuple) else value
+        for key, value in env.spec.kwargs.items()
+        if key != "render_mode"
+    }
+    return EnvironmentSpec(env.spec.id, arguments)
+
+
+def encoder(space: spaces.Space[Any]) -> Encoder:
+    """Return the function that turns an observation of ``space`` into a float64 vector."""
+    if isinstance(space, spaces.Dict):
+        parts = [(key, encoder(part)) for key, part in space.spaces.items()]
+        return lambda observation: np.concatenate([enc(observation[key]) for key, enc in parts])
+    if isinstance(space, spaces.Tuple):
+        encoders = [encoder(part) for part in space.spaces]
+        return lambda observation: np.concatenate(
+            [enc(part) for enc, part in zip(encoders, observation, strict=True)]
+        )
+    if isinstance(space, spaces.Discrete):
+        return lambda observation: np.array([observation], dtype=np.float64)
+    return lambda observation: np.array(observation, dtype=np.float64)
+
+
+def _id(env: gymnasium.Env[Any, Any]) -> str:
+    return env.spec.id if env.spec is not None else type(env.unwrapped).__name__
+
+
+def _action_names(env: gymnasium.Env[Any, Any], family: str) -> tuple[str, ...]:
+    space = env.action_space
+    if not isinstance(space, spaces.Discrete) or space.start != 0:
+        hint = (
+            " Discretise it, for example with gymnasium.wrappers.TransformAction."
+            if isinstance(space, spaces.Box)
+            else " Wrap it with gymnasium.wrappers.TransformAction."
+        )
+        raise UnsupportedSpaceError(
+            f"{_id(env)} must have a Discrete action space that starts at 0, got {space}.{hint}"
+        )
+    n_actions = int(space.n)
+    for names in (getattr(env.unwrapped, "action_names", None), _KNOWN_ACTIONS.get(family)):
+        if names is not None and len(names) == n_actions:
+            return tuple(str(name) for name in names)
+    return tuple(f"action {i}" for i in range(n_actions))
+
+
+def _bounds(space: spaces.Space[Any], name: str) -> tuple[list[float], list[float], list[str]]:
+    """Return lower bounds, upper bounds and names of the entries of the encoded space."""
+    if isinstance(space, spaces.Dict):
+        return _concatenate([(key, *_bounds(part, name)) for key, part in space.spaces.items()])
+    if isinstance(space, spaces.Tuple):
+        parts = enumerate(space.spaces)
+        return _concatenate([(str(i), *_bounds(part, name)) for i, part in parts])
+    if isinstance(space, spaces.Box) and len(space.shape) == 1 and space.dtype != np.uint8:
+        low, high = space.low.astype(np.float64), space.high.astype(np.float64)
+    elif isinstance(space, spaces.Discrete):
+        low, high = np.array([float(space.start)]), np.array([float(space.start + space.n - 1)])
+    elif isinstance(space, spaces.MultiDiscrete) and len(space.shape) == 1:
+        low = np.asarray(space.start, dtype=np.float64)
+        high = low + np.asarray(space.nvec, dtype=np.float64) - 1
+    elif isinstance(space, spaces.MultiBinary) and len(space.shape) == 1:
+        low, high = np.zeros(space.shape), np.ones(space.shape)
+    else:
+        hint = "wrap it with gymnasium.wrappers.FlattenObservation"
+        if isinstance(space, spaces.Box) and space.dtype == np.uint8:
+            hint = "a tree cannot learn from pixels: let the environment observe quantities instead"
+        raise UnsupportedSpaceError(
+            f"{name} must have a flat Box, Discrete, MultiDiscrete or MultiBinary observation "
+            f"space, got {space}: {hint}"
+        )
+    return low.tolist(), high.tolist(), [f"x{i}" for i in range(len(low))]
+
+
+def _concatenate(
+    parts: list[tuple[str, list[float], list[float], list[str]]],
+) -> tuple[list[float], list[float], list[str]]:
+    low = [value for part in parts for value in part[1]]
+    high = [value for part in parts for value in part[2]]
+    names = [
+        key if len(part_names) == 1 else f"{key}.{name}"
+        for key, _, _, part_names in parts
+        for name in part_names
+    ]
+    return low, high, names

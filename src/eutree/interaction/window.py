@@ -1,0 +1,188 @@
+"""A desktop window in which a person records: keyboard and gamepad, the same engine as the page."""
+
+import os
+import time
+from dataclasses import dataclass, field
+from typing import Any
+
+from eutree.errors import MissingExtraError
+from eutree.interaction.events import Away, Command, Event, KeyDown, KeyUp, Seen, Tick
+from eutree.interaction.keys import NAMED_KEYS
+from eutree.interaction.recorder import Recorder
+from eutree.interaction.signals import orderly_end
+
+LOST = "The window lost the focus."
+TICK_SECONDS = 1.0 / 60.0
+STICK = 0.5  # how far a stick must be pushed to count as an arrow key
+
+_NAMES = {"return": "enter", "enter": "enter", "=": "+", "[+]": "+", "[-]": "-"}
+_HAT = (("left", "right"), ("down", "up"))  # by axis: negative, positive
+_STICK_KEYS = (("left", "right"), ("up", "down"))
+_PAUSE_BUTTONS, _FIRST_START_BUTTON = (6, 8), 7
+
+
+def record_in_window(recorder: Recorder) -> None:
+    """Let a person record in a window until the session is over or the window is closed.
+
+    Raises:
+        MissingExtraError: pygame-ce is not installed.
+        EnvironmentFault: The environment broke its contract; what was recorded is stored.
+        FileError: The folder can no longer be written; what was recorded before is stored.
+    """
+    with orderly_end():
+        window = Window(recorder)
+        try:
+            window.run()
+        finally:
+            recorder.close()
+            window.close()
+    recorder.raise_failure()
+
+
+@dataclass
+class Gamepad:
+    """What a gamepad's buttons, hat and sticks mean: keys that go down and up.
+
+    Attributes:
+        action_keys: Keys that the first buttons press, in the order of the actions.
+    """
+
+    action_keys: list[str]
+    _down: dict[tuple[str, int], str] = field(default_factory=dict)
+
+    def button(self, number: int, *, down: bool) -> list[Event]:
+        """Return what a button means."""
+        if number < min(len(self.action_keys), 4):
+            key = self.action_keys[number]
+            return [KeyDown(key) if down else KeyUp(key)]
+        if not down:
+            return []
+        if number in _PAUSE_BUTTONS:
+            return [Command("pause")]
+        return [Command("start")] if number == _FIRST_START_BUTTON else []
+
+    def axis(self, kind: str, number: int, value: float) -> list[Event]:
+        """Return what a stick or a hat means: an arrow key while it is pushed."""
+        if number > 1:
+            return []
+        names = (_HAT if kind == "hat" else _STICK_KEYS)[number]
+        wanted = "" if abs(value) < STICK else names[value > 0]
+        held = self._down.get((kind, number), "")
+        if wanted == held:
+            return []
+        self._down[(kind, number)] = wanted
+        changes: list[Event] = [KeyUp(held)] if held else []
+        return [*changes, KeyDown(wanted)] if wanted else changes
+
+    def release(self) -> None:
+        """Forget what is pushed."""
+        self._down.clear()
+
+
+class Window:
+    """The window: its loop, what its events mean, and its clock.
+
+    Args:
+        recorder: What is recorded, and where.
+    """
+
+    def __init__(self, recorder: Recorder) -> None:
+        os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+        try:
+            import pygame
+        except ImportError:
+            raise MissingExtraError("pygame-ce", "record") from None
+        from eutree.interaction.window_screen import Screen
+
+        self._pygame: Any = pygame
+        self.recorder = recorder
+        pygame.display.init()
+        pygame.joystick.init()
+        self._screen = Screen()
+        self._clock = pygame.time.Clock()
+        self._began = time.monotonic()
+        self._frame = 0
+        keys = recorder.session.keys
+        actions = range(recorder.session.env.schema.n_actions)
+        first = [
+            keys.keys_of(action)[0].split("+")[0] for action in actions if keys.keys_of(action)
+        ]
+        self._gamepad = Gamepad(first)
+        self._joysticks: dict[int, Any] = {}  # held, or pygame forgets them
+        self._closed = False
+
+    def run(self) -> None:
+        """Play the session; a finished one shows its last screen until a key is pressed."""
+        while not (self.recorder.session.is_over or self._closed):
+            self.tick()
+            self._clock.tick(1.0 / TICK_SECONDS)
+        if not self._closed:
+            self._linger()
+
+    def tick(self) -> Tick:
+        """Take in the window's events, let the session act, and draw what it says."""
+        events: list[Event] = [Seen(self._frame)]
+        for event in self._pygame.event.get():
+            events += self._meaning(event)
+        tick = self.recorder.tick(time.monotonic() - self._began, events)
+        self._screen.draw(tick)
+        if tick.frame is not None:
+            self._frame = tick.frame.number
+        return tick
+
+    def close(self) -> None:
+        """Close the window and let go of the display."""
+        self._pygame.joystick.quit()
+        self._pygame.display.quit()
+
+    def _linger(self) -> None:
+        """Keep the last screen until a key or the window's button is pressed."""
+        pygame = self._pygame
+        self._screen.draw(self.recorder.session.tick(time.monotonic() - self._began))
+        while not any(event.type in (pygame.QUIT, pygame.KEYDOWN) for event in pygame.event.get()):
+            self._clock.tick(1.0 / TICK_SECONDS)
+
+    def _meaning(self, event: Any) -> list[Event]:
+        """Return what an event of pygame means to the session."""
+        pygame = self._pygame
+        if event.type == pygame.QUIT:
+            self._closed = True
+            return [Away(LOST)]
+        if event.type == pygame.WINDOWFOCUSLOST:
+            self._gamepad.release()
+            return [Away(LOST)]
+        if event.type in (pygame.KEYDOWN, pygame.KEYUP):
+            key = key_name(pygame.key.name(event.key))
+            kind = KeyDown if event.type == pygame.KEYDOWN else KeyUp
+            return [kind(key, self._frame)] if key else []
+        return self._gamepad_meaning(event)
+
+    def _gamepad_meaning(self, event: Any) -> list[Event]:
+        pygame, meant = self._pygame, list[Event]()
+        if event.type == pygame.JOYDEVICEADDED:
+            joystick = pygame.joystick.Joystick(event.device_index)
+            self._joysticks[joystick.get_instance_id()] = joystick
+        elif event.type == pygame.JOYDEVICEREMOVED:
+            self._joysticks.pop(event.instance_id, None)
+            self._gamepad.release()
+            meant = [Away("The gamepad was disconnected.")]
+        elif event.type in (pygame.JOYBUTTONDOWN, pygame.JOYBUTTONUP):
+            meant = self._gamepad.button(event.button, down=event.type == pygame.JOYBUTTONDOWN)
+        elif event.type == pygame.JOYAXISMOTION:
+            meant = self._gamepad.axis("stick", event.axis, event.value)
+        elif event.type == pygame.JOYHATMOTION:
+            for axis in (0, 1):
+                meant += self._gamepad.axis("hat", axis, event.value[axis])
+        return [self._over_picture(event) for event in meant]
+
+    def _over_picture(self, event: Event) -> Event:
+        """Add which picture was on the screen when a key went down or up."""
+        if isinstance(event, KeyDown | KeyUp):
+            return type(event)(event.key, self._frame)
+        return event
+
+
+def key_name(name: str) -> str:
+    """Return our name of the key that pygame calls ``name``; empty if it has none."""
+    key = _NAMES.get(name, name)
+    return key if len(key) == 1 or key in NAMED_KEYS else ""

@@ -1,0 +1,261 @@
+"""What the recorder's window looks like: the picture, and beside it keys and episodes."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from eutree.interaction.events import EpisodeView, Frame, Tick, View
+from eutree.interaction.session import (
+    COUNTDOWN,
+    FAILED,
+    FINISHED,
+    OPENING,
+    PAUSED,
+    PLAYING,
+    REVIEW,
+)
+
+SIZE = (1100, 640)
+STAGE = (20, 64, 740, 494)  # left, top, width, height of the picture's place
+SIDE = 784  # left edge of the column beside it
+SIDE_WIDTH = 296
+
+GROUND, PANEL, INK = (244, 242, 236), (255, 254, 251), (34, 33, 29)
+SOFT, LINE, ACCENT = (95, 92, 83), (220, 216, 204), (31, 95, 191)
+GOOD, BAD = (26, 115, 69), (179, 55, 42)
+
+GLYPHS = {"left": "Left", "right": "Right", "up": "Up", "down": "Down", "escape": "Esc",
+          "delete": "Del", "space": "Space", "enter": "Enter", "backspace": "Back"}  # fmt: skip
+CONTROLS = {
+    "pause": "pause, go on",
+    "end": "end the episode",
+    "redo": "same start again",
+    "discard": "discard",
+    "finish": "finish",
+    "slower": "slower",
+    "faster": "faster",
+    "mode": "other mode",
+    "wait": "one step without a key",
+}
+ENDINGS = {
+    "goal": "Goal reached",
+    "collision": "Collision",
+    "time limit": "Time is over",
+    "stopped": "Stopped by you",
+    "terminated": "The episode is over",
+    "truncated": "Time is over",
+}
+FACES = "dejavusans,notosans,liberationsans,segoeui,helveticaneue,arial"
+_ROWS = 9  # of the list of episodes
+
+
+class Screen:
+    """Draws a session's view into the window."""
+
+    def __init__(self) -> None:
+        import pygame
+
+        self._pygame: Any = pygame
+        pygame.font.init()
+        self._surface: Any = pygame.display.set_mode(SIZE)
+        pygame.display.set_caption("eutree recorder")
+        self._fonts: dict[tuple[int, bool], Any] = {}
+        self._faces: dict[bool, str | None] = {}
+        self._picture: Any = None
+        self._shown: View | None = None
+
+    def draw(self, tick: Tick) -> None:
+        """Draw a view if anything has changed since the last one."""
+        if tick.frame is None and tick.view == self._shown:
+            return
+        if tick.frame is not None:
+            self._picture = self._scaled(tick.frame)
+        self._shown = tick.view
+        self._surface.fill(GROUND)
+        self._header(tick.view)
+        self._stage(tick.view)
+        self._column(tick.view)
+        self._pygame.display.flip()
+
+    def _scaled(self, frame: Frame) -> Any:
+        """Return the picture, as large as its place allows."""
+        pygame = self._pygame
+        image = pygame.surfarray.make_surface(np.swapaxes(frame.pixels, 0, 1))
+        scale = min(STAGE[2] / image.get_width(), STAGE[3] / image.get_height())
+        size = (round(image.get_width() * scale), round(image.get_height() * scale))
+        return pygame.transform.smoothscale(image, size)
+
+    def _header(self, view: View) -> None:
+        width = self._text("Recorder", (20, 20), size=22, bold=True)
+        self._text(view.environment, (20 + width + 12, 24), color=SOFT)
+        self._text(f"{view.saved} of {view.target}", (SIDE, 22), bold=True, size=18)
+        bar = self._pygame.Rect(SIDE + 110, 30, SIDE_WIDTH - 110, 8)
+        self._box(bar, LINE, radius=4)
+        bar.width = round(bar.width * min(view.saved / view.target, 1.0))
+        self._box(bar, GOOD, radius=4)
+
+    def _stage(self, view: View) -> None:
+        pygame = self._pygame
+        place = pygame.Rect(STAGE)
+        self._box(place, PANEL, radius=12)
+        if self._picture is not None:
+            self._surface.blit(self._picture, self._picture.get_rect(center=place.center))
+        if view.state == COUNTDOWN:
+            self._countdown(view, place)
+        elif view.state != PLAYING:
+            self._card(view, place)
+        status = f"{view.speed:g} x    {mode_name(view)}    step {view.step}"
+        self._text(status, (STAGE[0], STAGE[1] + STAGE[3] + 14), color=SOFT)
+        if view.state in (PLAYING, COUNTDOWN):
+            name = view.actions[view.action].name
+            self._text(name, (STAGE[0] + 400, STAGE[1] + STAGE[3] + 10), bold=True, color=ACCENT,
+                       size=20)  # fmt: skip
+
+    def _countdown(self, view: View, place: Any) -> None:
+        self._pygame.draw.circle(self._surface, PANEL, place.center, 84)
+        self._pygame.draw.circle(self._surface, LINE, place.center, 84, 2)
+        number = self._font(96, bold=True).render(str(view.countdown), True, INK)
+        self._surface.blit(number, number.get_rect(center=place.center))
+
+    def _card(self, view: View, place: Any) -> None:
+        title, lines, color = words(view)
+        rendered = [self._font(24, bold=True).render(title, True, color)]
+        rendered += [
+            self._font(16).render(part, True, INK) for line in lines for part in wrap(line)
+        ]
+        width = max(image.get_width() for image in rendered) + 56
+        height = sum(image.get_height() + 6 for image in rendered) + 30
+        box = self._pygame.Rect(0, 0, width, height)
+        box.midbottom = (place.centerx, place.bottom - 18)
+        if view.state in (PAUSED, FINISHED, FAILED):
+            box.center = place.center
+        self._box(box, PANEL, radius=14)
+        self._pygame.draw.rect(self._surface, LINE, box, 1, border_radius=14)
+        top = box.top + 16
+        for image in rendered:
+            self._surface.blit(image, image.get_rect(midtop=(box.centerx, top)))
+            top += image.get_height() + 6
+
+    def _column(self, view: View) -> None:
+        top = self._panel("Keys", 64, key_lines(view))
+        if view.numbers is not None:
+            top = self._panel("What the agent senses", top, [(n, v, INK) for n, v in view.numbers])
+        self._panel("Episodes", top, episode_lines(view.episodes[-_ROWS:]))
+
+    def _panel(self, title: str, top: int, lines: list[tuple[str, str, Any]]) -> int:
+        height = 46 + 22 * len(lines)
+        self._box(self._pygame.Rect(SIDE, top, SIDE_WIDTH, height), PANEL, radius=12)
+        self._text(title, (SIDE + 16, top + 10), color=SOFT, size=14, bold=True)
+        for place, (left, right, color) in enumerate(lines):
+            y = top + 34 + 22 * place
+            self._text(left, (SIDE + 16, y), color=color)
+            image = self._font(15).render(right, True, color)
+            self._surface.blit(image, image.get_rect(topright=(SIDE + SIDE_WIDTH - 16, y)))
+        return top + height + 12
+
+    def _box(self, box: Any, color: tuple[int, int, int], *, radius: int) -> None:
+        self._pygame.draw.rect(self._surface, color, box, border_radius=radius)
+
+    def _text(
+        self,
+        text: str,
+        place: tuple[int, int],
+        *,
+        color: tuple[int, int, int] = INK,
+        size: int = 15,
+        bold: bool = False,
+    ) -> int:
+        image = self._font(size, bold=bold).render(text, True, color)
+        self._surface.blit(image, place)
+        return int(image.get_width())
+
+    def _face(self, bold: bool) -> str | None:
+        """Return the file of a face of this system; None for pygame's own."""
+        if bold not in self._faces:
+            self._faces[bold] = self._pygame.font.match_font(FACES, bold=bold)
+        return self._faces[bold]
+
+    def _font(self, size: int, *, bold: bool = False) -> Any:
+        if (size, bold) not in self._fonts:
+            self._fonts[(size, bold)] = self._pygame.font.Font(self._face(bold), round(size * 1.2))
+        return self._fonts[(size, bold)]
+
+
+def mode_name(view: View) -> str:
+    """Return how keys act at present."""
+    if view.turn_based:
+        return "one step for each key"
+    return "a key switches on and off" if view.toggle else "acting while a key is held"
+
+
+def key_lines(view: View) -> list[tuple[str, str, Any]]:
+    """Return the lines of the list of keys."""
+    lines: list[tuple[str, str, Any]] = []
+    for number, action in enumerate(view.actions):
+        keys = [*map(key_text, action.keys), *(["no key"] if action.is_idle else [])]
+        is_on = view.state == PLAYING and number == view.action
+        lines.append((action.name, ", ".join(keys), ACCENT if is_on else INK))
+    for name, meaning in CONTROLS.items():
+        if name in view.controls and (name != "wait" or view.turn_based):
+            lines.append((meaning, key_text(view.controls[name]), SOFT))
+    return lines
+
+
+def episode_lines(episodes: list[EpisodeView]) -> list[tuple[str, str, Any]]:
+    """Return the lines of the list of episodes, the last first."""
+    if not episodes:
+        return [("Nothing recorded yet.", "", SOFT)]
+    lines = []
+    for row in reversed(episodes):
+        color: Callable[[EpisodeView], Any] = result_color
+        note = "" if row.kept else f", {row.comment or 'discarded'}"
+        left, right = f"{row.number}  {row.result}{note}", f"{row.length} steps, {row.total:g}"
+        lines.append((left, right, color(row) if row.kept else SOFT))
+    return lines
+
+
+def result_color(row: EpisodeView) -> tuple[int, int, int]:
+    """Return green for a success, red for a failure."""
+    return INK if row.success is None else GOOD if row.success else BAD
+
+
+def words(view: View) -> tuple[str, list[str], Any]:
+    """Return title, lines and the title's color of the card over the picture."""
+    keys = {name: key_text(key) for name, key in view.controls.items()}
+    saved = f"{view.saved} of {view.target} saved"
+    enough = view.saved >= view.target
+    finish = f"{keys.get('finish', '')}: finish"
+    if view.state == OPENING:
+        return "Show how it is done", [f"Enter: start     {finish}"], INK
+    if view.state == PAUSED:
+        return "Paused", [view.message, f"Enter: go on     {keys.get('end', '')}: end here"], INK
+    if view.state == REVIEW:
+        last = view.episodes[-1] if view.episodes else None
+        title = ENDINGS.get(last.result, last.result) if last else "Nothing was recorded"
+        if last is not None and not last.kept:
+            title = f"{title}, {last.comment or 'discarded'}"
+        following = "Enter: finish" if enough else f"Enter: next     {finish}"
+        redo = f"{keys.get('redo', '')}: same start again     {keys.get('discard', '')}: discard"
+        color = INK if last is None or not last.kept else result_color(last)
+        return title, [saved, following, redo], color
+    if view.state == FINISHED:
+        return saved, ["Everything is stored. Any key closes the window."], GOOD if enough else INK
+    return "The recording has ended", [view.message, "What was recorded is stored."], BAD
+
+
+def key_text(key: str) -> str:
+    """Return a key's name for people."""
+    return (
+        " + ".join(GLYPHS.get(part, part.upper()) for part in key.split("+")) if key != "+" else key
+    )
+
+
+def wrap(text: str, width: int = 70) -> list[str]:
+    """Return the text in lines of at most about ``width`` characters."""
+    lines = [""]
+    for word in text.split(" "):
+        if len(lines[-1]) + len(word) > width:
+            lines.append("")
+        lines[-1] += ("" if not lines[-1] else " ") + word
+    return [line for line in lines if line.strip()]

@@ -1,0 +1,123 @@
+"""Compiled loops of the learner: leaf membership lists and targets."""
+
+from eutree.arrays import Booleans, Floats, Int32s, Integers
+from eutree.compiled import compiled
+
+NO_ROW = -1
+
+
+@compiled
+def append_to_lists(
+    labels: Int32s,  # [N]
+    first: int,
+    last: int,
+    head: Integers,  # [L]
+    tail: Integers,  # [L]
+    count: Integers,  # [L]
+    link: Integers,  # [N]
+) -> None:
+    """Append rows first..last-1 to the lists of their labels; a negative label has no list."""
+    for row in range(first, last):
+        link[row] = NO_ROW
+        label = labels[row]
+        if label < 0:
+            continue
+        if count[label] == 0:
+            head[label] = row
+        else:
+            link[tail[label]] = row
+        tail[label] = row
+        count[label] += 1
+
+
+@compiled
+def walk_list(start: int, link: Integers, out: Integers) -> None:
+    """Write the rows of one list to ``out``, in ascending order."""
+    row = start
+    for i in range(out.size):
+        out[i] = row
+        row = link[row]
+
+
+@compiled
+def split_list(
+    rows: Integers,  # [n], ascending
+    goes_right: Booleans,  # [n]
+    label: int,
+    new_label: int,
+    labels: Int32s,  # [N]
+    head: Integers,  # [L]
+    tail: Integers,  # [L]
+    count: Integers,  # [L]
+    link: Integers,  # [N]
+) -> None:
+    """Divide the list of ``label`` in two, keeping the ascending order of both."""
+    count[label] = 0
+    count[new_label] = 0
+    for i in range(rows.size):
+        row = rows[i]
+        target = new_label if goes_right[i] else label
+        labels[row] = target
+        link[row] = NO_ROW
+        if count[target] == 0:
+            head[target] = row
+        else:
+            link[tail[target]] = row
+        tail[target] = row
+        count[target] += 1
+
+
+@compiled
+def one_step_targets(
+    rows: Integers,  # [n]
+    rewards: Floats,  # [N]
+    entered: Int32s,  # [N]
+    values: Floats,  # [L]
+    discount: float,
+    out: Floats,  # [n]
+) -> None:
+    """Write q = r + discount * V(L(o')) (Eq. 2, corrected); V of a terminal state is 0."""
+    for i in range(rows.size):
+        row = rows[i]
+        out[i] = rewards[row]
+        if entered[row] >= 0:
+            out[i] += discount * values[entered[row]]
+
+
+@compiled
+def lambda_targets(
+    rows: Integers,  # [n]
+    n_rows: int,
+    episodes: Int32s,  # [N]
+    actions: Int32s,  # [N]
+    rewards: Floats,  # [N]
+    left: Int32s,  # [N]
+    entered: Int32s,  # [N]
+    values: Floats,  # [L]
+    greedy: Int32s,  # [L]
+    discount: float,
+    decay: float,
+    out: Floats,  # [n]
+) -> None:
+    """Write the lambda-return of each row, cut at the first action that is not greedy.
+
+    Row i + 1 follows row i when both are of one episode. The return goes on into the next row
+    only while that row's action is the greedy one of its leaf (Watkins's Q(lambda)); there it
+    bootstraps with the value of the leaf entered.
+    """
+    for i in range(rows.size):
+        row = rows[i]
+        total = 0.0
+        weight = 1.0
+        while True:
+            total += weight * rewards[row]
+            if entered[row] < 0:
+                break
+            follows = row + 1 < n_rows and episodes[row + 1] == episodes[row]
+            if not follows or actions[row + 1] != greedy[left[row + 1]]:
+                total += weight * discount * values[entered[row]]
+                break
+            total += weight * discount * (1.0 - decay) * values[entered[row]]
+            weight *= discount * decay
+            row += 1
+        out[i] = total

@@ -1,0 +1,258 @@
+"""The transition history, and for each leaf which transitions left and which entered it.
+
+Rows of one episode are stored one after the other, so row i + 1 follows row i within it. Each
+leaf has two lists of rows, those that left it (T(s, a) of the paper, over all actions) and those
+that entered it; a split of the leaf divides just these two lists, whatever else is stored.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eutree.arrays import Booleans, Floats, Int32s, Integers
+from eutree.learning import _kernels
+from eutree.trees import DecisionTree
+
+TERMINAL = -1
+_GROWTH = 1.25
+
+
+@dataclass(frozen=True, eq=False)
+class Relabelling:
+    """The rows whose leaves a split has changed, with the old and the new leaves."""
+
+    rows: Integers  # [n], ascending
+    old_left: Int32s  # [n]
+    old_entered: Int32s  # [n]
+    new_left: Int32s  # [n]
+    new_entered: Int32s  # [n]
+
+
+class History:
+    """All stored transitions of a learner.
+
+    Args:
+        n_features: Number of features d of an observation.
+        n_leaves: Number of leaves of the tree whose leaves label the rows.
+
+    Attributes:
+        size: Number of transitions N.
+        n_episodes: Number of episodes stored.
+    """
+
+    def __init__(self, n_features: int, n_leaves: int) -> None:
+        self.size = 0
+        self.n_episodes = 0
+        self._columns: dict[str, NDArray[Any]] = {
+            "observations": np.empty((64, n_features)),
+            "next_observations": np.empty((64, n_features)),
+            "actions": np.empty(64, dtype=np.int32),
+            "rewards": np.empty(64),
+            "episodes": np.empty(64, dtype=np.int32),
+            "left": np.empty(64, dtype=np.int32),
+            "entered": np.empty(64, dtype=np.int32),
+            "_left_link": np.empty(64, dtype=np.int64),
+            "_entered_link": np.empty(64, dtype=np.int64),
+        }
+        self._lists = {side: _Lists(n_leaves) for side in ("left", "entered")}
+
+    def __len__(self) -> int:
+        """Return the number of transitions N."""
+        return self.size
+
+    @property
+    def observations(self) -> Floats:
+        """Observation o of each transition, shape [N, d]; a view."""
+        return self._view("observations")
+
+    @property
+    def next_observations(self) -> Floats:
+        """Observation o' of each transition, shape [N, d]; a view."""
+        return self._view("next_observations")
+
+    @property
+    def actions(self) -> Int32s:
+        """Action of each transition, shape [N]; a view."""
+        return self._view("actions")
+
+    @property
+    def rewards(self) -> Floats:
+        """Reward of each transition, shape [N]; a view."""
+        return self._view("rewards")
+
+    @property
+    def episodes(self) -> Int32s:
+        """Number of the episode of each transition, shape [N]; a view."""
+        return self._view("episodes")
+
+    @property
+    def left(self) -> Int32s:
+        """Leaf L(o) that each transition left, shape [N]; a view."""
+        return self._view("left")
+
+    @property
+    def entered(self) -> Int32s:
+        """Leaf L(o') that each transition entered, ``TERMINAL`` at the end; shape [N]; a view."""
+        return self._view("entered")
+
+    @property
+    def n_bytes_per_transition(self) -> float:
+        """Bytes of memory for each stored transition, spare capacity included."""
+        total = sum(column.nbytes for column in self._columns.values())
+        return total / max(self.size, 1)
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return what the history holds; its labels and lists follow from the tree."""
+        stored = ("observations", "next_observations", "actions", "rewards", "episodes")
+        return {
+            **{name: self._view(name) for name in stored},
+            "terminal": self.entered == TERMINAL,
+            "n_episodes": np.array([self.n_episodes]),
+        }
+
+    @classmethod
+    def from_state(cls, state: Mapping[str, NDArray[Any]], tree: DecisionTree) -> "History":
+        """Return the history whose ``state()`` this was, labelled by ``tree``."""
+        history = cls(tree.n_features, tree.n_leaves)
+        size = len(state["rewards"])
+        history._reserve(size)
+        history.size, history.n_episodes = size, int(state["n_episodes"][0])
+        for name in ("observations", "next_observations", "actions", "rewards", "episodes"):
+            history._view(name)[:] = state[name]
+        history.entered[:] = np.where(state["terminal"], TERMINAL, 0)
+        history.relabel(tree)
+        return history
+
+    def append_episode(
+        self,
+        observations: Floats,  # [T + 1, d]
+        actions: Integers,  # [T]
+        rewards: Floats,  # [T]
+        leaves: Int32s,  # [T + 1]
+        *,
+        terminated: bool,
+    ) -> None:
+        """Store the transitions of one episode, with the leaves of its observations."""
+        steps = len(actions)
+        first, last = self.size, self.size + steps
+        self._reserve(last)
+        columns = self._columns
+        columns["observations"][first:last] = observations[:-1]
+        columns["next_observations"][first:last] = observations[1:]
+        columns["actions"][first:last] = actions
+        columns["rewards"][first:last] = rewards
+        columns["episodes"][first:last] = self.n_episodes
+        columns["left"][first:last] = leaves[:-1]
+        columns["entered"][first:last] = leaves[1:]
+        if terminated and steps:
+            columns["entered"][last - 1] = TERMINAL
+        self._append_to_lists(first, last)
+        self.size = last
+        self.n_episodes += 1
+
+    def rows_leaving(self, leaf: int) -> Integers:
+        """Return the rows of the transitions that left ``leaf``, ascending."""
+        return self._rows("left", leaf)
+
+    def rows_entering(self, leaf: int) -> Integers:
+        """Return the rows of the transitions that entered ``leaf``, ascending."""
+        return self._rows("entered", leaf)
+
+    def count_leaving(self, leaf: int) -> int:
+        """Return how many transitions left ``leaf``."""
+        return int(self._lists["left"].count[leaf])
+
+    def split(self, leaf: int, new_leaf: int, feature: int, threshold: float) -> Relabelling:
+        """Relabel the rows that left or entered ``leaf`` after its split at ``threshold``.
+
+        Rows with ``x[feature] <= threshold`` keep ``leaf``, the others get ``new_leaf``.
+        """
+        leaving, entering = self.rows_leaving(leaf), self.rows_entering(leaf)
+        rows = np.union1d(leaving, entering)
+        old_left, old_entered = self.left[rows], self.entered[rows]
+        for lists in self._lists.values():
+            lists.reserve(new_leaf + 1)
+        self._split_list(
+            "left", leaving, ~(self.observations[leaving, feature] <= threshold), leaf, new_leaf
+        )
+        goes_right = ~(self.next_observations[entering, feature] <= threshold)
+        self._split_list("entered", entering, goes_right, leaf, new_leaf)
+        return Relabelling(rows, old_left, old_entered, self.left[rows], self.entered[rows])
+
+    def relabel(self, tree: DecisionTree) -> None:
+        """Label all rows anew from ``tree``; used when a tree is merged or replaced."""
+        terminal = self.entered == TERMINAL
+        self.left[:] = tree.leaf_index(self.observations)
+        self.entered[:] = tree.leaf_index(self.next_observations)
+        self.entered[terminal] = TERMINAL
+        self._lists = {side: _Lists(tree.n_leaves) for side in ("left", "entered")}
+        self._append_to_lists(0, self.size)
+
+    def _view(self, name: str) -> NDArray[Any]:
+        return self._columns[name][: self.size]
+
+    def _reserve(self, size: int) -> None:
+        """Make room for ``size`` rows."""
+        capacity = len(self._columns["rewards"])
+        if size <= capacity:
+            return
+        capacity = max(size, int(capacity * _GROWTH) + 1)
+        for name, column in self._columns.items():
+            grown = np.empty((capacity, *column.shape[1:]), dtype=column.dtype)
+            grown[: self.size] = column[: self.size]
+            self._columns[name] = grown
+
+    def _append_to_lists(self, first: int, last: int) -> None:
+        for side, lists in self._lists.items():
+            _kernels.append_to_lists(
+                self._columns[side],
+                first,
+                last,
+                lists.head,
+                lists.tail,
+                lists.count,
+                self._columns[f"_{side}_link"],
+            )
+
+    def _rows(self, side: str, leaf: int) -> Integers:
+        lists = self._lists[side]
+        rows = np.empty(lists.count[leaf], dtype=np.int64)
+        _kernels.walk_list(int(lists.head[leaf]), self._columns[f"_{side}_link"], rows)
+        return rows
+
+    def _split_list(
+        self, side: str, rows: Integers, goes_right: Booleans, leaf: int, new_leaf: int
+    ) -> None:
+        lists = self._lists[side]
+        _kernels.split_list(
+            rows,
+            goes_right,
+            leaf,
+            new_leaf,
+            self._columns[side],
+            lists.head,
+            lists.tail,
+            lists.count,
+            self._columns[f"_{side}_link"],
+        )
+
+
+class _Lists:
+    """Head, tail and length of one linked list of rows for each leaf."""
+
+    def __init__(self, n_leaves: int) -> None:
+        self.head = np.full(n_leaves, _kernels.NO_ROW, dtype=np.int64)  # [L]
+        self.tail = np.full(n_leaves, _kernels.NO_ROW, dtype=np.int64)  # [L]
+        self.count = np.zeros(n_leaves, dtype=np.int64)  # [L]
+
+    def reserve(self, n_leaves: int) -> None:
+        """Make room for ``n_leaves`` lists."""
+        missing = n_leaves - self.count.size
+        if missing > 0:
+            grow = max(missing, self.count.size)
+            self.head = np.append(self.head, np.full(grow, _kernels.NO_ROW, dtype=np.int64))
+            self.tail = np.append(self.tail, np.full(grow, _kernels.NO_ROW, dtype=np.int64))
+            self.count = np.append(self.count, np.zeros(grow, dtype=np.int64))

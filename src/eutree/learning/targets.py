@@ -1,0 +1,78 @@
+"""What q of a stored transition is: the estimate of future reward that splits compare."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from eutree.arrays import Floats, Int32s, Integers
+from eutree.learning import _kernels
+from eutree.learning.history import History
+from eutree.validation import check_number
+
+
+class Target(Protocol):
+    """A rule for q, given the values and the greedy actions of the leaves."""
+
+    def of(
+        self,
+        history: History,
+        rows: Integers,  # [n]
+        *,
+        values: Floats,  # [L]
+        greedy: Int32s,  # [L]
+        discount: float,
+    ) -> Floats:
+        """Return q of each of the rows, shape [n]."""
+        ...
+
+
+@dataclass(frozen=True)
+class OneStep:
+    """q = r + discount * V(L(o')), the paper's Eq. 2 with o' in place of its misprinted o."""
+
+    def of(
+        self, history: History, rows: Integers, *, values: Floats, greedy: Int32s, discount: float
+    ) -> Floats:
+        """Return q of each of the rows, shape [n]."""
+        out = np.empty(rows.size)
+        _kernels.one_step_targets(rows, history.rewards, history.entered, values, discount, out)
+        return out
+
+
+@dataclass(frozen=True)
+class LambdaReturn:
+    """The lambda-return, cut at the first action that is not greedy (Watkins's Q(lambda)).
+
+    Through leaves that lump unlike observations together, a one-step target loses what an action
+    leads to two or three steps later; a return keeps it.
+
+    Attributes:
+        decay: lambda, from 0 (one step) to 1 (the whole return up to the cut).
+    """
+
+    decay: float = 1.0
+
+    def __post_init__(self) -> None:
+        check_number("decay", self.decay, low=0.0, high=1.0)
+
+    def of(
+        self, history: History, rows: Integers, *, values: Floats, greedy: Int32s, discount: float
+    ) -> Floats:
+        """Return q of each of the rows, shape [n]."""
+        out = np.empty(rows.size)
+        _kernels.lambda_targets(
+            rows,
+            history.size,
+            history.episodes,
+            history.actions,
+            history.rewards,
+            history.left,
+            history.entered,
+            values,
+            greedy,
+            discount,
+            self.decay,
+            out,
+        )
+        return out

@@ -1,0 +1,118 @@
+"""The parts that exports share: identifiers, blocks of deep trees, layout, probes, options."""
+
+import re
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from eutree.errors import MissingExtraError
+from eutree.export import to_latex, to_onnx, to_svg
+from eutree.export._blocks import DEPTH, block_roots
+from eutree.export._identifiers import C_WORDS, PYTHON_WORDS, STRUCTURED_TEXT_WORDS, identifiers
+from eutree.export._layout import layout
+from eutree.export._palette import FILLS
+from eutree.export._probes import node_boxes, probes
+from eutree.export.structured_text import literal
+from tests.export.policies import EVASION, NASTY, chain, policy_of, tree
+
+
+@given(st.lists(st.one_of(st.sampled_from(NASTY), st.text(max_size=50)), unique=True))
+def test_identifiers_are_distinct_and_legal(names: list[str]) -> None:
+    for words in (C_WORDS, PYTHON_WORDS, STRUCTURED_TEXT_WORDS):
+        found = identifiers(names, reserved=words)
+        folded = [name.casefold() for name in found]
+        assert len(set(folded)) == len(names)
+        assert not set(folded) & {word.casefold() for word in words}
+        for name in found:
+            assert re.fullmatch(r"[A-Za-z](_?[A-Za-z0-9])*", name)
+            assert len(name) <= 31
+
+
+def test_identifiers_resemble_names() -> None:
+    names = ["opponent_1", "pole angle", "Größe", "x", "X", "1st", "速度"]
+    expected = ["opponent_1", "pole_angle", "Groe", "x", "X_2", "f_1st", "f"]
+    assert identifiers(names, reserved=(), prefix="f") == expected
+
+
+@pytest.mark.parametrize("to_the_left", [True, False])
+def test_blocks_are_never_deeper_than_allowed(to_the_left: bool) -> None:
+    grown = chain(400, to_the_left=to_the_left)
+    roots = block_roots(grown)
+    assert roots[-1] == 0
+    assert roots == sorted(roots, reverse=True)
+    for leaf in range(grown.n_leaves):
+        since_root = 0
+        for node in grown.path(leaf):
+            since_root = 0 if node in roots else since_root + 1
+            assert since_root <= DEPTH
+
+
+@given(st.integers(1, 40), st.integers(0, 100))
+def test_layout_keeps_nodes_apart_and_branches_in_order(n_leaves: int, seed: int) -> None:
+    grown = tree(n_leaves, 3, seed=seed)
+    places = layout(grown)
+    assert len(set(zip(places.row, places.column, strict=True))) == grown.n_nodes
+    leaves = places.row[grown.node_of_leaf]
+    np.testing.assert_array_equal(np.sort(leaves), np.arange(n_leaves))
+    for node in np.flatnonzero(grown.feature >= 0):
+        yes, no = grown.left[node], grown.right[node]
+        assert places.row[yes] < places.row[node] < places.row[no]
+        assert places.column[yes] == places.column[no] == places.column[node] + 1
+
+
+@given(st.integers(1, 30), st.integers(0, 100))
+def test_probes_reach_every_test_on_both_sides(n_leaves: int, seed: int) -> None:
+    grown = tree(n_leaves, 2, seed=seed)
+    low, high = node_boxes(grown)
+    reachable = np.flatnonzero((low < high).all(axis=1) & (grown.feature < 0))
+    reached = set(grown.leaf_index(probes(grown)).tolist())
+    assert set(grown.leaf[reachable].tolist()) <= reached | _without_room(grown, low, high)
+
+
+def _without_room(grown: object, low: np.ndarray, high: np.ndarray) -> set[int]:
+    """Return leaves whose box is too thin for a point between its ends."""
+    thin = (np.nextafter(low, np.inf) >= high).any(axis=1) & (grown.feature < 0)
+    return set(grown.leaf[thin].tolist())
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False))
+def test_structured_text_constants_read_back(value: float) -> None:
+    text = literal(value)
+    assert re.fullmatch(r"-?\d+\.\d+(E-?\d+)?", text)
+    assert float(text) == value
+    assert str(float(text)) == str(value)
+
+
+def test_latex_document_holds_the_picture() -> None:
+    policy = policy_of(tree(4, 3), EVASION)
+    document = to_latex(policy, document=True)
+    assert to_latex(policy).strip() in document
+    assert document.startswith("\\documentclass")
+    assert document.count("\\begin") == document.count("\\end")
+
+
+def test_embedded_drawing_has_no_style_of_its_own() -> None:
+    policy = policy_of(tree(4, 3), EVASION)
+    assert "<style>" in to_svg(policy)
+    assert "style" not in to_svg(policy, standalone=False)
+
+
+def luminance(colour: str) -> float:
+    channels = [int(colour[place : place + 2], 16) / 255 for place in (1, 3, 5)]
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def test_words_on_leaves_can_be_read() -> None:
+    ink = luminance("#10161d")
+    for colour in FILLS:
+        assert (luminance(colour) + 0.05) / (ink + 0.05) >= 7.0
+
+
+def test_missing_onnx_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "onnx", None)
+    with pytest.raises(MissingExtraError, match=r"onnx is not installed.*eutree\[onnx\]"):
+        to_onnx(policy_of(tree(2, 2)))

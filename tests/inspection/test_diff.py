@@ -1,0 +1,99 @@
+"""What changed between two policies, against a count of lattice cells."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from eutree.errors import InvalidArgumentError
+from eutree.inspection import diff
+from eutree.policies import TreePolicy
+from eutree.schema import Feature, Schema
+from eutree.trees import DecisionTree
+from tests import naive_trees
+
+seeds = st.integers(0, 2**32)
+
+
+def lattice_policy(generator, n_features, n_actions=2, size=6):
+    """Return a policy with thresholds on a lattice and bounds 0 and ``size``."""
+    tree = naive_trees.random_tree(generator, int(generator.integers(1, 12)), n_features)
+    schema = Schema(
+        tuple(Feature(f"x{j}", "m", 0.0, float(size)) for j in range(n_features)),
+        tuple(f"do {action}" for action in range(n_actions)),
+    )
+    return TreePolicy(tree, generator.integers(0, n_actions, tree.n_leaves), schema)
+
+
+def lattice(policy):
+    return naive_trees.cells(*np.array([(f.low, f.high) for f in policy.schema.features]).T)
+
+
+@settings(max_examples=100, deadline=None)
+@given(seed=seeds, n_features=st.integers(1, 3), n_actions=st.integers(1, 3))
+def test_share_and_boxes_are_what_the_cells_say(seed, n_features, n_actions):
+    generator = np.random.default_rng(seed)
+    one, two = (lattice_policy(generator, n_features, n_actions) for _ in range(2))
+    found, points = diff(one, two), lattice(one)
+    before, after = one.predict(points)[0], two.predict(points)[0]
+    assert found.share == pytest.approx((before != after).mean(), abs=1e-12)
+    assert sum(box.share for box in found.boxes) == pytest.approx(found.share)
+    for point, was, now in zip(points, before, after, strict=True):
+        here = [box for box in found.boxes if box.region.contains(point)]
+        expected = [(was, now)] if was != now else []
+        assert [(box.first, box.second) for box in here] == expected
+
+
+@settings(max_examples=50, deadline=None)
+@given(seed=seeds)
+def test_the_largest_comes_first_and_no_two_could_be_one(seed):
+    generator = np.random.default_rng(seed)
+    boxes = diff(*(lattice_policy(generator, 1) for _ in range(2))).boxes
+    shares = [box.share for box in boxes]
+    assert shares == sorted(shares, reverse=True)
+    ends = {(float(box.region.low[0]), box.first, box.second) for box in boxes}
+    assert not [b for b in boxes if (float(b.region.high[0]), b.first, b.second) in ends]
+
+
+def test_a_policy_differs_nowhere_from_itself():
+    policy = lattice_policy(np.random.default_rng(5), 3)
+    found = diff(policy, policy)
+    assert (found.share, found.boxes, found.structure) == (0.0, (), ())
+
+
+def test_a_moved_threshold_in_words():
+    schema = Schema((Feature("speed", "m/s", 0.0, 10.0),), ("brake", "go"))
+    tree = DecisionTree.single_leaf(1).split(0, 0, 4.0)
+    policy = TreePolicy(tree, np.array([1, 0]), schema)
+    moved = replace(policy, tree=replace(tree, threshold=np.array([5.0, np.nan, np.nan])))
+    found = diff(policy, moved)
+    assert found.share == pytest.approx(0.1)
+    assert found.boxes[0].words == "brake became go where 4.0 < speed <= 5.0 m/s"
+    assert found.structure == ("node 0: speed <= 4.0 m/s ? became speed <= 5.0 m/s ? (node 0)",)
+    assert "another action on 10.0000% of the box" in str(found)
+
+
+def test_changed_actions_and_replaced_subtrees_in_words():
+    schema = Schema.anonymous(2, 2)
+    tree = DecisionTree.single_leaf(2).split(0, 0, 1.0)
+    policy = TreePolicy(tree, np.array([0, 1]), schema)
+    other = TreePolicy(tree.split(1, 1, 2.0), np.array([1, 1, 0]), schema)
+    assert set(diff(policy, other).structure) == {
+        "node 1: action 0 became action 1 (node 1)",
+        "node 2: action 1 became x1 <= 2.0 ? (node 2)",
+    }
+
+
+def test_infinite_bounds_reach_a_tenth_beyond_the_thresholds():
+    tree = DecisionTree.single_leaf(1).split(0, 0, 0.0)
+    other = DecisionTree.single_leaf(1).split(0, 0, 10.0)
+    one, two = (TreePolicy(t, np.array([0, 1]), Schema.anonymous(1, 2)) for t in (tree, other))
+    assert diff(one, two).share == pytest.approx(10 / 12)
+
+
+def test_other_names_are_refused():
+    one = lattice_policy(np.random.default_rng(0), 2)
+    with pytest.raises(InvalidArgumentError, match="both policies must have the features"):
+        diff(one, replace(one, schema=Schema.anonymous(2, 2)))

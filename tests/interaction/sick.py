@@ -1,0 +1,96 @@
+"""Twenty environments, each with one fault that the border must stop."""
+
+import gymnasium
+import numpy as np
+from gymnasium.spaces import Box, Discrete
+
+
+class Healthy(gymnasium.Env):
+    """Two numbers in [0, 1]; action 1 moves right; ends after five steps."""
+
+    observation_space = Box(0.0, 1.0, (2,), np.float64)
+    action_space = Discrete(2)
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.count = 0
+        return np.array([self.np_random.random(), 0.0]), {}
+
+    def step(self, action):
+        self.count += 1
+        observation = np.array([self.np_random.random(), self.count / 5])
+        return observation, float(action), self.count == 5, False, {"is_success": True}
+
+
+def answering(**changes):
+    """Return a healthy environment whose third step answers otherwise."""
+    names = ("observation", "reward", "terminated", "truncated", "info")
+
+    class Sick(Healthy):
+        def step(self, action):
+            answer = dict(zip(names, super().step(action), strict=True))
+            return tuple((changes if self.count == 3 else {}).get(n, answer[n]) for n in names)
+
+    return Sick()
+
+
+class FourValues(Healthy):
+    def step(self, action):
+        return super().step(action)[:4]
+
+
+class SixValues(Healthy):
+    def step(self, action):
+        return (*super().step(action), None)
+
+
+class RaisesInStep(Healthy):
+    def step(self, action):
+        raise KeyError("motor")
+
+
+class RaisesInReset(Healthy):
+    def reset(self, *, seed=None, options=None):
+        raise OSError("no device")
+
+
+class ResetWithoutInfo(Healthy):
+    def reset(self, *, seed=None, options=None):
+        return super().reset(seed=seed)[0]
+
+
+class NaNAtReset(Healthy):
+    def reset(self, *, seed=None, options=None):
+        return np.array([np.nan, 0.0]), super().reset(seed=seed)[1]
+
+
+class NeverEnds(Healthy):
+    def step(self, action):
+        observation, reward, _, _, info = super().step(action)
+        return np.minimum(observation, 1.0), reward, False, False, info
+
+
+SICK = {
+    "NaN observation": (answering(observation=np.array([np.nan, 0])), "step 2: .*finite.*nan"),
+    "infinite observation": (answering(observation=np.array([np.inf, 0])), "finite.*inf"),
+    "wrong shape": (answering(observation=np.zeros(3)), r"shape \(2,\), got \(3,\)"),
+    "matrix": (answering(observation=np.zeros((2, 1))), r"shape \(2,\), got \(2, 1\)"),
+    "text observation": (answering(observation=["a", "b"]), "observation must be of Box"),
+    "no observation": (answering(observation=None), "observation must"),
+    "text reward": (answering(reward="1.0"), "reward must be a finite number, got '1.0'"),
+    "NaN reward": (answering(reward=np.nan), "reward must be a finite number, got nan"),
+    "infinite reward": (answering(reward=-np.inf), "reward must be a finite number, got -inf"),
+    "no reward": (answering(reward=None), "reward must be a finite number, got None"),
+    "vector reward": (answering(reward=np.zeros(2)), "reward must be a finite number"),
+    "overflowing reward": (answering(reward=10**400), "reward must be a finite number"),
+    "text flag": (answering(terminated="no"), "terminated must be a bool, got 'no'"),
+    "number flag": (answering(truncated=1), "truncated must be a bool, got 1"),
+    "info is a list": (answering(info=[]), "info must be a dict"),
+    "four values": (FourValues(), "a tuple of 4 values"),
+    "six values": (SixValues(), "a tuple of 6 values"),
+    "exception in step": (RaisesInStep(), "step 0: step raised KeyError: 'motor'"),
+    "exception in reset": (RaisesInReset(), "reset: reset raised OSError: no device"),
+    "reset without info": (ResetWithoutInfo(), r"reset must return \(observation, info\)"),
+    "NaN at reset": (NaNAtReset(), "reset: observation must be finite"),
+    "never ends": (NeverEnds(), "has not ended after 50 steps"),
+}

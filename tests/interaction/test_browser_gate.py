@@ -1,0 +1,384 @@
+"""Who may talk to the recorder's server: requests from raw sockets, and any messages at all."""
+
+import json
+import logging
+import socket
+import time
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from websockets.exceptions import ConnectionClosed
+
+from eutree.errors import InvalidArgumentError
+from eutree.interaction.browser.gate import Gate, RateLimit, is_loopback
+from eutree.interaction.browser.wire import decode
+from tests.interaction.people import Corridor
+from tests.interaction.serving import ENOUGH, serving
+
+
+@pytest.fixture(scope="module")
+def served(tmp_path_factory):
+    with serving(tmp_path_factory.mktemp("gate")) as server:
+        yield server
+
+
+def test_the_page_is_served(served) -> None:
+    for path, kind in [("/", "html"), ("/page.js", "javascript"), ("/page.css", "css")]:
+        status, headers, body = served.request(path, Host=served.host)
+        assert (status, kind in headers["Content-Type"]) == (200, True)
+        assert len(body) == int(headers["Content-Length"]) > 1000
+
+
+@pytest.mark.promise(24)
+def test_the_socket_opens_with_everything_right(served) -> None:
+    assert served.open()[0] == 101
+    for name in ("localhost", "127.0.0.1", "[::1]", "localhost:9999"):  # another port: a tunnel
+        assert served.open(Host=name, Origin=f"http://{name}")[0] == 101
+
+
+WRONG = {
+    "no token": ({"Sec_WebSocket_Protocol": "eutree"}, 403),
+    "no protocol": ({"Sec_WebSocket_Protocol": None}, 403),
+    "wrong token": ({"Sec_WebSocket_Protocol": "eutree, token.AAAAAAAAAAAAAAAAAAAAAAAA"}, 403),
+    "empty token": ({"Sec_WebSocket_Protocol": "eutree, token."}, 403),
+    "token not of ASCII": ({"Sec_WebSocket_Protocol": "eutree, token.\u00e4"}, 403),
+    "token in the address": ({"Sec_WebSocket_Protocol": "eutree", "path": "/socket?TOKEN"}, 403),
+    "no origin": ({"Origin": None}, 403),
+    "null origin": ({"Origin": "null"}, 403),
+    "foreign origin": ({"Origin": "http://evil.example"}, 403),
+    "origin of another port": ({"Origin": "http://127.0.0.1:1"}, 403),
+    "origin that begins alike": ({"Origin": "http://HOST.evil.example"}, 403),
+    "foreign host": ({"Host": "evil.example"}, 421),
+    "host that begins alike": ({"Host": "127.0.0.1.evil.example"}, 421),
+    "host with a user": ({"Host": "evil@127.0.0.1"}, 421),
+    "host of the network": ({"Host": "192.168.1.1"}, 421),
+    "no host": ({"Host": None}, 421),
+    "empty host": ({"Host": ""}, 421),
+}
+
+
+@pytest.mark.promise(24)
+@pytest.mark.parametrize(("changes", "status"), WRONG.values(), ids=WRONG.keys())
+def test_anything_else_is_refused(served, changes, status) -> None:
+    changes = {
+        name: value and value.replace("HOST", served.host).replace("TOKEN", served.token)
+        for name, value in changes.items()
+    }
+    assert served.open(**changes)[0] == status
+
+
+@pytest.mark.promise(24)
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [({"Host": "evil.example"}, 421), ({"Origin": "http://evil.example"}, 403), ({}, 421)],
+)
+def test_the_page_too_is_given_to_nobody_else(served, headers, status) -> None:
+    if "Origin" in headers:
+        headers = {"Host": served.host, **headers}
+    assert served.request("/", **headers)[0] == status
+
+
+@pytest.mark.promise(24)
+def test_two_hosts_are_refused(served) -> None:
+    text = f"GET / HTTP/1.1\r\nHost: {served.host}\r\nHost: evil.example\r\n\r\n"
+    assert served.raw(text.encode())[0] == 421
+
+
+@pytest.mark.parametrize("path", ["/page.html", "/../wire.py", "/.git", "/socket/", "//", "/page"])
+def test_nothing_else_is_served(served, path) -> None:
+    assert served.request(path, Host=served.host)[0] == 404
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"POST / HTTP/1.1\r\nHost: localhost\r\n\r\n",
+        b"\x00\xff" * 50 + b"\r\n\r\n",
+        b"GET / HTTP/1.0\r\n\r\n",
+    ],
+)
+def test_what_is_no_request_is_refused(served, content) -> None:
+    assert served.raw(content)[0] in (0, 400, 405, 421)
+    assert served.request("/", Host=served.host)[0] == 200
+
+
+@pytest.mark.promise(25)
+def test_headers_keep_everything_else_out(served) -> None:
+    pages = [served.request("/", Host=served.host) for _ in range(2)]
+    policies = []
+    for _, headers, body in pages:
+        policy = headers["Content-Security-Policy"]
+        rules = dict(rule.split(" ", 1) for rule in policy.split("; "))
+        policies.append(policy)
+        assert rules["default-src"] == rules["frame-ancestors"] == "'none'"
+        assert rules["base-uri"] == rules["form-action"] == "'none'"
+        assert "unsafe" not in policy
+        assert "*" not in policy
+        nonce = rules["script-src"].removeprefix("'nonce-").removesuffix("'")
+        assert len(nonce) >= 16
+        assert f'nonce="{nonce}"' in body.decode()
+        assert headers["X-Content-Type-Options"] == "nosniff"
+        assert headers["Cache-Control"] == "no-store"
+        assert headers["Referrer-Policy"] == "no-referrer"
+        assert b"<script>" not in body
+        assert b"://" not in body
+    assert policies[0] != policies[1]  # a fresh nonce each time
+
+
+@pytest.mark.promise(25)
+def test_refusals_have_the_headers_too(served) -> None:
+    _, headers, _ = served.request("/", Host="evil.example")
+    assert headers["X-Content-Type-Options"] == "nosniff"
+    assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
+
+
+@pytest.mark.promise(23)
+def test_the_server_listens_on_loopback_only(served) -> None:
+    listening = [
+        line.split()[1]
+        for line in Path("/proc/net/tcp").read_text().splitlines()[1:]
+        if int(line.split()[1].split(":")[1], 16) == served.port and line.split()[3] == "0A"
+    ]
+    assert listening == [f"0100007F:{served.port:04X}"]
+    others = {info[4][0] for info in socket.getaddrinfo(socket.gethostname(), None)}
+    for address in others - {"127.0.0.1", "::1"}:
+        if address.startswith("127."):
+            continue
+        with pytest.raises(OSError):  # noqa: PT011 - refused, or unreachable
+            socket.create_connection((address, served.port), timeout=2.0)
+
+
+@pytest.mark.promise(24)
+def test_the_token_is_in_no_log(tmp_path, caplog) -> None:
+    caplog.set_level(logging.DEBUG)
+    with serving(tmp_path) as server:
+        server.open()
+        server.open(Sec_WebSocket_Protocol="eutree, token.wrong")
+        with server.connect() as page:
+            page.send(json.dumps({"type": "hello", "client": "a" * 12}))
+            page.recv(timeout=ENOUGH)
+        assert server.token not in repr(server.server.__dict__["_gate"])
+        assert server.token not in server.request("/", Host=server.host)[2].decode()
+    ours = [r for r in caplog.records if not r.name.startswith("websockets.client")]
+    assert not [record for record in ours if server.token in record.getMessage()]
+
+
+class Page:
+    """A page made of JSON by hand."""
+
+    def __init__(self, served, client="page-one") -> None:
+        self.socket = served.connect().__enter__()
+        self.view = {}
+        self.sequence = 0
+        self.send(type="hello", client=client)
+        self.until(lambda view: "state" in view)
+
+    def send(self, **message) -> None:
+        self.socket.send(json.dumps(message))
+
+    def flood(self) -> None:
+        for _ in range(100_000):
+            self.send(type="drawn", frame=1)
+        self.until(lambda view: False)
+
+    def key(self, key, down, frame=0) -> None:
+        self.sequence += 1
+        self.send(type="key", sequence=self.sequence, key=key, down=down, frame=frame)
+
+    def until(self, reached):
+        end = time.monotonic() + ENOUGH
+        while not reached(self.view):
+            message = self.socket.recv(timeout=end - time.monotonic())
+            if isinstance(message, bytes):
+                self.send(type="drawn", frame=int.from_bytes(message[:4], "big"))
+            else:
+                self.view |= json.loads(message)
+        return self.view
+
+
+BAD_MESSAGES = {
+    "no JSON": ("nonsense", 1008),
+    "no object": ("[]", 1008),
+    "unknown type": ('{"type":"shutdown"}', 1008),
+    "unknown field": ('{"type":"gone","extra":1}', 1008),
+    "missing field": ('{"type":"drawn"}', 1008),
+    "wrong type": ('{"type":"drawn","frame":"1"}', 1008),
+    "unknown key": ('{"type":"key","sequence":1,"key":"hyper","down":true,"frame":1}', 1008),
+    "skipped key": ('{"type":"key","sequence":7,"key":"left","down":true,"frame":1}', 1008),
+    "unknown command": ('{"type":"do","name":"__init__"}', 1008),
+    "deep": ("[" * 1500, 1008),
+    "not UTF-8": (b"\xff\xfe", 1008),
+    "binary": (b'{"type":"gone"}', 1008),
+    "oversize": ('{"type":"' + "x" * 3000 + '"}', 1009),
+}
+
+
+@pytest.mark.promise(24)
+@pytest.mark.parametrize(("message", "code"), BAD_MESSAGES.values(), ids=BAD_MESSAGES.keys())
+def test_a_bad_message_pauses_the_episode_and_harms_nothing(tmp_path, message, code) -> None:
+    with serving(tmp_path, Corridor(length=100, limit=10_000)) as server:
+        page = Page(server)
+        page.send(type="do", name="start")
+        page.until(lambda view: view["state"] == "playing" and view["step"] >= 2)
+        page.socket.send(message)
+        with pytest.raises(ConnectionClosed) as closed:
+            page.until(lambda view: False)
+        assert closed.value.rcvd.code == code
+        again = Page(server, client="page-two")
+        view = again.until(lambda view: view["state"] == "paused")
+        step = view["step"]
+        again.send(type="do", name="start")
+        again.until(lambda view: view["state"] == "playing" and view["step"] >= step + 2)
+        again.send(type="do", name="end")
+        again.until(lambda view: view["state"] == "review")
+        assert server.session.episodes[0].ending == "stopped"
+
+
+@pytest.mark.promise(24)
+def test_a_flood_pauses_the_episode(tmp_path) -> None:
+    with serving(tmp_path, Corridor(length=100, limit=10_000)) as server:
+        page = Page(server)
+        page.send(type="do", name="start")
+        page.until(lambda view: view["state"] == "playing")
+        with pytest.raises(ConnectionClosed) as closed:
+            page.flood()
+        assert closed.value.rcvd.code == 1008
+        assert "too many" in closed.value.rcvd.reason
+        assert Page(server, "page-two").until(lambda v: v["state"] == "paused")["role"] == "acting"
+
+
+@pytest.mark.promise(26)
+def test_a_second_viewer_is_read_only_until_it_takes_over(tmp_path) -> None:
+    with serving(tmp_path, Corridor(length=100, limit=10_000)) as server:
+        first, second = Page(server, "page-one"), Page(server, "page-two")
+        assert (first.view["role"], second.view["role"]) == ("acting", "watching")
+        second.send(type="do", name="start")
+        second.key("enter", True)
+        second.send(type="gone")
+        first.send(type="do", name="start")
+        first.until(lambda view: view["state"] == "playing" and view["step"] >= 2)
+        second.until(lambda view: view["state"] == "playing" and view["step"] >= 2)
+        second.send(type="do", name="finish")
+        first.until(lambda view: view["step"] >= 6)
+        second.send(type="take")
+        second.until(lambda view: view["role"] == "acting" and view["state"] == "paused")
+        first.until(lambda view: view["role"] == "watching")
+        second.send(type="do", name="end")
+        first.until(lambda view: view["state"] == "review")
+
+
+@pytest.mark.promise(26)
+def test_a_lost_connection_pauses_and_the_same_page_goes_on(tmp_path) -> None:
+    with serving(tmp_path, Corridor(length=100, limit=10_000)) as server:
+        page = Page(server)
+        page.send(type="do", name="start")
+        page.until(lambda view: view["state"] == "playing")
+        page.key("right", True)
+        page.until(lambda view: view["action"] == 2)
+        page.socket.socket.shutdown(socket.SHUT_RDWR)
+        again = Page(server)
+        view = again.until(lambda view: view["state"] == "paused")
+        assert (view["role"], view["held"]) == ("acting", [])
+        again.send(type="do", name="start")
+        again.until(lambda view: view["action"] == 1)
+
+
+@pytest.mark.promise(26)
+def test_a_page_that_hangs_pauses_the_episode(tmp_path) -> None:
+    """The socket stays open, but nothing is drawn any more."""
+    with serving(tmp_path, Corridor(length=100, limit=10_000)) as server:
+        page = Page(server)
+        page.send(type="do", name="start")
+        page.until(lambda view: view["state"] == "playing")
+        end = time.monotonic() + ENOUGH
+        while server.session.state != "paused":
+            assert time.monotonic() < end
+            time.sleep(0.05)
+
+
+def test_too_many_sockets_are_refused(tmp_path) -> None:
+    with serving(tmp_path) as server:
+        pages = [Page(server, f"page-{number:03}") for number in range(8)]
+        assert server.open()[0] == 503
+        for page in pages:
+            page.socket.close()
+
+
+def test_a_taken_port_is_named(tmp_path) -> None:
+    from eutree.interaction.browser import record_in_browser
+    from eutree.interaction.recorder import Recorder
+
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(InvalidArgumentError, match=f"127.0.0.1:{port}: .*--port"):
+            record_in_browser(Recorder(Corridor(), tmp_path / "demos"), port=port)
+
+
+@pytest.mark.promise(24)
+@given(st.one_of(st.text(max_size=300), st.binary(max_size=300)))
+def test_any_message_is_decoded_or_refused(message) -> None:
+    try:
+        decode(message)
+    except InvalidArgumentError:
+        return
+
+
+fields = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=2),
+    max_leaves=4,
+)
+
+
+@pytest.mark.promise(24)
+@settings(max_examples=300)
+@given(
+    st.sampled_from(["hello", "key", "drawn", "gone", "do", "take"]),
+    st.dictionaries(
+        st.sampled_from(["client", "sequence", "key", "down", "frame", "name", "value"]), fields
+    ),
+)
+def test_nearly_right_messages_are_decoded_or_refused(kind, rest) -> None:
+    try:
+        decode(json.dumps({"type": kind, **rest}))
+    except InvalidArgumentError:
+        return
+
+
+@given(st.text(max_size=40))
+def test_no_host_but_our_own_is_known(host) -> None:
+    if Gate("t").knows(host):
+        assert host.lower().rsplit(":", 1)[0].rstrip(":") in (
+            "127.0.0.1",
+            "localhost",
+            "[::1]",
+        ) or (host.lower() in ("127.0.0.1", "localhost", "[::1]"))
+
+
+def test_a_server_for_the_network_knows_its_addresses_but_no_names() -> None:
+    gate = Gate("t", "0.0.0.0")
+    assert gate.knows("192.168.1.7:8765")
+    assert gate.knows("[fe80::1]:8765")
+    assert not gate.knows("evil.example:8765")
+    assert Gate("t", "recorder.lan").knows("recorder.lan:8765")
+    assert [is_loopback(h) for h in ("127.0.0.1", "localhost", "::1", "0.0.0.0", "10.0.0.1")] == [
+        True, True, True, False, False,
+    ]  # fmt: skip
+
+
+def test_the_limit_lets_a_steady_rate_through() -> None:
+    limit = RateLimit(rate=100.0, burst=10.0)
+    assert all(limit.admits(k / 99) for k in range(1000))
+    assert not all(limit.admits(20.0 + k / 200) for k in range(100))
+
+
+def test_the_token_is_compared_in_constant_time(monkeypatch) -> None:
+    """A control: the comparison is the library's, not ``==``."""
+    seen = []
+    monkeypatch.setattr(
+        "eutree.interaction.browser.gate.hmac.compare_digest", lambda a, b: seen.append((a, b))
+    )
+    Gate("secret").refusal("/socket", ["localhost"], ["http://localhost"], ["token.guess"])
+    assert seen == [(b"guess", b"secret")]

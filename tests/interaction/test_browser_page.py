@@ -1,0 +1,292 @@
+"""The real page in a real browser: what a scripted person does there is what is stored."""
+
+import re
+import time
+
+import gymnasium
+import numpy as np
+import pytest
+
+import eutree  # noqa: F401 - registers the environments
+from eutree.data import Demonstrations
+from eutree.interaction.browser.server import HIDDEN
+from eutree.interaction.replay import replay
+from tests.interaction.people import Corridor
+from tests.interaction.serving import ENOUGH, serving
+from tests.report.browser import browser
+
+PATIENCE = ENOUGH * 1000.0
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    with browser() as started:
+        yield started
+
+
+class Person:
+    """Somebody at the page, who remembers every key they pressed."""
+
+    def __init__(self, chromium, served, **options) -> None:
+        self.context = chromium.new_context(viewport={"width": 1180, "height": 800}, **options)
+        self.served = served
+        self.keys: list[tuple[str, bool]] = []
+        self.messages: list[str] = []
+        self.requests: list[str] = []
+        self.open()
+
+    def open(self) -> "Person":
+        self.page = self.context.new_page()
+        self.page.on("console", lambda message: self.messages.append(message.text))
+        self.page.on("pageerror", lambda error: self.messages.append(str(error)))
+        self.page.on("request", lambda request: self.requests.append(request.url))
+        self.page.on("websocket", lambda opened: self.requests.append(opened.url))
+        self.page.goto(self.served.server.url)
+        return self
+
+    def until(self, **data) -> "Person":
+        conditions = "".join(f"[data-{name}='{value}']" for name, value in data.items())
+        self.page.locator(f"body{conditions}").wait_for(timeout=PATIENCE)
+        return self
+
+    def down(self, key="Space") -> "Person":
+        self.page.keyboard.down(key)
+        self.keys.append((key.lower().removeprefix("arrow"), True))
+        return self
+
+    def up(self, key="Space") -> "Person":
+        self.page.keyboard.up(key)
+        self.keys.append((key.lower().removeprefix("arrow"), False))
+        return self
+
+    def tap(self, key) -> "Person":
+        return self.down(key).up(key)
+
+    def rest(self, seconds=0.9) -> "Person":
+        self.page.wait_for_timeout(seconds * 1000.0)
+        return self
+
+    def data(self, name) -> str:
+        return self.page.locator("body").get_attribute(f"data-{name}")
+
+
+def evasion():
+    return gymnasium.make("eutree/Evasion2-v0", render_mode="rgb_array")
+
+
+@pytest.mark.slow
+@pytest.mark.promise(9)
+@pytest.mark.promise(26)
+def test_a_person_records_redoes_discards_leaves_and_comes_back(chromium, tmp_path) -> None:
+    with serving(tmp_path, evasion(), fps=10.0) as served:
+        person = Person(chromium, served).until(state="opening")
+        person.tap("Enter").until(state="playing").down().until(state="review").up()
+
+        person.rest().tap("Enter").until(state="playing")
+        for _ in range(4):
+            person.down().rest(0.13).up().rest(0.07)
+        person.down().until(state="review").up()
+
+        person.rest().tap("ArrowLeft").until(state="playing").down()  # redo
+        person.until(state="review").up()
+
+        person.rest().tap("Enter").until(state="playing").rest(0.5).tap("Delete")  # discard
+        person.until(state="review")
+
+        person.rest().tap("Enter").until(state="playing").down().rest(0.3)
+        person.page.close()  # in the middle
+        person.open().until(state="paused")
+        step = int(person.data("step"))
+        assert step >= 1
+        person.tap("Enter").until(state="playing").down().until(state="review").up()
+        assert person.page.locator("#title").is_visible()
+        person.rest().down("Enter").until(state="finished")  # which ends the session
+        assert person.data("saved") == "3"
+        assert person.messages == []
+
+    stored = Demonstrations.load(tmp_path / "demos")
+    episodes = stored.episodes
+    assert [(e.kept, e.comment) for e in episodes] == [
+        (True, ""), (False, "redone"), (True, ""), (False, "discarded"), (True, ""),
+    ]  # fmt: skip
+    assert episodes[1].seed == episodes[2].seed
+    assert len({e.seed for e in episodes}) == 4
+    assert (episodes[3].ending, episodes[3].terminated, episodes[3].truncated) == (
+        "stopped", False, False,
+    )  # fmt: skip
+    assert {e.ending for e in stored} <= {"goal", "collision"}
+    assert len(episodes[4]) > step
+
+    assert served.heard == person.keys  # every key edge arrived, in order
+    for episode in episodes:  # what happened during an episode is stored with it
+        space = [down for key, down, _, _ in episode.extras["edges"] if key == "space"]
+        assert space == [place % 2 == 0 for place in range(len(space))]
+    assert [len(episodes[k].extras["edges"]) for k in (0, 2)] == [2, 2]
+    for episode in episodes:
+        assert np.all(np.diff([when for _, _, when, _ in episode.extras["edges"]]) >= 0)
+        held = episode.steps["keys"][:, episode.extras["keys"].index("space")]
+        assert held.astype(int).tolist() == episode.actions.tolist()  # holding Space is "go"
+        assert np.all(episode.steps["frame"] <= episode.steps["picture"])
+    assert all(result.is_equal for result in replay(stored))
+
+
+@pytest.mark.promise(25)
+@pytest.mark.promise(24)
+def test_the_page_asks_nothing_of_the_outside_and_hides_its_token(chromium, tmp_path) -> None:
+    with serving(tmp_path) as served:
+        person = Person(chromium, served).until(state="opening")
+        person.page.locator("body[data-frame]").wait_for(timeout=PATIENCE)
+        assert served.token not in person.page.url
+        assert person.requests
+        for url in person.requests:
+            assert re.match(rf"(http|ws)://127\.0\.0\.1:{served.port}/", url)
+            assert served.token not in url.partition("#")[0]
+        person.page.reload()
+        person.until(state="opening", role="acting")
+        assert person.messages == []
+        no_script = "() => { const s = document.createElement('script');"
+        no_script += "s.textContent = 'document.title = \"run\"'; document.body.append(s);"
+        no_script += "return document.title }"
+        assert person.page.evaluate(no_script) != "run"
+        assert any("Content Security Policy" in message for message in person.messages)
+
+
+@pytest.mark.promise(24)
+def test_without_its_token_the_page_says_what_is_missing(chromium, tmp_path) -> None:
+    with serving(tmp_path) as served:
+        page = chromium.new_context().new_page()
+        page.goto(f"http://127.0.0.1:{served.port}/")
+        page.get_by_text("lacks the recorder's token").wait_for(timeout=PATIENCE)
+        assert page.locator("body").get_attribute("data-state") == "connecting"
+
+
+@pytest.mark.promise(26)
+def test_losing_the_focus_pauses(chromium, tmp_path) -> None:
+    with serving(tmp_path, Corridor(length=100, limit=10_000)) as served:
+        person = Person(chromium, served).until(state="opening")
+        person.tap("Enter").until(state="playing").down("ArrowRight").until(action=2)
+        person.page.evaluate("() => { window.dispatchEvent(new Event('blur')); }")
+        person.until(state="paused")
+        person.page.get_by_text(HIDDEN, exact=True).wait_for()
+        assert served.session.tick(1e9).view.held == []
+        person.tap("Enter").until(state="playing", action=1)
+
+
+@pytest.mark.promise(26)
+def test_two_tabs_one_acts(chromium, tmp_path) -> None:
+    with serving(tmp_path, Corridor(length=100, limit=10_000)) as served:
+        first = Person(chromium, served).until(state="opening", role="acting")
+        second = Person(chromium, served).until(state="opening", role="watching")
+        assert second.page.locator("button[data-command=start]").is_disabled()
+        second.tap("Enter").rest(0.2)
+        assert served.session.state == "opening"
+        first.page.bring_to_front()
+        first.tap("Enter").until(state="playing")
+        second.until(state="playing")
+        second.page.get_by_role("button", name="Take over").click()
+        second.until(role="acting", state="paused")
+        first.until(role="watching")
+
+
+def test_a_network_cut_pauses_and_the_page_comes_back_by_itself(chromium, tmp_path) -> None:
+    with serving(tmp_path, Corridor(length=100, limit=10_000)) as served:
+        person = Person(chromium, served).until(state="opening")
+        person.tap("Enter").until(state="playing").down("ArrowRight").until(action=2)
+        driver = served.server._driver.connection
+        driver.loop.call_soon_threadsafe(driver.transport.abort)
+        person.until(state="paused", role="acting", connection="open")
+        person.up("ArrowRight").tap("Enter").until(state="playing", action=1)
+
+
+def test_a_pointer_or_finger_acts_like_the_key(chromium, tmp_path) -> None:
+    with serving(tmp_path, Corridor(length=100, limit=10_000)) as served:
+        person = Person(chromium, served).until(state="opening")
+        person.page.locator("button[data-command=start]").click()
+        person.until(state="playing", action=1)
+        person.page.locator(".pad[data-action=right]").hover()
+        person.page.mouse.down()
+        person.until(action=2)
+        person.page.mouse.up()
+        person.until(action=1)
+        person.page.locator("button[data-command=end]").click()
+        person.until(state="review")
+        edges = served.session.episodes[0].extras["edges"]
+        assert [(key, down) for key, down, _, _ in edges] == [("right", True), ("right", False)]
+
+
+def test_everything_works_by_keyboard(chromium, tmp_path) -> None:
+    """Tab reaches each control, Enter presses it; the select boxes change pace and mode."""
+    with serving(tmp_path, Corridor(length=100, limit=10_000)) as served:
+        person = Person(chromium, served).until(state="opening")
+        reached = []
+        for _ in range(20):
+            person.page.keyboard.press("Tab")
+            reached.append(
+                person.page.evaluate(
+                    "() => document.activeElement.id || document.activeElement.dataset.command"
+                    " || document.activeElement.getAttribute('aria-label')"
+                    " || document.activeElement.dataset.action"
+                )
+            )
+        assert {"start", "finish", "speed", "mode", "Change the key of right"} <= set(reached)
+        person.page.locator("#mode").select_option("turn")
+        person.page.get_by_role("button", name="Change the key of right").press("Enter")
+        person.page.keyboard.press("l")
+        person.page.locator("#keys tr[data-action='2'] kbd", has_text="L").wait_for()
+        person.page.locator("button[data-command=start]").press("Enter")
+        person.until(state="playing", step=0)
+        person.tap("l").until(step=1).rest(0.4).tap("l").until(step=2)
+        assert served.session.keys.keys_of(2) == ["l"]
+
+
+def test_a_list_entry_is_discarded_and_kept(chromium, tmp_path) -> None:
+    with serving(tmp_path) as served:
+        person = Person(chromium, served).until(state="opening")
+        person.tap("Enter").until(state="playing").down("ArrowRight").until(state="review")
+        person.up("ArrowRight").until(saved=1)
+        person.page.get_by_role("button", name="Discard episode 0").click()
+        person.until(saved=0)
+        person.page.get_by_role("button", name="Keep episode 0").click()
+        person.until(saved=1)
+        end = time.monotonic() + ENOUGH
+        while not served.session.episodes[0].kept:
+            assert time.monotonic() < end
+
+
+CONTRAST = """() => {
+  const linear = (v) => v <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4;
+  const channel = (v) => linear(v / 255);
+  const light = ([r, g, b]) => 0.2126 * channel(r) + 0.7152 * channel(g) + 0.0722 * channel(b);
+  const parse = (text) => text.match(/[\\d.]+/g).map(Number);
+  const ground = (element) => {
+    for (let e = element; e; e = e.parentElement) {
+      const color = parse(getComputedStyle(e).backgroundColor);
+      if (color.length === 3 || color[3] > 0.8) return color;
+    }
+    return [255, 255, 255];
+  };
+  const bad = [];
+  for (const e of document.querySelectorAll("body *")) {
+    const own = [...e.childNodes].some((n) => n.nodeType === 3 && n.textContent.trim());
+    const apart = e.disabled || e.closest("#veil, option, .unseen");
+    if (!own || apart || !e.checkVisibility()) continue;
+    const ink = parse(getComputedStyle(e).color);
+    const [a, b] = [light(ink), light(ground(e))].sort((x, y) => y - x);
+    const ratio = (a + 0.05) / (b + 0.05);
+    if (ratio < 4.5) bad.push(`${e.textContent.trim().slice(0, 20)} ${ratio.toFixed(2)}`);
+  }
+  return bad;
+}"""
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [1180, 390])
+def test_text_is_readable_and_nothing_overflows(chromium, tmp_path, scheme, width) -> None:
+    with serving(tmp_path) as served:
+        person = Person(chromium, served, color_scheme=scheme).until(state="opening")
+        person.page.set_viewport_size({"width": width, "height": 800})
+        assert person.page.evaluate(CONTRAST) == []
+        person.tap("Enter").until(state="playing").down("ArrowRight").until(state="review")
+        assert person.page.evaluate(CONTRAST) == []
+        wide = "() => document.documentElement.scrollWidth - document.documentElement.clientWidth"
+        assert person.page.evaluate(wide) == 0

@@ -1,0 +1,243 @@
+"""The recorder's window: posted events without a display, and real keys under Xvfb."""
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import pygame
+import pytest
+
+import eutree  # noqa: F401 - registers the environments
+from eutree.data import Demonstrations
+from eutree.interaction.events import KeyDown, KeyUp
+from eutree.interaction.recorder import Recorder
+from eutree.interaction.replay import replay
+from eutree.interaction.settings import SessionSettings
+from eutree.interaction.window import Gamepad, Window, key_name
+from tests.interaction.people import Corridor
+from tests.report.browser import missing
+
+ROOT = Path(__file__).parents[2]
+ENOUGH = 20.0
+
+
+class Person:
+    """Posts pygame's events and looks at the window."""
+
+    def __init__(self, folder, env=None, **settings) -> None:
+        defaults = {"target": 2, "countdown": 0.1, "hud": True}
+        self.recorder = Recorder(
+            env or Corridor(), folder, settings=SessionSettings(**defaults | settings)
+        )
+        self.window = Window(self.recorder)
+        pygame.event.clear()
+        self.look()
+
+    def look(self):
+        self.view = self.window.tick().view
+        time.sleep(1 / 120)
+        return self
+
+    def post(self, kind, **fields):
+        pygame.event.post(pygame.event.Event(kind, **fields))
+        return self.look()
+
+    def down(self, key):
+        return self.post(pygame.KEYDOWN, key=key)
+
+    def up(self, key):
+        return self.post(pygame.KEYUP, key=key)
+
+    def tap(self, key):
+        return self.down(key).up(key)
+
+    def until(self, state):
+        end = time.monotonic() + ENOUGH
+        while self.view.state != state:
+            assert time.monotonic() < end, f"still {self.view.state}, not {state}"
+            self.look()
+        return self
+
+    def rest(self, seconds=0.8):
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            self.look()
+        return self
+
+
+@pytest.fixture
+def person(tmp_path):
+    person = Person(tmp_path / "demos")
+    yield person
+    person.recorder.close()
+    person.window.close()
+
+
+def test_a_person_records_with_the_keyboard(person, tmp_path) -> None:
+    assert person.view.state == "opening"
+    person.tap(pygame.K_RETURN).until("playing")
+    person.down(pygame.K_RIGHT).until("review").up(pygame.K_RIGHT)
+    person.rest().tap(pygame.K_r).until("playing")
+    person.down(pygame.K_RIGHT).until("review").up(pygame.K_RIGHT)
+    person.rest().tap(pygame.K_RETURN).until("playing").rest(0.3).tap(pygame.K_DELETE)
+    person.rest().tap(pygame.K_RETURN).until("playing").rest(0.3).tap(pygame.K_e)
+    person.rest().tap(pygame.K_RETURN).until("finished")
+    person.recorder.close()
+    stored = Demonstrations.load(tmp_path / "demos")
+    assert [(e.kept, e.ending, e.comment) for e in stored.episodes] == [
+        (False, "terminated", "redone"),
+        (True, "terminated", ""),
+        (False, "stopped", "discarded"),
+        (True, "stopped", ""),
+    ]
+    assert stored.episodes[0].extras["viewer"] == ""
+    episode = stored.episodes[0]
+    assert np.all(episode.steps["frame"] == episode.steps["picture"])  # each was seen at once
+    assert all(result.is_equal for result in replay(stored, Corridor()))
+
+
+def test_each_screen_can_be_drawn(person) -> None:
+    pictures = []
+    for prepare in (
+        lambda: person,
+        lambda: person.tap(pygame.K_RETURN),
+        lambda: person.until("playing").rest(0.2),
+        lambda: person.tap(pygame.K_p),
+        lambda: person.tap(pygame.K_e),
+        lambda: person.rest().tap(pygame.K_ESCAPE),
+    ):
+        prepare()
+        pictures.append(pygame.surfarray.array3d(pygame.display.get_surface()).tobytes())
+    assert len(set(pictures)) == 6
+
+
+@pytest.mark.promise(26)
+def test_losing_the_focus_pauses(person) -> None:
+    person.tap(pygame.K_RETURN).until("playing").down(pygame.K_RIGHT).rest(0.2)
+    person.post(pygame.WINDOWFOCUSLOST)
+    assert (person.view.state, person.view.held) == ("paused", [])
+    assert "focus" in person.view.message
+
+
+def test_closing_the_window_keeps_the_episode_as_interrupted(tmp_path) -> None:
+    person = Person(tmp_path / "demos", Corridor(length=100, limit=10_000))
+    person.tap(pygame.K_RETURN).until("playing").rest(0.3)
+    pygame.event.post(pygame.event.Event(pygame.QUIT))
+    person.window.run()
+    person.recorder.close()
+    person.window.close()
+    assert [e.ending for e in Demonstrations.load(tmp_path / "demos").episodes] == ["interrupted"]
+
+
+def test_a_gamepad_acts(tmp_path) -> None:
+    person = Person(tmp_path / "demos", Corridor(length=100, limit=10_000))
+    person.post(pygame.JOYBUTTONDOWN, button=7).until("playing")
+    person.post(pygame.JOYAXISMOTION, axis=0, value=0.9).rest(0.25)
+    assert person.view.action == 2
+    person.post(pygame.JOYAXISMOTION, axis=0, value=0.0).rest(0.25)
+    assert person.view.action == 1
+    person.post(pygame.JOYHATMOTION, value=(-1, 0)).rest(0.25)
+    assert person.view.action == 0
+    person.post(pygame.JOYBUTTONDOWN, button=6)
+    assert person.view.state == "paused"
+    person.recorder.close()
+    person.window.close()
+
+
+def test_what_a_gamepad_means() -> None:
+    pad = Gamepad(["space"])
+    assert pad.button(0, down=True) == [KeyDown("space")]
+    assert pad.button(0, down=False) == [KeyUp("space")]
+    assert pad.button(3, down=True) == []
+    assert pad.axis("stick", 0, 0.2) == []
+    assert pad.axis("stick", 0, -0.8) == [KeyDown("left")]
+    assert pad.axis("stick", 0, -0.9) == []
+    assert pad.axis("stick", 0, 0.9) == [KeyUp("left"), KeyDown("right")]
+    assert pad.axis("stick", 1, 1.0) == [KeyDown("down")]
+    assert pad.axis("hat", 1, 1.0) == [KeyDown("up")]
+    assert pad.axis("stick", 4, 1.0) == []
+    pad.release()
+    assert pad.axis("stick", 0, 0.0) == []
+
+
+def test_names_of_keys() -> None:
+    names = [key_name(pygame.key.name(code)) for code in (
+        pygame.K_RETURN, pygame.K_SPACE, pygame.K_LEFT, pygame.K_EQUALS, pygame.K_a, pygame.K_LCTRL,
+        pygame.K_KP_PLUS, pygame.K_F8,
+    )]  # fmt: skip
+    assert names == ["enter", "space", "left", "+", "a", "", "+", "f8"]
+
+
+def test_evasion_moves_at_thirty_pictures_a_second(tmp_path) -> None:
+    env = gymnasium.make("eutree/Evasion2-v0", render_mode="rgb_array")
+    person = Person(tmp_path / "demos", env)
+    person.tap(pygame.K_RETURN).until("playing").down(pygame.K_SPACE)
+    first = person.window._frame
+    person.rest(2.0)
+    assert person.window._frame - first >= 20  # about 60 on a quiet machine
+    person.recorder.close()
+    person.window.close()
+
+
+@pytest.mark.slow
+def test_real_keys_in_a_real_window(tmp_path) -> None:
+    for tool in ("Xvfb", "xdotool"):
+        if shutil.which(tool) is None:
+            missing(f"{tool} is not installed")
+    command = [sys.executable, "-m", "eutree", "record", "eutree/Evasion2-v0", "--window"]
+    command += ["--episodes", "1", "--fps", "5", "--out", str(tmp_path / "demos")]
+    read, write = os.pipe()
+    server = subprocess.Popen(
+        ["Xvfb", "-displayfd", str(write), "-screen", "0", "1280x800x24", "-nolisten", "tcp"],
+        pass_fds=[write],
+        stderr=subprocess.DEVNULL,
+    )
+    display = f":{os.read(read, 16).decode().strip()}"
+    environment = {**os.environ, "DISPLAY": display, "SDL_VIDEODRIVER": "x11"}
+    environment["PYTHONPATH"] = str(ROOT / "src")
+    recorder = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL)
+    try:
+
+        def xdotool(*words: str) -> str:
+            run = subprocess.run(
+                ["xdotool", *words], env=environment, capture_output=True, text=True, check=False
+            )
+            return run.stdout.strip()
+
+        end = time.monotonic() + 2 * ENOUGH
+        while not (window := xdotool("search", "--pid", str(recorder.pid))):
+            assert time.monotonic() < end
+            assert recorder.poll() is None
+            time.sleep(0.2)
+        xdotool("windowfocus", window.split()[-1])
+        time.sleep(1.0)
+        xdotool("key", "Return")
+        time.sleep(3.3)
+        xdotool("keydown", "space")
+        while not list((tmp_path / "demos").glob("*.npz")):
+            assert time.monotonic() < end
+            time.sleep(0.1)
+        xdotool("keyup", "space")
+        time.sleep(1.5)
+        xdotool("key", "Escape")
+        time.sleep(0.5)
+        xdotool("key", "q")
+        assert recorder.wait(ENOUGH) == 0
+    finally:
+        recorder.kill()
+        recorder.wait()
+        server.terminate()
+        server.wait()
+        os.close(read)
+        os.close(write)
+    (episode,) = Demonstrations.load(tmp_path / "demos").episodes
+    assert episode.ending in ("goal", "collision")
+    assert episode.extras["viewer"] == "window"
+    assert 1 in episode.actions
+    space = [down for key, down, _, _ in episode.extras["edges"] if key == "space"]
+    assert space[0] is True
