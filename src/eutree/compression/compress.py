@@ -1,0 +1,209 @@
+"""The paper's tree compression by C4.5, checked and with an exact fallback.
+
+The paper relabels the recorded observations with the policy's own actions, lets unpruned C4.5 fit
+them and says that this "at worst maintains the same number of states". C4.5 as published keeps
+neither promise: the result can be larger and can change recorded actions. So every candidate is
+checked, the exact merge of sibling leaves is always among them, and the smallest that keeps the
+demanded fidelity wins. Who can give something up gets less: a share of the recorded decisions
+(``max_disagreement``), or a margin of the return (``env`` and ``margin``).
+"""
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+from numpy.typing import ArrayLike
+
+from eutree.arrays import Floats
+from eutree.c45 import C45Settings
+from eutree.compression.candidates import Ladder, by_c45, lossless, merged
+from eutree.compression.costs import WEIGHTS, Costs
+from eutree.compression.racing import Arena, Demand, Verdict, meet, race
+from eutree.compression.report import CompressionReport
+from eutree.compression.rounding import rounded
+from eutree.errors import InvalidArgumentError
+from eutree.interaction.making import make
+from eutree.policies import TreePolicy
+from eutree.schema import EnvironmentSpec, Schema
+from eutree.trees.boxes import disagreement
+from eutree.validation import (
+    check_choice,
+    check_integer,
+    check_number,
+    check_observations,
+    check_seed,
+)
+
+MODES = ("auto", "merge", "paper", "lossless")
+
+Environment = gymnasium.Env[Any, Any] | EnvironmentSpec | str
+
+
+def compress(
+    policy: TreePolicy,
+    observations: ArrayLike,
+    *,
+    mode: str = "auto",
+    max_disagreement: float | None = None,
+    weights: str = "visits",
+    env: Environment | None = None,
+    margin: float | None = None,
+    confidence: float = 0.95,
+    episodes: int = 1000,
+    round_thresholds: bool = False,
+    seed: int = 0,
+) -> tuple[TreePolicy, CompressionReport]:
+    """Return a policy with fewer leaves that decides the same, and what changed.
+
+    Args:
+        policy: The policy to compress.
+        observations: Recorded observations, shape [N, d], in the features of the policy's tree.
+        mode: ``"merge"`` joins sibling leaves only: the same decision everywhere. ``"lossless"``
+            and ``"auto"`` keep the decision on every recorded observation; ``"auto"`` takes the
+            smallest of all ways. ``"paper"`` is unpruned C4.5, which may change some decisions.
+        max_disagreement: Give the smallest tree that costs at most this share instead.
+        weights: What a changed decision costs: ``"visits"``, 1 each; ``"q-gap"``, what the values
+            of the policy's leaves say it loses.
+        env: Where to evaluate the result beside the input, on the same fresh episodes.
+        margin: Give the smallest tree whose mean return in ``env`` is not lower than the input's
+            by more than this.
+        confidence: Of the decision about the margin, and of the interval reported.
+        episodes: Episodes of each evaluation, and at most of each candidate before.
+        round_thresholds: Write each threshold with the fewest significant digits that leave
+            every recorded observation in its leaf of the result.
+        seed: Seed of the episodes.
+
+    Returns:
+        The compressed policy, never larger than the exact merge, and a report.
+    """
+    check_choice("mode", mode, MODES)
+    check_choice("weights", weights, WEIGHTS)
+    check_seed(seed)
+    check_integer("episodes", episodes, low=2)
+    check_number("confidence", confidence, low=0.5, high=1, low_open=True, high_open=True)
+    _check_gates(mode, max_disagreement, env, margin)
+    rows = check_observations("observations", observations, n_features=policy.tree.n_features)
+    costs = Costs.of(policy, rows, weights)
+    arena = None if env is None else Arena(_made(env), seed)
+    verdict = None
+    if arena is not None and margin is not None:
+        demand = Demand(margin=margin, confidence=confidence, episodes=episodes)
+        result, method, verdict = _by_return(
+            policy, costs, arena, demand, round_thresholds=round_thresholds
+        )
+    elif max_disagreement is not None:
+        result, method = _within(policy, costs, max_disagreement)
+    else:
+        result, method = _smallest(policy, rows, mode)
+    if round_thresholds and margin is None:
+        result = rounded(result, rows)
+    if arena is not None and verdict is None:
+        verdict = meet(policy, result, arena, confidence=confidence, episodes=episodes)
+    if arena is not None and arena.env is not env:
+        arena.env.close()
+    return result, _report(policy, result, method, costs, arena, verdict)
+
+
+def observation_box(schema: Schema, rows: Floats) -> tuple[Floats, Floats]:
+    """Return the bounds of the features; where they are infinite, those of the rows."""
+    low = np.array([feature.low for feature in schema.features])
+    high = np.array([feature.high for feature in schema.features])
+    least = rows.min(axis=0) if rows.size else np.zeros(low.size)
+    most = rows.max(axis=0) if rows.size else np.zeros(low.size)
+    low, high = np.where(np.isfinite(low), low, least), np.where(np.isfinite(high), high, most)
+    return low, np.maximum(low, high)
+
+
+def _smallest(policy: TreePolicy, rows: Floats, mode: str) -> tuple[TreePolicy, str]:
+    """Return the smallest tree of a mode that keeps its promise, and which way made it."""
+    candidates = {"merge": merged(policy)}
+    if rows.size and mode in ("auto", "lossless"):
+        candidates = lossless(policy, rows)
+    if rows.size and mode in ("auto", "paper"):
+        candidates["paper"] = by_c45(policy, rows, C45Settings.unpruned())
+    wanted = policy.actions[policy.tree.leaf_index(rows)]
+    best = "merge"
+    for name, candidate in candidates.items():
+        same = mode == "paper" or _agreement(candidate, rows, wanted) == 1.0
+        if same and candidate.n_leaves < candidates[best].n_leaves:
+            best = name
+    return candidates[best], best
+
+
+def _within(policy: TreePolicy, costs: Costs, share: float) -> tuple[TreePolicy, str]:
+    """Return the smallest tree that costs at most a share of the worst."""
+    if not costs.rows.size:
+        return merged(policy), "merge"
+    return Ladder(policy, costs).within(share), "budget"
+
+
+def _by_return(
+    policy: TreePolicy, costs: Costs, arena: Arena, demand: Demand, *, round_thresholds: bool
+) -> tuple[TreePolicy, str, Verdict | None]:
+    """Return the smallest tree not worse by more than the margin; else the exact merge.
+
+    What is rounded is rounded before it runs, so that the tree that is returned has run.
+    """
+    exact = merged(policy)
+    rungs: list[TreePolicy] = []
+    if costs.rows.size:
+        rungs = [r for r in Ladder(policy, costs).rungs() if r.n_leaves < exact.n_leaves]
+    if round_thresholds:
+        rungs = [rounded(rung, costs.rows) for rung in rungs]
+    winner = race(policy, rungs, arena, demand)
+    return (exact, "merge", None) if winner is None else (winner[0], "return", winner[1])
+
+
+def _report(
+    policy: TreePolicy,
+    result: TreePolicy,
+    method: str,
+    costs: Costs,
+    arena: Arena | None,
+    verdict: Verdict | None,
+) -> CompressionReport:
+    rows = costs.rows
+    low, high = observation_box(policy.schema, rows)
+    return CompressionReport(
+        n_leaves_before=policy.n_leaves,
+        n_leaves_after=result.n_leaves,
+        agreement=_agreement(result, rows, policy.actions[policy.tree.leaf_index(rows)]),
+        disagreement_volume=disagreement(
+            policy.tree, policy.actions, result.tree, result.actions, low, high
+        ),
+        method=method,
+        weighted_disagreement=costs.share(result.tree, result.actions),
+        environment_steps=0 if arena is None else arena.steps,
+        mean_return_before=None if verdict is None else verdict.before,
+        mean_return_after=None if verdict is None else verdict.after,
+        return_change=None if verdict is None else verdict.change,
+    )
+
+
+def _agreement(policy: TreePolicy, rows: Floats, wanted: ArrayLike) -> float:
+    """Return the share of rows on which the policy decides as wanted; 1 if there are none."""
+    if not rows.size:
+        return 1.0
+    return float((policy.actions[policy.tree.leaf_index(rows)] == wanted).mean())
+
+
+def _check_gates(
+    mode: str, max_disagreement: float | None, env: Environment | None, margin: float | None
+) -> None:
+    """Raise InvalidArgumentError unless the demands can be met together."""
+    if max_disagreement is not None:
+        check_number("max_disagreement", max_disagreement, low=0, high=1)
+    if margin is not None:
+        check_number("margin", margin, low=0)
+        if env is None:
+            raise InvalidArgumentError("margin needs env, to evaluate trees in, got none")
+    if max_disagreement is not None and margin is not None:
+        raise InvalidArgumentError("give either max_disagreement or margin, got both")
+    if mode != "auto" and (max_disagreement is not None or margin is not None):
+        raise InvalidArgumentError(
+            f'mode must be "auto" with max_disagreement or margin, got {mode!r}'
+        )
+
+
+def _made(env: Environment) -> gymnasium.Env[Any, Any]:
+    return env if isinstance(env, gymnasium.Env) else make(env)

@@ -1,0 +1,37 @@
+"""What a compression changed."""
+
+from dataclasses import dataclass
+
+from eutree.evaluation import Estimate
+
+
+@dataclass(frozen=True)
+class CompressionReport:
+    """What a compression changed.
+
+    Attributes:
+        n_leaves_before: Leaves of the input.
+        n_leaves_after: Leaves of the result.
+        agreement: Share of the recorded observations on which both decide the same.
+        disagreement_volume: Exact share of the observation box on which they decide differently;
+            the box is the environment's, or the recorded data's where that is unbounded.
+        method: Which candidate was kept: ``"merge"``, ``"drop"`` (tests that all recorded
+            observations answer alike), ``"lossless"``, ``"paper"``, ``"budget"`` or ``"return"``.
+        weighted_disagreement: What the changed decisions cost, as a share of the worst; with
+            ``weights="visits"`` the share of recorded observations decided differently.
+        environment_steps: Steps of all episodes run, in choosing and in confirming.
+        mean_return_before: Mean return of the input on fresh episodes; None without environment.
+        mean_return_after: Mean return of the result on the same episodes.
+        return_change: Mean of after minus before, with its interval.
+    """
+
+    n_leaves_before: int
+    n_leaves_after: int
+    agreement: float
+    disagreement_volume: float
+    method: str
+    weighted_disagreement: float = 0.0
+    environment_steps: int = 0
+    mean_return_before: float | None = None
+    mean_return_after: float | None = None
+    return_change: Estimate | None = None

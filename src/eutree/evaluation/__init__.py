@@ -1,0 +1,70 @@
+"""How good a policy is: frozen evaluations, learning curves, intervals, comparisons."""
+
+from eutree.evaluation.bootstrap import (
+    bootstrap,
+    interquartile_mean,
+    mean,
+    median,
+    stratified_bootstrap,
+)
+from eutree.evaluation.comparison import (
+    PairedComparison,
+    compare_paired,
+    probability_of_improvement,
+    spearman,
+)
+from eutree.evaluation.curves import (
+    AverageCurve,
+    Band,
+    CurvePoint,
+    average_curves,
+    curve_from_csv,
+    curve_to_csv,
+)
+from eutree.evaluation.evaluate import evaluate
+from eutree.evaluation.evaluation import Evaluation
+from eutree.evaluation.intervals import Estimate, Interval, mean_interval, wilson_interval
+from eutree.evaluation.sb3 import evaluate_policy
+from eutree.evaluation.survival import (
+    Durations,
+    SurvivalCurve,
+    kaplan_meier,
+    log_rank_p_value,
+    paired_p_value,
+    restricted_mean,
+    restricted_mean_ratio,
+    trials_to_threshold,
+)
+
+__all__ = [
+    "AverageCurve",
+    "Band",
+    "CurvePoint",
+    "Durations",
+    "Estimate",
+    "Evaluation",
+    "Interval",
+    "PairedComparison",
+    "SurvivalCurve",
+    "average_curves",
+    "bootstrap",
+    "compare_paired",
+    "curve_from_csv",
+    "curve_to_csv",
+    "evaluate",
+    "evaluate_policy",
+    "interquartile_mean",
+    "kaplan_meier",
+    "log_rank_p_value",
+    "mean",
+    "mean_interval",
+    "median",
+    "paired_p_value",
+    "probability_of_improvement",
+    "restricted_mean",
+    "restricted_mean_ratio",
+    "spearman",
+    "stratified_bootstrap",
+    "trials_to_threshold",
+    "wilson_interval",
+]

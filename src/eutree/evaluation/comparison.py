@@ -1,0 +1,141 @@
+"""Is one learner better than another, and does one thing follow another?
+
+Runs on common seeds are compared in pairs: what the seeds have in common cancels. The test flips
+the signs of the differences, which is exact under the hypothesis that the two learners could be
+exchanged; all flips are made for up to 12 pairs, random ones for more. Ranks are compared by
+Spearman's coefficient, with the interval of Bonett and Wright.
+
+References: R. A. Fisher, *The Design of Experiments* (1935), section 21; D. G. Bonett, T. A.
+Wright, *Sample size requirements for estimating Pearson, Kendall and Spearman correlations*,
+Psychometrika 65 (2000).
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from eutree.arrays import Floats
+from eutree.errors import InvalidArgumentError
+from eutree.evaluation.bootstrap import bootstrap, draw_rows
+from eutree.evaluation.intervals import NORMAL, Estimate, Interval, check_confidence
+from eutree.validation import check_seed, check_vector
+
+_ALL_FLIPS = 12  # pairs up to which every flip of signs is made
+
+
+@dataclass(frozen=True)
+class PairedComparison:
+    """Two learners on common seeds.
+
+    Attributes:
+        difference: Mean of first minus second.
+        wins: Pairs in which the first is larger.
+        losses: Pairs in which the second is larger.
+        p_value: Of the two-sided sign-flip test of no difference.
+    """
+
+    difference: Estimate
+    wins: int
+    losses: int
+    p_value: float
+
+
+def compare_paired(
+    first: ArrayLike,
+    second: ArrayLike,
+    *,
+    confidence: float = 0.95,
+    resamples: int = 9999,
+    seed: int = 0,
+) -> PairedComparison:
+    """Compare two learners whose runs have seeds in common.
+
+    Args:
+        first: One value per run of the first learner, shape [N].
+        second: The same for the second, in the same order of seeds.
+        confidence: Of the interval of the difference.
+        resamples: Draws of the bootstrap, and of sign flips if not all are made.
+        seed: Source of chance.
+    """
+    one = check_vector("first", first)
+    differences = one - check_vector("second", second, size=one.size)
+    return PairedComparison(
+        difference=bootstrap(differences, confidence=confidence, resamples=resamples, seed=seed),
+        wins=int((differences > 0).sum()),
+        losses=int((differences < 0).sum()),
+        p_value=sign_flip_p_value(differences, resamples=resamples, seed=seed),
+    )
+
+
+def sign_flip_p_value(differences: ArrayLike, *, resamples: int = 9999, seed: int = 0) -> float:
+    """Return the two-sided p-value of a zero mean, were all signs a matter of chance."""
+    values = check_vector("differences", differences)
+    values = values[values != 0]
+    if not values.size:
+        return 1.0
+    observed = abs(float(values.sum())) * (1 - 1e-12)
+    if values.size <= _ALL_FLIPS:
+        bits = np.arange(2**values.size)[:, np.newaxis] >> np.arange(values.size)
+        sums = np.abs((1.0 - 2.0 * (bits & 1)) @ values)
+        return float((sums >= observed).mean())
+    generator = np.random.default_rng(check_seed(seed))
+    signs = 1.0 - 2.0 * generator.integers(0, 2, size=(resamples, values.size))
+    exceeding = int((np.abs(signs @ values) >= observed).sum())
+    return (1 + exceeding) / (1 + resamples)
+
+
+def probability_of_improvement(
+    first: ArrayLike,
+    second: ArrayLike,
+    *,
+    confidence: float = 0.95,
+    resamples: int = 9999,
+    seed: int = 0,
+) -> Estimate:
+    """Return how probably a run of the first learner is above one of the second; ties count half.
+
+    Runs need not be paired; both sides are drawn anew for the (percentile) interval.
+    """
+    one, other = check_vector("first", first), check_vector("second", second)
+    if not one.size or not other.size:
+        raise InvalidArgumentError("first and second must hold at least one run, got none")
+    above = np.sign(one[:, np.newaxis] - other) / 2 + 0.5  # [N, M]
+    rows = draw_rows(one.size, resamples=resamples, seed=seed)
+    columns = draw_rows(other.size, resamples=resamples, seed=check_seed(seed) + 1)
+    drawn = np.array([above[r][:, c].mean() for r, c in zip(rows, columns, strict=True)])
+    tail = (1 - check_confidence(confidence)) / 2
+    low, high = np.quantile(drawn, [tail, 1 - tail])
+    size = one.size + other.size
+    return Estimate(float(above.mean()), Interval(float(low), float(high)), size)
+
+
+def spearman(first: ArrayLike, second: ArrayLike, *, confidence: float = 0.95) -> Estimate:
+    """Return Spearman's rank correlation with its interval; ties share their mean rank.
+
+    Where one side is constant there is no correlation: 0, with the interval [-1, 1].
+    """
+    one = check_vector("first", first)
+    other = check_vector("second", second, size=one.size)
+    ranks = ranked(one) - (one.size + 1) / 2, ranked(other) - (one.size + 1) / 2
+    spread = math.sqrt(float(ranks[0] @ ranks[0]) * float(ranks[1] @ ranks[1]))
+    if spread == 0.0:
+        return Estimate(0.0, Interval(-1.0, 1.0), one.size)
+    value = min(1.0, max(-1.0, float(ranks[0] @ ranks[1]) / spread))
+    if one.size <= 3:
+        return Estimate(value, Interval(-1.0, 1.0), one.size)
+    z = NORMAL.inv_cdf(0.5 + check_confidence(confidence) / 2)
+    error = z * math.sqrt((1 + value**2 / 2) / (one.size - 3))
+    # Fisher's transform of a perfect correlation is infinite: stay a rounding error below it.
+    middle = math.atanh(min(max(value, -1 + 1e-15), 1 - 1e-15))
+    ends = Interval(math.tanh(middle - error), math.tanh(middle + error))
+    return Estimate(value, ends, one.size)
+
+
+def ranked(values: Floats) -> Floats:
+    """Return the rank of each value, from 1; equal values share the mean of their ranks."""
+    _, inverse, counts = np.unique(values, return_inverse=True, return_counts=True)
+    last = np.cumsum(counts)
+    middle: Floats = last - (counts - 1) / 2
+    return middle[inverse]

@@ -1,0 +1,137 @@
+"""Evaluate a frozen policy over many episodes, each with a seed of its own.
+
+Episode k is reset with ``episode_seed(seed, k)``: it is the same episode for every policy, and
+whatever the number of episodes. Where the environment has a vector form that promises the very
+episodes of the single one (``"same_episodes_as_single"`` in its metadata) and the policy decides
+batches, up to 256 episodes run side by side, with results that are equal bit for bit.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.envs.registration import load_env_creator
+from gymnasium.wrappers import OrderEnforcing, PassiveEnvChecker
+
+from eutree.errors import InvalidArgumentError
+from eutree.evaluation.batch import run_batch
+from eutree.evaluation.evaluation import Evaluation
+from eutree.interaction import GuardedEnv, episode_seed, run_episode
+from eutree.interaction.making import make
+from eutree.policies import Policy
+from eutree.schema import EnvironmentSpec
+from eutree.validation import check_integer, check_seed
+
+MAX_COPIES = 256
+
+MakeVector = Callable[[int], gymnasium.vector.VectorEnv[Any, Any, Any]]
+
+
+def evaluate(
+    policy: Policy,
+    environment: gymnasium.Env[Any, Any] | EnvironmentSpec | str,
+    *,
+    episodes: int = 100,
+    seed: int = 0,
+    environment_arguments: Mapping[str, Any] | None = None,
+) -> Evaluation:
+    """Return how ``policy`` does over episodes seeded with ``episode_seed(seed, k)``.
+
+    Args:
+        policy: Anything with SB3's ``predict``.
+        environment: An environment, its id, or how to make it.
+        episodes: Number of episodes.
+        seed: Seed of the evaluation.
+        environment_arguments: Passed to ``gymnasium.make``, with an id or a spec.
+
+    Raises:
+        EnvironmentFault: The environment broke its contract.
+    """
+    episodes = check_integer("episodes", episodes, low=1)
+    check_seed(seed)
+    seeds = [episode_seed(seed, k) for k in range(episodes)]
+    if isinstance(environment, gymnasium.Env):
+        if environment_arguments:
+            raise InvalidArgumentError(
+                "environment_arguments must be empty for an environment that is made already, "
+                f"got {dict(environment_arguments)}"
+            )
+        return _evaluate(policy, environment, seeds)
+    env = make(_spec(environment, environment_arguments))
+    try:
+        return _evaluate(policy, env, seeds)
+    finally:
+        env.close()
+
+
+def _spec(environment: EnvironmentSpec | str, more: Mapping[str, Any] | None) -> EnvironmentSpec:
+    if not isinstance(environment, EnvironmentSpec | str):
+        raise InvalidArgumentError(
+            f"environment must be a gymnasium.Env, an id or an EnvironmentSpec, got {environment!r}"
+        )
+    spec = EnvironmentSpec(environment) if isinstance(environment, str) else environment
+    return EnvironmentSpec(spec.id, {**spec.arguments, **(more or {})})
+
+
+def _evaluate(policy: Policy, env: gymnasium.Env[Any, Any], seeds: Sequence[int]) -> Evaluation:
+    together = _side_by_side(policy, env, seeds) if len(seeds) > 1 else None
+    return _one_by_one(policy, env, seeds) if together is None else together
+
+
+def _side_by_side(
+    policy: Policy, env: gymnasium.Env[Any, Any], seeds: Sequence[int]
+) -> Evaluation | None:
+    """Evaluate many episodes at once; None if the environment or the policy does not allow it."""
+    make_copies = _vector_form(env)
+    if make_copies is None:
+        return None
+    parts = []
+    for first in range(0, len(seeds), MAX_COPIES):
+        block = seeds[first : first + MAX_COPIES]
+        vector = make_copies(len(block))
+        part = run_batch(policy, vector, block) if _same_parameters(vector, env) else None
+        if part is None:
+            return None
+        parts.append(part)
+    return Evaluation.join(parts)
+
+
+def _one_by_one(policy: Policy, env: gymnasium.Env[Any, Any], seeds: Sequence[int]) -> Evaluation:
+    guarded = GuardedEnv(env)
+    run = [run_episode(guarded, policy, seed) for seed in seeds]
+    successes = [episode.is_success for episode in run if episode.is_success is not None]
+    return Evaluation(
+        returns=np.array([episode.undiscounted_return for episode in run]),
+        lengths=np.array([len(episode) for episode in run]),
+        endings=np.array([episode.ending for episode in run]),
+        successes=np.array(successes) if len(successes) == len(run) else None,
+        n_leaves=getattr(policy, "n_leaves", None),
+    )
+
+
+def _vector_form(env: gymnasium.Env[Any, Any]) -> MakeVector | None:
+    """Return what makes copies of ``env`` with the same episodes; None if nothing does.
+
+    An environment that is watched, or wrapped in more than Gymnasium's own checks, has none: the
+    copies would lack what the wrapper does.
+    """
+    inner = env
+    while isinstance(inner, OrderEnforcing | PassiveEnvChecker):
+        inner = inner.env
+    spec = env.spec
+    if inner is not env.unwrapped or env.render_mode is not None or spec is None:
+        return None
+    if spec.vector_entry_point is None:
+        return None
+    creator: Any = spec.vector_entry_point
+    creator = load_env_creator(creator) if isinstance(creator, str) else creator
+    if not getattr(creator, "metadata", {}).get("same_episodes_as_single", False):
+        return None
+    arguments = {**spec.kwargs, "render_mode": None}
+    return lambda copies: creator(copies, **arguments)
+
+
+def _same_parameters(vector: Any, env: gymnasium.Env[Any, Any]) -> bool:
+    """Return whether the environment is still what its spec says."""
+    return bool(vector.parameters == getattr(env.unwrapped, "parameters", None))

@@ -1,0 +1,103 @@
+"""What an evaluation measured."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eutree.arrays import Booleans, Floats, Integers, frozen
+from eutree.errors import InvalidArgumentError
+from eutree.evaluation.intervals import Interval, mean_interval, wilson_interval
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """What an evaluation measured, episode by episode.
+
+    Attributes:
+        returns: Undiscounted return of each episode.
+        lengths: Steps of each episode.
+        endings: Why each episode ended, in the environment's words.
+        successes: Whether each episode was a success; None where the environment reports none.
+        n_leaves: Leaves of the policy; None if it has none.
+    """
+
+    returns: Floats  # [E]
+    lengths: Integers  # [E]
+    endings: NDArray[np.str_]  # [E]
+    successes: Booleans | None = None  # [E]
+    n_leaves: int | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "returns", frozen(np.asarray(self.returns, dtype=np.float64)))
+        object.__setattr__(self, "lengths", frozen(np.asarray(self.lengths, dtype=np.int64)))
+        object.__setattr__(self, "endings", frozen(np.asarray(self.endings, dtype=np.str_)))
+        sizes = {self.returns.shape, self.lengths.shape, self.endings.shape}
+        if self.successes is not None:
+            object.__setattr__(self, "successes", frozen(np.asarray(self.successes, dtype=bool)))
+            sizes.add(self.successes.shape)
+        if len(sizes) != 1 or self.returns.ndim != 1 or not self.returns.size:
+            raise InvalidArgumentError(
+                f"an evaluation must have vectors of one size >= 1, got shapes {sorted(sizes)}"
+            )
+
+    def __str__(self) -> str:
+        """Return the evaluation in one line."""
+        low, high = self.return_interval
+        success = "" if self.success_rate is None else f"success {self.success_rate:.1%}, "
+        leaves = "" if self.n_leaves is None else f", {self.n_leaves} leaves"
+        return (
+            f"{self.episodes} episodes: {success}mean return {self.mean_return:.2f} "
+            f"[{low:.2f}, {high:.2f}], {self.mean_length:.1f} steps{leaves}"
+        )
+
+    @property
+    def episodes(self) -> int:
+        """Number of episodes E."""
+        return int(self.returns.size)
+
+    @property
+    def steps(self) -> int:
+        """Number of steps in all episodes."""
+        return int(self.lengths.sum())
+
+    @property
+    def mean_return(self) -> float:
+        """Mean undiscounted return."""
+        return float(self.returns.mean())
+
+    @property
+    def mean_length(self) -> float:
+        """Mean number of steps."""
+        return float(self.lengths.mean())
+
+    @property
+    def success_rate(self) -> float | None:
+        """Share of successful episodes; None where the environment reports none."""
+        return None if self.successes is None else float(self.successes.mean())
+
+    @property
+    def return_interval(self) -> Interval:
+        """95 % interval of the mean return, by Student's t; one episode shows no spread."""
+        return mean_interval(self.returns)
+
+    @property
+    def success_interval(self) -> Interval | None:
+        """95 % interval of the success rate, by Wilson's formula; None without successes."""
+        if self.successes is None:
+            return None
+        return wilson_interval(int(self.successes.sum()), self.episodes)
+
+    @classmethod
+    def join(cls, parts: Sequence["Evaluation"]) -> "Evaluation":
+        """Return the evaluation of all episodes of some evaluations of one policy, in order."""
+        outcomes = [part.successes for part in parts]
+        known = [outcome for outcome in outcomes if outcome is not None]
+        return cls(
+            returns=np.concatenate([part.returns for part in parts]),
+            lengths=np.concatenate([part.lengths for part in parts]),
+            endings=np.concatenate([part.endings for part in parts]),
+            successes=np.concatenate(known) if len(known) == len(parts) else None,
+            n_leaves=parts[0].n_leaves,
+        )

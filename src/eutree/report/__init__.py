@@ -1,0 +1,7 @@
+"""Self-contained HTML pages: the report of a run, a policy watched while it decides."""
+
+from eutree.report.policy_page import policy_page
+from eutree.report.run_page import RunReport, run_page
+from eutree.report.watching import WatchedEpisode, watch
+
+__all__ = ["RunReport", "WatchedEpisode", "policy_page", "run_page", "watch"]

@@ -1,0 +1,197 @@
+"use strict";
+/* The policy and its episodes as the page was given them, and what follows from them. */
+
+const data = JSON.parse(document.getElementById("data").textContent);
+const { tree, features, actions, fills } = data;
+const nNodes = tree.feature.length;
+const nLeaves = data.leafActions.length;
+
+const isLeaf = (node) => tree.feature[node] < 0;
+const childrenOf = (node) => (isLeaf(node) ? [] : [tree.left[node], tree.right[node]]);
+
+const parentOf = new Array(nNodes).fill(-1);
+const depthOf = new Array(nNodes).fill(0);
+const nodeOfLeaf = new Array(nLeaves).fill(0);
+for (let node = 0; node < nNodes; node++) {
+  if (isLeaf(node)) nodeOfLeaf[tree.leaf[node]] = node;
+  for (const child of childrenOf(node)) {
+    parentOf[child] = node;
+    depthOf[child] = depthOf[node] + 1;
+  }
+}
+
+/** Return the nodes from the root to a node, both included. */
+function pathTo(node) {
+  const nodes = [];
+  for (let at = node; at >= 0; at = parentOf[at]) nodes.unshift(at);
+  return nodes;
+}
+
+/** Return the numbers of the leaves below a node. */
+function leavesBelow(node) {
+  const found = [];
+  const work = [node];
+  while (work.length) {
+    const at = work.pop();
+    if (isLeaf(at)) found.push(tree.leaf[at]);
+    else work.push(tree.right[at], tree.left[at]);
+  }
+  return found;
+}
+
+/** Return the interval (low, high] of each feature in which observations reach a node. */
+function boxOf(node) {
+  const box = features.map(() => [-Infinity, Infinity]);
+  const path = pathTo(node);
+  for (let k = 0; k + 1 < path.length; k++) {
+    const at = path[k];
+    const bounds = box[tree.feature[at]];
+    if (path[k + 1] === tree.left[at]) bounds[1] = Math.min(bounds[1], tree.threshold[at]);
+    else bounds[0] = Math.max(bounds[0], tree.threshold[at]);
+  }
+  return box;
+}
+
+/** Return the leaf of an observation; NaN fails every test, as in the policy. */
+function leafOf(observation) {
+  let node = 0;
+  while (!isLeaf(node)) {
+    node = observation[tree.feature[node]] <= tree.threshold[node] ? tree.left[node] : tree.right[node];
+  }
+  return tree.leaf[node];
+}
+
+/** Return a number with four significant digits, as people write it. */
+function short(value) {
+  return value === null || !Number.isFinite(value) ? "unknown" : String(Number(value.toPrecision(4)));
+}
+
+const withUnit = (text, feature) => (features[feature].unit ? `${text} ${features[feature].unit}` : text);
+
+/** Return the short words on a node. */
+function wordsOf(node) {
+  if (isLeaf(node)) return actions[data.leafActions[tree.leaf[node]]];
+  const feature = tree.feature[node];
+  return withUnit(`${features[feature].name} ≤ ${short(tree.threshold[node])}`, feature);
+}
+
+/** Return a box as conditions in words, one for each feature that it bounds. */
+function conditionsOf(node) {
+  const words = [];
+  boxOf(node).forEach(([low, high], feature) => {
+    const name = features[feature].name;
+    if (low > -Infinity && high < Infinity) {
+      words.push(withUnit(`${name} > ${short(low)} and ≤ ${short(high)}`, feature));
+    } else if (low > -Infinity) words.push(withUnit(`${name} > ${short(low)}`, feature));
+    else if (high < Infinity) words.push(withUnit(`${name} ≤ ${short(high)}`, feature));
+  });
+  return words;
+}
+
+/** Return, for each leaf, the steps of some episodes that fell in it. */
+function stepsByLeaf(episodes) {
+  const steps = Array.from({ length: nLeaves }, () => []);
+  episodes.forEach((episode, number) => {
+    let rest = 0;
+    for (let step = episode.actions.length - 1; step >= 0; step--) {
+      rest += episode.rewards[step];
+      steps[episode.leaves[step]].unshift({
+        episode: number, step, action: episode.actions[step], rest,
+      });
+    }
+  });
+  for (const entries of steps) entries.sort((a, b) => a.episode - b.episode || a.step - b.step);
+  return steps;
+}
+
+const episodeSteps = stepsByLeaf(data.episodes);
+const demonstrationSteps = stepsByLeaf(data.demonstrations);
+
+const leafVisits = data.leaves
+  ? data.leaves.visits.map((row) => row.reduce((a, b) => a + b, 0))
+  : episodeSteps.map((steps, leaf) => steps.length + demonstrationSteps[leaf].length);
+const visitsOf = new Array(nNodes).fill(0);
+for (let node = nNodes - 1; node >= 0; node--) {
+  visitsOf[node] = isLeaf(node)
+    ? leafVisits[tree.leaf[node]]
+    : visitsOf[tree.left[node]] + visitsOf[tree.right[node]];
+}
+const shareOf = (node) => visitsOf[node] / Math.max(1, visitsOf[0]);
+
+/** Return a share as a percentage. */
+function percent(share) {
+  const value = 100 * share;
+  return `${value === 0 || value >= 1 ? value.toFixed(0) : value.toPrecision(1)} %`;
+}
+
+/* What is shown: changed only through `show`, and told to everything that draws. */
+const state = { episode: 0, step: 0, selected: null };
+const listeners = [];
+const onChange = (listener) => listeners.push(listener);
+
+/** Change some of the state, publish it on the body, and let everything draw it. */
+function show(change) {
+  Object.assign(state, change);
+  const root = document.body.dataset;
+  root.episode = state.episode;
+  root.step = state.step;
+  root.selected = state.selected === null ? "" : state.selected;
+  root.leaf = liveLeaf() ?? "";
+  for (const listener of listeners) listener(change);
+}
+
+const episodeNow = () => data.episodes[state.episode] ?? null;
+const liveLeaf = () => episodeNow()?.leaves[state.step] ?? null;
+const shownNode = () => state.selected ?? (liveLeaf() === null ? 0 : nodeOfLeaf[liveLeaf()]);
+
+/** Return the values of the present step, or the middle of what is possible. */
+function observationNow() {
+  const episode = episodeNow();
+  return episode
+    ? episode.observations[state.step].map((value) => value ?? NaN)
+    : ranges.map(([low, high]) => (low + high) / 2);
+}
+
+/* The interval of each feature worth drawing: its bounds, or what was seen and tested. */
+const ranges = features.map((feature, index) => {
+  if (feature.low !== null && feature.high !== null && feature.high - feature.low < 1e6) {
+    return [feature.low, feature.high];
+  }
+  let low = Infinity;
+  let high = -Infinity;
+  const see = (value) => {
+    if (value === null) return;
+    low = Math.min(low, value);
+    high = Math.max(high, value);
+  };
+  tree.feature.forEach((tested, node) => tested === index && see(tree.threshold[node]));
+  for (const episode of data.episodes) for (const row of episode.observations) see(row[index]);
+  if (low > high) [low, high] = [-1, 1];
+  const margin = (high - low) * 0.06 || 1;
+  return [low - margin, high + margin];
+});
+
+/** Return a new element of the page; text is never read as HTML. */
+function element(name, attributes = {}, ...content) {
+  const made = document.createElement(name);
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+  made.append(...content);
+  return made;
+}
+
+/** Return a new element of a drawing. */
+function drawing(name, attributes = {}, ...content) {
+  const made = document.createElementNS("http://www.w3.org/2000/svg", name);
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+  made.append(...content);
+  return made;
+}
+
+const byId = (id) => document.getElementById(id);
+
+/** Return a dot in the colour of an action. */
+function swatch(action) {
+  const dot = element("span", { class: "swatch" });
+  dot.style.background = fills[action % fills.length];
+  return dot;
+}

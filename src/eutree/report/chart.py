@@ -1,0 +1,100 @@
+"""Learning curves as inline SVG: a line for each learner, its interval as a band."""
+
+import math
+from collections.abc import Mapping, Sequence
+from html import escape
+
+# Episode, mean, and both ends of the interval.
+CurvePoint = tuple[float, float, float, float]
+Series = Mapping[str, Sequence[CurvePoint]]
+
+_WIDTH, _HEIGHT = 420.0, 250.0
+_LEFT, _RIGHT, _TOP, _BOTTOM = 46.0, 10.0, 10.0, 36.0
+_STYLES = 5
+
+
+def chart(title: str, series: Series, *, percent: bool = False) -> str:
+    """Return one chart of several series over episodes.
+
+    Args:
+        title: What is measured; said by screen readers together with each last value.
+        series: Points of each learner, in the order of their episodes.
+        percent: Whether the values are shares, to be shown as percentages.
+    """
+    points = [point for entries in series.values() for point in entries]
+    if not points:
+        return f'<p class="quiet">No {escape(title)} was recorded.</p>'
+    x_ticks = ticks(min(p[0] for p in points), max(p[0] for p in points))
+    y_ticks = ticks(min(p[2] for p in points), max(p[3] for p in points))
+
+    def x(value: float) -> float:
+        share = (value - x_ticks[0]) / (x_ticks[-1] - x_ticks[0])
+        return _LEFT + share * (_WIDTH - _LEFT - _RIGHT)
+
+    def y(value: float) -> float:
+        share = (value - y_ticks[0]) / (y_ticks[-1] - y_ticks[0])
+        return _HEIGHT - _BOTTOM - share * (_HEIGHT - _TOP - _BOTTOM)
+
+    last = ", ".join(
+        f"{name} ends at {_number(entries[-1][1], percent)}"
+        for name, entries in series.items()
+        if entries
+    )
+    lines = [
+        f'<svg class="chart" viewBox="0 0 {_WIDTH:.0f} {_HEIGHT:.0f}" role="img" '
+        f'aria-label="{escape(f"{title} over episodes: {last}")}">'
+    ]
+    for tick in y_ticks:
+        lines.append(
+            f'<line class="grid" x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{y(tick):.1f}" '
+            f'y2="{y(tick):.1f}"/><text x="{_LEFT - 6}" y="{y(tick) + 4:.1f}" '
+            f'text-anchor="end">{_number(tick, percent)}</text>'
+        )
+    for tick in x_ticks:
+        lines.append(
+            f'<text x="{x(tick):.1f}" y="{_HEIGHT - _BOTTOM + 15:.1f}" '
+            f'text-anchor="middle">{_number(tick, False)}</text>'
+        )
+    lines.append(
+        f'<line class="axis" x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{_HEIGHT - _BOTTOM}" '
+        f'y2="{_HEIGHT - _BOTTOM}"/>'
+        f'<text x="{(_LEFT + _WIDTH) / 2:.0f}" y="{_HEIGHT - 4}" text-anchor="middle">episodes'
+        "</text>"
+    )
+    for number, entries in enumerate(series.values()):
+        style = number % _STYLES
+        upper = [f"{x(p[0]):.1f},{y(p[3]):.1f}" for p in entries]
+        lower = [f"{x(p[0]):.1f},{y(p[2]):.1f}" for p in reversed(entries)]
+        middle = [f"{x(p[0]):.1f},{y(p[1]):.1f}" for p in entries]
+        lines.append(f'<polygon class="band series-{style}" points="{" ".join(upper + lower)}"/>')
+        lines.append(
+            f'<polyline class="curve series-{style} dash-{style}" points="{" ".join(middle)}"/>'
+        )
+    return "\n".join([*lines, "</svg>"])
+
+
+def legend(names: Sequence[str]) -> str:
+    """Return the list of learners with the line of each."""
+    entries = (
+        f'<li><svg width="34" height="8" aria-hidden="true"><line class="curve series-'
+        f'{number % _STYLES} dash-{number % _STYLES}" x1="0" x2="34" y1="4" y2="4" '
+        f'stroke-width="2.4"/></svg>{escape(name)}</li>'
+        for number, name in enumerate(names)
+    )
+    return f'<ul class="legend">{"".join(entries)}</ul>'
+
+
+def ticks(low: float, high: float, *, about: int = 5) -> list[float]:
+    """Return round numbers, evenly spaced, that enclose the interval."""
+    if high <= low:
+        low, high = low - 0.5, low + 0.5
+    raw = (high - low) / about
+    power = 10.0 ** math.floor(math.log10(raw))
+    step = next(power * factor for factor in (1.0, 2.0, 2.5, 5.0, 10.0) if power * factor >= raw)
+    first, last = math.floor(low / step + 1e-9), math.ceil(high / step - 1e-9)
+    return [number * step for number in range(first, last + 1)]
+
+
+def _number(value: float, percent: bool) -> str:
+    """Return a number as people write it on an axis."""
+    return f"{100 * value:.4g} %" if percent else f"{value:.4g}"

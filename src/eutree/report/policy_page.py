@@ -1,0 +1,154 @@
+"""A policy watched while it decides: the tree, an episode player, what is known of each leaf."""
+
+import base64
+from collections.abc import Sequence
+from html import escape
+from string import Template
+from typing import Any
+
+import numpy as np
+
+from eutree.arrays import Floats
+from eutree.data import Demonstrations, Episode
+from eutree.errors import InvalidArgumentError
+from eutree.export._palette import FILLS
+from eutree.policies import TreePolicy
+from eutree.report.html import as_json, asset, page
+from eutree.report.watching import WatchedEpisode
+
+_SCRIPTS = ("model", "tree", "player", "details", "slices", "search")
+
+SIZE_LIMIT = 5_000_000
+
+
+def policy_page(
+    policy: TreePolicy,
+    *,
+    episodes: Sequence[WatchedEpisode] = (),
+    demonstrations: Demonstrations | None = None,
+    title: str = "",
+    size_limit: int = SIZE_LIMIT,
+) -> str:
+    """Return one self-contained HTML page on which the policy can be watched and questioned.
+
+    Args:
+        policy: The policy.
+        episodes: Episodes of the policy to play, with or without pictures.
+        demonstrations: Which demonstrated steps fell in which leaf is shown, if given.
+        title: Heading of the page; by default the environment's id.
+        size_limit: Size of the page in bytes above which pictures are left out, those of the
+            last episodes first.
+    """
+    heading = title or (policy.environment.id if policy.environment else "A decision tree")
+    subtitle = f"{policy.n_leaves} leaves, {policy.schema.n_features} features"
+    if policy.environment and policy.environment.arguments:
+        arguments = sorted(policy.environment.arguments.items())
+        subtitle += "".join(f", {key} = {value}" for key, value in arguments)
+    body = Template(asset("policy.html")).substitute(
+        title=escape(heading), subtitle=escape(subtitle), rules=escape(str(policy))
+    )
+    data = _data(policy, episodes, demonstrations)
+    scripts = "".join(asset(f"{name}.js") for name in _SCRIPTS)
+    style = asset("page.css") + asset("policy.css")
+    room = size_limit - len(as_json(data)) - len((body + scripts + style).encode()) - 4096
+    for entry, watched in zip(data["episodes"], episodes, strict=True):
+        frames = _frames(watched)
+        room -= sum(map(len, frames)) + 3 * len(frames)
+        if room < 0:
+            break
+        entry["frames"] = frames or None
+    return page(title=heading, body=body, style=style, script=scripts, data=data)
+
+
+def _data(
+    policy: TreePolicy,
+    episodes: Sequence[WatchedEpisode],
+    demonstrations: Demonstrations | None,
+) -> dict[str, Any]:
+    """Return what the page's script reads, without pictures."""
+    tree, schema = policy.tree, policy.schema
+    names = ("feature", "left", "right", "leaf")
+    shown = [
+        {
+            "name": feature.name,
+            "unit": feature.unit,
+            "low": _finite(feature.low),
+            "high": _finite(feature.high),
+        }
+        for feature in schema.features
+    ]
+    recorded = () if demonstrations is None else demonstrations.episodes
+    statistics = None
+    if policy.leaves is not None:
+        statistics = {
+            "visits": policy.leaves.visits.tolist(),
+            "values": _rounded(policy.leaves.values),
+            "deviations": _rounded(policy.leaves.deviations),
+        }
+    return {
+        "tree": {name: getattr(tree, name).tolist() for name in names}
+        | {"threshold": [_finite(value) for value in tree.threshold.tolist()]},
+        "features": shown,
+        "actions": list(schema.actions),
+        "fills": FILLS,
+        "leafActions": policy.actions.tolist(),
+        "leaves": statistics,
+        "episodes": [_episode(policy, watched.episode, whole=True) for watched in episodes],
+        "demonstrations": [_episode(policy, episode, whole=False) for episode in recorded],
+    }
+
+
+def _episode(policy: TreePolicy, episode: Episode, *, whole: bool) -> dict[str, Any]:
+    """Return an episode: always which leaf each step fell in; what was seen, if ``whole``."""
+    features = policy_features(policy, episode.observations)
+    leaves = policy.tree.leaf_index(features)
+    entry = {
+        "actions": episode.actions.tolist(),
+        "rewards": [float(f"{value:.6g}") for value in episode.rewards.tolist()],
+        "leaves": leaves.tolist() if whole else leaves[:-1].tolist(),
+    }
+    if whole:
+        entry |= {
+            "observations": _rounded(features),
+            "ending": episode.ending,
+            "success": episode.is_success,
+            "frames": None,
+        }
+    return entry
+
+
+def policy_features(policy: TreePolicy, observations: Floats) -> Floats:
+    """Return what the policy sees at each observation of an episode, its history included."""
+    if observations.shape[1] != policy.observation_size:
+        raise InvalidArgumentError(
+            f"episodes must have observations of {policy.observation_size} features, "
+            f"got {observations.shape[1]}"
+        )
+    if policy.history == 0:
+        return observations
+    state, seen = None, []
+    for number, observation in enumerate(observations):
+        _, state = policy.predict(observation, state, np.array(number == 0))
+        seen.append(state)
+    return np.array(seen)
+
+
+def _frames(watched: WatchedEpisode) -> list[str]:
+    """Return the pictures of an episode as data URIs."""
+    return [
+        f"data:{watched.media_type};base64,{base64.b64encode(frame).decode('ascii')}"
+        for frame in watched.frames
+    ]
+
+
+def _rounded(matrix: Floats) -> list[list[float | None]]:
+    """Return numbers with six significant digits, for people to read; NaN becomes None."""
+    return [
+        [float(f"{value:.6g}") if np.isfinite(value) else None for value in row]
+        for row in matrix.tolist()
+    ]
+
+
+def _finite(value: float) -> float | None:
+    """Return a finite number, or None."""
+    return value if np.isfinite(value) else None

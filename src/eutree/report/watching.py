@@ -1,0 +1,170 @@
+"""Episodes with pictures: what the policy's page plays."""
+
+from dataclasses import dataclass
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from eutree.data import Episode
+from eutree.errors import EnvironmentFault, EutreeError, InvalidArgumentError, MissingExtraError
+from eutree.interaction import GuardedEnv, episode_seed, run_episode
+from eutree.interaction.making import make
+from eutree.policies import TreePolicy
+from eutree.schema import EnvironmentSpec
+from eutree.validation import check_integer, check_seed
+
+WATCHING_STREAM = 7
+
+# Small enough for dozens of episodes in one page, large enough to see what happens.
+_WIDTH, _QUALITY = 480, 60
+
+# Long episodes take long to draw, and a page could not hold them all.
+PICTURE_LIMIT = 1500
+
+
+@dataclass(frozen=True, eq=False)
+class WatchedEpisode:
+    """An episode and what it looked like.
+
+    Attributes:
+        episode: The episode.
+        frames: An encoded picture for each observation; empty where there are none.
+        media_type: What the pictures are, for example ``"image/webp"``.
+    """
+
+    episode: Episode
+    frames: tuple[bytes, ...] = ()
+    media_type: str = "image/webp"
+
+    def __post_init__(self) -> None:
+        if self.frames and len(self.frames) != len(self.episode.observations):
+            raise InvalidArgumentError(
+                f"frames must be one for each of the {len(self.episode.observations)} "
+                f"observations, or none, got {len(self.frames)}"
+            )
+
+
+def watch(
+    policy: TreePolicy,
+    spec: EnvironmentSpec | None = None,
+    *,
+    episodes: int = 10,
+    seed: int = 0,
+    pictures: bool = True,
+) -> list[WatchedEpisode]:
+    """Let the policy act in its environment and record what it sees.
+
+    Args:
+        policy: The policy.
+        spec: The environment; by default the one that the policy was made for.
+        episodes: How many episodes.
+        seed: Seed of the recording.
+        pictures: Whether to record pictures, which needs Pillow (extra ``record``). Episodes
+            that begin after ``PICTURE_LIMIT`` pictures have none.
+
+    Raises:
+        InvalidArgumentError: There is no environment, or it is not the policy's.
+    """
+    count = check_integer("episodes", episodes, low=1)
+    check_seed(seed)
+    spec = spec or policy.environment
+    if spec is None:
+        raise InvalidArgumentError("spec must name an environment: the policy names none")
+    env = make(spec, render_mode="rgb_array" if pictures else None)
+    try:
+        guarded = GuardedEnv(env)
+        if guarded.schema.n_features != policy.observation_size:
+            raise InvalidArgumentError(
+                f"spec must name an environment with {policy.observation_size} features, "
+                f"{spec} has {guarded.schema.n_features}"
+            )
+        watched: list[WatchedEpisode] = []
+        for number in range(count):
+            room = sum(len(entry.frames) for entry in watched) < PICTURE_LIMIT
+            chosen = episode_seed(seed, number, WATCHING_STREAM)
+            watched.append(_watched(guarded, policy, chosen, pictures and room))
+        return watched
+    finally:
+        env.close()
+
+
+def watch_if_possible(
+    policy: TreePolicy, spec: EnvironmentSpec | None, *, episodes: int, seed: int
+) -> tuple[list[WatchedEpisode], str]:
+    """Return episodes, with pictures where that works, and one line on what did not work."""
+    problem = ""
+    for pictures in (True, False):
+        try:
+            watched = watch(policy, spec, episodes=episodes, seed=seed, pictures=pictures)
+        except EnvironmentFault:
+            raise
+        except EutreeError as error:
+            problem = problem or str(error)
+        else:
+            return watched, problem and f"no pictures: {problem}"
+    return [], f"no episodes: {problem}"
+
+
+class _Camera:
+    """Passes ``predict`` on to a policy and takes a picture before each decision."""
+
+    def __init__(self, guarded: GuardedEnv, policy: TreePolicy) -> None:
+        self._guarded, self._policy = guarded, policy
+        self.frames: list[bytes] = []
+
+    def predict(
+        self,
+        observation: ArrayLike,
+        state: Any = None,
+        episode_start: ArrayLike | None = None,
+        deterministic: bool = True,
+    ) -> tuple[Any, Any]:
+        """Take a picture, then let the policy decide."""
+        self.shoot()
+        return self._policy.predict(observation, state, episode_start, deterministic)
+
+    def shoot(self) -> None:
+        """Take a picture of the present state."""
+        try:
+            picture = self._guarded.env.render()
+        except EutreeError:
+            raise
+        except Exception as error:
+            raise InvalidArgumentError(
+                f"{self._guarded.name} must be able to render rgb_array, it raised "
+                f"{type(error).__name__}: {error}"
+            ) from error
+        self.frames.append(encode(picture))
+
+
+def encode(picture: Any) -> bytes:
+    """Return a picture (an array of shape [height, width, 3]) as WebP, at most 480 pixels wide."""
+    try:
+        from PIL import Image
+    except ImportError:
+        raise MissingExtraError("pillow", "record") from None
+    array = np.asarray(picture)
+    if array.ndim != 3 or array.shape[2] != 3 or array.dtype != np.uint8:
+        raise InvalidArgumentError(
+            f"a picture must have shape [height, width, 3] of uint8, got {array.shape} of "
+            f"{array.dtype}"
+        )
+    image = Image.fromarray(array)
+    if image.width > _WIDTH:
+        height = max(1, round(_WIDTH * image.height / image.width))
+        image = image.resize((_WIDTH, height), Image.Resampling.LANCZOS)
+    content = BytesIO()
+    image.save(content, "WEBP", quality=_QUALITY)
+    return content.getvalue()
+
+
+def _watched(guarded: GuardedEnv, policy: TreePolicy, seed: int, pictures: bool) -> WatchedEpisode:
+    """Run and watch one episode."""
+    if not pictures:
+        return WatchedEpisode(run_episode(guarded, policy, seed))
+    camera = _Camera(guarded, policy)
+    episode = run_episode(guarded, camera, seed)
+    camera.shoot()
+    return WatchedEpisode(episode, tuple(camera.frames))

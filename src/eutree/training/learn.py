@@ -1,0 +1,208 @@
+"""Learn a tree policy: from demonstrations or from nothing, in an environment."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+
+from eutree.data import Demonstrations
+from eutree.errors import InvalidArgumentError
+from eutree.evaluation import evaluate
+from eutree.interaction import GuardedEnv
+from eutree.learning import LEARNERS, Settings, UTree, c_u_tree, eu_tree, eu_tree_dt
+from eutree.learning.expert_tree import fit_expert_tree
+from eutree.learning.presets import preset as preset_settings
+from eutree.policies import TreePolicy
+from eutree.schema import Schema
+from eutree.training.offline import OfflineRun
+from eutree.training.result import LearningResult
+from eutree.training.run import Evaluator, LearningRun, Schedule
+from eutree.training.run_folder import ConfigDocument, RunFolder, SavingClock
+from eutree.validation import check_choice, check_integer, check_number
+
+Progress = Callable[[Any], None]  # takes the LearningRun or OfflineRun
+
+
+def learn(
+    env: gymnasium.Env[Any, Any] | None,
+    *,
+    demonstrations: Demonstrations | None = None,
+    expert: TreePolicy | None = None,
+    learner: str | None = None,
+    preset: str = "default",
+    settings: Settings | None = None,
+    episodes: int = 400,
+    seed: int = 0,
+    evaluate_every: int = 20,
+    evaluation_episodes: int = 100,
+    history: int = 0,
+    strict: bool = False,
+    out: str | Path | None = None,
+    resume: bool = False,
+    checkpoint_seconds: float | None = None,
+    stop: Callable[[], bool] = lambda: False,
+    on_progress: Progress | None = None,
+) -> LearningResult:
+    """Learn a tree policy in ``env``, with the paper's protocol, or from recorded episodes alone.
+
+    Args:
+        env: A Gymnasium environment with a flat observation and a Discrete action space. None
+            learns offline: the tree is grown on the transitions of ``demonstrations`` until no
+            leaf deserves a split any more.
+        demonstrations: Episodes of an expert; needed by the EU-Tree unless ``expert`` is given.
+        expert: The expert tree; fitted to the demonstrations if it is not given.
+        learner: ``"c-u-tree"``, ``"eu-tree-dt"`` or ``"eu-tree"``; by default the EU-Tree if there
+            are demonstrations, EU-Tree - DT if there is only an expert tree, else C. U-Tree.
+        preset: Settings by name: ``"default"``, or ``"paper"`` to be faithful.
+        settings: Settings of your own, instead of a preset.
+        episodes: Episodes of experience; offline, the most expansion phases.
+        seed: The same seed gives the same result, byte for byte.
+        evaluate_every: Episodes between two frozen evaluations.
+        evaluation_episodes: Episodes of each frozen evaluation.
+        history: Number of previous observations that become features too, for what one
+            observation does not show, such as a direction of movement.
+        strict: Refuse observations outside the environment's own bounds.
+        out: Folder for the policy, the expert tree, the curve, the events and the checkpoints.
+        resume: Go on from the last checkpoint in ``out``, to the same bytes as if nothing had
+            happened in between.
+        checkpoint_seconds: Time between two checkpoints; 0 saves one after every episode. None
+            lets saving take at most a twentieth of the time. The result does not depend on it.
+        stop: Asked before every step; True ends the run at its last finished episode.
+        on_progress: Called after each episode and each evaluation, or each expansion offline.
+
+    Raises:
+        InvalidArgumentError: The learner lacks the demonstrations it needs, or they are of another
+            environment.
+        EnvironmentFault: The environment broke its contract; ``out`` can be resumed.
+        RunFolderError: ``out`` is in use, or holds a run and ``resume`` is False.
+    """
+    check_integer("evaluation_episodes", evaluation_episodes, low=1)
+    if checkpoint_seconds is not None:
+        check_number("checkpoint_seconds", checkpoint_seconds, low=0.0)
+    clock = SavingClock(checkpoint_seconds)
+    schedule = Schedule(episodes=episodes, evaluate_every=evaluate_every, seed=seed)
+    chosen = preset_settings(preset) if settings is None else settings
+    if env is None:
+        chosen = replace(chosen, imagination=None)  # nothing can be put on trial
+    name = check_choice("learner", learner or _default_learner(demonstrations, expert), LEARNERS)
+    if demonstrations is not None and history:
+        demonstrations = demonstrations.with_history(history)
+    if name == "c-u-tree":
+        expert = None
+    elif expert is None:
+        expert = replace(fit_expert_tree(_needed(demonstrations, name)), history=history)
+    run: LearningRun | OfflineRun
+    if env is None:
+        recorded = _needed(demonstrations, "offline learning")
+        start = _start("offline", recorded.schema, chosen, recorded, expert)
+        run = OfflineRun(start, recorded, seed=seed, max_expansions=episodes, history=history)
+        environment = f"offline: {recorded.environment}"
+    else:
+        guarded = GuardedEnv(env, strict=strict, history=history)
+        start = _start(name, guarded.schema, chosen, demonstrations, expert)
+        evaluator = _evaluator(env, evaluation_episodes)
+        run = LearningRun(start, guarded, schedule, evaluator, stop=stop)
+        environment = str(guarded.spec or guarded.name)
+    config = ConfigDocument(
+        environment=environment,
+        learner=name,
+        settings=repr(chosen),
+        episodes=schedule.episodes,
+        evaluate_every=schedule.evaluate_every,
+        evaluation_episodes=evaluation_episodes,
+        history=history,
+        seed=schedule.seed,
+        demonstrations="" if demonstrations is None else demonstrations.digest,
+    )
+    if out is None:
+        _go_on(run, None, clock, on_progress)
+    else:
+        with RunFolder(out, config, resume=resume) as folder:
+            folder.save_start(expert)
+            folder.load_checkpoint(run, chosen)
+            _go_on(run, folder, clock, on_progress)
+            folder.save_result(run.policy())
+    return LearningResult(
+        policy=run.policy(),
+        expert=expert,
+        curve=tuple(run.curve),
+        history=run.learner.history,
+        learner=name,
+        settings=chosen,
+        episodes=run.episode,
+        steps=run.steps,
+    )
+
+
+def _evaluator(env: gymnasium.Env[Any, Any], episodes: int) -> Evaluator:
+    return lambda policy, seed: evaluate(policy, env, episodes=episodes, seed=seed)
+
+
+def _go_on(
+    run: LearningRun | OfflineRun,
+    folder: RunFolder | None,
+    clock: SavingClock,
+    on_progress: Progress | None,
+) -> None:
+    """Advance the run to its end; save a checkpoint often enough, and at an interruption."""
+    try:
+        while not run.finished:
+            run.advance()
+            if on_progress is not None:
+                on_progress(run)
+            if folder is not None and clock.due():
+                with clock.saving():
+                    folder.save_checkpoint(run)
+    finally:
+        # What an interruption left half done is not saved: the last checkpoint is good.
+        if folder is not None and run.whole:
+            folder.save_checkpoint(run)
+
+
+def _default_learner(demonstrations: Demonstrations | None, expert: TreePolicy | None) -> str:
+    if demonstrations is not None:
+        return "eu-tree"
+    return "c-u-tree" if expert is None else "eu-tree-dt"
+
+
+def _needed(demonstrations: Demonstrations | None, what: str) -> Demonstrations:
+    if demonstrations is None:
+        raise InvalidArgumentError(f"{what!r} needs demonstrations, got none")
+    return demonstrations
+
+
+def _start(
+    name: str,
+    schema: Schema,
+    settings: Settings,
+    demonstrations: Demonstrations | None,
+    expert: TreePolicy | None,
+) -> UTree:
+    """Return one of the paper's three learners, at its start.
+
+    ``"offline"`` is the C. U-Tree or the EU-Tree with the demonstrations as its history.
+    """
+    for what, given in (("demonstrations", demonstrations), ("expert", expert)):
+        if given is not None:
+            _check_same(what, given.schema, schema)
+    if name == "offline":
+        start = c_u_tree(schema, settings) if expert is None else eu_tree_dt(expert, settings)
+        start.add_demonstrations(_needed(demonstrations, name).kept)
+        return start
+    if name == "c-u-tree" or expert is None:
+        return c_u_tree(schema, settings)
+    if name == "eu-tree-dt":
+        return eu_tree_dt(expert, settings)
+    return eu_tree(expert, _needed(demonstrations, name), settings)
+
+
+def _check_same(what: str, given: Schema, wanted: Schema) -> None:
+    """Raise InvalidArgumentError unless two schemas name the same features and actions."""
+    if given.feature_names != wanted.feature_names or given.actions != wanted.actions:
+        raise InvalidArgumentError(
+            f"{what} must be of the environment that is learned in: its features are "
+            f"{list(wanted.feature_names)} and its actions {list(wanted.actions)}, "
+            f"got {list(given.feature_names)} and {list(given.actions)}"
+        )

@@ -1,0 +1,33 @@
+"""What a learning run gives back."""
+
+from dataclasses import dataclass
+
+from eutree.evaluation import CurvePoint
+from eutree.learning import History
+from eutree.learning.settings import Settings
+from eutree.policies import TreePolicy
+
+
+@dataclass(frozen=True, eq=False)
+class LearningResult:
+    """A finished learning run.
+
+    Attributes:
+        policy: The final policy.
+        expert: The expert tree it started from; None for the C. U-Tree.
+        curve: Frozen evaluations along the way, the first before any learning.
+        history: All stored transitions.
+        learner: Which of the three learners it was.
+        settings: How it learned.
+        episodes: Episodes of experience, without those of evaluations.
+        steps: Environment steps of experience, without those of evaluations.
+    """
+
+    policy: TreePolicy
+    expert: TreePolicy | None
+    curve: tuple[CurvePoint, ...]
+    history: History
+    learner: str
+    settings: Settings
+    episodes: int
+    steps: int

@@ -1,0 +1,199 @@
+"""A learning run: its state between two episodes, and the step from one episode to the next.
+
+A run gathers episodes; after every gathering phase it expands the tree (Table 1); every so often
+it evaluates the frozen policy on episodes of their own. All randomness of an episode comes from
+the run's seed and the episode's number, so a run can go on from any episode boundary with nothing
+but its learner.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from eutree.evaluation import CurvePoint, Evaluation
+from eutree.interaction import GuardedEnv, episode_seed
+from eutree.learning import UTree
+from eutree.policies import TreePolicy
+from eutree.validation import check_integer, check_seed
+
+TRAINING_STREAM = 2
+EXPLORATION_STREAM = 3
+EXPANSION_STREAM = 4
+EVALUATION_STREAM = 5
+
+Evaluator = Callable[[TreePolicy, int], Evaluation]  # (policy, seed) -> evaluation
+
+
+@dataclass(frozen=True, kw_only=True)
+class Schedule:
+    """How long a run is and when it pauses.
+
+    Attributes:
+        episodes: Episodes of experience in all.
+        evaluate_every: Episodes between two frozen evaluations; the first is before episode 0.
+        seed: Seed of the run.
+    """
+
+    episodes: int = 400
+    evaluate_every: int = 20
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        check_integer("episodes", self.episodes, low=0)
+        check_integer("evaluate_every", self.evaluate_every, low=1)
+        check_seed(self.seed)
+
+
+class LearningRun:
+    """A run in progress.
+
+    Args:
+        learner: The learner, at its start.
+        env: The environment it gathers in.
+        schedule: How long, and when to evaluate.
+        evaluator: How to evaluate a frozen policy.
+        stop: Asked before every step; True ends the run at the last finished episode.
+
+    Attributes:
+        learner: The learner.
+        schedule: How long, and when to evaluate.
+        episode: Episodes gathered so far.
+        steps: Environment steps gathered so far.
+        curve: Evaluations so far.
+        events: What happened so far: expansions and evaluations.
+        stopped: Whether ``stop`` ended the run.
+        whole: Whether the learner is between two steps of the run, so that a checkpoint may be
+            saved; False while, and after, an interruption struck in the middle of one.
+    """
+
+    def __init__(
+        self,
+        learner: UTree,
+        env: GuardedEnv,
+        schedule: Schedule,
+        evaluator: Evaluator,
+        *,
+        stop: Callable[[], bool] = lambda: False,
+    ) -> None:
+        self.learner = learner
+        self.schedule = schedule
+        self.episode = 0
+        self.steps = 0
+        self.curve: list[CurvePoint] = []
+        self.events: list[dict[str, Any]] = []
+        self.stopped = False
+        self.whole = True
+        self._env = env
+        self._evaluator = evaluator
+        self._stop = stop
+
+    @property
+    def finished(self) -> bool:
+        """Whether all episodes are gathered and what is due after them is done; or it stopped."""
+        return self.stopped or (self._at_end and self._due() is None)
+
+    def advance(self) -> None:
+        """Make the expansion or the evaluation that is due, or else gather one episode.
+
+        What is due follows from the events so far: a run can go on from between any two of these.
+
+        Raises:
+            EnvironmentFault: The environment broke its contract; the learner is as it was before
+                the episode.
+        """
+        if self._stop():
+            self.stopped = True
+            return
+        self.whole = False
+        (self._due() or self._gather)()
+        self.whole = True
+
+    @property
+    def _at_end(self) -> bool:
+        return self.episode >= self.schedule.episodes
+
+    def _due(self) -> Callable[[], None] | None:
+        """Return what is due after the present episode: an expansion, an evaluation or nothing."""
+        made = {event["event"] for event in self.events[-2:] if event["episode"] == self.episode}
+        gathered = self.episode % self.learner.settings.gathering_episodes == 0 or self._at_end
+        if gathered and self.episode and not made:
+            return self._expand
+        if self.episode % self.schedule.evaluate_every == 0 or self._at_end:
+            return None if "evaluation" in made else self._evaluate
+        return None
+
+    def policy(self) -> TreePolicy:
+        """Return the present policy, frozen."""
+        env = self._env
+        return self.learner.policy(env.schema, env.spec, history=env.history)
+
+    def _gather(self) -> None:
+        """Let the learner act for one episode (Table 1, data gathering phase)."""
+        seed = episode_seed(self.schedule.seed, self.episode, TRAINING_STREAM)
+        observation = self._env.reset(seed)
+        self.learner.begin_episode(observation, self._generator(EXPLORATION_STREAM))
+        try:
+            steps = self._act_until_the_end()
+        except Exception:
+            self.learner.abort_episode()
+            self.whole = True
+            raise
+        if not self.stopped:
+            self.steps += steps
+            self.episode += 1
+
+    def _act_until_the_end(self) -> int:
+        """Act until the episode ends; return its number of steps."""
+        learner, env, stop = self.learner, self._env, self._stop
+        steps = 0
+        while True:
+            if stop():
+                self.stopped = True
+                learner.abort_episode()
+                return 0
+            action = learner.act()
+            observation, reward, terminated, truncated, _ = env.step(action)
+            learner.observe(action, reward, observation, terminated=terminated, truncated=truncated)
+            steps += 1
+            if terminated or truncated:
+                return steps
+
+    def _expand(self) -> None:
+        """Run an expansion phase (Table 1) and note the splits that it made."""
+        splits = self.learner.expand(self._generator(EXPANSION_STREAM))
+        made = [
+            {
+                "leaf": s.leaf,
+                "feature": int(s.split.feature),
+                "threshold": float(s.split.threshold),
+            }
+            for s in splits
+        ]
+        self.events.append({"event": "expansion", "episode": self.episode, "splits": made})
+
+    def _evaluate(self) -> None:
+        """Freeze the policy and evaluate it on episodes of their own."""
+        policy = self.policy()
+        seed = episode_seed(self.schedule.seed, self.episode, EVALUATION_STREAM)
+        self.whole = True  # evaluating changes nothing of the run
+        evaluation = self._evaluator(policy, seed)
+        self.whole = False
+        point = CurvePoint(
+            episode=self.episode,
+            steps=self.steps,
+            success_rate=evaluation.success_rate,
+            mean_return=evaluation.mean_return,
+            n_leaves=policy.n_leaves,
+        )
+        self.curve.append(point)
+        self.events.append({"event": "evaluation", **vars(point)})
+
+    def _generator(self, stream: int) -> np.random.Generator:
+        return generator_of(self.schedule.seed, stream, self.episode)
+
+
+def generator_of(seed: int, stream: int, number: int) -> np.random.Generator:
+    """Return the generator of one episode or expansion of a run."""
+    return np.random.default_rng(np.random.SeedSequence((seed, stream, number)))

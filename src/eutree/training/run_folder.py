@@ -1,0 +1,235 @@
+"""The folder of a learning run: what it makes, and what it needs to go on after any interruption.
+
+    config.json        how the run was started
+    checkpoint.npz     everything the learner knows, at the end of an episode
+    curve.csv          the frozen evaluations so far
+    events.jsonl       one line for each thing that happened
+    expert.json        the expert tree
+    policy.json        the final policy
+    .lock              held by the process that writes here
+
+A checkpoint is written whole or not at all, so the folder can always be resumed from the old one
+or the new one. The lock is the operating system's: it ends with the process that holds it.
+"""
+
+import json
+import os
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, ClassVar
+
+import msgspec
+
+from eutree.arrays import Floats
+from eutree.errors import FormatError, RunFolderError
+from eutree.evaluation import CurvePoint, curve_to_csv
+from eutree.files import (
+    Document,
+    make_folder,
+    read_archive,
+    read_document,
+    write_archive,
+    write_document,
+    write_text,
+)
+from eutree.files.atomic import lock, remove_orphans, reported
+from eutree.learning import Settings, UTree
+from eutree.policies import TreePolicy
+from eutree.training.offline import OfflineRun
+from eutree.training.run import LearningRun
+
+MAX_CHECKPOINT = 4 * 2**30  # bytes
+MIN_SAVING_INTERVAL = 1.0  # seconds
+SHARE = 20
+
+
+class PointDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One frozen evaluation."""
+
+    episode: int
+    steps: int
+    success_rate: float | None
+    mean_return: float
+    n_leaves: int
+
+
+class ConfigDocument(Document, frozen=True, kw_only=True):
+    """How a run was started; a resumed run must be started the same way."""
+
+    FORMAT: ClassVar[str] = "eutree/run"
+    VERSION: ClassVar[int] = 1
+
+    environment: str
+    learner: str
+    settings: str
+    episodes: int
+    evaluate_every: int
+    evaluation_episodes: int
+    history: int
+    seed: int
+    demonstrations: str
+
+
+class CheckpointDocument(Document, frozen=True, kw_only=True):
+    """Where a run stood at the end of an episode; the arrays beside it are the learner's."""
+
+    FORMAT: ClassVar[str] = "eutree/checkpoint"
+    VERSION: ClassVar[int] = 1
+
+    episode: int
+    steps: int
+    n_actions: int
+    curve: list[PointDocument]
+    events: list[dict[str, Any]]
+
+
+class SavingClock:
+    """When the next checkpoint is due.
+
+    Args:
+        seconds: Time between two checkpoints; None for at least a second, and as much more as
+            it takes for saving to cost at most a twentieth of the time.
+    """
+
+    def __init__(self, seconds: float | None = None) -> None:
+        self._last = time.monotonic()
+        self._seconds = seconds
+        self._cost = MIN_SAVING_INTERVAL / SHARE
+
+    def due(self) -> bool:
+        """Return whether enough time has passed since the last checkpoint."""
+        wait = self._cost * SHARE if self._seconds is None else self._seconds
+        return time.monotonic() - self._last >= wait
+
+    @contextmanager
+    def saving(self) -> Iterator[None]:
+        """Measure how long saving takes."""
+        start = time.monotonic()
+        yield
+        self._last = time.monotonic()
+        self._cost = max(self._last - start, MIN_SAVING_INTERVAL / SHARE)
+
+
+class RunFolder:
+    """An open and locked run folder.
+
+    Args:
+        path: The folder; it is made if it does not exist.
+        config: How the run is started.
+        resume: Go on with what is there, instead of refusing a folder that holds a run.
+
+    Raises:
+        RunFolderError: Another process writes here; or a run is here and ``resume`` is False; or
+            the run that is here was started differently.
+    """
+
+    def __init__(self, path: str | Path, config: ConfigDocument, *, resume: bool) -> None:
+        self.path = make_folder(path)
+        self._lock = _lock(self.path)
+        try:
+            self._open(config, resume=resume)
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> "RunFolder":
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let go of the lock."""
+        os.close(self._lock)
+
+    def save_start(self, expert: TreePolicy | None) -> None:
+        """Write the expert tree."""
+        if expert is not None:
+            expert.save(self.path / "expert.json")
+
+    def save_checkpoint(self, run: LearningRun | OfflineRun) -> None:
+        """Write all that is needed to go on from here, and the curve so far."""
+        curve = [PointDocument(**vars(point)) for point in run.curve]
+        document = CheckpointDocument(
+            episode=run.episode,
+            steps=run.steps,
+            n_actions=run.learner.n_actions,
+            curve=curve,
+            events=run.events,
+        )
+        write_archive(self.path / "checkpoint.npz", document, run.learner.state())
+        write_text(self.path / "curve.csv", curve_to_csv(run.curve))
+        write_text(self.path / "events.jsonl", _events(run))
+
+    def load_checkpoint(self, run: LearningRun | OfflineRun, settings: Settings) -> bool:
+        """Bring ``run`` to where the checkpoint stands; return whether there is one."""
+        path = self.path / "checkpoint.npz"
+        if not path.exists():
+            return False
+        document, arrays = read_archive(path, CheckpointDocument, limit=MAX_CHECKPOINT)
+        run.learner = UTree.from_state(arrays, document.n_actions, settings)
+        run.episode, run.steps = document.episode, document.steps
+        run.curve = [CurvePoint(**msgspec.structs.asdict(point)) for point in document.curve]
+        run.events = document.events
+        return True
+
+    def save_result(self, policy: TreePolicy) -> None:
+        """Write the final policy."""
+        policy.save(self.path / "policy.json")
+
+    def _open(self, config: ConfigDocument, *, resume: bool) -> None:
+        remove_orphans(self.path)
+        path = self.path / "config.json"
+        if not path.exists():
+            write_document(path, config)
+            return
+        if not resume:
+            raise RunFolderError(
+                f"{self.path} already holds a run; go on with it (--resume) or choose another "
+                "folder"
+            )
+        _check_same(path, read_document(path, ConfigDocument), config)
+
+
+def stored_observations(path: str | Path) -> Floats:
+    """Return the observations of all transitions that a run folder's learner stored, [N, d]."""
+    checkpoint = Path(path) / "checkpoint.npz"
+    arrays = read_archive(checkpoint, CheckpointDocument, limit=MAX_CHECKPOINT)[1]
+    if "history_observations" not in arrays:
+        raise FormatError(checkpoint, "history_observations", "missing")
+    return arrays["history_observations"]
+
+
+def _events(run: LearningRun | OfflineRun) -> str:
+    return "".join(json.dumps(event) + "\n" for event in run.events)
+
+
+def _check_same(path: Path, found: ConfigDocument, wanted: ConfigDocument) -> None:
+    """Raise RunFolderError unless the run was started as it is resumed; its length may differ."""
+    free = ("format", "version", "made_by", "episodes")
+    for name in ConfigDocument.__struct_fields__:
+        if name not in free and getattr(found, name) != getattr(wanted, name):
+            raise RunFolderError(
+                f"{path}: the run was started with {name} {getattr(found, name)!r}, "
+                f"so it cannot be resumed with {getattr(wanted, name)!r}"
+            )
+
+
+def _lock(folder: Path) -> int:
+    """Return a descriptor that holds the folder's lock, with our pid in it for others to read."""
+    path = folder / ".lock"
+    with reported("write", path):
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+        try:
+            lock(descriptor)
+        except BlockingIOError:
+            holder = os.read(descriptor, 32).decode(errors="replace").strip() or "unknown"
+            os.close(descriptor)
+            raise RunFolderError(
+                f"{folder} is in use by process {holder}; wait for it, or choose another folder"
+            ) from None
+        os.ftruncate(descriptor, 0)
+        os.write(descriptor, f"{os.getpid()}\n".encode())
+    return descriptor

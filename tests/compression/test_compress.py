@@ -1,0 +1,84 @@
+"""Compression keeps its word: never larger, never another action where it promises none."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from eutree.compression import compress
+from eutree.errors import InvalidArgumentError, UnknownNameError
+from eutree.policies import TreePolicy
+from eutree.schema import Schema
+from eutree.trees import DecisionTree
+from tests import naive_trees
+
+
+def random_policy(seed, n_leaves, n_actions=2):
+    generator = np.random.default_rng(seed)
+    tree = naive_trees.random_tree(generator, n_leaves, 3, n_values=12)
+    actions = generator.integers(0, n_actions, n_leaves)
+    return TreePolicy(tree, actions, Schema.anonymous(3, n_actions))
+
+
+def actions_on(policy, observations):
+    return policy.actions[policy.tree.leaf_index(observations)]
+
+
+@pytest.mark.promise(20)
+@pytest.mark.parametrize("mode", ["auto", "merge", "lossless"])
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 2**32), n_leaves=st.integers(1, 60), n_rows=st.integers(0, 300))
+def test_recorded_decisions_are_kept_and_the_tree_never_grows(mode, seed, n_leaves, n_rows):
+    policy = random_policy(seed, n_leaves, n_actions=3)
+    rows = np.random.default_rng(seed + 1).random((n_rows, 3)) * 12
+    small, report = compress(policy, rows, mode=mode)
+    assert actions_on(small, rows).tolist() == actions_on(policy, rows).tolist()
+    assert small.n_leaves == report.n_leaves_after <= report.n_leaves_before == policy.n_leaves
+    assert report.agreement == 1.0
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 2**32))
+def test_merging_disagrees_nowhere(seed):
+    policy = random_policy(seed, 40)
+    rows = np.random.default_rng(seed).random((50, 3)) * 12
+    _, report = compress(policy, rows, mode="merge")
+    assert report.disagreement_volume == 0.0
+    assert report.method == "merge"
+
+
+def test_the_volume_of_disagreement_is_what_random_points_say():
+    policy = random_policy(3, 60)
+    generator = np.random.default_rng(0)
+    corners = np.array([[0.0] * 3, [12.0] * 3])  # of the box that the points fill
+    rows = np.concatenate([corners, generator.random((12, 3)) * 12])
+    small, report = compress(policy, rows)
+    points = generator.random((40_000, 3)) * 12
+    differ = (actions_on(small, points) != actions_on(policy, points)).mean()
+    assert report.disagreement_volume > 0.02
+    assert report.disagreement_volume == pytest.approx(differ, abs=0.02)
+
+
+def test_unpruned_c45_alone_may_change_recorded_decisions():
+    """The paper's sentence does not hold for C4.5 as published; here is a case."""
+    changed = 0
+    for seed in range(10):
+        policy = random_policy(seed, 80)
+        rows = np.random.default_rng(seed).random((400, 3)) * 12
+        changed += compress(policy, rows, mode="paper")[1].agreement < 1.0
+    assert changed >= 5
+
+
+def test_a_policy_without_recorded_observations_is_merged():
+    tree = DecisionTree.single_leaf(1).split(0, 0, 0.5)
+    policy = TreePolicy(tree, np.array([1, 1]), Schema.anonymous(1, 2))
+    small, report = compress(policy, np.empty((0, 1)))
+    assert (small.n_leaves, report.method) == (1, "merge")
+
+
+def test_bad_arguments_are_named():
+    policy = random_policy(0, 3)
+    with pytest.raises(InvalidArgumentError, match="observations must have 3 columns, got 2"):
+        compress(policy, np.zeros((4, 2)))
+    with pytest.raises(UnknownNameError, match=r"unknown mode 'los'.*Did you mean 'lossless'"):
+        compress(policy, np.zeros((4, 3)), mode="los")

@@ -1,0 +1,205 @@
+"""Giving something up for fewer leaves: a budget of decisions, a margin of the return."""
+
+import itertools
+from dataclasses import replace
+
+import gymnasium
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from eutree.compression import compress
+from eutree.compression.costs import Costs
+from eutree.compression.pruning import Prunings
+from eutree.errors import InvalidArgumentError
+from eutree.policies import LeafStatistics, TreePolicy
+from eutree.schema import Schema
+from eutree.trees import DecisionTree
+from tests.compression.test_compress import actions_on, random_policy
+
+seeds = st.integers(0, 2**32)
+
+
+def leaf_labels(policy, costs, node=0):
+    """Yield (leaves, cost) of every pruning of the tree below a node, one by one."""
+    tree = policy.tree
+    below = costs.of_leaves(tree)
+    inside = [leaf for leaf in range(tree.n_leaves) if node in tree.path(leaf)]
+    yield 1, below[inside].sum(axis=0).min()
+    if tree.feature[node] != tree.NO_FEATURE:
+        sides = (leaf_labels(policy, costs, int(side[node])) for side in (tree.left, tree.right))
+        for (n, cost), (m, other) in itertools.product(*map(list, sides)):
+            yield n + m, cost + other
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=seeds, n_leaves=st.integers(1, 9), n_actions=st.integers(1, 3))
+def test_the_best_pruning_of_each_size_is_the_best_of_all(seed, n_leaves, n_actions):
+    policy = random_policy(seed, n_leaves, n_actions)
+    generator = np.random.default_rng(seed)
+    rows = generator.random((60, 3)) * 12
+    costs = Costs(rows, generator.integers(0, 5, (60, n_actions)).astype(float), 1.0)
+    prunings = Prunings(policy, costs)
+    listed = list(leaf_labels(policy, costs))
+    for size in range(1, n_leaves + 1):
+        least = min(cost for n, cost in listed if n <= size)
+        assert prunings.costs[size - 1] == least
+        pruned = prunings.of_size(size)
+        assert pruned.n_leaves <= size
+        assert costs.share(pruned.tree, pruned.actions) == least
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=seeds, budget=st.sampled_from([0.0, 0.01, 0.1, 0.5, 1.0]), short=st.booleans())
+def test_the_budget_is_kept_and_never_costs_leaves(seed, budget, short):
+    policy = random_policy(seed, 40, n_actions=3)
+    rows = np.random.default_rng(seed).random((200, 3)) * 12
+    small, report = compress(policy, rows, max_disagreement=budget, round_thresholds=short)
+    differ = (actions_on(small, rows) != actions_on(policy, rows)).mean()
+    assert report.weighted_disagreement == pytest.approx(differ)
+    assert differ <= budget
+    assert small.n_leaves <= compress(policy, rows)[0].n_leaves
+
+
+def test_a_larger_budget_gives_fewer_leaves_down_to_one():
+    policy = random_policy(5, 400)
+    rows = np.random.default_rng(5).random((400, 3)) * 12
+    sizes = [
+        compress(policy, rows, max_disagreement=budget)[1].n_leaves_after
+        for budget in (0.0, 0.02, 0.1, 0.3, 1.0)
+    ]
+    assert sizes == sorted(sizes, reverse=True)
+    assert (sizes[0], sizes[-1]) == (compress(policy, rows)[1].n_leaves_after, 1)
+    assert sizes[1] < sizes[0]
+
+
+def test_the_gap_of_values_decides_which_decisions_go():
+    """Rare but dear decisions go first by visits, and stay by the gap."""
+    tree = DecisionTree.single_leaf(1).split(0, 0, 1.0).split(1, 0, 2.0).split(2, 0, 3.0)
+    rows = np.repeat([[0.5], [1.5], [2.5], [3.5]], [50, 4, 40, 6], axis=0)
+    values = np.array([[1.0, 0.0], [0.0, 100.0], [1.0, 0.0], [0.0, 0.1]])
+    visits = np.full((4, 2), 5)
+    policy = TreePolicy(
+        tree,
+        np.array([0, 1, 0, 1]),
+        Schema.anonymous(1, 2),
+        leaves=LeafStatistics(visits, values, np.abs(values)),
+    )
+    by_visits, _ = compress(policy, rows, max_disagreement=0.05)
+    by_gap, report = compress(policy, rows, max_disagreement=0.05, weights="q-gap")
+    assert by_visits.predict([1.5])[0] == 0
+    assert (by_gap.predict([1.5])[0], by_gap.predict([3.5])[0]) == (1, 0)
+    assert report.weighted_disagreement == pytest.approx(0.6 / (50 + 400 + 40 + 0.6))
+    assert report.agreement == pytest.approx(0.94)
+
+
+def test_untried_actions_count_as_the_worst_of_their_leaf():
+    policy = random_policy(1, 2, n_actions=3)
+    values = np.array([[1.0, 3.0, np.nan], [np.nan, np.nan, np.nan]])
+    known = replace(
+        policy,
+        actions=np.array([1, 2]),
+        leaves=LeafStatistics(np.ones((2, 3), dtype=np.int64), values, values),
+    )
+    rows = np.random.default_rng(0).random((50, 3)) * 12
+    costs = Costs.of(known, rows, "q-gap")
+    leaves = known.tree.leaf_index(rows)
+    expected = np.array([[2.0, 0.0, 2.0], [2.0, 2.0, 0.0]])
+    assert costs.of_action.tolist() == expected[leaves].tolist()
+
+
+class Corridor(gymnasium.Env):
+    """Ten visits at random places; the right action is worth 1, and 5 beyond x = 9."""
+
+    observation_space = gymnasium.spaces.Box(0.0, 10.0, (1,), dtype=np.float64)
+    action_space = gymnasium.spaces.Discrete(2)
+    steps_made = 0
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.left, self.place = 10, self.np_random.random() * 10
+        return np.array([self.place]), {}
+
+    def step(self, action):
+        type(self).steps_made += 1
+        right = int(self.place > 5)
+        reward = (5.0 if self.place > 9 else 1.0) * (action == right)
+        self.place, self.left = self.np_random.random() * 10, self.left - 1
+        return np.array([self.place]), float(reward), self.left == 0, False, {}
+
+
+def striped(*cuts_and_actions):
+    """Return a policy on [0, 10] of stripes: action, cut, action, cut, ..., action."""
+    tree, actions = DecisionTree.single_leaf(1), [cuts_and_actions[0]]
+    for cut, action in zip(cuts_and_actions[1::2], cuts_and_actions[2::2], strict=True):
+        tree = tree.split(tree.n_leaves - 1, 0, cut)
+        actions.append(action)
+    return TreePolicy(tree, np.array(actions), Schema.anonymous(1, 2))
+
+
+PLACES = np.linspace(0, 10, 401).reshape(-1, 1)
+# Right but for a stripe that costs 0.1 a visit and that nothing needs.
+BUSY = striped(0, 2.0, 1, 3.0, 0, 5.0, 1)
+
+
+def test_what_only_costs_return_is_pruned_and_steps_are_counted():
+    Corridor.steps_made = 0
+    small, report = compress(BUSY, PLACES, env=Corridor(), margin=0.0, episodes=200, seed=3)
+    assert (small.n_leaves, report.method) == (2, "return")
+    assert report.mean_return_after > report.mean_return_before
+    assert report.return_change.interval.low >= 0.0
+    assert report.environment_steps == Corridor.steps_made > 400 * 10
+
+
+def test_what_return_needs_stays():
+    """The control: a budget gives up the rare stripe beyond 9, which is what pays."""
+    policy = striped(0, 5.0, 1, 9.0, 1)
+    needed = replace(policy, actions=np.array([1, 0, 1]))  # wrong everywhere else
+    by_decisions, _ = compress(needed, PLACES, max_disagreement=0.15)
+    by_return, report = compress(needed, PLACES, env=Corridor(), margin=0.5, episodes=200)
+    assert by_decisions.predict([9.5])[0] == 0
+    assert by_return.predict([9.5])[0] == 1
+    assert report.return_change.interval.low >= -0.5
+
+
+def test_nothing_confirmed_gives_the_exact_merge():
+    needed = striped(0, 5.0, 1)
+    result, report = compress(needed, PLACES, env=Corridor(), margin=0.0, episodes=60)
+    assert (result.n_leaves, report.method, report.agreement) == (2, "merge", 1.0)
+    assert report.return_change.value == 0.0
+
+
+def test_an_environment_alone_evaluates_before_and_after():
+    small, report = compress(BUSY, PLACES, max_disagreement=0.12, env=Corridor(), episodes=50)
+    assert small.n_leaves == 2
+    assert report.environment_steps == 2 * 50 * 10
+    assert report.return_change.n == 50
+    assert report.mean_return_after - report.mean_return_before == pytest.approx(
+        report.return_change.value
+    )
+
+
+def test_the_same_seed_gives_the_same_result():
+    one, other = (
+        compress(BUSY, PLACES, env=Corridor(), margin=0.1, episodes=100, seed=4) for _ in range(2)
+    )
+    assert one[0] == other[0]
+    assert one[1] == other[1]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"margin": 1.0}, "margin needs env"),
+        ({"margin": 1.0, "max_disagreement": 0.1, "env": "x"}, "got both"),
+        ({"max_disagreement": 1.5}, r"max_disagreement must be a number in \[0, 1\]"),
+        ({"max_disagreement": 0.1, "mode": "merge"}, 'mode must be "auto"'),
+        ({"weights": "q-gap", "max_disagreement": 0.1}, 'weights must be "visits"'),
+        ({"weights": "vists"}, "Did you mean 'visits'"),
+        ({"confidence": 0.5}, "confidence must be a number in"),
+    ],
+)
+def test_bad_demands_are_named(options, message):
+    with pytest.raises(InvalidArgumentError, match=message):
+        compress(BUSY, PLACES, **options)

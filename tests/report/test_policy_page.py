@@ -1,0 +1,340 @@
+"""A policy watched in a browser: it plays, steps, answers clicks and keys, and stays quiet."""
+
+import base64
+import json
+import re
+import subprocess
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eutree.data import Demonstrations, Episode
+from eutree.errors import InvalidArgumentError
+from eutree.export._probes import probes
+from eutree.policies import TreePolicy
+from eutree.report import WatchedEpisode, policy_page
+from eutree.report.policy_page import policy_features
+from eutree.schema import Feature, Schema
+from tests.export.policies import EVASION, NASTY, policy_of, tree
+from tests.export.tools import need
+from tests.report.browser import Opened, grave_violations, open_page
+
+ASSETS = Path(__file__).parents[2] / "src" / "eutree" / "report" / "assets"
+PIXEL = base64.b64decode(
+    "UklGRiQAAABXRUJQVlA4IBgAAAAwAQCdASoBAAEAAgA0JaQAA3AA/vuUAAA="
+)  # the smallest picture there is
+
+
+def episodes(policy: TreePolicy, *, count: int = 3, steps: int = 12, frame: bytes = PIXEL) -> list:
+    rng = np.random.default_rng(0)
+    watched = []
+    for number in range(count):
+        observations = rng.uniform(-11, 11, size=(steps + 1, policy.observation_size))
+        observations[:, 0] = np.linspace(0, 30, steps + 1)
+        actions = np.array([policy.act(row) for row in observations[:-1].tolist()])
+        rewards = np.where(actions == 0, -2.0, 0.0) + 100.0 * (np.arange(steps) == steps - 1)
+        episode = Episode(observations, actions, rewards, True, False, number, "goal", True)
+        frames = tuple(frame for _ in range(steps + 1)) if number != 1 else ()
+        watched.append(WatchedEpisode(episode, frames))
+    return watched
+
+
+@pytest.fixture(scope="module")
+def policy() -> TreePolicy:
+    grown = tree(1, 3)
+    cuts = [(0, 0, 18.0), (0, 0, 4.0), (2, 1, -8.5), (3, 1, 8.5), (4, 2, 0.0)]
+    for leaf, feature, threshold in cuts:
+        grown = grown.split(leaf, feature, threshold)
+    return policy_of(grown, EVASION, seed=1, statistics=True)
+
+
+@pytest.fixture(scope="module")
+def watched(policy: TreePolicy) -> list[WatchedEpisode]:
+    return episodes(policy)
+
+
+@pytest.fixture(scope="module")
+def file(
+    policy: TreePolicy, watched: list[WatchedEpisode], tmp_path_factory: pytest.TempPathFactory
+) -> Path:
+    path = tmp_path_factory.mktemp("page") / "policy.html"
+    shown = Demonstrations((watched[0].episode,), policy.schema)
+    path.write_text(policy_page(policy, episodes=watched, demonstrations=shown), encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def opened(chromium: Any, file: Path) -> Iterator[Opened]:
+    opened = open_page(chromium, file)
+    opened.page.wait_for_selector("body[data-ready]", timeout=10_000)
+    yield opened
+    opened.assert_quiet()
+    opened.page.close()
+
+
+def state(opened: Opened, name: str) -> str:
+    return opened.page.locator("body").get_attribute(f"data-{name}") or ""
+
+
+def wait_for(opened: Opened, **values: object) -> None:
+    selector = "".join(f'[data-{name}="{value}"]' for name, value in values.items())
+    opened.page.wait_for_selector(f"body{selector}", timeout=5_000)
+
+
+def test_every_step_lights_the_leaf_that_decides(
+    opened: Opened, policy: TreePolicy, watched: list[WatchedEpisode]
+) -> None:
+    leaves = policy.tree.leaf_index(watched[0].episode.observations)
+    for step, leaf in enumerate(leaves.tolist()):
+        wait_for(opened, step=step, leaf=leaf)
+        lit = opened.page.locator(".node.live")
+        nodes = [int(node.get_attribute("data-node")) for node in lit.all()]
+        assert sorted(nodes) == sorted(policy.tree.path(leaf))
+        opened.page.click("#forward")
+    wait_for(opened, step=len(leaves) - 1)  # the end is the end
+    opened.page.click("#back")
+    wait_for(opened, step=len(leaves) - 2)
+    opened.page.click("#first")
+    wait_for(opened, step=0)
+
+
+def test_it_plays_and_pauses(opened: Opened) -> None:
+    opened.page.select_option("#speed", "120")
+    opened.page.click("#play")
+    opened.page.wait_for_selector('body[data-playing="true"]:not([data-step="0"])', timeout=5_000)
+    assert opened.page.locator("#play").get_attribute("aria-label") == "Pause"
+    opened.page.click("#play")
+    wait_for(opened, playing="false")
+    paused_at = state(opened, "step")
+    time.sleep(0.4)
+    assert state(opened, "step") == paused_at
+    opened.page.click("#play")
+    wait_for(opened, playing="false", step=12)  # it stops at the end by itself
+
+
+def test_episodes_can_be_chosen_and_say_when_they_have_no_pictures(opened: Opened) -> None:
+    assert opened.page.locator("#frame").is_visible()
+    opened.page.select_option("#episode", "1")
+    wait_for(opened, episode=1, step=0)
+    assert opened.page.locator("#no-frame").is_visible()
+    assert "Episode 2: goal" in opened.page.locator("#episode option:checked").inner_text()
+
+
+def test_a_click_on_a_leaf_tells_what_is_known_of_it(opened: Opened, policy: TreePolicy) -> None:
+    node = int(policy.tree.node_of_leaf[3])
+    opened.page.click(f'[data-node="{node}"] .box')
+    wait_for(opened, selected=node)
+    words = opened.page.locator("#details").inner_text()
+    assert "Leaf 3" in words
+    assert "position > 4 and ≤ 18 m" in words
+    assert "opponent_1 > -8.5 and ≤ 8.5 m" in words
+    assert str(policy.leaves.visits[3, 0]) in words
+    assert opened.page.locator(".histogram rect").count() == 24
+    assert "demonstration 1, step" in words
+    opened.page.locator(".links button").first.click()
+    wait_for(opened, selected=node, leaf=3)
+    opened.page.click("#live")
+    wait_for(opened, selected="")
+
+
+def test_branches_close_and_open(opened: Opened, policy: TreePolicy) -> None:
+    assert state(opened, "visible") == str(policy.tree.n_nodes)
+    opened.page.locator('[data-knob="1"] circle').last.click()
+    below = 2 * 4  # under the root's yes branch are five leaves
+    wait_for(opened, visible=policy.tree.n_nodes - below)
+    assert opened.page.locator('[data-node="1"]').get_attribute("aria-expanded") == "false"
+    opened.page.click("#expand-all")
+    wait_for(opened, visible=policy.tree.n_nodes)
+    opened.page.click("#collapse-all")
+    wait_for(opened, visible=5)
+
+
+def test_search_finds_opens_and_selects(opened: Opened) -> None:
+    opened.page.click("#collapse-all")
+    opened.page.fill("#search", "OPPONENT_1")
+    assert opened.page.locator("#search-count").inner_text() == "2 found"
+    opened.page.press("#search", "Enter")
+    assert opened.page.locator("#search-count").inner_text() == "1 of 2"
+    selected = opened.page.locator(".node.selected.found")
+    assert "opponent_1" in (selected.get_attribute("aria-label") or "")
+    opened.page.fill("#search", "leaf 3")
+    assert opened.page.locator("#search-count").inner_text() == "1 found"
+    opened.page.fill("#search", "no such name")
+    assert opened.page.locator("#search-count").inner_text() == "0 found"
+
+
+def test_keys_walk_the_tree_and_the_episode(opened: Opened, policy: TreePolicy) -> None:
+    opened.page.locator('[data-node="0"]').focus()
+    for key in ("ArrowRight", "ArrowRight", "Enter"):
+        opened.page.keyboard.press(key)
+    wait_for(opened, selected=policy.tree.left[policy.tree.left[0]])
+    opened.page.keyboard.press("ArrowLeft")
+    opened.page.keyboard.press("ArrowLeft")
+    wait_for(opened, visible=policy.tree.n_nodes - 8)
+    opened.page.locator("#episode-panel").focus()
+    opened.page.keyboard.press("ArrowRight")
+    wait_for(opened, step=1)
+    opened.page.keyboard.press(" ")
+    wait_for(opened, playing="true")
+
+
+def test_dragging_wheel_and_buttons_move_the_view(opened: Opened) -> None:
+    transform = opened.page.locator("#view")
+    seen = [transform.get_attribute("transform")]
+    box = opened.page.locator("#canvas").bounding_box()
+    x, y = box["x"] + 30, box["y"] + 30
+    opened.page.mouse.move(x, y)
+    opened.page.mouse.down()
+    opened.page.mouse.move(x + 50, y + 40, steps=3)
+    opened.page.mouse.up()
+    seen.append(transform.get_attribute("transform"))
+    opened.page.mouse.wheel(0, 200)
+    opened.page.wait_for_timeout(50)
+    seen.append(transform.get_attribute("transform"))
+    for button in ("#zoom-in", "#fit"):
+        opened.page.click(button)
+        seen.append(transform.get_attribute("transform"))
+    assert seen[-1] == seen[0]  # the whole tree again
+    assert len(set(seen)) == len(seen) - 1
+    assert state(opened, "selected") == ""
+
+
+def test_the_page_locates_like_the_policy(opened: Opened, policy: TreePolicy) -> None:
+    rows = probes(policy.tree, n_random=200)
+    text = [[repr(value).replace("inf", "Infinity") for value in row] for row in rows.tolist()]
+    found = opened.page.evaluate("rows => rows.map(row => leafOf(row.map(Number)))", text)
+    assert found == policy.tree.leaf_index(rows).tolist()
+
+
+def test_a_click_in_the_slice_selects_the_leaf_there(opened: Opened, policy: TreePolicy) -> None:
+    slice_ = opened.page.locator("#slice")
+    slice_.scroll_into_view_if_needed()
+    rectangles = opened.page.evaluate("rectangles(0, 1, observationNow())")
+    for place in rectangles:
+        place["x"] = (place["left"] + place["right"]) / 2
+        place["y"] = (place["low"] + place["high"]) / 2
+    at = opened.page.evaluate(
+        "places => places.map(({x, y}) => [scales(0, 1).toX(x), scales(0, 1).toY(y)])",
+        rectangles,
+    )
+    for place, (x, y) in zip(rectangles, at, strict=True):
+        slice_.click(position={"x": x, "y": y})
+        wait_for(opened, selected=policy.tree.node_of_leaf[place["leaf"]])
+    area = sum((p["right"] - p["left"]) * (p["high"] - p["low"]) for p in rectangles)
+    assert area == pytest.approx(30.0 * 22.0)
+
+
+@pytest.mark.promise(25)
+def test_any_names_are_harmless(chromium: Any, tmp_path: Path) -> None:
+    names = [*NASTY, '"><img src=x onerror=alert(1)>', "</script><script>alert(1)</script>"]
+    schema = Schema(tuple(Feature(name, name) for name in names), tuple(names))
+    grown = tree(60, len(names), seed=3)
+    policy = policy_of(grown, schema, statistics=True)
+    rows = np.random.default_rng(0).normal(size=(4, len(names)))
+    episode = Episode(rows, np.arange(3), np.zeros(3), False, True, 0, names[-1])
+    content = policy_page(policy, episodes=[WatchedEpisode(episode)], title=names[-1])
+    (tmp_path / "page.html").write_text(content, encoding="utf-8")
+    opened = open_page(chromium, tmp_path / "page.html")
+    opened.page.wait_for_selector("body[data-ready]", timeout=10_000)
+    opened.page.fill("#search", "script")
+    opened.page.press("#search", "Enter")
+    for button in ("#forward", "#collapse-all", "#expand-all"):
+        opened.page.click(button)
+    assert opened.page.locator("img").count() == 1  # the player's own
+    assert opened.page.locator("script").count() == 2
+    assert opened.page.title() == names[-1].strip()
+    opened.assert_quiet()
+    opened.page.close()
+
+
+def test_one_leaf_and_no_episodes(chromium: Any, tmp_path: Path) -> None:
+    path = tmp_path / "page.html"
+    path.write_text(policy_page(policy_of(tree(1, 1))), encoding="utf-8")
+    opened = open_page(chromium, path, width=390, height=844)
+    opened.page.wait_for_selector("body[data-ready]", timeout=10_000)
+    assert not opened.page.locator("#episode-panel").is_visible()
+    assert "Every observation comes here" in opened.page.locator("#details").inner_text()
+    assert opened.page.evaluate("document.documentElement.scrollWidth") <= 390
+    opened.assert_quiet()
+    opened.page.close()
+
+
+def test_a_large_page_is_small_and_opens_quickly(chromium: Any, tmp_path: Path) -> None:
+    """200 leaves, 50 episodes of 24 steps, pictures as large as real ones (about 2 kB)."""
+    policy = policy_of(tree(200, 3, seed=1), EVASION, statistics=True)
+    frame = PIXEL + bytes(2000)
+    content = policy_page(policy, episodes=episodes(policy, count=50, steps=24, frame=frame))
+    path = tmp_path / "page.html"
+    path.write_text(content, encoding="utf-8")
+    assert content.count("data:image/webp") == 49 * 25
+    assert path.stat().st_size <= 5_000_000
+    durations = []
+    for _ in range(3):
+        start = time.perf_counter()
+        opened = open_page(chromium, path)
+        opened.page.wait_for_selector("body[data-ready]", timeout=20_000)
+        durations.append(time.perf_counter() - start)
+        opened.assert_quiet()
+        opened.page.close()
+    assert min(durations) <= 2.0
+
+
+def test_pictures_that_do_not_fit_are_left_out() -> None:
+    policy = policy_of(tree(9, 3), EVASION)
+    watched = episodes(policy, count=9, frame=PIXEL + bytes(30_000))
+    content = policy_page(policy, episodes=watched, size_limit=1_000_000)
+    assert len(content.encode()) <= 1_000_000
+    frames = [episode["frames"] is not None for episode in page_data(content)["episodes"]]
+    assert frames == [True] + [False] * 8
+
+
+def page_data(content: str) -> dict:
+    match = re.search(r'<script type="application/json" id="data">(.*?)</script>', content)
+    assert match
+    return json.loads(match[1])
+
+
+def test_policies_with_a_history_see_their_past() -> None:
+    schema = Schema.anonymous(2, 2).with_history(1)
+    policy = TreePolicy(tree(5, 4), np.arange(5) % 2, schema, history=1)
+    rows = np.arange(8.0).reshape(4, 2)
+    expected = [[0, 1, 0, 1], [2, 3, 0, 1], [4, 5, 2, 3], [6, 7, 4, 5]]
+    np.testing.assert_array_equal(policy_features(policy, rows), expected)
+    with pytest.raises(InvalidArgumentError, match="observations of 2 features, got 3"):
+        policy_features(policy, np.zeros((4, 3)))
+
+
+def test_same_policy_same_page(policy: TreePolicy, watched: list[WatchedEpisode]) -> None:
+    first, second = (policy_page(policy, episodes=watched) for _ in range(2))
+    assert first == second
+
+
+def test_frames_must_be_one_for_each_observation(watched: list[WatchedEpisode]) -> None:
+    with pytest.raises(InvalidArgumentError, match="one for each of the 13 observations"):
+        WatchedEpisode(watched[0].episode, (PIXEL,))
+
+
+@pytest.mark.parametrize("path", sorted(ASSETS.glob("*.js")), ids=lambda path: path.name)
+def test_scripts_parse(path: Path) -> None:
+    subprocess.run([need("node"), "--check", str(path)], check=True)
+
+
+@pytest.mark.parametrize(("width", "scheme"), [(390, "light"), (1280, "dark")])
+def test_nothing_serious_for_axe(
+    chromium: Any, axe: str, file: Path, scheme: str, width: int
+) -> None:
+    # The page's own policy would refuse axe itself.
+    context = chromium.new_context(
+        bypass_csp=True, viewport={"width": width, "height": 800}, color_scheme=scheme
+    )
+    page = context.new_page()
+    page.goto(file.as_uri())
+    page.wait_for_selector("body[data-ready]", timeout=10_000)
+    page.click(".node.leaf >> nth=0")
+    grave = grave_violations(page, axe)
+    context.close()
+    assert grave == []

@@ -1,0 +1,99 @@
+"""Recording what a policy sees: pictures where they can be had, one clear line where not."""
+
+from dataclasses import replace
+from io import BytesIO
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+from eutree.errors import EutreeError, InvalidArgumentError, UnknownNameError
+from eutree.interaction import GuardedEnv, episode_seed, run_episode
+from eutree.report import watch
+from eutree.report.watching import WATCHING_STREAM, encode, watch_if_possible
+from eutree.schema import EnvironmentSpec, Schema
+from tests.export.policies import EVASION, policy_of, tree
+
+EVASION_2 = EnvironmentSpec("eutree/Evasion2-v0")
+
+
+def test_watching_does_not_change_the_episode() -> None:
+    pytest.importorskip("pygame")
+    image = pytest.importorskip("PIL.Image")
+    policy = policy_of(tree(9, 3), EVASION)
+    (watched,) = watch(policy, episodes=1, seed=3)
+    guarded = GuardedEnv(gymnasium.make("eutree/Evasion2-v0"))
+    plain = run_episode(guarded, policy, episode_seed(3, 0, WATCHING_STREAM))
+    np.testing.assert_array_equal(watched.episode.observations, plain.observations)
+    np.testing.assert_array_equal(watched.episode.actions, plain.actions)
+    assert len(watched.frames) == len(plain.observations)
+    assert image.open(BytesIO(watched.frames[0])).size == (480, 320)
+
+
+def test_without_pictures() -> None:
+    policy = policy_of(tree(9, 3), EVASION)
+    watched = watch(policy, episodes=2, seed=3, pictures=False)
+    assert [entry.frames for entry in watched] == [(), ()]
+
+
+def test_pictures_stop_at_the_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("pygame")
+    monkeypatch.setattr("eutree.report.watching.PICTURE_LIMIT", 1)
+    first, second = watch(policy_of(tree(9, 3), EVASION), episodes=2, seed=3)
+    assert len(first.frames) == len(first.episode.observations)
+    assert second.frames == ()
+
+
+def test_wrong_environments_are_refused() -> None:
+    policy = policy_of(tree(9, 3), EVASION)
+    with pytest.raises(InvalidArgumentError, match="the policy names none"):
+        watch(replace(policy, environment=None))
+    with pytest.raises(UnknownNameError, match="unknown environment 'eutree/Evasion9-v0'"):
+        watch(policy, EnvironmentSpec("eutree/Evasion9-v0"))
+    with pytest.raises(InvalidArgumentError, match="environment with 2 features"):
+        watch(policy_of(tree(3, 2), Schema.anonymous(2, 2)), EVASION_2, pictures=False)
+
+
+def test_pictures_must_be_pictures() -> None:
+    pytest.importorskip("PIL")
+    for picture in (None, np.zeros((4, 4)), np.zeros((4, 4, 3))):
+        with pytest.raises(InvalidArgumentError, match="a picture must have shape"):
+            encode(picture)
+
+
+class Blind(gymnasium.Env[Any, Any]):
+    """An environment that cannot draw itself."""
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012 - as Gymnasium declares it
+    observation_space = gymnasium.spaces.Box(-1.0, 1.0, (1,))
+    action_space = gymnasium.spaces.Discrete(2)
+
+    def __init__(self, render_mode: str | None = None) -> None:
+        self.render_mode = render_mode
+
+    def reset(self, *, seed: int | None = None, options: Any = None) -> tuple[Any, dict[str, Any]]:
+        return np.zeros(1, dtype=np.float32), {}
+
+    def step(self, action: int) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        return np.zeros(1, dtype=np.float32), 0.0, True, False, {}
+
+    def render(self) -> Any:
+        raise OSError("no display")
+
+
+@pytest.fixture
+def blind() -> Any:
+    gymnasium.register("Blind-v0", entry_point=Blind)
+    yield EnvironmentSpec("Blind-v0")
+    del gymnasium.registry["Blind-v0"]
+
+
+def test_an_environment_that_cannot_draw_is_watched_without_pictures(blind: Any) -> None:
+    policy = policy_of(tree(2, 1), Schema.anonymous(1, 2))
+    with pytest.raises(EutreeError, match="must be able to render rgb_array, it raised OSError"):
+        watch(policy, blind, episodes=1)
+    watched, problem = watch_if_possible(policy, blind, episodes=2, seed=0)
+    assert len(watched) == 2
+    assert watched[0].frames == ()
+    assert problem.startswith("no pictures: Blind-v0 must be able to render")

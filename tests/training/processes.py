@@ -1,0 +1,74 @@
+"""Runs of ``eutree learn`` in processes of their own, to be killed, and the bytes they leave."""
+
+import hashlib
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import eutree
+
+ARTEFACTS = ("policy.json", "expert.json", "curve.csv", "events.jsonl", "checkpoint.npz")
+SOURCE = Path(eutree.__file__).parents[1]
+COMMAND = "from eutree.__main__ import main; main()"
+
+# As the command line, but an archive's content is replaced in place, with a pause in the middle.
+TORN = """
+import time
+from eutree.files import atomic
+
+whole = atomic.write_bytes
+
+def torn(path, data):
+    if path.suffix != ".npz":
+        whole(path, data)
+        return
+    with open(path, "wb") as file:
+        file.write(data[: len(data) // 2])
+        file.flush()
+        time.sleep(1)
+        file.write(data[len(data) // 2 :])
+
+atomic.write_bytes = torn
+"""
+
+
+def start(*arguments, code=COMMAND, **environment):
+    """Start a command line in a process of its own."""
+    return subprocess.Popen(
+        [sys.executable, "-c", code, *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(SOURCE), **environment},
+    )
+
+
+def finish(process, timeout=240):
+    """Wait for a process; return its exit code and what it said on standard error."""
+    _, err = process.communicate(timeout=timeout)
+    return process.returncode, err
+
+
+def wait_for_new(path, before, process, timeout=120):
+    """Wait until a file is another than ``before`` (see ``identity``), or the process has ended."""
+    limit = time.monotonic() + timeout
+    while identity(path) == before and process.poll() is None:
+        if time.monotonic() > limit:
+            raise TimeoutError(f"{path} did not change within {timeout} s")
+        time.sleep(0.002)
+
+
+def identity(path):
+    """Return what tells one written file from the next under the same name."""
+    try:
+        status = path.stat()
+    except FileNotFoundError:
+        return None
+    return status.st_ino, status.st_mtime_ns
+
+
+def digests(folder):
+    """Return the SHA-256 of each artefact of a run folder."""
+    return {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in ARTEFACTS}

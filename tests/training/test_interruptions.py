@@ -1,0 +1,164 @@
+"""Runs that are killed, interrupted or started twice end with the bytes of an undisturbed run."""
+
+import os
+import random
+import resource
+import signal
+import time
+
+import pytest
+
+from eutree.cli.main import run
+from tests.training.processes import (
+    COMMAND,
+    TORN,
+    digests,
+    finish,
+    identity,
+    start,
+    wait_for_new,
+)
+
+DOMAINS = ("eutree/Evasion2-v0", "eutree/Evasion3-v0")
+LENGTH = ("--episodes", 60, "--evaluate-every", 10, "--evaluation-episodes", 10)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """Return a function that gives the command line and the bytes of an undisturbed run."""
+    made = {}
+
+    def of(domain, seed):
+        if (domain, seed) not in made:
+            folder = tmp_path_factory.mktemp("whole")
+            demos = folder / "demos"
+            record = ("record", domain, "--expert", "gate", "--episodes", 6, "--out", demos)
+            assert run([*map(str, record)]) == 0
+            line = ("learn", "--demos", demos, "--seed", seed, *LENGTH)
+            assert run([*map(str, line), "--out", str(folder / "run")]) == 0
+            made[domain, seed] = line, digests(folder / "run")
+        return made[domain, seed]
+
+    return of
+
+
+def kill_once(line, folder, moment, code=COMMAND):
+    """Start or resume a run, and kill it ``moment`` seconds after its first new checkpoint.
+
+    Returns:
+        Exit code and standard error: -9, or those of a run that ended before.
+    """
+    options = ("--out", folder, "--resume", "--checkpoint-seconds", 0)
+    before = identity(folder / "checkpoint.npz")
+    process = start(*line, *options, code=code)
+    wait_for_new(folder / "checkpoint.npz", before, process)
+    time.sleep(moment)
+    os.kill(process.pid, signal.SIGKILL)
+    return finish(process)
+
+
+def kill_and_resume(line, folder, kills, seed):
+    """Kill a run at random moments, then let it end."""
+    codes = []
+    chance = random.Random(seed)
+    for number in range(kills):
+        moment = chance.uniform(0, 0.6)
+        code, err = kill_once(line, folder, moment)
+        print(f"seed {seed}, kill {number} after {moment:.3f} s: exit code {code}")
+        assert code in (-signal.SIGKILL, 0), err
+        codes.append(code)
+    assert -signal.SIGKILL in codes, "every run ended before it was killed"
+    code, err = finish(start(*line, "--out", folder, "--resume"))
+    assert code == 0, err
+
+
+@pytest.mark.promise(8)
+@pytest.mark.promise(13)
+@pytest.mark.parametrize("domain", DOMAINS)
+def test_kill_9_and_resume_ends_with_the_same_bytes(whole, tmp_path, domain):
+    line, wanted = whole(domain, 0)
+    kill_and_resume(line, tmp_path / "run", 1, seed=0)
+    assert digests(tmp_path / "run") == wanted
+    assert not list((tmp_path / "run").glob(".*eutree-tmp"))
+
+
+@pytest.mark.slow
+@pytest.mark.promise(8)
+@pytest.mark.parametrize("domain", DOMAINS)
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_twenty_kills_and_resumes_end_with_the_same_bytes(whole, tmp_path, domain, seed):
+    line, wanted = whole(domain, seed)
+    kill_and_resume(line, tmp_path / "run", 4, seed=seed)
+    assert digests(tmp_path / "run") == wanted
+
+
+@pytest.mark.promise(8)
+def test_the_kill_test_catches_a_writer_that_is_not_atomic(whole, tmp_path):
+    line, _ = whole(DOMAINS[0], 0)
+    folder = tmp_path / "run"
+    kill_once(line, folder, 0.3, code=TORN + COMMAND)
+    code, err = finish(start(*line, "--out", folder, "--resume"))
+    assert code == 2
+    assert "checkpoint.npz" in err
+
+
+@pytest.mark.promise(12)
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_saves_and_exits_and_the_run_can_be_resumed(whole, tmp_path, number):
+    line, wanted = whole(DOMAINS[0], 0)
+    folder = tmp_path / "run"
+    process = start(*line, "--out", folder, "--checkpoint-seconds", 0)
+    wait_for_new(folder / "checkpoint.npz", None, process)
+    time.sleep(random.Random(int(number)).uniform(0, 0.3))
+    spent = cpu_seconds(process.pid)
+    os.kill(process.pid, number)
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    code, err = finish(process, timeout=30)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    assert code == 128 + number, err
+    assert "Traceback" not in err
+    assert err.splitlines()[-1].endswith("go on with --resume")
+    total = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    assert total - spent < 2.0
+    code, err = finish(start(*line, "--out", folder, "--resume"))
+    assert code == 0, err
+    assert digests(folder) == wanted
+
+
+def cpu_seconds(pid):
+    """Return the processor time that a process has taken so far."""
+    with open(f"/proc/{pid}/stat") as file:
+        fields = file.read().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+@pytest.mark.promise(12)
+def test_a_signal_interrupts_a_long_evaluation(whole, tmp_path):
+    line, _ = whole(DOMAINS[0], 0)
+    folder = tmp_path / "run"
+    process = start(*line, "--out", folder, "--evaluation-episodes", 1_000_000)
+    wait_for_new(folder / "expert.json", None, process)
+    os.kill(process.pid, signal.SIGTERM)
+    code, err = finish(process, timeout=30)
+    assert code == 143, err
+    assert err.splitlines()[-1].endswith("go on with --resume")
+
+
+@pytest.mark.promise(11)
+def test_a_second_process_is_refused_and_the_lock_of_a_dead_one_is_taken_over(whole, tmp_path):
+    line, wanted = whole(DOMAINS[0], 0)
+    folder = tmp_path / "run"
+    first = start(*line, "--out", folder, "--checkpoint-seconds", 0)
+    wait_for_new(folder / "checkpoint.npz", None, first)
+    os.kill(first.pid, signal.SIGSTOP)
+    try:
+        code, err = finish(start(*line, "--out", folder, "--resume"))
+        assert code == 2
+        assert f"{folder} is in use by process {first.pid}" in err
+    finally:
+        os.kill(first.pid, signal.SIGKILL)
+    finish(first)
+    assert (folder / ".lock").read_text() == f"{first.pid}\n"
+    code, err = finish(start(*line, "--out", folder, "--resume"))
+    assert code == 0, err
+    assert digests(folder) == wanted

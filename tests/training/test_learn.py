@@ -1,0 +1,219 @@
+"""The public ``learn``: the three learners, the protocol, histories, interruptions."""
+
+import dataclasses
+
+import gymnasium
+import numpy as np
+import pytest
+
+import eutree
+from eutree.errors import EnvironmentFault, InvalidArgumentError, RunFolderError
+from eutree.interaction import GuardedEnv
+from eutree.learning import PAPER
+from tests.interaction.sick import Healthy
+
+SHORT = {"episodes": 30, "evaluate_every": 10, "evaluation_episodes": 10}
+
+
+@pytest.fixture(scope="module")
+def env():
+    return gymnasium.make("eutree/Evasion2-v0")
+
+
+@pytest.fixture(scope="module")
+def demonstrations(env):
+    return eutree.record(env, eutree.experts.wait_at_crossing, episodes=8, seed=0)
+
+
+def same(first, second):
+    """Return whether two runs ended the same, to the byte."""
+    columns = ("observations", "actions", "rewards", "left", "entered")
+    return (
+        first.policy == second.policy
+        and first.curve == second.curve
+        and all(
+            getattr(first.history, c).tobytes() == getattr(second.history, c).tobytes()
+            for c in columns
+        )
+    )
+
+
+def test_the_learner_follows_from_what_is_given(env, demonstrations):
+    expert = eutree.fit_expert_tree(demonstrations)
+    with_all = eutree.learn(env, demonstrations=demonstrations, **SHORT)
+    with_tree = eutree.learn(env, expert=expert, **SHORT)
+    with_nothing = eutree.learn(env, **SHORT)
+    names = [result.learner for result in (with_all, with_tree, with_nothing)]
+    assert names == ["eu-tree", "eu-tree-dt", "c-u-tree"]
+    assert with_all.history.size > with_all.steps == with_all.curve[-1].steps
+    assert with_tree.history.size == with_tree.steps
+    assert with_nothing.expert is None
+    assert [point.episode for point in with_all.curve] == [0, 10, 20, 30]
+    assert with_all.expert == expert
+
+
+@pytest.mark.parametrize("preset", ["paper", "default"])
+def test_the_same_seed_gives_the_same_result(env, demonstrations, preset):
+    runs = [
+        eutree.learn(env, demonstrations=demonstrations, preset=preset, seed=seed, **SHORT)
+        for seed in (3, 3, 4)
+    ]
+    assert same(runs[0], runs[1])
+    assert not same(runs[0], runs[2])
+
+
+@pytest.mark.promise(14)
+def test_global_random_state_is_neither_read_nor_changed(env, demonstrations):
+    results = []
+    for seed in (1, 2):
+        np.random.seed(seed)  # noqa: NPY002 - the global state is what is tested
+        before = np.random.get_state()[1].tolist()  # noqa: NPY002 - as above
+        results.append(eutree.learn(env, demonstrations=demonstrations, **SHORT))
+        assert np.random.get_state()[1].tolist() == before  # noqa: NPY002 - as above
+    assert same(*results)
+
+
+def test_previous_observations_become_features(env, demonstrations):
+    result = eutree.learn(env, demonstrations=demonstrations, history=2, **SHORT)
+    policy = result.policy
+    assert (policy.history, policy.tree.n_features, policy.observation_size) == (2, 9, 3)
+    assert policy.schema.feature_names[3] == "position, 1 ago"
+    guarded = GuardedEnv(env, history=2)
+    features, state = guarded.reset(seed=5), None
+    for _ in range(15):
+        action, state = policy.predict(features[:3], state)
+        np.testing.assert_array_equal(state, features)
+        assert action == policy.act(features.tolist())
+        features, _, terminated, truncated, _ = guarded.step(action)
+        if terminated or truncated:
+            break
+    assert eutree.evaluate(policy, env, episodes=5).n_leaves == policy.n_leaves
+
+
+class InterruptedRunError(Exception):
+    """Stands for whatever ends a process."""
+
+
+@pytest.mark.promise(8)
+@pytest.mark.parametrize("preset", ["paper", "default"])
+@pytest.mark.parametrize("at", [0, 1, 7, 20, 29])
+def test_a_run_resumed_after_an_interruption_ends_the_same(
+    env, demonstrations, tmp_path, preset, at
+):
+    options = {"demonstrations": demonstrations, "preset": preset, "seed": 9, **SHORT}
+
+    def interrupt(run):
+        if run.episode == at:
+            raise InterruptedRunError
+
+    with pytest.raises(InterruptedRunError):
+        eutree.learn(env, out=tmp_path / "run", on_progress=interrupt, **options)
+    resumed = eutree.learn(env, out=tmp_path / "run", resume=True, **options)
+    whole = eutree.learn(env, out=tmp_path / "whole", **options)
+    assert same(resumed, whole)
+    for name in ("policy.json", "expert.json", "curve.csv", "events.jsonl", "checkpoint.npz"):
+        assert (tmp_path / "run" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+
+
+def test_a_request_to_stop_ends_the_run_at_the_last_finished_episode(env, demonstrations, tmp_path):
+    calls = iter(range(10**9))
+    options = {"demonstrations": demonstrations, "seed": 2, **SHORT}
+    stopped = eutree.learn(env, out=tmp_path / "a", stop=lambda: next(calls) >= 200, **options)
+    assert 0 < stopped.episodes < 30
+    resumed = eutree.learn(env, out=tmp_path / "a", resume=True, **options)
+    assert same(resumed, eutree.learn(env, **options))
+
+
+def test_a_fault_of_the_environment_leaves_the_run_resumable(tmp_path):
+    class Breaks(Healthy):
+        broken = True
+        calls = 0
+
+        def step(self, action):
+            Breaks.calls += 1
+            if self.broken and Breaks.calls == 23:
+                return np.array([np.nan, 0.0]), 0.0, False, False, {}
+            return super().step(action)
+
+    options = {"episodes": 10, "evaluate_every": 100, "evaluation_episodes": 1, "seed": 1}
+    with pytest.raises(EnvironmentFault, match="finite"):
+        eutree.learn(Breaks(), out=tmp_path / "a", **options)
+    Breaks.broken = False
+    resumed = eutree.learn(Breaks(), out=tmp_path / "a", resume=True, **options)
+    assert same(resumed, eutree.learn(Breaks(), **options))
+
+
+def test_a_run_folder_refuses_a_second_run_and_another_start(env, demonstrations, tmp_path):
+    options = {"demonstrations": demonstrations, "out": tmp_path / "a", **SHORT}
+    eutree.learn(env, seed=1, **options)
+    with pytest.raises(RunFolderError, match="already holds a run; go on with it"):
+        eutree.learn(env, seed=1, **options)
+    with pytest.raises(RunFolderError, match=r"started with seed 1.*cannot be resumed with 2"):
+        eutree.learn(env, seed=2, resume=True, **options)
+
+
+def test_a_finished_run_can_be_made_longer(env, demonstrations, tmp_path):
+    options = {"demonstrations": demonstrations, "evaluation_episodes": 5, "evaluate_every": 20}
+    eutree.learn(env, out=tmp_path / "a", episodes=20, **options)
+    longer = eutree.learn(env, out=tmp_path / "a", resume=True, episodes=40, **options)
+    assert same(longer, eutree.learn(env, episodes=40, **options))
+
+
+@pytest.mark.promise(11)
+def test_two_processes_do_not_share_a_run_folder(env, demonstrations, tmp_path):
+    def second(run):
+        with pytest.raises(RunFolderError, match="in use by process"):
+            eutree.learn(env, demonstrations=demonstrations, out=tmp_path / "a", resume=True)
+        raise InterruptedRunError
+
+    with pytest.raises(InterruptedRunError):
+        eutree.learn(env, demonstrations=demonstrations, out=tmp_path / "a", on_progress=second)
+
+
+@pytest.mark.parametrize("learner", ["c-u-tree", "eu-tree"])
+def test_learning_offline_needs_no_environment(env, tmp_path, learner):
+    careless = eutree.experts.careless(eutree.experts.wait_at_crossing, 0.3, seed=1)
+    recorded = eutree.record(env, careless, episodes=60, seed=3)
+    options = {"demonstrations": recorded, "learner": learner, "preset": "paper", "seed": 1}
+    result = eutree.learn(None, out=tmp_path / "a", **options)
+    assert (result.episodes, result.steps, result.curve) == (0, 0, ())
+    assert result.history.size == recorded.n_transitions
+    assert result.policy.n_leaves > 5
+    assert same(result, eutree.learn(None, **options))
+    assert eutree.TreePolicy.load(tmp_path / "a" / "policy.json") == result.policy
+    assert eutree.evaluate(result.policy, env, episodes=100).mean_return > 0
+
+
+def test_learning_offline_needs_demonstrations():
+    with pytest.raises(InvalidArgumentError, match="'offline learning' needs demonstrations"):
+        eutree.learn(None)
+
+
+def test_settings_of_one_s_own(env, demonstrations):
+    mine = dataclasses.replace(PAPER, discount=1.0, gathering_episodes=5)
+    result = eutree.learn(env, demonstrations=demonstrations, settings=mine, **SHORT)
+    assert result.settings == mine
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"learner": "eu-tree"}, "'eu-tree' needs demonstrations"),
+        ({"learner": "eutree"}, "unknown learner 'eutree'. Did you mean 'eu-tree'"),
+        ({"preset": "papers"}, "unknown preset 'papers'. Did you mean 'paper'"),
+        ({"episodes": -1}, "episodes must be an integer >= 0, got -1"),
+        ({"evaluate_every": 0}, "evaluate_every must be an integer >= 1, got 0"),
+        ({"evaluation_episodes": 0}, "evaluation_episodes must be an integer >= 1, got 0"),
+        ({"seed": -3}, "seed must be an integer >= 0, got -3"),
+        ({"history": -1}, "history must be an integer >= 0, got -1"),
+    ],
+)
+def test_bad_arguments_are_named(env, arguments, message):
+    with pytest.raises(InvalidArgumentError, match=message):
+        eutree.learn(env, **arguments)
+
+
+def test_demonstrations_of_another_environment_are_refused(demonstrations):
+    other = gymnasium.make("CartPole-v1")
+    with pytest.raises(InvalidArgumentError, match="must be of the environment"):
+        eutree.learn(other, demonstrations=demonstrations)
