@@ -1,0 +1,124 @@
+"""Small, readable decision trees that control things.
+
+Importing the package registers its environments with Gymnasium. The public names below are
+imported on first use (PEP 562), so that ``import eutree`` costs little more than
+``import gymnasium``.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from eutree.envs.registration import register as _register
+
+if TYPE_CHECKING:
+    from eutree import export as export
+    from eutree import inspection as inspection
+    from eutree import interaction as interaction
+    from eutree import learning as learning
+    from eutree import mdp as mdp
+    from eutree import report as report
+    from eutree import splitting as splitting
+    from eutree.c45 import C45Settings as C45Settings
+    from eutree.c45.estimator import C45Classifier as C45Classifier
+    from eutree.compression import CompressionReport as CompressionReport
+    from eutree.compression.compress import compress as compress
+    from eutree.data import Demonstrations as Demonstrations
+    from eutree.data import Episode as Episode
+    from eutree.envs import experts as experts
+    from eutree.errors import EnvironmentFault as EnvironmentFault
+    from eutree.errors import EutreeError as EutreeError
+    from eutree.errors import FileError as FileError
+    from eutree.errors import FormatError as FormatError
+    from eutree.errors import InvalidArgumentError as InvalidArgumentError
+    from eutree.errors import MissingExtraError as MissingExtraError
+    from eutree.errors import RunFolderError as RunFolderError
+    from eutree.errors import UnknownNameError as UnknownNameError
+    from eutree.errors import UnsupportedSpaceError as UnsupportedSpaceError
+    from eutree.evaluation import Evaluation as Evaluation
+    from eutree.evaluation.evaluate import evaluate as evaluate
+    from eutree.inspection.diff import diff as diff
+    from eutree.inspection.verify import verify as verify
+    from eutree.inspection.why import why as why
+    from eutree.interaction import record as record
+    from eutree.learning import Settings as Settings
+    from eutree.learning import UTree as UTree
+    from eutree.learning.expert_tree import fit_expert_tree as fit_expert_tree
+    from eutree.policies import LeafStatistics as LeafStatistics
+    from eutree.policies import Policy as Policy
+    from eutree.policies import TreePolicy as TreePolicy
+    from eutree.schema import EnvironmentSpec as EnvironmentSpec
+    from eutree.schema import Feature as Feature
+    from eutree.schema import Schema as Schema
+    from eutree.training import LearningResult as LearningResult
+    from eutree.training.learn import learn as learn
+    from eutree.trees import DecisionTree as DecisionTree
+
+__version__ = "0.1.0"
+
+# Where each public name lives, as "module" or "module:attribute". The imports above say the same to
+# type checkers; a contract test compares the two.
+_PUBLIC = {
+    "C45Classifier": "eutree.c45.estimator:C45Classifier",
+    "C45Settings": "eutree.c45:C45Settings",
+    "compress": "eutree.compression.compress:compress",
+    "CompressionReport": "eutree.compression:CompressionReport",
+    "diff": "eutree.inspection.diff:diff",
+    "DecisionTree": "eutree.trees:DecisionTree",
+    "Demonstrations": "eutree.data:Demonstrations",
+    "EnvironmentFault": "eutree.errors:EnvironmentFault",
+    "EnvironmentSpec": "eutree.schema:EnvironmentSpec",
+    "Episode": "eutree.data:Episode",
+    "EutreeError": "eutree.errors:EutreeError",
+    "evaluate": "eutree.evaluation.evaluate:evaluate",
+    "Evaluation": "eutree.evaluation:Evaluation",
+    "experts": "eutree.envs.experts",
+    "export": "eutree.export",
+    "Feature": "eutree.schema:Feature",
+    "FileError": "eutree.errors:FileError",
+    "fit_expert_tree": "eutree.learning.expert_tree:fit_expert_tree",
+    "FormatError": "eutree.errors:FormatError",
+    "inspection": "eutree.inspection",
+    "interaction": "eutree.interaction",
+    "InvalidArgumentError": "eutree.errors:InvalidArgumentError",
+    "LeafStatistics": "eutree.policies:LeafStatistics",
+    "learn": "eutree.training.learn:learn",
+    "learning": "eutree.learning",
+    "LearningResult": "eutree.training:LearningResult",
+    "mdp": "eutree.mdp",
+    "MissingExtraError": "eutree.errors:MissingExtraError",
+    "Policy": "eutree.policies:Policy",
+    "record": "eutree.interaction:record",
+    "report": "eutree.report",
+    "RunFolderError": "eutree.errors:RunFolderError",
+    "Schema": "eutree.schema:Schema",
+    "Settings": "eutree.learning:Settings",
+    "splitting": "eutree.splitting",
+    "TreePolicy": "eutree.policies:TreePolicy",
+    "UnknownNameError": "eutree.errors:UnknownNameError",
+    "UnsupportedSpaceError": "eutree.errors:UnsupportedSpaceError",
+    "UTree": "eutree.learning:UTree",
+    "verify": "eutree.inspection.verify:verify",
+    "why": "eutree.inspection.why:why",
+}
+
+__all__ = list(_PUBLIC)
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name on first use."""
+    if name not in _PUBLIC:
+        raise AttributeError(f"module 'eutree' has no attribute {name!r}")
+    module, _, attribute = _PUBLIC[name].partition(":")
+    value: Any = importlib.import_module(module)
+    if attribute:
+        value = getattr(value, attribute)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """Return the public names."""
+    return __all__
+
+
+_register()

@@ -1,0 +1,92 @@
+"""Where a command's words go: results to standard output, everything else to standard error."""
+
+import json
+import math
+from typing import Any
+
+import click
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.text import Text
+
+
+class Output:
+    """Prints the result of a command once, as text or as one JSON object.
+
+    Args:
+        as_json: Whether ``--json`` was given.
+    """
+
+    def __init__(self, *, as_json: bool) -> None:
+        self.as_json = as_json
+        self.messages = Console(stderr=True, highlight=False)
+
+    def say(self, text: str) -> None:
+        """Print a message on standard error."""
+        self.messages.print(text, markup=False)
+
+    def result(self, values: dict[str, Any], text: Any) -> None:
+        """Print ``values`` as one JSON object, or else ``text`` (a string or a rich renderable)."""
+        if self.as_json:
+            click.echo(json.dumps(_plain(values), allow_nan=False))
+        else:
+            Console(highlight=False, soft_wrap=isinstance(text, str | Text)).print(
+                text, markup=not isinstance(text, str)
+            )
+
+    def progress(self, label: str, total: int) -> "ProgressLine":
+        """Return a progress bar on a terminal, quiet lines in a pipe."""
+        return ProgressLine(self.messages, label, total)
+
+
+class ProgressLine:
+    """A rich progress bar on a terminal; in a pipe, a line for each tenth of the work."""
+
+    def __init__(self, console: Console, label: str, total: int) -> None:
+        self._console, self._label, self._total, self._count = console, label, total, 0
+        self._bar: Progress | None = None
+
+    def __enter__(self) -> "ProgressLine":
+        if self._console.is_terminal:
+            self._bar = Progress(
+                TextColumn("{task.description}"),
+                BarColumn(),
+                MofNCompleteColumn(),
+                TimeElapsedColumn(),
+                TextColumn("{task.fields[note]}"),
+                console=self._console,
+                transient=False,
+            )
+            self._bar.start()
+            self._task = self._bar.add_task(self._label, total=self._total, note="")
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def update(self, count: int, note: str = "") -> None:
+        """Say how many of the units are done, with a short note on the present state."""
+        if self._bar is not None:
+            self._bar.update(self._task, completed=count, note=note)
+        elif count * 10 // self._total > self._count * 10 // self._total:
+            self._console.print(
+                f"{self._label} {count}/{self._total} {note}".rstrip(), markup=False
+            )
+        self._count = count
+
+
+def _plain(value: Any) -> Any:
+    """Return ``value`` in JSON's own types; what is not finite becomes null."""
+    if isinstance(value, dict):
+        return {str(key): _plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, np.generic):
+        return _plain(value.item())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -1,0 +1,123 @@
+"""``eutree compress``: fewer leaves, the same decisions."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from eutree.cli._options import env_arg_option, json_option, override, seed_option
+from eutree.cli._output import Output
+from eutree.errors import InvalidArgumentError
+
+if TYPE_CHECKING:
+    from eutree.arrays import Floats
+    from eutree.compression import CompressionReport
+    from eutree.policies import TreePolicy
+
+
+@click.command(epilog="Example: eutree compress runs/a --out small.json --round")
+@click.argument("source", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="File to write.")
+@click.option("--demos", type=click.Path(path_type=Path),
+              help="Demonstrations whose observations to keep the decisions on; needed where "
+              "SOURCE is a policy file instead of a run folder.")  # fmt: skip
+@click.option("--mode", default="auto", show_default=True,
+              help="auto, merge (same decision everywhere), lossless, or paper.")  # fmt: skip
+@click.option("--max-disagreement", type=float, metavar="SHARE",
+              help="Give the smallest tree that changes at most this share of the recorded "
+              "decisions.")  # fmt: skip
+@click.option("--weights", default="visits", show_default=True,
+              help="What a changed decision costs: visits (1 each) or q-gap (by the values of "
+              "the leaves).")  # fmt: skip
+@click.option("--return-margin", type=float, metavar="RETURN",
+              help="Give the smallest tree whose mean return in the policy's environment is "
+              "not lower by more than this.")  # fmt: skip
+@click.option("--confidence", type=float, default=0.95, show_default=True,
+              help="Of the decision about the margin.")  # fmt: skip
+@click.option("--episodes", type=click.IntRange(min=2), default=1000, show_default=True,
+              help="Episodes of each evaluation.")  # fmt: skip
+@click.option("--evaluate", "evaluates", is_flag=True,
+              help="Evaluate before and after in the policy's environment.")  # fmt: skip
+@click.option("--round", "round_thresholds", is_flag=True,
+              help="Write thresholds with the fewest digits that keep the decisions.")  # fmt: skip
+@env_arg_option
+@seed_option
+@json_option
+def compress(
+    source: Path,
+    out: Path,
+    demos: Path | None,
+    return_margin: float | None,
+    evaluates: bool,
+    env_arguments: dict[str, Any],
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Make the tree of SOURCE, a run folder or a policy file, smaller; report what changed."""
+    from eutree.compression import compress as compress_policy
+
+    output = Output(as_json=as_json)
+    policy, observations = _read(source, demos)
+    spec = None
+    if return_margin is not None or evaluates:
+        if policy.environment is None:
+            raise InvalidArgumentError(
+                f"{source} must name an environment for --evaluate and --return-margin"
+            )
+        spec = override(policy.environment, env_arguments)
+    elif env_arguments:
+        raise InvalidArgumentError("--env-arg needs --evaluate or --return-margin")
+    small, report = compress_policy(policy, observations, env=spec, margin=return_margin, **options)
+    small.save(out)
+    change = report.return_change
+    output.result(
+        {
+            "n_leaves_before": report.n_leaves_before,
+            "n_leaves_after": report.n_leaves_after,
+            "agreement": report.agreement,
+            "disagreement_volume": report.disagreement_volume,
+            "method": report.method,
+            "weighted_disagreement": report.weighted_disagreement,
+            "environment_steps": report.environment_steps,
+            "mean_return_before": report.mean_return_before,
+            "mean_return_after": report.mean_return_after,
+            "return_change": None if change is None else list(change.interval),
+            "path": str(out),
+        },
+        f"{small}\n{_in_words(report, len(observations))}; written to {out}",
+    )
+
+
+def _read(source: Path, demos: Path | None) -> "tuple[TreePolicy, Floats]":
+    """Return the policy and the recorded observations."""
+    from eutree.data import Demonstrations
+    from eutree.policies import TreePolicy
+    from eutree.training import stored_observations
+
+    if source.is_dir():
+        return TreePolicy.load(source / "policy.json"), stored_observations(source)
+    if demos is None:
+        raise InvalidArgumentError(
+            f"{source} must be a run folder, or --demos must name recorded observations"
+        )
+    policy = TreePolicy.load(source)
+    shown = Demonstrations.load(demos).with_history(policy.history)
+    return policy, shown.observations
+
+
+def _in_words(report: "CompressionReport", n_rows: int) -> str:
+    words = (
+        f"{report.n_leaves_before} leaves became {report.n_leaves_after} "
+        f"({report.method}); the same decision on {report.agreement:.2%} of "
+        f"{n_rows} recorded observations, another on "
+        f"{report.disagreement_volume:.3%} of the observation box"
+    )
+    if report.return_change is not None:
+        low, high = report.return_change.interval
+        words += (
+            f"; mean return {report.mean_return_before:.2f} before, "
+            f"{report.mean_return_after:.2f} after, a change in [{low:.2f}, {high:.2f}] "
+            f"on {report.return_change.n} fresh episodes, {report.environment_steps} "
+            "environment steps in all"
+        )
+    return words

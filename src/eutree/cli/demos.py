@@ -1,0 +1,433 @@
+"""``eutree demos``: look at demonstrations, edit them, check them, exchange them."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from eutree.cli._options import env_arg_option, json_option
+from eutree.cli._output import Output
+from eutree.errors import InvalidArgumentError
+
+if TYPE_CHECKING:
+    from eutree.data import DemonstrationFolder, Demonstrations, Episode
+    from eutree.data.summary import EpisodeSummary, Summary
+
+_Command = TypeVar("_Command", bound=Callable[..., Any])
+
+_KINDS = "minari:ID, or a file ending in .csv or .npz"
+
+
+@click.group(epilog="Example: eutree demos list demos/")
+def demos() -> None:
+    """List, check, replay, edit, import and export demonstrations."""
+
+
+def _folder(command: _Command) -> _Command:
+    return click.argument("folder", type=click.Path(path_type=Path))(command)
+
+
+def _numbers(command: _Command) -> _Command:
+    return click.argument("numbers", type=int, nargs=-1, required=True)(command)
+
+
+@demos.command("list", epilog="Example: eutree demos list demos/")
+@_folder
+@json_option
+def list_(folder: Path, as_json: bool) -> None:
+    """List the episodes of FOLDER with result, length and return."""
+    opened = _open(folder)
+    rows = _rows(opened.read_all())
+    Output(as_json=as_json).result(
+        {
+            "environment": None if opened.environment is None else str(opened.environment),
+            "expert": opened.expert,
+            "episodes": [_as_dict(row) for row in rows],
+        },
+        _table(rows, str(opened.environment or folder)),
+    )
+
+
+@demos.command(epilog="Example: eutree demos keep demos/ 3 7")
+@_folder
+@_numbers
+@click.option("--comment", help="A remark to store with the episodes.")
+@json_option
+def keep(folder: Path, numbers: tuple[int, ...], comment: str | None, as_json: bool) -> None:
+    """Let learners use the episodes NUMBERS of FOLDER (again)."""
+    _set_kept(folder, numbers, comment, True, as_json)
+
+
+@demos.command(epilog='Example: eutree demos drop demos/ 3 --comment "pressed too late"')
+@_folder
+@_numbers
+@click.option("--comment", help="A remark to store with the episodes.")
+@json_option
+def drop(folder: Path, numbers: tuple[int, ...], comment: str | None, as_json: bool) -> None:
+    """Discard the episodes NUMBERS of FOLDER; they stay, marked, and `keep` takes them back."""
+    _set_kept(folder, numbers, comment, False, as_json)
+
+
+@demos.command(epilog="Example: eutree demos trim demos/ 3 --steps 20")
+@_folder
+@click.argument("number", type=int)
+@click.option("--steps", type=click.IntRange(min=1), required=True, help="How many to leave.")
+@json_option
+def trim(folder: Path, number: int, steps: int, as_json: bool) -> None:
+    """Cut the episode NUMBER of FOLDER off after some steps."""
+    opened = _open_to_edit(folder)
+    episode = opened.read(number)
+    if steps >= len(episode):
+        raise InvalidArgumentError(
+            f"--steps must be less than the {len(episode)} steps of episode {number}, got {steps}"
+        )
+    shorter = replace(
+        episode,
+        observations=episode.observations[: steps + 1],
+        actions=episode.actions[:steps],
+        rewards=episode.rewards[:steps],
+        steps={name: array[:steps] for name, array in episode.steps.items()},
+        terminated=False,
+        truncated=False,
+        ending="trimmed",
+        is_success=None,
+    )
+    opened.write(number, shorter)
+    Output(as_json=as_json).result(
+        {"episode": number, "length": steps}, f"episode {number} now has {steps} steps"
+    )
+
+
+@demos.command(epilog="Example: eutree demos replay demos/ 3 --window")
+@_folder
+@click.argument("number", type=int)
+@click.option("--window", is_flag=True, help="Run it again and show it in a window.")
+@json_option
+def replay(folder: Path, number: int, window: bool, as_json: bool) -> None:
+    """Show the episode NUMBER of FOLDER step by step."""
+    opened = _open(folder)
+    episode = opened.read_all().get(number)
+    if episode is None:
+        raise InvalidArgumentError(f"{folder} has no episode {number}")
+    if window:
+        _show(opened, episode)
+    names = opened.schema.feature_names
+    steps = [
+        {
+            "step": step,
+            "observation": dict(zip(names, episode.observations[step].tolist(), strict=True)),
+            "action": opened.schema.actions[int(episode.actions[step])],
+            "reward": float(episode.rewards[step]),
+        }
+        for step in range(len(episode))
+    ]
+    lines = [
+        f"{step['step']:5}  "
+        + ", ".join(f"{name} {value:.6g}" for name, value in _items(step["observation"]))
+        + f"  -> {step['action']}  reward {step['reward']:g}"
+        for step in steps
+    ]
+    result = f"{episode.ending or 'no ending recorded'}, return {episode.undiscounted_return:g}"
+    values = {"episode": number, "ending": episode.ending, "steps": steps}
+    Output(as_json=as_json).result(values, "\n".join([*lines, result]))
+
+
+@demos.command(epilog="Example: eutree demos check demos/")
+@_folder
+@click.option("--env", "environment", help="The environment; the one of FOLDER if not given.")
+@env_arg_option
+@json_option
+def check(
+    folder: Path, environment: str | None, env_arguments: dict[str, Any], as_json: bool
+) -> None:
+    """Run every episode of FOLDER again from its seed and actions; compare bit for bit.
+
+    The exit code is 0 if all are equal and 1 if one is not.
+    """
+    from eutree.interaction.making import make
+    from eutree.interaction.replay import replay as replay_all
+    from eutree.schema import EnvironmentSpec
+
+    opened = _open(folder)
+    episodes = _some(opened)
+    env = None if environment is None else make(EnvironmentSpec(environment, env_arguments))
+    results = replay_all(_demonstrations(opened, episodes), env)
+    numbers = list(episodes)
+    bad = [result for result in results if not result.is_equal]
+    lines = [f"episode {numbers[result.episode]}: {result.problem}" for result in bad]
+    lines.append(f"{len(results) - len(bad)} of {len(results)} episodes are equal bit for bit")
+    Output(as_json=as_json).result(
+        {
+            "episodes": len(results),
+            "equal": len(results) - len(bad),
+            "problems": [
+                {"episode": numbers[result.episode], "problem": result.problem} for result in bad
+            ],
+        },
+        "\n".join(lines),
+    )
+    if bad:
+        click.get_current_context().exit(1)
+
+
+@demos.command(epilog="Example: eutree demos merge monday/ tuesday/ --out demos/")
+@click.argument("folders", type=click.Path(path_type=Path), nargs=-1, required=True)
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="A new folder.")
+@json_option
+def merge(folders: tuple[Path, ...], out: Path, as_json: bool) -> None:
+    """Put the episodes of several FOLDERS of one environment into a new folder."""
+    from eutree.data import Demonstrations
+
+    opened = [_open(folder) for folder in folders]
+    for other in opened[1:]:
+        opened[0].check_same(other.schema, other.environment)
+    episodes = tuple(e for folder in opened for e in folder.read_all().values())
+    experts = ", ".join(dict.fromkeys(folder.expert for folder in opened if folder.expert))
+    merged = Demonstrations(episodes, opened[0].schema, opened[0].environment, experts)
+    merged.save(out)
+    _written(merged, str(out), as_json)
+
+
+@demos.command(epilog="Example: eutree demos stats demos/")
+@_folder
+@json_option
+def stats(folder: Path, as_json: bool) -> None:
+    """Say what the episodes of FOLDER cover, and where they contradict themselves."""
+    from eutree.data.summary import summarize
+
+    opened = _open(folder)
+    episodes = _some(opened)
+    demonstrations = _demonstrations(opened, episodes)
+    summary = summarize(demonstrations)
+    numbers = list(episodes)
+    names, actions = opened.schema.feature_names, opened.schema.actions
+    conflicts = [
+        {
+            "observation": dict(zip(names, conflict.observation, strict=True)),
+            "counts": dict(zip(actions, conflict.counts, strict=True)),
+            "places": [[numbers[episode], step] for episode, step in conflict.places],
+        }
+        for conflict in summary.conflicts
+    ]
+    Output(as_json=as_json).result(
+        {
+            "episodes": len(demonstrations),
+            "discarded": len(episodes) - len(demonstrations),
+            "n_transitions": demonstrations.n_transitions,
+            "success_rate": summary.success_rate,
+            "coverage": [vars(entry) for entry in summary.coverage],
+            "joint_cells": summary.joint_cells,
+            "disagreement": summary.disagreement,
+            "n_conflicts": summary.n_conflicts,
+            "conflicts": conflicts,
+        },
+        _stats_text(demonstrations, summary, conflicts),
+    )
+
+
+@demos.command(
+    "import", epilog="Example: eutree demos import minari:eutree/evasion2/human-v0 --out demos/"
+)
+@click.argument("source")
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="A new folder.")
+@click.option("--env", "environment", help="The environment, where the source names none.")
+@env_arg_option
+@json_option
+def import_(
+    source: str,
+    out: Path,
+    environment: str | None,
+    env_arguments: dict[str, Any],
+    as_json: bool,
+) -> None:
+    """Read demonstrations from SOURCE: minari:ID, or a file ending in .csv or .npz."""
+    from eutree.data import Demonstrations
+
+    kind = _kind("SOURCE", source)
+    schema, spec = (None, None) if environment is None else _described(environment, env_arguments)
+    if kind == "minari":
+        loaded = Demonstrations.from_minari(source.removeprefix("minari:"))
+        if schema is not None:
+            loaded = replace(loaded, schema=schema, environment=spec)
+    elif kind == "csv":
+        loaded = Demonstrations.from_csv(source, schema=schema, environment=spec)
+    else:
+        loaded = Demonstrations.from_npz(source, schema=schema, environment=spec)
+    if not loaded.episodes:
+        raise InvalidArgumentError(f"{source} holds no episodes")
+    loaded.save(out)
+    _written(loaded, str(out), as_json)
+
+
+@demos.command(epilog="Example: eutree demos export demos/ minari:eutree/evasion2/human-v0")
+@_folder
+@click.argument("target")
+@json_option
+def export(folder: Path, target: str, as_json: bool) -> None:
+    """Write the kept episodes of FOLDER to TARGET: minari:ID, or a file .csv or .npz.
+
+    A .csv file also holds the discarded episodes, marked.
+    """
+    kind = _kind("TARGET", target)
+    opened = _open(folder)
+    demonstrations = _demonstrations(opened, _some(opened))
+    if kind == "minari":
+        demonstrations.to_minari(target.removeprefix("minari:"))
+    elif kind == "csv":
+        demonstrations.to_csv(target)
+    else:
+        demonstrations.to_npz(target)
+    _written(demonstrations, target, as_json)
+
+
+def _open(folder: Path) -> "DemonstrationFolder":
+    from eutree.data import DemonstrationFolder
+
+    return DemonstrationFolder(folder)
+
+
+def _open_to_edit(folder: Path) -> "DemonstrationFolder":
+    """Open a folder, and first turn what dead recorders left into episodes."""
+    opened = _open(folder)
+    opened.recover()
+    return opened
+
+
+def _some(folder: "DemonstrationFolder") -> "dict[int, Episode]":
+    episodes = folder.read_all()
+    if not episodes:
+        raise InvalidArgumentError(
+            f"{folder.path} holds no episodes yet; record some: eutree record ENV --out "
+            f"{folder.path}"
+        )
+    return episodes
+
+
+def _demonstrations(
+    folder: "DemonstrationFolder", episodes: "dict[int, Episode]"
+) -> "Demonstrations":
+    from eutree.data import Demonstrations
+
+    return Demonstrations(
+        tuple(episodes.values()), folder.schema, folder.environment, folder.expert
+    )
+
+
+def _set_kept(
+    folder: Path, numbers: tuple[int, ...], comment: str | None, kept: bool, as_json: bool
+) -> None:
+    opened = _open_to_edit(folder)
+    episodes = {number: opened.read(number) for number in numbers}  # all exist, or none is changed
+    for number, episode in episodes.items():
+        text = episode.comment if comment is None else comment
+        opened.write(number, replace(episode, kept=kept, comment=text))
+    word = "kept" if kept else "discarded"
+    listing = ", ".join(map(str, episodes))
+    Output(as_json=as_json).result({"episodes": list(episodes), "kept": kept}, f"{word}: {listing}")
+
+
+def _kind(argument: str, name: str) -> str:
+    if name.startswith("minari:"):
+        return "minari"
+    if name.endswith((".csv", ".npz")):
+        return name[-3:]
+    raise InvalidArgumentError(f"{argument} must be {_KINDS}; got {name!r}")
+
+
+def _described(environment: str, arguments: dict[str, Any]) -> tuple[Any, Any]:
+    """Return schema and spec of an environment."""
+    from eutree.interaction.guard import GuardedEnv
+    from eutree.interaction.making import make
+    from eutree.schema import EnvironmentSpec
+
+    guarded = GuardedEnv(make(EnvironmentSpec(environment, arguments)))
+    guarded.env.close()
+    return guarded.schema, guarded.spec
+
+
+def _show(folder: "DemonstrationFolder", episode: "Episode") -> None:
+    """Run an episode again in a window."""
+    from eutree.interaction.replay import environment_for
+
+    env = environment_for(_demonstrations(folder, {0: episode}), render_mode="human")
+    try:
+        env.reset(seed=episode.seed)
+        for action in episode.actions.tolist():
+            env.step(action)
+    finally:
+        env.close()
+
+
+def _rows(episodes: "dict[int, Episode]") -> "list[EpisodeSummary]":
+    from eutree.data.summary import summarize_episode
+
+    return [summarize_episode(number, episode) for number, episode in episodes.items()]
+
+
+def _as_dict(row: "EpisodeSummary") -> dict[str, Any]:
+    values = dict(vars(row))
+    return {"episode": values.pop("number"), **values}
+
+
+def _table(rows: "list[EpisodeSummary]", title: str) -> Any:
+    from rich.markup import escape
+    from rich.table import Table
+
+    table = Table(title=escape(title))
+    for name in ("episode", "", "ending", "steps", "return", "seed", "comment"):
+        table.add_column(
+            name, justify="right" if name in ("episode", "steps", "return") else "left"
+        )
+    for row in rows:
+        table.add_row(
+            str(row.number),
+            "kept" if row.kept else "discarded",
+            escape(row.ending),
+            str(row.length),
+            f"{row.undiscounted_return:g}",
+            "" if row.seed is None else str(row.seed),
+            escape(row.comment),
+        )
+    return table
+
+
+def _stats_text(
+    demonstrations: "Demonstrations", summary: "Summary", conflicts: list[dict[str, Any]]
+) -> str:
+    discarded = len(demonstrations.episodes) - len(demonstrations)
+    success = summary.success_rate
+    lines = [
+        f"{len(demonstrations)} episodes ({discarded} discarded), "
+        f"{demonstrations.n_transitions} transitions"
+        + ("" if success is None else f", success {success:.0%}"),
+        *(
+            f"{entry.name}: {entry.low:.6g} to {entry.high:.6g}, {entry.share:.0%} of its range"
+            for entry in summary.coverage
+        ),
+        f"{summary.disagreement:.1%} of the transitions disagree with near-equal ones "
+        f"({summary.n_conflicts} places)",
+    ]
+    for conflict in conflicts:
+        where = ", ".join(f"{name} {value:.4g}" for name, value in _items(conflict["observation"]))
+        counts = ", ".join(f"{name} {count}" for name, count in _items(conflict["counts"]) if count)
+        places = ", ".join(f"episode {episode} step {step}" for episode, step in conflict["places"])
+        lines.append(f"  at {where}: {counts} ({places})")
+    return "\n".join(lines)
+
+
+def _items(mapping: Any) -> list[tuple[str, Any]]:
+    return list(mapping.items())
+
+
+def _written(demonstrations: "Demonstrations", path: str, as_json: bool) -> None:
+    Output(as_json=as_json).result(
+        {
+            "episodes": len(demonstrations),
+            "n_transitions": demonstrations.n_transitions,
+            "path": path,
+        },
+        f"{len(demonstrations)} episodes, {demonstrations.n_transitions} transitions, "
+        f"written to {path}",
+    )

@@ -1,0 +1,103 @@
+"""``eutree edit``: change thresholds and actions by hand, and lock what must stay."""
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from eutree.cli._options import env_arg_option, json_option, override, seed_option
+from eutree.cli._output import Output
+from eutree.errors import InvalidArgumentError
+
+
+@click.command(
+    epilog="Example: eutree edit expert.json --set-threshold 0=18.5 --lock 1 --out new.json"
+)
+@click.argument("policy", type=click.Path(path_type=Path))
+@click.option("--set-threshold", "thresholds", multiple=True, metavar="NODE=VALUE",
+              help="New threshold of a test. May be repeated.")  # fmt: skip
+@click.option("--set-action", "actions", multiple=True, metavar="LEAF=NAME",
+              help="New action of a leaf. May be repeated.")  # fmt: skip
+@click.option("--lock", multiple=True, type=int, metavar="NODE",
+              help="Node below which learning and edits change nothing; repeatable.")  # fmt: skip
+@click.option("--unlock", multiple=True, type=int, metavar="NODE",
+              help="Node below which nothing stays locked; repeatable.")  # fmt: skip
+@click.option("--out", type=click.Path(path_type=Path),
+              help="File to write; without it the tree is shown with its numbers.")  # fmt: skip
+@click.option("--episodes", type=click.IntRange(min=0), default=100, show_default=True,
+              help="Episodes of the evaluation before and after, where the policy's file "
+              "names its environment; 0 for none.")  # fmt: skip
+@env_arg_option
+@seed_option
+@json_option
+def edit(
+    policy: Path,
+    thresholds: tuple[str, ...],
+    actions: tuple[str, ...],
+    lock: tuple[int, ...],
+    unlock: tuple[int, ...],
+    out: Path | None,
+    episodes: int,
+    env_arguments: dict[str, Any],
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Change POLICY, a policy file, by hand; say what that does to its return."""
+    from eutree.evaluation import evaluate
+    from eutree.inspection import edit as change
+    from eutree.inspection import numbered
+    from eutree.policies import TreePolicy
+
+    output, before = Output(as_json=as_json), TreePolicy.load(policy)
+    edited = change(
+        before,
+        thresholds={node: _number(value) for node, value in _pairs("threshold", thresholds)},
+        actions=dict(_pairs("action", actions)),
+        lock=lock,
+        unlock=unlock,
+    )
+    if edited.changes and out is None:
+        raise InvalidArgumentError("--out must name the file to write, got none")
+    returns: list[float] = []
+    if edited.changes and before.environment is not None and episodes:
+        spec = override(before.environment, env_arguments)
+        returns = [
+            evaluate(each, spec, episodes=episodes, seed=seed).mean_return
+            for each in (before, edited.policy)
+        ]
+    if out is not None:
+        edited.policy.save(out)
+    lines = [numbered(edited.policy), *edited.changes, *(f"warning: {w}" for w in edited.warnings)]
+    if returns:
+        lines.append(
+            f"mean return {returns[0]:.2f} before, {returns[1]:.2f} after, on the same "
+            f"{episodes} episodes"
+        )
+    output.result(
+        {
+            "changes": edited.changes,
+            "warnings": edited.warnings,
+            "mean_return_before": returns[0] if returns else None,
+            "mean_return_after": returns[1] if returns else None,
+            "locked": edited.policy.locked,
+            "path": None if out is None else str(out),
+        },
+        "\n".join(lines),
+    )
+
+
+def _pairs(what: str, texts: tuple[str, ...]) -> list[tuple[int, str]]:
+    pairs = []
+    for text in texts:
+        number, equals, value = text.partition("=")
+        if not equals or not number.strip().isdecimal():
+            raise InvalidArgumentError(f"--set-{what} must be NUMBER=VALUE, got {text!r}")
+        pairs.append((int(number), value))
+    return pairs
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise InvalidArgumentError(f"--set-threshold needs a number, got {text!r}") from None

@@ -1,0 +1,77 @@
+"""``eutree evaluate``: how well a policy does over many episodes."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from eutree.cli._options import env_arg_option, json_option, override, seed_option
+from eutree.cli._output import Output
+from eutree.errors import InvalidArgumentError
+from eutree.schema import EnvironmentSpec
+
+if TYPE_CHECKING:
+    from eutree.policies import TreePolicy
+
+
+def check_fits(policy: "TreePolicy", path: Path, spec: EnvironmentSpec) -> None:
+    """Raise InvalidArgumentError unless the policy's features are those of the environment."""
+    from eutree.interaction import describe
+    from eutree.interaction.making import make
+
+    schema = describe(make(spec))
+    wanted = schema.with_history(policy.history)
+    mine = policy.schema
+    if (mine.feature_names, mine.actions) != (wanted.feature_names, wanted.actions):
+        raise InvalidArgumentError(
+            f"{path} must be a policy for {spec}: its features are {list(mine.feature_names)} "
+            f"and its actions {list(mine.actions)}, the environment's are "
+            f"{list(wanted.feature_names)} and {list(wanted.actions)}"
+        )
+
+
+@click.command(epilog="Example: eutree evaluate runs/a/policy.json --episodes 1000")
+@click.argument("policy", type=click.Path(path_type=Path))
+@click.argument("environment", required=False)
+@click.option("--episodes", type=click.IntRange(min=1), default=100, show_default=True,
+              help="How many episodes.")  # fmt: skip
+@env_arg_option
+@seed_option
+@json_option
+def evaluate(
+    policy: Path,
+    environment: str | None,
+    episodes: int,
+    env_arguments: dict[str, Any],
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Evaluate POLICY in ENVIRONMENT, or else in the one that its file names."""
+    from eutree.evaluation import evaluate as evaluate_policy
+    from eutree.policies import TreePolicy
+
+    output = Output(as_json=as_json)
+    loaded = TreePolicy.load(policy)
+    if environment is not None:
+        spec = EnvironmentSpec(environment, env_arguments)
+    elif loaded.environment is not None:
+        spec = override(loaded.environment, env_arguments)
+    else:
+        raise InvalidArgumentError(
+            f"{policy} names no environment; name one: eutree evaluate {policy} ENVIRONMENT"
+        )
+    check_fits(loaded, policy, spec)
+    result = evaluate_policy(loaded, spec, episodes=episodes, seed=seed)
+    low, high = result.return_interval
+    output.result(
+        {
+            "episodes": result.episodes,
+            "success_rate": result.success_rate,
+            "mean_return": result.mean_return,
+            "return_interval": [low, high],
+            "n_leaves": loaded.n_leaves,
+            "mean_length": result.mean_length,
+            "environment": str(spec),
+        },
+        f"{spec}, {result}",
+    )

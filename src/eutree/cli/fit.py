@@ -1,0 +1,49 @@
+"""``eutree fit``: demonstrations to expert tree."""
+
+from pathlib import Path
+
+import click
+
+from eutree.cli._options import json_option
+from eutree.cli._output import Output
+
+
+@click.command(epilog="Example: eutree fit demos/ --out expert.json")
+@click.argument("demonstrations", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="File to write.")
+@click.option("--min-objects", type=click.IntRange(min=1), default=2, show_default=True,
+              help="C4.5's m: the fewest transitions on a side of a test.")  # fmt: skip
+@click.option("--confidence", type=float, default=0.25, show_default=True,
+              help="C4.5's CF: the smaller, the more is pruned.")  # fmt: skip
+@click.option("--no-pruning", is_flag=True, help="Keep the unpruned tree.")
+@json_option
+def fit(
+    demonstrations: Path,
+    out: Path,
+    min_objects: int,
+    confidence: float,
+    no_pruning: bool,
+    as_json: bool,
+) -> None:
+    """Fit the expert tree to DEMONSTRATIONS with C4.5: observations to the expert's actions."""
+    from eutree.c45 import C45Settings
+    from eutree.data import Demonstrations
+    from eutree.learning.expert_tree import fit_expert_tree
+
+    output = Output(as_json=as_json)
+    demos = Demonstrations.load(demonstrations)
+    settings = C45Settings(min_objects=min_objects, confidence=confidence, prune=not no_pruning)
+    expert = fit_expert_tree(demos, settings=settings)
+    expert.save(out)
+    right = expert.predict(demos.observations)[0] == demos.actions
+    accuracy = float(right.mean())
+    output.result(
+        {
+            "n_leaves": expert.n_leaves,
+            "n_transitions": demos.n_transitions,
+            "training_accuracy": accuracy,
+            "path": str(out),
+        },
+        f"{expert}\n{expert.n_leaves} leaves from {demos.n_transitions} transitions of "
+        f"{len(demos)} episodes; {accuracy:.1%} of the expert's actions; written to {out}",
+    )

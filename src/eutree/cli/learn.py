@@ -1,0 +1,156 @@
+"""``eutree learn``: grow a tree by reinforcement, from demonstrations or from nothing."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from eutree.cli._options import env_arg_option, json_option, override, seed_option
+from eutree.cli._output import Output
+from eutree.errors import InvalidArgumentError
+from eutree.schema import EnvironmentSpec
+
+if TYPE_CHECKING:
+    from eutree.data import Demonstrations
+    from eutree.training.signals import StopRequest
+
+
+@click.command(epilog="Example: eutree learn eutree/Evasion2-v0 --demos demos/ --out runs/a")
+@click.argument("environment", required=False)
+@click.option("--demos", type=click.Path(path_type=Path), help="Demonstrations to start from.")
+@click.option("--expert", type=click.Path(path_type=Path),
+              help="Policy file to start from, instead of the expert tree of --demos.")  # fmt: skip
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="Run folder to write.")
+@click.option("--learner", help="c-u-tree, eu-tree-dt or eu-tree; by default eu-tree if there "
+              "are demonstrations, else c-u-tree.")  # fmt: skip
+@click.option("--preset", default="default", show_default=True,
+              help="default (recommended) or paper (literal).")  # fmt: skip
+@click.option("--episodes", type=click.IntRange(min=0), default=400, show_default=True,
+              help="Episodes of experience.")  # fmt: skip
+@click.option("--evaluate-every", type=click.IntRange(min=1), default=20, show_default=True,
+              help="Episodes between two frozen evaluations.")  # fmt: skip
+@click.option("--evaluation-episodes", type=click.IntRange(min=1), default=100, show_default=True,
+              help="Episodes of each frozen evaluation.")  # fmt: skip
+@click.option("--history", type=click.IntRange(min=0), default=0, show_default=True,
+              help="Previous observations that become features too.")  # fmt: skip
+@click.option("--offline", is_flag=True, help="Learn from the demonstrations alone.")
+@click.option("--resume", is_flag=True, help="Go on with an interrupted run in the same folder.")
+@click.option("--checkpoint-seconds", type=click.FloatRange(min=0),
+              help="Time between two checkpoints; 0 for one after every episode. By default "
+              "saving takes at most a twentieth of the time.")  # fmt: skip
+@click.option("--strict", is_flag=True, help="Refuse observations outside the space's bounds.")
+@env_arg_option
+@seed_option
+@json_option
+def learn(
+    environment: str | None,
+    demos: Path | None,
+    expert: Path | None,
+    out: Path,
+    learner: str | None,
+    preset: str,
+    episodes: int,
+    evaluate_every: int,
+    evaluation_episodes: int,
+    history: int,
+    offline: bool,
+    resume: bool,
+    checkpoint_seconds: float | None,
+    strict: bool,
+    env_arguments: dict[str, Any],
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Learn a policy in ENVIRONMENT and write it, with all that led to it, to a run folder.
+
+    Without ENVIRONMENT it is the one that the demonstrations are of.
+    """
+    from eutree.data import Demonstrations
+    from eutree.interaction.making import make
+    from eutree.policies import TreePolicy
+    from eutree.training import LearningRun, OfflineRun
+    from eutree.training import learn as learn_policy
+    from eutree.training.signals import stop_on_signals
+
+    output = Output(as_json=as_json)
+    demonstrations = None if demos is None else Demonstrations.load(demos)
+    if offline and demonstrations is None:
+        raise InvalidArgumentError("--offline learns from demonstrations alone; name them: --demos")
+    env = None if offline else make(_spec(environment, demonstrations, env_arguments))
+    with (
+        stop_on_signals() as stop,
+        _saying_how_to_go_on(output, stop),
+        output.progress("learning", max(episodes, 1)) as progress,
+    ):
+
+        def show(run: LearningRun | OfflineRun) -> None:
+            if run.curve:
+                progress.update(run.episode, run.curve[-1].describe())
+            elif run.events:
+                progress.update(len(run.events), f"{run.events[-1]['n_leaves']} leaves")
+
+        result = learn_policy(
+            env,
+            demonstrations=demonstrations,
+            expert=None if expert is None else TreePolicy.load(expert),
+            learner=learner,
+            preset=preset,
+            episodes=episodes,
+            seed=seed,
+            evaluate_every=evaluate_every,
+            evaluation_episodes=evaluation_episodes,
+            history=history,
+            strict=strict,
+            out=out,
+            resume=resume,
+            checkpoint_seconds=checkpoint_seconds,
+            stop=stop,
+            on_progress=show,
+        )
+        if stop():
+            raise KeyboardInterrupt
+    last = result.curve[-1].describe() if result.curve else f"{result.policy.n_leaves} leaves"
+    output.result(
+        {
+            "episodes": result.episodes,
+            "steps": result.steps,
+            "n_leaves": result.policy.n_leaves,
+            "path": str(out / "policy.json"),
+            "curve": [
+                {
+                    "episode": point.episode,
+                    "success_rate": point.success_rate,
+                    "mean_return": point.mean_return,
+                    "n_leaves": point.n_leaves,
+                }
+                for point in result.curve
+            ],
+        },
+        f"{result.learner}: {result.episodes} episodes, {result.steps} steps; "
+        f"{last}; written to {out}",
+    )
+
+
+@contextmanager
+def _saying_how_to_go_on(output: Output, stop: "StopRequest") -> Iterator[None]:
+    """End the command with the signal's exit code if one interrupts what is inside."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        output.say("stopped and saved; go on with --resume")
+        raise SystemExit(stop.exit_code) from None
+
+
+def _spec(
+    environment: str | None, demonstrations: "Demonstrations | None", arguments: dict[str, Any]
+) -> EnvironmentSpec:
+    """Return the environment that is named, or else that of the demonstrations."""
+    if environment is not None:
+        return EnvironmentSpec(environment, arguments)
+    if demonstrations is None or demonstrations.environment is None:
+        raise InvalidArgumentError(
+            "name an environment, or with --demos demonstrations that name one"
+        )
+    return override(demonstrations.environment, arguments)

@@ -1,0 +1,108 @@
+"""The ``eutree`` group: finds commands by name, turns errors into one line and an exit code."""
+
+import importlib
+import os
+import sys
+import traceback
+from collections.abc import Sequence
+
+import click
+
+from eutree.errors import EutreeError, UnknownNameError
+
+# Loaded when called, so that `eutree --help` does not import what it does not need.
+COMMANDS = {
+    "record": "Record demonstrations, by a person or a scripted expert.",
+    "demos": "List, check, replay, edit, import and export demonstrations.",
+    "fit": "Fit the expert tree to demonstrations (C4.5).",
+    "learn": "Learn a tree policy by reinforcement, starting from demonstrations.",
+    "evaluate": "Evaluate a policy over many episodes.",
+    "compress": "Make a policy's tree smaller without changing what it decides.",
+    "export": "Export a policy to C, ONNX, DOT, SVG, JSON, text, Python and more.",
+    "diff": "Say where two policies decide differently, and how they are built.",
+    "verify": "Prove a property of a policy, or refute it with an observation.",
+    "edit": "Change a policy by hand, and lock what must stay.",
+    "why": "Say why a policy decides as it does for an observation.",
+    "show": "Show a policy's tree in the terminal or as a page.",
+    "reproduce": "Reproduce the paper's figures and tables.",
+    "demo": "Run the whole main job once, ending in an HTML report.",
+}
+
+EXIT_MISTAKE = 2
+EXIT_INTERRUPTED = 130
+
+
+class LazyGroup(click.Group):
+    """A group whose commands are imported when they are called."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the names of the commands, in the order of the main job."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import and return a command; an unknown name names the nearest."""
+        if cmd_name not in COMMANDS:
+            raise UnknownNameError("command", cmd_name, COMMANDS)
+        command = getattr(importlib.import_module(f"eutree.cli.{cmd_name}"), cmd_name)
+        if not isinstance(command, click.Command):
+            raise TypeError(f"eutree.cli.{cmd_name} must hold a click command of its name")
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the list of commands without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+
+@click.group(
+    cls=LazyGroup,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+    epilog="Example: eutree demo",
+)
+@click.version_option(package_name="eutree", message="%(package)s %(version)s")
+def eutree() -> None:
+    """Learn small, readable decision trees that control things.
+
+    Every command takes --json (exactly one JSON object on standard output), --debug (a traceback
+    for errors) and --help.
+    """
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run the command line and return the exit code: 0, 1 (a bug), 2 (a mistake), 130."""
+    debug = "--debug" in arguments
+    rest = [argument for argument in arguments if argument != "--debug"]
+    try:
+        code = eutree.main(rest, prog_name="eutree", standalone_mode=False)
+    except click.exceptions.NoArgsIsHelpError as error:
+        click.echo(error.format_message(), err=True)
+        return EXIT_MISTAKE
+    except click.exceptions.Abort:
+        return EXIT_INTERRUPTED
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except KeyboardInterrupt:
+        click.echo("interrupted", err=True)
+        return EXIT_INTERRUPTED
+    except Exception as error:
+        return _report(error, debug=debug)
+    return code if isinstance(code, int) else 0
+
+
+def _report(error: Exception, *, debug: bool) -> int:
+    """Print an error as one line, or with its traceback, and return the exit code."""
+    if debug:
+        traceback.print_exception(error)
+    if isinstance(error, click.ClickException):
+        message, code = error.format_message(), EXIT_MISTAKE
+    elif isinstance(error, EutreeError):
+        message, code = str(error), EXIT_MISTAKE
+    elif isinstance(error, OSError):
+        where = f"{error.filename}: " if error.filename else ""
+        message, code = f"{where}{error.strerror or error}", EXIT_MISTAKE
+    else:
+        kind = type(error).__name__
+        message, code = f"internal error, {kind}: {error} (--debug shows where)", 1
+    click.echo(f"error: {' '.join(message.split())}", err=True)
+    return code

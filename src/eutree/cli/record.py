@@ -1,0 +1,165 @@
+"""``eutree record``: demonstrations by a person or a scripted expert."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from eutree.cli._options import env_arg_option, json_option, seed_option
+from eutree.cli._output import Output
+from eutree.errors import InvalidArgumentError
+from eutree.schema import EnvironmentSpec
+
+if TYPE_CHECKING:
+    from eutree.interaction.browser import PageServer
+    from eutree.interaction.recorder import Recorder
+
+
+@click.command(epilog="Example: eutree record eutree/Evasion2-v0 --web --out demos/")
+@click.argument("environment")
+@click.option("--out", type=click.Path(path_type=Path), required=True,
+              help="Folder to write; a person continues one that exists.")  # fmt: skip
+@click.option("--episodes", type=click.IntRange(min=1), default=15, show_default=True,
+              help="How many episodes.")  # fmt: skip
+@click.option("--web", is_flag=True, help="A person records in a browser (the default).")
+@click.option("--window", is_flag=True, help="A person records in a window of this desktop.")
+@click.option("--keys", help="What the keys mean: left=0,right=1,none=0 (numbers or names).")
+@click.option("--hud", is_flag=True, help="Show the person the numbers that the agent senses.")
+@click.option("--fps", type=click.FloatRange(0, 240, min_open=True),
+              help="Decisions per second; the environment's own pace if not given.")  # fmt: skip
+@click.option("--port", type=click.IntRange(0, 65535),
+              help="Port of the page; 0 for any. Default: 8765 or the next.")  # fmt: skip
+@click.option("--host", default="127.0.0.1", show_default=True,
+              help="Address of the page; others than this let other machines in.")  # fmt: skip
+@click.option("--expert", help="A scripted expert, for example gate or look-ahead.")
+@click.option("--careless", type=click.FloatRange(0, 1), default=0.0, show_default=True,
+              help="Share of random actions of the scripted expert.")  # fmt: skip
+@env_arg_option
+@seed_option
+@json_option
+def record(
+    environment: str,
+    out: Path,
+    episodes: int,
+    expert: str | None,
+    careless: float,
+    env_arguments: dict[str, Any],
+    seed: int,
+    as_json: bool,
+    **person: Any,
+) -> None:
+    """Record demonstrations in ENVIRONMENT, by a person or by a scripted expert."""
+    output = Output(as_json=as_json)
+    spec = EnvironmentSpec(environment, env_arguments)
+    if expert is not None:
+        if person["web"] or person["window"]:
+            raise InvalidArgumentError("choose one of --expert, --web and --window")
+        _record_expert(output, spec, out, expert, episodes=episodes, careless=careless, seed=seed)
+    else:
+        _record_person(output, spec, out, episodes=episodes, seed=seed, **person)
+
+
+def _record_expert(
+    output: Output,
+    spec: EnvironmentSpec,
+    out: Path,
+    expert: str,
+    *,
+    episodes: int,
+    careless: float,
+    seed: int,
+) -> None:
+    from eutree.envs import experts
+    from eutree.files import check_new_folder
+    from eutree.interaction import record as record_episodes
+    from eutree.interaction.making import make
+    from eutree.validation import check_choice
+
+    check_new_folder(out)
+    env = make(spec)
+    known = experts.experts_for(spec.id)
+    controller = known[check_choice("--expert", expert, known)]
+    if careless:
+        controller = experts.careless(controller, careless, seed=seed)
+    with output.progress("recording", episodes) as progress:
+        demos = record_episodes(
+            env,
+            controller,
+            episodes=episodes,
+            seed=seed,
+            on_episode=lambda number, episode: progress.update(number + 1, episode.ending),
+        )
+    demos.save(out)
+    successes = [episode.is_success for episode in demos if episode.is_success is not None]
+    result = f", {sum(successes)} successful" if successes else ""
+    output.result(
+        {"episodes": len(demos), "n_transitions": demos.n_transitions, "path": str(out)},
+        f"{len(demos)} episodes, {demos.n_transitions} transitions{result}, written to {out}",
+    )
+
+
+def _record_person(
+    output: Output,
+    spec: EnvironmentSpec,
+    out: Path,
+    *,
+    episodes: int,
+    seed: int,
+    web: bool,
+    window: bool,
+    keys: str | None,
+    hud: bool,
+    fps: float | None,
+    port: int | None,
+    host: str,
+) -> None:
+    import os
+
+    from eutree.interaction.making import make
+    from eutree.interaction.recorder import Recorder
+    from eutree.interaction.settings import SessionSettings
+    from eutree.interaction.window import record_in_window
+
+    if web and window:
+        raise InvalidArgumentError("choose one of --web and --window")
+    if not window:
+        os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # pictures are drawn without a display
+    viewer = "window" if window else "browser"
+    settings = SessionSettings(target=episodes, seed=seed, fps=fps, hud=hud, viewer=viewer)
+    recorder = Recorder(make(spec, render_mode="rgb_array"), out, keys=keys, settings=settings)
+    if recorder.recovered:
+        numbers = ", ".join(map(str, recorder.recovered))
+        output.say(f"recovered interrupted episode {numbers} from a recorder that died")
+    if window:
+        record_in_window(recorder)
+    else:
+        _record_in_browser(output, recorder, out, host=host, port=port)
+    kept = [episode for episode in recorder.session.episodes if episode.kept]
+    steps = sum(map(len, kept))
+    output.result(
+        {"episodes": len(kept), "n_transitions": steps, "path": str(out)},
+        f"{len(kept)} episodes, {steps} transitions, in {out}",
+    )
+
+
+def _record_in_browser(
+    output: Output, recorder: "Recorder", out: Path, *, host: str, port: int | None
+) -> None:
+    from eutree.interaction.browser import record_in_browser
+    from eutree.interaction.browser.gate import is_loopback
+
+    def ready(server: "PageServer") -> None:
+        if not is_loopback(host):
+            output.say(
+                f"warning: other machines can reach this page at {host}, unencrypted; whoever has "
+                "the address below can record. An SSH tunnel to 127.0.0.1 is safer."
+            )
+        output.say(f"open {server.url}")
+        if is_loopback(host):
+            output.say(
+                f"from another machine, first: ssh -L {server.port}:127.0.0.1:{server.port} "
+                "THIS-MACHINE"
+            )
+
+    command = f"eutree fit {out} --out expert.json"
+    record_in_browser(recorder, host=host, port=port, details={"command": command}, on_ready=ready)

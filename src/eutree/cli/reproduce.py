@@ -1,0 +1,118 @@
+"""``eutree reproduce``: the paper's figures and tables, with our numbers beside."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import click
+
+from eutree.cli._options import json_option, seed_option
+from eutree.cli._output import Output
+from eutree.errors import MissingExtraError
+
+
+@click.command(epilog="Example: eutree reproduce figure-2 --n-jobs 2")
+@click.argument("experiment", required=False)
+@click.option("--list", "listing", is_flag=True, help="List the experiments.")
+@click.option("--out", type=click.Path(path_type=Path), default="results", show_default=True,
+              help="Folder of results; finished runs are never done again.")  # fmt: skip
+@click.option("--preset", "presets", multiple=True, default=("paper", "default"),
+              show_default=True, help="Settings to compare. May be repeated.")  # fmt: skip
+@click.option("--runs", type=click.IntRange(min=2), default=15, show_default=True,
+              help="Runs of each learner.")  # fmt: skip
+@click.option("--episodes", type=click.IntRange(min=1), default=400, show_default=True,
+              help="Episodes of each run.")  # fmt: skip
+@click.option("--smoke", is_flag=True, help="A few tiny runs, to see that everything works.")
+@click.option("--n-jobs", type=int, default=1, show_default=True, help="Processes; -1 for all.")
+@click.option("--backend", type=click.Choice(["loky", "dask", "ray"]), default="loky",
+              show_default=True, help="What runs the processes.")  # fmt: skip
+@click.option("--address", help="Scheduler of the dask or ray cluster.")
+@seed_option
+@json_option
+def reproduce(
+    experiment: str | None,
+    listing: bool,
+    out: Path,
+    presets: tuple[str, ...],
+    runs: int,
+    episodes: int,
+    smoke: bool,
+    n_jobs: int,
+    backend: str,
+    address: str | None,
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Reproduce EXPERIMENT, or all, and say which of the paper's claims hold."""
+    from dataclasses import asdict, replace
+
+    from rich.table import Column, Table
+
+    from eutree.experiments.experiment import FULL, SMOKE
+    from eutree.experiments.registry import EXPERIMENTS, chosen
+    from eutree.experiments.reproduce import number_text
+    from eutree.experiments.reproduce import reproduce as reproduce_experiments
+    from eutree.experiments.runs import RunSpec
+    from eutree.learning import PRESETS
+    from eutree.validation import check_choice
+
+    output = Output(as_json=as_json)
+    if listing or experiment is None:
+        titles = {name: e.title for name, e in EXPERIMENTS.items()}
+        output.result(titles, "\n".join(f"{name}  {title}" for name, title in titles.items()))
+        return
+    for preset in presets:
+        check_choice("--preset", preset, PRESETS)
+    selected = chosen(experiment)
+    scale = SMOKE if smoke else replace(FULL, runs=runs, episodes=episodes)
+    scale = replace(scale, first_seed=seed)
+    with _cluster(backend, address), output.progress("runs", 100) as progress:
+
+        def show(count: int, total: int, spec: RunSpec) -> None:
+            progress.update(100 * count // total, f"{count} of {total}: {spec.name}")
+
+        result = reproduce_experiments(
+            selected, out, scale=scale, presets=presets, n_jobs=n_jobs, on_run=show
+        )
+    table = Table(Column("claim", no_wrap=True), "preset", "paper", "ours [95 %]", "verdict")
+    for claim in result.claims:
+        table.add_row(claim.id, claim.preset, claim.paper, number_text(claim), claim.holds)
+    output.result(
+        {"claims": [asdict(claim) for claim in result.claims], "path": str(result.folder)}, table
+    )
+    output.say(f"report: {result.folder / 'report.html'}")
+
+
+@contextmanager
+def _cluster(backend: str, address: str | None) -> Iterator[None]:
+    """Send joblib's tasks to a cluster while the context lasts."""
+    import joblib
+
+    if backend == "dask":
+        with _dask_client(address), joblib.parallel_config(backend="dask"):
+            yield
+    elif backend == "ray":
+        _start_ray(address)
+        with joblib.parallel_config(backend="ray"):
+            yield
+    else:
+        yield
+
+
+def _dask_client(address: str | None) -> Any:
+    try:
+        from distributed import Client
+    except ImportError:
+        raise MissingExtraError("dask.distributed", "cluster") from None
+    return Client(address)
+
+
+def _start_ray(address: str | None) -> None:
+    try:
+        import ray
+        from ray.util.joblib import register_ray
+    except ImportError:
+        raise MissingExtraError("ray", "cluster") from None
+    ray.init(address=address, ignore_reinit_error=True, log_to_driver=False)
+    register_ray()

@@ -1,0 +1,83 @@
+"""``eutree show``: a policy's tree in the terminal, or as a page to watch it decide."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from eutree.cli._options import env_arg_option, json_option, override, seed_option
+from eutree.cli._output import Output
+
+if TYPE_CHECKING:
+    from eutree.policies import TreePolicy
+    from eutree.report import WatchedEpisode
+
+
+@click.command(epilog="Example: eutree show small.json --html small.html --demos demos/")
+@click.argument("policy", type=click.Path(dir_okay=False, path_type=Path))
+@click.option("--html", type=click.Path(dir_okay=False, path_type=Path),
+              help="Write a page on which the policy can be watched and questioned.")  # fmt: skip
+@click.option("--episodes", type=click.IntRange(min=0), default=10, show_default=True,
+              help="How many episodes the page plays.")  # fmt: skip
+@click.option("--demos", type=click.Path(path_type=Path),
+              help="Demonstrations whose steps the page shows in their leaves.")  # fmt: skip
+@env_arg_option
+@seed_option
+@json_option
+def show(
+    policy: Path,
+    html: Path | None,
+    episodes: int,
+    demos: Path | None,
+    env_arguments: dict[str, Any],
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Show a policy's tree in the terminal, or with --html as a page.
+
+    The page plays episodes of the policy with pictures where its environment can draw them.
+    """
+    from eutree.cli._tree import drawn
+    from eutree.files import write_text
+    from eutree.policies import TreePolicy
+
+    output = Output(as_json=as_json)
+    loaded = TreePolicy.load(policy)
+    values = {
+        "n_leaves": loaded.n_leaves,
+        "depth": loaded.tree.depth,
+        "features": list(loaded.schema.feature_names),
+        "actions": list(loaded.schema.actions),
+        "rules": str(loaded),
+    }
+    if html is None:
+        output.result(values, drawn(loaded))
+        return
+    content, n_episodes = _page(output, loaded, episodes, demos, env_arguments, seed)
+    write_text(html, content)
+    values |= {"path": str(html), "episodes": n_episodes, "bytes": len(content.encode())}
+    output.result(values, f"wrote {html}")
+
+
+def _page(
+    output: Output,
+    policy: "TreePolicy",
+    episodes: int,
+    demos: Path | None,
+    env_arguments: dict[str, Any],
+    seed: int,
+) -> tuple[str, int]:
+    """Return the page and how many episodes it plays."""
+    from eutree.data import Demonstrations
+    from eutree.report import policy_page
+    from eutree.report.watching import watch_if_possible
+
+    demonstrations = None if demos is None else Demonstrations.load(demos)
+    spec = policy.environment and override(policy.environment, env_arguments)
+    watched: list[WatchedEpisode] = []
+    if episodes:
+        watched, problem = watch_if_possible(policy, spec, episodes=episodes, seed=seed)
+        if problem:
+            output.say(problem)
+    page = policy_page(policy, episodes=watched, demonstrations=demonstrations)
+    return page, len(watched)

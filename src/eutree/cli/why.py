@@ -1,0 +1,71 @@
+"""``eutree why``: the reasons of one decision."""
+
+from pathlib import Path
+
+import click
+
+from eutree.cli._options import json_option
+from eutree.cli._output import Output
+from eutree.errors import InvalidArgumentError
+
+
+@click.command(epilog="Example: eutree why expert.json --observation 8,3.2,-1 --demos demos/")
+@click.argument("policy", type=click.Path(path_type=Path))
+@click.option("--observation", required=True, metavar="X,Y,...",
+              help="The observation, a number for each feature.")  # fmt: skip
+@click.option("--demos", type=click.Path(path_type=Path),
+              help="Demonstrations whose steps in the same leaf to name.")  # fmt: skip
+@json_option
+def why(policy: Path, observation: str, demos: Path | None, as_json: bool) -> None:
+    """Say why POLICY decides as it does for an observation, and what would change it."""
+    from eutree.data import Demonstrations
+    from eutree.inspection import why as explain
+    from eutree.policies import TreePolicy
+
+    try:
+        numbers = [float(part) for part in observation.split(",")]
+    except ValueError:
+        raise InvalidArgumentError(
+            f"--observation must be numbers with commas between, got {observation!r}"
+        ) from None
+    loaded = TreePolicy.load(policy)
+    shown = None if demos is None else Demonstrations.load(demos)
+    found = explain(loaded, numbers, demonstrations=shown)
+    names = loaded.schema.actions
+    Output(as_json=as_json).result(
+        {
+            "action": names[found.action],
+            "leaf": found.leaf,
+            "region": found.region,
+            "path": [
+                {
+                    "node": step.node,
+                    "feature": loaded.schema.features[step.feature].name,
+                    "threshold": step.threshold,
+                    "value": step.value,
+                    "is_true": step.is_true,
+                    "distance": step.distance,
+                }
+                for step in found.path
+            ],
+            "alternatives": [
+                {
+                    "action": names[other.action],
+                    "observation": other.observation,
+                    "distance": other.distance,
+                    "leaf": other.leaf,
+                    "words": other.words,
+                }
+                for other in found.alternatives
+            ],
+            "visits": found.visits,
+            "values": found.values,
+            "demonstrations": None
+            if found.support is None
+            else [
+                {"episode": entry.episode, "step": entry.step, "action": names[entry.action]}
+                for entry in found.support
+            ],
+        },
+        found.text,
+    )

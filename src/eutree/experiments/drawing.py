@@ -1,0 +1,64 @@
+"""The look of the figures: matplotlib without a window, one colour a learner, shaded intervals."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from eutree.arrays import Floats
+from eutree.errors import MissingExtraError
+from eutree.evaluation.intervals import mean_interval
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+LABELS = {
+    "c-u-tree": "C. U-Tree",
+    "eu-tree-dt": "EU-Tree - DT",
+    "eu-tree": "EU-Tree",
+    "expert": "Expert tree",
+}
+COLOURS = {
+    "C. U-Tree": "#0b5fa5",
+    "EU-Tree - DT": "#2a7f3e",
+    "EU-Tree": "#a8480c",
+    "Expert tree": "#555555",
+}
+
+
+def panels(names: Sequence[str], title: str) -> "tuple[Figure, list[Axes]]":
+    """Return a figure with a panel side by side for each preset."""
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise MissingExtraError("matplotlib", "plot") from None
+    figure = Figure(figsize=(5.2 * len(names), 3.8), layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.suptitle(title, fontsize=12)
+    axes = list(np.atleast_1d(figure.subplots(1, len(names), sharey=True)))
+    for axis, name in zip(axes, names, strict=True):
+        axis.set_title(f"preset {name}" if name else "", fontsize=10)
+        axis.grid(alpha=0.25, linewidth=0.6)
+        axis.spines[["top", "right"]].set_visible(False)
+    return figure, axes
+
+
+def curve(axis: "Axes", x: Sequence[float], runs: Floats, name: str, *, style: str = "-") -> None:
+    """Draw the mean of some runs, shape [runs, points], with the 95 % interval shaded."""
+    intervals = np.array([mean_interval(column) for column in runs.T])
+    colour = COLOURS.get(name)
+    (line,) = axis.plot(x, runs.mean(axis=0), style, label=name, color=colour, linewidth=1.6)
+    axis.fill_between(
+        x, intervals[:, 0], intervals[:, 1], color=line.get_color(), alpha=0.18, linewidth=0
+    )
+
+
+def label(axis: "Axes", x: str, y: str, *, limits: tuple[float, float] | None = None) -> None:
+    """Name the axes and show the legend."""
+    axis.set_xlabel(x)
+    axis.set_ylabel(y)
+    if limits is not None:
+        axis.set_ylim(*limits)
+    axis.legend(fontsize=8, frameon=False)

@@ -1,0 +1,99 @@
+"""An experiment is three answers, as data: what runs, how it is judged, how it is drawn."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from eutree.experiments.claims import Claim
+from eutree.experiments.runs import RunRecord, RunSpec
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Records = Sequence[RunRecord]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scale:
+    """How much of an experiment is run.
+
+    Attributes:
+        runs: Runs of each learner (the paper: 15).
+        episodes: Episodes of each run.
+        evaluate_every: Episodes between two evaluations (the paper: 20).
+        evaluation_episodes: Episodes of each evaluation (the paper: 100).
+        final_episodes: Episodes of the evaluation of a final policy.
+        speeds: Opponent speeds in m/s (the paper: 2.2 to 4.2 in steps of 0.1).
+        first_seed: Seed of the first run.
+    """
+
+    runs: int = 15
+    episodes: int = 400
+    evaluate_every: int = 20
+    evaluation_episodes: int = 100
+    final_episodes: int = 1000
+    speeds: tuple[float, ...] = tuple(round(2.2 + 0.1 * i, 1) for i in range(21))
+    first_seed: int = 0
+
+    def spec(
+        self, environment: str, learner: str, preset: str, run: int, speed: float = 3.2
+    ) -> RunSpec:
+        """Return one run at this scale."""
+        learns = learner != "expert"
+        return RunSpec(
+            environment=environment,
+            learner=learner,
+            preset=preset if learns else "",
+            opponent_speed=speed,
+            episodes=self.episodes if learns else 0,
+            evaluate_every=self.evaluate_every if learns else 0,
+            evaluation_episodes=self.evaluation_episodes if learns else 0,
+            final_episodes=self.final_episodes,
+            seed=self.first_seed + run,
+        )
+
+
+FULL = Scale()
+SMOKE = Scale(
+    runs=3,
+    episodes=20,
+    evaluate_every=10,
+    evaluation_episodes=10,
+    final_episodes=20,
+    speeds=(2.2, 3.2, 4.2),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Experiment:
+    """A result of the paper.
+
+    Attributes:
+        id: Its name, after the figure or table.
+        title: What it shows.
+        specs: The runs that it needs, at a scale and under a preset.
+        judge: The claims, from its records under a preset.
+        draw: The figure, from its records under each preset; None where there is none.
+    """
+
+    id: str
+    title: str
+    specs: Callable[[Scale, str], list[RunSpec]]
+    judge: Callable[[Records, str], list[Claim]]
+    draw: "Callable[[dict[str, Records]], Figure] | None" = None
+
+
+def by_learner(records: Records) -> dict[str, list[RunRecord]]:
+    """Return the records of each learner, in the order of their seeds."""
+    groups: dict[str, list[RunRecord]] = {}
+    for record in sorted(records, key=lambda r: (r.spec.seed, r.spec.opponent_speed)):
+        groups.setdefault(record.spec.learner, []).append(record)
+    return groups
+
+
+def by_speed(records: Records) -> dict[float, list[RunRecord]]:
+    """Return the records at each opponent speed, ascending."""
+    groups: dict[float, list[RunRecord]] = {}
+    for record in sorted(records, key=lambda r: (r.spec.opponent_speed, r.spec.seed)):
+        groups.setdefault(record.spec.opponent_speed, []).append(record)
+    return groups

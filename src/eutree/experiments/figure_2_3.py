@@ -1,0 +1,144 @@
+"""Figures 2 and 3: the three learners side by side, in 2-Evasion and in 3-Evasion."""
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from eutree.arrays import Floats
+from eutree.evaluation.bootstrap import bootstrap
+from eutree.evaluation.intervals import Estimate, Interval
+from eutree.evaluation.survival import Durations, restricted_mean_ratio, trials_to_threshold
+from eutree.experiments import drawing
+from eutree.experiments.claims import Claim, judged
+from eutree.experiments.experiment import Experiment, Records, Scale, by_learner
+from eutree.experiments.runs import RunRecord, RunSpec
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+LEARNERS = ("c-u-tree", "eu-tree-dt", "eu-tree")
+LEVEL = 0.9  # success rate that "learned" stands for
+SIMILAR = 0.05  # a difference of success below this is "very similar"
+
+
+def specs(environment: str, scale: Scale, preset: str) -> list[RunSpec]:
+    """Return the runs of the three learners."""
+    return [
+        scale.spec(environment, learner, preset, run)
+        for learner in LEARNERS
+        for run in range(scale.runs)
+    ]
+
+
+def judge(name: str, records: Records, preset: str) -> list[Claim]:
+    """Return the paper's claims about one of the two figures."""
+    groups = by_learner(records)
+    c_u_tree, without, eu_tree = (success(groups[learner]) for learner in LEARNERS)
+    horizon = groups["eu-tree"][0].curve[-1].episode
+    return [
+        judged(
+            f"{name}/half-the-trials",
+            "The EU-Tree methods reduce the learning time by over 50 %.",
+            paper="< 0.5",
+            preset=preset,
+            estimate=_ratio_of_trials(groups, horizon),
+            high=0.5,
+            rule=f"trials to {LEVEL:.0%} success, EU-Tree over C. U-Tree, below a half",
+        ),
+        judged(
+            f"{name}/dt-similar",
+            "The performance of the EU-Tree with and without the demonstrations' transitions is "
+            "very similar.",
+            paper="0",
+            preset=preset,
+            estimate=bootstrap((eu_tree - without).mean(axis=1)),
+            low=-SIMILAR,
+            high=SIMILAR,
+            rule=f"mean difference of success along the curve within {SIMILAR:g}",
+        ),
+        judged(
+            f"{name}/above-at-every-point",
+            "The teaching-based methods are significantly better than the C. U-Tree at every "
+            "evaluation.",
+            paper="> 0",
+            preset=preset,
+            estimate=_smallest_lead(eu_tree, c_u_tree),
+            low=0.0,
+            rule="smallest lead of the mean success over all evaluations, above zero",
+        ),
+        judged(
+            f"{name}/c-u-tree-learns",
+            "The C. U-Tree too learns the correct policy, one that avoids all collisions.",
+            paper="1",
+            preset=preset,
+            estimate=bootstrap([record.final.success for record in groups["c-u-tree"]]),
+            low=0.95,
+            rule=f"success of its final policy after {horizon} episodes, at least 95 %",
+        ),
+        judged(
+            f"{name}/eu-tree-learns",
+            "The EU-Tree reaches the optimal policy.",
+            paper="1",
+            preset=preset,
+            estimate=bootstrap([record.final.success for record in groups["eu-tree"]]),
+            low=0.95,
+            rule=f"success of its final policy after {horizon} episodes, at least 95 %",
+        ),
+    ]
+
+
+def success(records: list[RunRecord]) -> Floats:
+    """Return the success rates of all runs at all evaluations, shape [runs, points]."""
+    return np.array([[point.success for point in record.curve] for record in records])
+
+
+def durations(records: list[RunRecord]) -> Durations:
+    """Return how many episodes each run took to the level, or that it did not get there."""
+    episodes = [point.episode for point in records[0].curve]
+    return trials_to_threshold(episodes, list(success(records)), LEVEL)
+
+
+def _ratio_of_trials(groups: dict[str, list[RunRecord]], horizon: float) -> Estimate:
+    """Return the ratio of restricted mean trials to the level, EU-Tree over C. U-Tree."""
+    return restricted_mean_ratio(
+        durations(groups["eu-tree"]), durations(groups["c-u-tree"]), horizon
+    )
+
+
+def _smallest_lead(first: Floats, second: Floats, resamples: int = 2000) -> Estimate:
+    """Return the smallest lead of the mean curve over its points, with its bootstrap interval.
+
+    Runs of the same seed are resampled together.
+    """
+    lead = first - second
+    generator = np.random.default_rng(0)
+    rows = generator.integers(0, len(lead), size=(resamples, len(lead)))
+    drawn = lead[rows].mean(axis=1).min(axis=1)
+    low, high = np.quantile(drawn, [0.025, 0.975])
+    return Estimate(float(lead.mean(axis=0).min()), Interval(float(low), float(high)), len(lead))
+
+
+def draw(title: str, records: dict[str, Records]) -> "Figure":
+    """Return the learning curves, one panel a preset, with intervals over runs shaded."""
+    figure, axes = drawing.panels(list(records), title)
+    for axis, group in zip(axes, records.values(), strict=True):
+        for learner, runs in by_learner(group).items():
+            episodes = [point.episode for point in runs[0].curve]
+            drawing.curve(axis, episodes, 100 * success(runs), drawing.LABELS[learner])
+        drawing.label(axis, "Episodes", "Success (%)", limits=(0, 102))
+    return figure
+
+
+def _experiment(name: str, environment: str, title: str) -> Experiment:
+    return Experiment(
+        id=name,
+        title=title,
+        specs=partial(specs, environment),
+        judge=partial(judge, name),
+        draw=partial(draw, title),
+    )
+
+
+FIGURE_2 = _experiment("figure-2", "eutree/Evasion2-v0", "Figure 2: 2-Evasion, three learners")
+FIGURE_3 = _experiment("figure-3", "eutree/Evasion3-v0", "Figure 3: 3-Evasion, three learners")

@@ -1,0 +1,208 @@
+"""Figures 4 and 5: other opponent speeds than the one that was demonstrated."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from eutree.arrays import Floats
+from eutree.evaluation.bootstrap import bootstrap
+from eutree.evaluation.comparison import spearman
+from eutree.evaluation.survival import kaplan_meier
+from eutree.experiments import drawing
+from eutree.experiments.claims import Claim, judged
+from eutree.experiments.experiment import Experiment, Records, Scale, by_learner, by_speed
+from eutree.experiments.figure_2_3 import LEVEL, durations, success
+from eutree.experiments.runs import DEMONSTRATED_SPEED, RunRecord, RunSpec
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+ENVIRONMENT = "eutree/Evasion2-v0"
+NEAR = 0.5  # m/s from the demonstrated speed that Figure 5 draws dark and solid
+
+
+def expert_specs(scale: Scale, preset: str) -> list[RunSpec]:
+    """Return the expert trees of 3.2 m/s at every speed; they learn nothing."""
+    return [
+        scale.spec(ENVIRONMENT, "expert", preset, run, speed)
+        for speed in scale.speeds
+        for run in range(scale.runs)
+    ]
+
+
+def learning_specs(scale: Scale, preset: str) -> list[RunSpec]:
+    """Return EU-Tree runs at every speed, and C. U-Tree runs at the demonstrated one."""
+    eu_tree = [
+        scale.spec(ENVIRONMENT, "eu-tree", preset, run, speed)
+        for speed in scale.speeds
+        for run in range(scale.runs)
+    ]
+    c_u_tree = [scale.spec(ENVIRONMENT, "c-u-tree", preset, run) for run in range(scale.runs)]
+    return eu_tree + c_u_tree
+
+
+def judge_4a(records: Records, preset: str) -> list[Claim]:
+    """Return the claims about the fixed expert tree."""
+    speeds = by_speed(records)
+    slower = [
+        np.mean([runs[seed].final.success for v, runs in speeds.items() if v <= 3.2])
+        for seed in range(len(speeds[max(speeds)]))
+    ]
+    fastest = [record.final.success for record in speeds[max(speeds)]]
+    return [
+        judged(
+            "figure-4a/slower-opponents",
+            "With slower opponents the fixed policy performs well.",
+            paper="about 1",
+            preset=preset,
+            estimate=bootstrap(slower),
+            low=0.95,
+            rule="mean success at 2.2 to 3.2 m/s, at least 95 %",
+        ),
+        judged(
+            "figure-4a/half-at-the-fastest",
+            "With faster opponents it quickly drops to an approximate success rate of 50 %.",
+            paper="0.5",
+            preset=preset,
+            estimate=bootstrap(fastest),
+            low=0.4,
+            high=0.65,
+            rule="success at 4.2 m/s, from 40 to 65 %",
+        ),
+    ]
+
+
+def judge_4b(records: Records, preset: str) -> list[Claim]:
+    """Return the claim that learning time follows the expert's quality."""
+    speeds = by_speed(by_learner(records)["eu-tree"])
+    quality, time = [], []
+    for runs in speeds.values():
+        quality.append(float(np.mean([r.expert.success for r in runs if r.expert])))
+        time.append(_trials(runs))
+    return [
+        judged(
+            "figure-4b/time-follows-quality",
+            "Strong expert policy performance leads to short learning times.",
+            paper="< 0",
+            preset=preset,
+            estimate=spearman(quality, time),
+            high=0.0,
+            rule="rank correlation over speeds of expert success and learning time, below zero",
+        )
+    ]
+
+
+def judge_5(records: Records, preset: str) -> list[Claim]:
+    """Return the claims about the learning curves at all speeds."""
+    groups = by_learner(records)
+    speeds = by_speed(groups["eu-tree"])
+    plain = success(groups["c-u-tree"]).mean(axis=1)
+    means = {speed: success(runs).mean(axis=1) for speed, runs in speeds.items()}
+    worst = min(means, key=lambda speed: float(means[speed].mean()))
+    near = np.mean([m for v, m in means.items() if abs(v - DEMONSTRATED_SPEED) <= NEAR], axis=0)
+    far = np.mean([m for v, m in means.items() if abs(v - DEMONSTRATED_SPEED) > NEAR], axis=0)
+    return [
+        judged(
+            "figure-5/no-worse-than-c-u-tree",
+            "In the worst case the performance is no worse than that of the C. U-Tree.",
+            paper=">= 0",
+            preset=preset,
+            estimate=bootstrap(means[worst] - plain),
+            low=-0.02,
+            rule=f"mean success along the curve at the worst speed ({worst:g} m/s) minus that of "
+            "the C. U-Tree at 3.2 m/s, above -0.02",
+        ),
+        judged(
+            "figure-5/scales-with-quality",
+            "Performance scales with the quality of the expert policy.",
+            paper="> 0",
+            preset=preset,
+            estimate=bootstrap(near - far),
+            low=0.0,
+            rule="mean success along the curve within 0.5 m/s of 3.2 minus further away, above "
+            "zero",
+        ),
+    ]
+
+
+def _trials(runs: list[RunRecord]) -> float:
+    """Return the restricted mean of the episodes to the level."""
+    horizon = float(runs[0].curve[-1].episode)
+    return kaplan_meier(durations(runs)).restricted_mean(horizon)
+
+
+def draw_4a(records: dict[str, Records]) -> "Figure":
+    """Return the expert trees' success at every speed."""
+    figure, axes = drawing.panels([""], "Figure 4(a): the expert tree of 3.2 m/s")
+    speeds = by_speed(next(iter(records.values())))
+    values = _matrix({v: [100 * r.final.success for r in runs] for v, runs in speeds.items()})
+    drawing.curve(axes[0], list(speeds), values, "Expert tree", style="o-")
+    axes[0].axvline(DEMONSTRATED_SPEED, color="#999999", linestyle=":", linewidth=1)
+    drawing.label(axes[0], "Opponent speed (m/s)", "Success (%)", limits=(0, 102))
+    return figure
+
+
+def draw_4b(records: dict[str, Records]) -> "Figure":
+    """Return the episodes to learn at every speed."""
+    figure, axes = drawing.panels(list(records), "Figure 4(b): episodes to learn")
+    for axis, group in zip(axes, records.values(), strict=True):
+        speeds = by_speed(by_learner(group)["eu-tree"])
+        axis.bar(
+            list(speeds),
+            [_trials(runs) for runs in speeds.values()],
+            width=0.07,
+            color=["#e0a070" if v == DEMONSTRATED_SPEED else "#a8480c" for v in speeds],
+            label=f"EU-Tree to {LEVEL:.0%}",
+        )
+        drawing.label(axis, "Opponent speed (m/s)", "Episodes")
+    return figure
+
+
+def draw_5(records: dict[str, Records]) -> "Figure":
+    """Return the learning curves at all speeds: near ones dark and solid, far ones dashed."""
+    figure, axes = drawing.panels(list(records), "Figure 5: learning at all speeds")
+    for axis, group in zip(axes, records.values(), strict=True):
+        groups = by_learner(group)
+        for speed, runs in by_speed(groups["eu-tree"]).items():
+            near = abs(speed - DEMONSTRATED_SPEED) <= NEAR + 1e-9
+            axis.plot(
+                [point.episode for point in runs[0].curve],
+                100 * success(runs).mean(axis=0),
+                "-" if near else "--",
+                color="#a8480c" if near else "#d9a98a",
+                linewidth=1.2,
+            )
+        episodes = [point.episode for point in groups["c-u-tree"][0].curve]
+        drawing.curve(axis, episodes, 100 * success(groups["c-u-tree"]), "C. U-Tree")
+        axis.plot([], [], "-", color="#a8480c", label="EU-Tree, 2.7 to 3.7 m/s")
+        axis.plot([], [], "--", color="#d9a98a", label="EU-Tree, further away")
+        drawing.label(axis, "Episodes", "Success (%)", limits=(0, 102))
+    return figure
+
+
+def _matrix(values: dict[float, list[float]]) -> Floats:
+    """Return the values as [runs, speeds]."""
+    return np.array(list(values.values())).T
+
+
+FIGURE_4A = Experiment(
+    id="figure-4a",
+    title="Figure 4(a): the fixed expert tree at other opponent speeds",
+    specs=expert_specs,
+    judge=judge_4a,
+    draw=draw_4a,
+)
+FIGURE_4B = Experiment(
+    id="figure-4b",
+    title="Figure 4(b): learning time at other opponent speeds",
+    specs=learning_specs,
+    judge=judge_4b,
+    draw=draw_4b,
+)
+FIGURE_5 = Experiment(
+    id="figure-5",
+    title="Figure 5: learning curves at other opponent speeds",
+    specs=learning_specs,
+    judge=judge_5,
+    draw=draw_5,
+)

@@ -1,0 +1,28 @@
+"""All experiments by name."""
+
+from eutree.experiments.experiment import Experiment
+from eutree.experiments.expert_and_compression import COMPRESSION, EXPERT
+from eutree.experiments.figure_2_3 import FIGURE_2, FIGURE_3
+from eutree.experiments.figure_4_5 import FIGURE_4A, FIGURE_4B, FIGURE_5
+from eutree.experiments.table_2 import TABLE_2
+from eutree.validation import check_choice
+
+EXPERIMENTS = {
+    experiment.id: experiment
+    for experiment in (
+        FIGURE_2,
+        FIGURE_3,
+        TABLE_2,
+        FIGURE_4A,
+        FIGURE_4B,
+        FIGURE_5,
+        EXPERT,
+        COMPRESSION,
+    )
+}
+
+
+def chosen(name: str) -> list[Experiment]:
+    """Return the experiment of that name, or every one for ``"all"``."""
+    check_choice("experiment", name, [*EXPERIMENTS, "all"])
+    return list(EXPERIMENTS.values()) if name == "all" else [EXPERIMENTS[name]]

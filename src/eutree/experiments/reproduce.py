@@ -1,0 +1,214 @@
+"""Reproduce results of the paper: run what is missing, judge the claims, draw, report.
+
+A folder of results holds
+
+    runs/             one document a run; finished runs are never done again
+    claims.json       every claim with the paper's number, ours, its interval and the verdict
+    claims.md         the same as a table
+    points.csv        every evaluation of every run
+    figure-*.svg/png  the figures
+    report.html       all of it on one page
+"""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from html import escape
+from io import BytesIO
+from pathlib import Path
+
+from eutree.experiments.claims import Claim
+from eutree.experiments.experiment import Experiment, Records, Scale
+from eutree.experiments.results import Results
+from eutree.experiments.runs import RunSpec
+from eutree.files import write_bytes, write_text
+from eutree.report.html import asset, page
+
+PRESETS = ("paper", "default")
+
+
+@dataclass(frozen=True, eq=False)
+class Reproduction:
+    """What a reproduction found.
+
+    Attributes:
+        claims: All claims, those of one experiment together.
+        folder: Where everything was written.
+    """
+
+    claims: tuple[Claim, ...]
+    folder: Path
+
+
+def reproduce(
+    experiments: Sequence[Experiment],
+    folder: str | Path,
+    *,
+    scale: Scale,
+    presets: Sequence[str] = PRESETS,
+    n_jobs: int = 1,
+    on_run: Callable[[int, int, RunSpec], None] = lambda count, total, spec: None,
+) -> Reproduction:
+    """Run, judge, draw and report some experiments.
+
+    Args:
+        experiments: What to reproduce.
+        folder: Results; runs that are already there are not done again.
+        scale: How much.
+        presets: Settings of the learners, side by side.
+        n_jobs: Processes.
+        on_run: Called after each run with how many are done, how many there are, and the run.
+    """
+    results = Results(folder)
+    needed = {(e.id, p): e.specs(scale, p) for e in experiments for p in presets}
+    wanted = list(dict.fromkeys(spec for specs in needed.values() for spec in specs))
+    results.complete(
+        wanted, n_jobs=n_jobs, on_run=lambda count, spec: on_run(count, len(wanted), spec)
+    )
+    records = {key: results.load(specs) for key, specs in needed.items()}
+    claims = tuple(
+        claim
+        for experiment in experiments
+        for preset in _distinct(needed, experiment, presets)
+        for claim in experiment.judge(records[experiment.id, preset], preset)
+    )
+    figures = {}
+    for experiment in experiments:
+        if experiment.draw is not None:
+            shown: dict[str, Records] = {
+                p: records[experiment.id, p] for p in _distinct(needed, experiment, presets)
+            }
+            figures[experiment.id] = _draw(experiment, shown, results.folder)
+    write_text(results.folder / "claims.json", claims_to_json(claims))
+    write_text(results.folder / "claims.md", claims_to_markdown(claims))
+    write_text(results.folder / "points.csv", _points(records))
+    write_text(results.folder / "report.html", _page(experiments, claims, figures))
+    return Reproduction(claims, results.folder)
+
+
+def claims_to_json(claims: Sequence[Claim]) -> str:
+    """Return the claims as JSON text."""
+    return json.dumps({"claims": [asdict(claim) for claim in claims]}, indent=1) + "\n"
+
+
+def claims_to_markdown(claims: Sequence[Claim]) -> str:
+    """Return the claims as a table of Markdown, the presets of a claim one below the other."""
+    lines = [
+        "| claim | the paper says | paper | preset | ours [95 % interval] | verdict | rule |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for claim in claims:
+        cells = (
+            f"`{claim.id}`",
+            claim.sentence,
+            claim.paper,
+            claim.preset,
+            number_text(claim),
+            f"**{claim.holds}**",
+            claim.rule,
+        )
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def number_text(claim: Claim) -> str:
+    """Return our number with its interval."""
+    low, high = claim.interval
+    return f"{claim.ours:.3g} [{low:.3g}, {high:.3g}]"
+
+
+def _distinct(
+    needed: dict[tuple[str, str], list[RunSpec]], experiment: Experiment, presets: Sequence[str]
+) -> list[str]:
+    """Return the presets under which the experiment runs something different."""
+    seen: list[list[RunSpec]] = []
+    distinct = []
+    for preset in presets:
+        specs = needed[experiment.id, preset]
+        if specs not in seen:
+            seen.append(specs)
+            distinct.append(preset)
+    return distinct
+
+
+def _draw(experiment: Experiment, records: dict[str, Records], folder: Path) -> str:
+    """Write the figure as SVG and PNG; return the SVG."""
+    import matplotlib as mpl
+
+    if experiment.draw is None:
+        raise TypeError(f"{experiment.id} has no figure")
+    # A fixed salt and no date make the same figure the same bytes.
+    with mpl.rc_context({"svg.hashsalt": experiment.id, "svg.fonttype": "path"}):
+        figure = experiment.draw(records)
+        svg, png = BytesIO(), BytesIO()
+        figure.savefig(svg, format="svg", metadata={"Date": None})
+        figure.savefig(png, format="png", dpi=150, metadata={"Software": None})
+    write_bytes(folder / f"{experiment.id}.svg", svg.getvalue())
+    write_bytes(folder / f"{experiment.id}.png", png.getvalue())
+    return svg.getvalue().decode()
+
+
+def _points(records: Mapping[tuple[str, str], Records]) -> str:
+    """Return every evaluation of every run as CSV text."""
+    lines = [
+        "environment,learner,preset,opponent_speed,seed,episode,success,mean_return,n_leaves,kind"
+    ]
+    seen = set()
+    for group in records.values():
+        for record in group:
+            spec = record.spec
+            if spec.name in seen:
+                continue
+            seen.add(spec.name)
+            key = (spec.environment, spec.learner, spec.preset, spec.opponent_speed, spec.seed)
+            rows = [
+                (p.episode, p.success, p.mean_return, p.n_leaves, "frozen") for p in record.curve
+            ]
+            finals = {"final": record.final, "compressed": record.compressed}
+            if record.expert is not None:
+                finals["expert"] = record.expert
+            rows += [
+                (spec.episodes, p.success, p.mean_return, p.n_leaves, kind)
+                for kind, p in finals.items()
+                if p is not None
+            ]
+            lines += [",".join(map(str, (*key, *row))) for row in rows]
+    return "\n".join(lines) + "\n"
+
+
+def _page(
+    experiments: Sequence[Experiment], claims: Sequence[Claim], figures: dict[str, str]
+) -> str:
+    """Return everything on one self-contained page."""
+    sections = []
+    for experiment in experiments:
+        mine = [c for c in claims if c.id.split("/")[0] == experiment.id]
+        svg = figures.get(experiment.id, "")
+        drawn = f'<div class="scrolls">{svg[svg.find("<svg") :]}</div>' if svg else ""
+        sections.append(
+            f"<section><h2>{escape(experiment.title)}</h2>{drawn}{_table(mine)}</section>"
+        )
+    verdicts = [claim.holds for claim in claims]
+    counts = ", ".join(f"{verdicts.count(v)} {v}" for v in dict.fromkeys(verdicts))
+    body = (
+        "<main><header><h1>The paper's results, reproduced</h1>"
+        f"<p>{len(claims)} verdicts: {escape(counts)}.</p></header>{''.join(sections)}</main>"
+    )
+    return page(title="The paper's results, reproduced", body=body, style=asset("page.css"))
+
+
+def _table(claims: Sequence[Claim]) -> str:
+    head = "".join(
+        f'<th scope="col">{title}</th>'
+        for title in ("The paper says", "Paper", "Preset", "Ours [95 %]", "Verdict", "Rule")
+    )
+    rows = "".join(
+        f'<tr><th scope="row">{escape(c.sentence)}</th><td>{escape(c.paper)}</td>'
+        f"<td>{escape(c.preset)}</td><td>{escape(number_text(c))}</td>"
+        f"<td><strong>{escape(c.holds)}</strong></td><td>{escape(c.rule)}</td></tr>"
+        for c in claims
+    )
+    return (
+        f'<div class="scrolls"><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>'
+        "</div>"
+    )

@@ -1,0 +1,74 @@
+"""A folder of results: one file a run, so an interruption loses at most the runs under way."""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
+
+import joblib
+
+from eutree.experiments.runs import RunRecord, RunSpec, run
+from eutree.files import make_folder, read_document, write_document
+from eutree.files.atomic import remove_orphans
+
+
+class Results:
+    """The runs that are done, on disk.
+
+    Args:
+        folder: Where; made if it does not exist.
+    """
+
+    def __init__(self, folder: str | Path) -> None:
+        self.folder = make_folder(folder)
+        self._runs = make_folder(self.folder / "runs")
+        remove_orphans(self._runs)
+
+    def has(self, spec: RunSpec) -> bool:
+        """Return whether the run is done."""
+        return self._path(spec).exists()
+
+    def load(self, specs: Iterable[RunSpec]) -> list[RunRecord]:
+        """Return the records of runs that are done, in this order."""
+        return [read_document(self._path(spec), RunRecord) for spec in specs]
+
+    def save(self, record: RunRecord) -> None:
+        """Write a record, whole or not at all."""
+        write_document(self._path(record.spec), record)
+
+    def complete(
+        self,
+        specs: Sequence[RunSpec],
+        *,
+        n_jobs: int = 1,
+        on_run: Callable[[int, RunSpec], None] = lambda count, spec: None,
+    ) -> None:
+        """Do the runs that are missing, and save each as soon as it is done.
+
+        Args:
+            specs: All runs that are wanted.
+            n_jobs: Processes, as joblib counts them; ``joblib.parallel_config`` may send them to
+                a cluster.
+            on_run: Called after each run with how many are done and what was run.
+        """
+        missing = [spec for spec in dict.fromkeys(specs) if not self.has(spec)]
+        count = len(set(specs)) - len(missing)
+        for record in _records(missing, n_jobs):
+            self.save(record)
+            count += 1
+            on_run(count, record.spec)
+
+    def _path(self, spec: RunSpec) -> Path:
+        return self._runs / f"{spec.name}.json"
+
+
+def _records(specs: Sequence[RunSpec], n_jobs: int) -> Iterator[RunRecord]:
+    """Yield the records of runs as they are done, in any order."""
+    tasks = [joblib.delayed(run)(spec) for spec in specs]
+    try:
+        parallel = joblib.Parallel(n_jobs=n_jobs, return_as="generator_unordered")
+    except ValueError:  # Ray's backend can only hand back whole batches
+        parallel = joblib.Parallel(n_jobs=n_jobs)
+        width = joblib.effective_n_jobs(n_jobs)
+        for first in range(0, len(tasks), width):
+            yield from parallel(tasks[first : first + width])
+        return
+    yield from parallel(tasks)

@@ -1,0 +1,163 @@
+"""Table 2: states and reward of the expert tree, the C. U-Tree and the EU-Tree in 2-Evasion.
+
+"An algorithm running for a long time will tend to perform more splits ... an optimal policy can be
+found more quickly, keeping the state space small as a result": so a run's *final policy* is here
+the best one that it found after learning began, the earliest if several are equally good. The
+other reading, the policies after equally many episodes, is judged too.
+"""
+
+import numpy as np
+
+from eutree.arrays import Integers
+from eutree.evaluation.bootstrap import bootstrap
+from eutree.evaluation.intervals import Estimate, Interval
+from eutree.experiments.claims import Claim, close_to, judged
+from eutree.experiments.experiment import Experiment, Records, Scale, by_learner
+from eutree.experiments.figure_2_3 import specs
+from eutree.experiments.runs import Performance, RunRecord, RunSpec
+
+ENVIRONMENT = "eutree/Evasion2-v0"
+
+# (states, average reward per trial) of each row, and how near ours must be to say "the same"
+PAPER = {"Expert tree": (9, 82), "C. U-Tree": (167, 50), "EU-Tree": (30, 80)}
+NEAR_STATES = {"Expert tree": 2, "C. U-Tree": 50, "EU-Tree": 10}
+NEAR_REWARD = 5.0
+
+
+def judge(records: Records, preset: str) -> list[Claim]:
+    """Return Table 2's six numbers, and the order of its rows."""
+    rows = table(records)
+    claims = []
+    for name, (states, reward) in PAPER.items():
+        key = name.lower().replace(". ", "-").replace(" ", "-")
+        claims.append(
+            close_to(
+                f"table-2/{key}/states",
+                f"{name}: number of states.",
+                number=states,
+                preset=preset,
+                estimate=bootstrap([p.n_leaves for p in rows[name]]),
+                tolerance=NEAR_STATES[name],
+            )
+        )
+        claims.append(
+            close_to(
+                f"table-2/{key}/reward",
+                f"{name}: average reward per trial.",
+                number=reward,
+                preset=preset,
+                estimate=bootstrap([p.mean_return for p in rows[name]]),
+                tolerance=NEAR_REWARD,
+            )
+        )
+    groups = by_learner(records)
+    at_the_end = _ratio(
+        _states([record.final for record in groups["c-u-tree"]]),
+        _states([record.final for record in groups["eu-tree"]]),
+    )
+    return [
+        *claims,
+        *_orders(rows, preset),
+        judged(
+            "table-2/far-more-states-at-the-end",
+            "The same, with all policies taken after equally many episodes.",
+            paper="5.6",
+            preset=preset,
+            estimate=at_the_end,
+            low=2.0,
+            rule="states of the C. U-Tree over those of the EU-Tree at the end, at least 2",
+        ),
+    ]
+
+
+def _states(row: list[Performance]) -> Integers:
+    return np.array([performance.n_leaves for performance in row])
+
+
+def table(records: Records) -> dict[str, list[Performance]]:
+    """Return the final policies of each row of the table, one for each run."""
+    groups = by_learner(records)
+    return {
+        "Expert tree": [_expert(record) for record in groups["eu-tree"]],
+        "C. U-Tree": [final(record) for record in groups["c-u-tree"]],
+        "EU-Tree": [final(record) for record in groups["eu-tree"]],
+    }
+
+
+def final(record: RunRecord) -> Performance:
+    """Return the policy of the best frozen evaluation after learning began, the earliest such."""
+    best = max(record.curve[1:], key=lambda point: (point.success, -point.episode))
+    return Performance(best.success, best.mean_return, best.n_leaves)
+
+
+def _expert(record: RunRecord) -> Performance:
+    if record.expert is None:
+        raise TypeError(f"{record.spec.name} has no expert tree")
+    return record.expert
+
+
+def _orders(rows: dict[str, list[Performance]], preset: str) -> list[Claim]:
+    states = {name: _states(row) for name, row in rows.items()}
+    reward = {name: np.array([p.mean_return for p in row]) for name, row in rows.items()}
+    return [
+        judged(
+            "table-2/far-more-states",
+            "The C. U-Tree generates a far greater number of states than the EU-Tree.",
+            paper="5.6",
+            preset=preset,
+            estimate=_ratio(states["C. U-Tree"], states["EU-Tree"]),
+            low=2.0,
+            rule="states of the C. U-Tree over those of the EU-Tree, at least 2",
+        ),
+        judged(
+            "table-2/poorer-performance",
+            "More states result in poorer overall performance of the C. U-Tree.",
+            paper="30",
+            preset=preset,
+            estimate=bootstrap(reward["EU-Tree"] - reward["C. U-Tree"]),
+            low=0.0,
+            rule="reward of the EU-Tree minus that of the C. U-Tree, above zero",
+        ),
+        judged(
+            "table-2/expert-best-by-a-small-margin",
+            "The expert tree has the best performance by a small margin.",
+            paper="2",
+            preset=preset,
+            estimate=bootstrap(reward["Expert tree"] - reward["EU-Tree"]),
+            low=0.0,
+            high=5.0,
+            rule="reward of the expert tree minus that of the EU-Tree, from 0 to 5",
+        ),
+        judged(
+            "table-2/expert-smallest",
+            "The expert tree has the smallest number of states.",
+            paper="21",
+            preset=preset,
+            estimate=bootstrap((states["EU-Tree"] - states["Expert tree"]).astype(np.float64)),
+            low=0.0,
+            rule="states of the EU-Tree minus those of the expert tree, above zero",
+        ),
+    ]
+
+
+def _ratio(first: Integers, second: Integers, resamples: int = 2000) -> Estimate:
+    """Return the ratio of two means over runs with its bootstrap interval; runs are paired."""
+    generator = np.random.default_rng(0)
+    rows = generator.integers(0, first.size, size=(resamples, first.size))
+    drawn = first[rows].mean(axis=1) / second[rows].mean(axis=1)
+    low, high = np.quantile(drawn, [0.025, 0.975])
+    value = float(first.mean() / second.mean())
+    return Estimate(value, Interval(float(low), float(high)), int(first.size))
+
+
+def table_2_specs(scale: Scale, preset: str) -> list[RunSpec]:
+    """Return the runs of Figure 2, which the table reads too."""
+    return specs(ENVIRONMENT, scale, preset)
+
+
+TABLE_2 = Experiment(
+    id="table-2",
+    title="Table 2: number of states and average reward in 2-Evasion",
+    specs=table_2_specs,
+    judge=judge,
+)

@@ -1,0 +1,158 @@
+"""``eutree demos``: each command, its JSON, and one line for each mistake."""
+
+import json
+
+import gymnasium
+import numpy as np
+import pytest
+
+import eutree
+from eutree.cli.main import run
+from eutree.data import DemonstrationFolder, Demonstrations
+from eutree.schema import Schema
+
+
+@pytest.fixture(scope="module")
+def recorded():
+    env = gymnasium.make("eutree/Evasion2-v0")
+    return eutree.record(env, eutree.experts.wait_at_crossing, episodes=3, seed=5)
+
+
+@pytest.fixture
+def folder(recorded, tmp_path):
+    recorded.save(tmp_path / "demos")
+    return str(tmp_path / "demos")
+
+
+@pytest.fixture
+def ask(capsys):
+    def ask(*arguments, code=0):
+        assert run(["demos", *map(str, arguments), "--json"]) == code
+        captured = capsys.readouterr()
+        return json.loads(captured.out) if code < 2 else captured.err
+
+    return ask
+
+
+def test_list_keep_drop_and_trim(folder, ask, capsys):
+    listed = ask("list", folder)
+    assert [e["episode"] for e in listed["episodes"]] == [0, 1, 2]
+    ask("drop", folder, 0, 2, "--comment", "too late")
+    listed = ask("list", folder)
+    assert [e["kept"] for e in listed["episodes"]] == [False, True, False]
+    assert listed["episodes"][0]["comment"] == "too late"
+    assert len(Demonstrations.load(folder)) == 1
+    ask("keep", folder, 2)
+    assert len(Demonstrations.load(folder)) == 2
+    ask("trim", folder, 1, "--steps", 4)
+    assert ask("list", folder)["episodes"][1]["length"] == 4
+    assert run(["demos", "list", folder]) == 0
+    out = capsys.readouterr().out
+    assert "discarded" in out
+    assert "trimmed" in out
+    assert ask("check", folder) == {"episodes": 3, "equal": 3, "problems": []}
+
+
+def test_replay_and_stats(folder, recorded, ask, capsys):
+    steps = ask("replay", folder, 1)["steps"]
+    assert len(steps) == len(recorded.episodes[1])
+    assert steps[0]["action"] in recorded.schema.actions
+    stats = ask("stats", folder)
+    assert stats["n_transitions"] == recorded.n_transitions
+    assert len(stats["coverage"]) == 3
+    for command in (["replay", folder, "1"], ["stats", folder], ["check", folder]):
+        assert run(["demos", *command]) == 0
+        assert capsys.readouterr().out.count("\n") >= 1
+
+
+def test_check_names_the_episode_that_differs(folder, ask):
+    opened = DemonstrationFolder(folder)
+    episode = opened.read(1)
+    observations = episode.observations.copy()
+    observations[2, 0] += 1e-12
+    from dataclasses import replace
+
+    opened.write(1, replace(episode, observations=observations))
+    found = ask("check", folder, code=1)
+    assert (found["episodes"], found["equal"]) == (3, 2)
+    assert found["problems"][0]["episode"] == 1
+    assert "at step 1: observation was" in found["problems"][0]["problem"]
+
+
+def test_merge_import_and_export(folder, recorded, ask, tmp_path, monkeypatch):
+    ask("merge", folder, folder, "--out", tmp_path / "both")
+    assert len(Demonstrations.load(tmp_path / "both")) == 6
+    targets = [tmp_path / "demos.csv", tmp_path / "demos.npz"]
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "minari"))
+    targets.append("minari:eutree/test-v0")
+    for k, target in enumerate(targets):
+        ask("export", folder, target)
+        out = tmp_path / f"back{k}"
+        arguments = [] if k == 2 else ["--env", "eutree/Evasion2-v0"]
+        ask("import", target, "--out", out, *arguments)
+        back = Demonstrations.load(out)
+        assert np.array_equal(back.observations, recorded.observations)
+        assert np.array_equal(back.actions, recorded.actions)
+        assert back.schema == recorded.schema
+        if k != 1:
+            assert ask("check", out)["equal"] == 3
+
+
+def test_mistakes_give_one_line_and_code_2(folder, ask, tmp_path):
+    DemonstrationFolder.create(tmp_path / "empty", Schema.anonymous(2, 2))
+    (tmp_path / "other").mkdir()
+    (tmp_path / "x.csv").write_text("episode,action,x\n")
+    cases = {
+        ("list", tmp_path / "none"): "no such folder of demonstrations",
+        ("list", tmp_path / "other"): "holds no demonstrations",
+        ("stats", tmp_path / "empty"): "holds no episodes yet; record some",
+        ("check", tmp_path / "empty"): "holds no episodes yet",
+        ("check", folder, "--env", "eutree/Evasion3-v0"): "not of eutree/Evasion3-v0",
+        ("check", folder, "--env", "eutree/Evasoin2-v0"): "Did you mean",
+        ("merge", folder, tmp_path / "empty", "--out", tmp_path / "m"): "holds demonstrations of",
+        ("merge", folder, "--out", folder): "not an empty folder",
+        ("drop", folder, 0, 9): "has no episode 9",
+        ("trim", folder, 0, "--steps", 9999): "--steps must be less than",
+        ("replay", folder, 9): "has no episode 9",
+        ("export", folder, "x.parquet"): "must be minari:ID, or a file ending in .csv or .npz",
+        ("export", folder, "minari:x"): "end in a version like -v0",
+        ("import", "minari:eutree/none-v0", "--out", tmp_path / "m"): "minari download",
+        ("import", tmp_path / "none.npz", "--out", tmp_path / "m"): "does not exist",
+        ("import", tmp_path / "x.csv", "--out", tmp_path / "m"): "x.csv",
+    }
+    for arguments, message in cases.items():
+        error = ask(*arguments, code=2)
+        assert message in error, (arguments, error)
+        assert error.count("\n") == 1
+    assert len(Demonstrations.load(folder)) == 3
+    assert not (tmp_path / "m").exists()
+
+
+def test_every_command_has_help_with_an_example(capsys):
+    names = ("list", "keep", "drop", "trim", "replay", "check")
+    for name in (*names, "merge", "stats", "import", "export"):
+        assert run(["demos", name, "--help"]) == 0
+        assert f"Example: eutree demos {name}" in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.promise(10)
+def test_a_full_disk_is_one_line_and_loses_nothing(folder, ask, recorded):
+    import errno
+    import os
+
+    from eutree.files import atomic
+
+    class Full(atomic.Operations):
+        def write(self, descriptor, data):
+            os.write(descriptor, data[: len(data) // 2])
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    with atomic.use_operations(Full()):
+        error = ask("drop", folder, 1, code=2)
+        assert "the disk is full; what was there before is intact" in error
+        assert error.count("\n") == 1
+        error = ask("export", folder, folder + ".csv", code=2)
+        assert "the disk is full" in error
+    assert len(Demonstrations.load(folder)) == len(recorded)
+    assert not os.path.exists(folder + ".csv")
+    assert not any(name.startswith(".") for name in os.listdir(folder))

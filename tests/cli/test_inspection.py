@@ -1,0 +1,63 @@
+"""``eutree diff``, ``verify`` and ``why``: texts, JSON, exit codes."""
+
+
+def test_diff_of_a_policy_with_itself_is_empty(eutree, expert):
+    answer = eutree("diff", expert, expert, "--json")
+    assert answer.code == 0
+    assert (answer.json["share"], answer.json["boxes"], answer.json["structure"]) == (0.0, [], [])
+
+
+def test_verify_exits_with_0_for_a_proof_and_1_for_a_refutation(eutree, expert, demonstrations):
+    everywhere = "0 <= position <= 30"
+    refuted = eutree("verify", expert, "--property", f"never go when {everywhere}")
+    assert (refuted.code, refuted.out.split(":")[0]) == (1, "refuted")
+    both = [f"never {action} when {everywhere}" for action in ("stop", "go")]
+    answer = eutree("verify", expert, "--property", both[0], "--property", both[1], "--json")
+    assert (answer.code, answer.json["holds"]) == (1, False)
+    shares = [entry["share"] for entry in answer.json["answers"]]
+    assert abs(sum(shares) - 1.0) < 1e-9
+    proven = eutree("verify", expert, "--property", "no dead leaves", "--demos", demonstrations)
+    assert (proven.code, proven.out.split(":")[0]) == (0, "proven")
+
+
+def test_verify_names_mistakes(eutree, expert):
+    answer = eutree("verify", expert, "--property", "never fly")
+    assert answer.code == 2
+    assert "unknown action 'fly'" in answer.err
+
+
+def test_why_names_the_demonstrations_behind_a_leaf(eutree, expert, demonstrations):
+    answer = eutree("why", expert, "--observation", "0,5,5", "--demos", demonstrations, "--json")
+    assert answer.code == 0
+    assert answer.json["action"] in ("stop", "go")
+    assert {entry["action"] for entry in answer.json["demonstrations"]} >= {answer.json["action"]}
+    assert eutree("why", expert, "--observation", "0,5,5").out.startswith(answer.json["action"])
+    assert eutree("why", expert, "--observation", "0;5").code == 2
+
+
+def test_edit_shows_the_numbers_and_changes_nothing_by_itself(eutree, expert):
+    answer = eutree("edit", expert)
+    assert answer.code == 0
+    assert answer.out.lstrip().startswith("0 ")
+    assert "leaf 0: " in answer.out
+
+
+def test_edit_writes_what_was_asked_and_evaluates_it(eutree, expert, tmp_path):
+    before = eutree("why", expert, "--observation", "0,5,5", "--json").json
+    other = {"stop": "go", "go": "stop"}[before["action"]]
+    line = ["edit", expert, "--set-action", f"{before['leaf']}={other}", "--lock", "0"]
+    answer = eutree(*line, "--out", "new.json", "--episodes", "5", "--json")
+    assert answer.code == 0
+    assert isinstance(answer.json["mean_return_after"], float)
+    assert before["leaf"] in answer.json["locked"]
+    after = eutree("why", "new.json", "--observation", "0,5,5", "--json").json
+    assert after["action"] == other
+    again = eutree("edit", "new.json", "--set-action", f"{before['leaf']}=go", "--out", "x.json")
+    assert again.code == 2
+    assert "unlock it first" in again.err
+
+
+def test_edit_names_mistakes(eutree, expert):
+    assert "--out must name the file" in eutree("edit", expert, "--lock", "0").err
+    assert "must be NUMBER=VALUE" in eutree("edit", expert, "--set-action", "go").err
+    assert "needs a number" in eutree("edit", expert, "--set-threshold", "0=x").err

@@ -1,0 +1,83 @@
+"""The main job from the shell: record, fit, learn, evaluate, with the promised JSON keys."""
+
+import filecmp
+
+import pytest
+
+
+def test_record_fit_learn_evaluate(eutree):
+    answer = eutree("record", "eutree/Evasion2-v0", "--expert", "gate", "--out", "demos", "--json")
+    assert answer.code == 0
+    assert answer.json["episodes"] == 15
+    answer = eutree("fit", "demos", "--out", "expert.json", "--json")
+    assert answer.code == 0
+    assert answer.json.keys() >= {"n_leaves", "n_transitions", "training_accuracy", "path"}
+    assert 7 <= answer.json["n_leaves"] <= 13
+    assert answer.json["training_accuracy"] > 0.98
+    answer = eutree(
+        *("learn", "eutree/Evasion2-v0", "--demos", "demos", "--out", "runs/a", "--json"),
+        *("--episodes", 20, "--evaluate-every", 10, "--evaluation-episodes", 20),
+    )
+    assert answer.code == 0
+    assert answer.json.keys() >= {"episodes", "steps", "n_leaves", "path", "curve"}
+    assert [point["episode"] for point in answer.json["curve"]] == [0, 10, 20]
+    keys = {"episode", "success_rate", "mean_return", "n_leaves"}
+    assert all(point.keys() >= keys for point in answer.json["curve"])
+    answer = eutree("evaluate", "runs/a/policy.json", "--episodes", 50, "--json")
+    assert answer.code == 0
+    assert answer.json.keys() >= {
+        *("episodes", "success_rate", "mean_return"),
+        *("return_interval", "n_leaves", "mean_length"),
+    }
+    low, high = answer.json["return_interval"]
+    assert low <= answer.json["mean_return"] <= high
+
+
+@pytest.mark.promise(13)
+@pytest.mark.parametrize("learner", ["c-u-tree", "eu-tree-dt", "eu-tree"])
+def test_the_same_seed_writes_the_same_bytes(eutree, demonstrations, tmp_path, learner):
+    for name in ("a", "b"):
+        answer = eutree(
+            *("learn", "eutree/Evasion2-v0", "--demos", demonstrations, "--out", name),
+            *("--learner", learner, "--episodes", 25, "--seed", 4, "--evaluation-episodes", 10),
+        )
+        assert answer.code == 0, answer.err
+    names = ["policy.json", "curve.csv", "events.jsonl", "config.json", "checkpoint.npz"]
+    _, different, missing = filecmp.cmpfiles(tmp_path / "a", tmp_path / "b", names, shallow=False)
+    assert (different, missing) == ([], [])
+
+
+def test_an_environment_of_others(eutree):
+    answer = eutree(
+        *("record", "CartPole-v1", "--expert", "fall", "--episodes", 5, "--out", "demos"),
+    )
+    assert answer.code == 0, answer.err
+    answer = eutree(
+        *("learn", "CartPole-v1", "--demos", "demos", "--out", "run", "--json"),
+        *("--episodes", 6, "--evaluate-every", 3, "--evaluation-episodes", 5),
+    )
+    assert answer.code == 0, answer.err
+    assert answer.json["curve"][-1]["success_rate"] is None
+
+
+def test_evaluate_in_a_changed_environment(eutree, expert):
+    answer = eutree("evaluate", expert, "--env-arg", "opponent_speed=4.2", "--json")
+    assert answer.code == 0
+    assert answer.json["success_rate"] < 0.8
+
+
+def test_results_go_to_standard_output_and_messages_to_standard_error(eutree, demonstrations):
+    answer = eutree("fit", demonstrations, "--out", "expert.json")
+    assert "leaves" in answer.out
+    assert answer.err == ""
+
+
+def test_learn_starts_from_an_edited_policy(eutree, expert):
+    answer = eutree("edit", expert, "--lock", "1", "--out", "edited.json")
+    assert answer.code == 0, answer.err
+    answer = eutree(
+        *("learn", "eutree/Evasion2-v0", "--expert", "edited.json", "--out", "run", "--json"),
+        *("--preset", "paper", "--episodes", 20, "--evaluation-episodes", 5),
+    )
+    assert answer.code == 0, answer.err
+    assert answer.json["n_leaves"] > 9

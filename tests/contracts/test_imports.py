@@ -1,0 +1,59 @@
+"""What `import eutree` costs: none of the heavy packages, little more time than Gymnasium."""
+
+import os
+import statistics
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+HEAVY = {
+    "PIL",
+    "h5py",
+    "joblib",
+    "matplotlib",
+    "minari",
+    "numba",
+    "onnx",
+    "onnxruntime",
+    "pygame",
+    "rich",
+    "scipy",
+    "sklearn",
+    "tensorboardX",
+    "websockets",
+}
+
+
+def run(code: str) -> str:
+    environment = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
+    return subprocess.run(
+        [sys.executable, "-W", "error", "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=environment,
+        timeout=120,
+    ).stdout
+
+
+def test_import_loads_no_heavy_package() -> None:
+    heavy = run(f"import sys, eutree; print(sorted({HEAVY!r} & sys.modules.keys()))")
+    gymnasium = run(f"import sys, gymnasium; print(sorted({HEAVY!r} & sys.modules.keys()))")
+    assert heavy == gymnasium
+
+
+def test_help_loads_no_heavy_package() -> None:
+    code = (
+        "import sys\nfrom eutree.cli.main import run\nrun(['--help'])\n"
+        "print([m for m in 'numba joblib scipy sklearn matplotlib'.split() if m in sys.modules])"
+    )
+    assert run(code).splitlines()[-1] == "[]"
+
+
+def test_import_takes_little_longer_than_gymnasium() -> None:
+    def cpu_seconds(package: str) -> float:
+        return float(run(f"import time, {package}; print(time.process_time())"))
+
+    ratios = [cpu_seconds("eutree") / cpu_seconds("gymnasium") for _ in range(5)]
+    assert statistics.median(ratios) < 1.5

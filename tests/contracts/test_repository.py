@@ -1,0 +1,69 @@
+"""What holds for every tracked file: no host names, no lost lock, small promises about words."""
+
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+LOCKS = ("run", "test", "build", "oldest", "uv")
+
+
+def tracked_files() -> list[Path]:
+    """Return the tracked text files of the repository, or all files of an unpacked archive."""
+    if (ROOT / ".git").exists():
+        output = subprocess.run(
+            ["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True, text=True
+        ).stdout
+        return [ROOT / name for name in output.split("\0") if name and (ROOT / name).is_file()]
+    return [path for path in ROOT.rglob("*") if path.is_file() and ".venv" not in path.parts]
+
+
+# Put together here so that this file does not name what it forbids.
+REGISTRIES = [
+    rb"py" + rb"pi\.org",
+    rb"python" + rb"hosted\.org",
+    rb"registry\.np" + rb"mjs",
+    rb"np" + rb"mjs\.(com|org)",
+    rb"conda\.an" + rb"aconda",
+    rb"an" + rb"aconda\.org",
+    rb"cr" + rb"ates\.io",
+    rb"deb\.de" + rb"bian\.org",
+    rb"--(extra-)?index" + rb"-url",
+    rb"--find" + rb"-links",
+]
+
+
+@pytest.mark.promise(27)
+def test_no_tracked_file_names_a_registry() -> None:
+    forbidden = re.compile(b"|".join(REGISTRIES), re.IGNORECASE)
+    found = [
+        f"{path.relative_to(ROOT)}: {match.group().decode()}"
+        for path in tracked_files()
+        if (match := forbidden.search(path.read_bytes()))
+    ]
+    assert found == []
+
+
+@pytest.mark.parametrize("name", LOCKS)
+def test_lock_pins_and_hashes_everything(name: str) -> None:
+    text = (ROOT / "requirements" / f"{name}.txt").read_text()
+    assert "://" not in text
+    entries = [entry for entry in re.split(r"\n(?=\S)", text.strip()) if not entry.startswith("#")]
+    assert entries
+    for entry in entries:
+        assert re.match(r"[A-Za-z0-9._-]+(\[[^]]*\])?==\S+", entry), entry.splitlines()[0]
+        assert "--hash=sha256:" in entry, entry.splitlines()[0]
+
+
+def test_locks_agree() -> None:
+    def pins(name: str) -> dict[str, set[str]]:
+        text = (ROOT / "requirements" / f"{name}.txt").read_text()
+        found: dict[str, set[str]] = {}
+        for package, version in re.findall(r"^([A-Za-z0-9._-]+)==(\S+)", text, re.MULTILINE):
+            found.setdefault(package, set()).add(version)
+        return found
+
+    run, test = pins("run"), pins("test")
+    assert {name: test.get(name) for name in run} == run

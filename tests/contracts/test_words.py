@@ -1,0 +1,95 @@
+"""One word per concept, no module without a noun, few suppressions and each with a reason."""
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+SOURCES = sorted((ROOT / "src").rglob("*.py"))
+FORBIDDEN_NAMES = {"obs", "acts", "rews", "done", "dones", "next_obs", "demo_data"}
+FOREIGN_WORDS = {"npz_files.py"}  # reads files of others, whose fields have their names
+FORBIDDEN_MODULES = {"utils", "util", "common", "helpers", "helper", "misc", "tools"}
+SUPPRESSION = re.compile(r"# (noqa|type: ignore)(.*)")
+SUPPRESSION_WITH_REASON = re.compile(
+    r"# (noqa: [A-Z]+\d+(, ?[A-Z]+\d+)* - |type: ignore\[[\w, -]+\]  # (?!noqa))\S.*"
+)
+
+
+def identifiers(tree: ast.AST) -> Iterator[tuple[str, int]]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            yield node.id, node.lineno
+        elif isinstance(node, ast.arg):
+            yield node.arg, node.lineno
+        elif isinstance(node, ast.FunctionDef | ast.ClassDef | ast.AsyncFunctionDef):
+            yield node.name, node.lineno
+        elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store):
+            yield node.attr, node.lineno
+
+
+def test_identifiers_use_the_glossary() -> None:
+    found = [
+        f"{path.relative_to(ROOT)}:{line}: {name}"
+        for path in SOURCES
+        for name, line in identifiers(ast.parse(path.read_text()))
+        if name.strip("_") in FORBIDDEN_NAMES
+        and not (name == "done" and {"cli", "experiments"} & set(path.parts))  # units of work
+        and path.name not in FOREIGN_WORDS
+    ]
+    assert found == []
+
+
+def test_modules_are_named_after_nouns() -> None:
+    names = {
+        part for path in SOURCES for part in path.relative_to(ROOT / "src").with_suffix("").parts
+    }
+    assert {name.strip("_") for name in names} & FORBIDDEN_MODULES == set()
+
+
+def suppressions() -> list[str]:
+    return [
+        f"{path.relative_to(ROOT)}:{number}: {line.strip()}"
+        for path in SOURCES
+        for number, line in enumerate(path.read_text().splitlines(), start=1)
+        if SUPPRESSION.search(line)
+    ]
+
+
+def test_suppressions_carry_code_and_reason() -> None:
+    assert [line for line in suppressions() if not SUPPRESSION_WITH_REASON.search(line)] == []
+
+
+def test_suppressions_are_few() -> None:
+    lines = sum(len(path.read_text().splitlines()) for path in SOURCES)
+    assert len(suppressions()) <= 2 + 2 * lines / 1000, suppressions()
+
+
+def test_files_are_small() -> None:
+    """Compiled loops stay in one file a package and may be longer."""
+    sizes = {path: len(path.read_text().splitlines()) for path in SOURCES}
+    long = {
+        str(path.relative_to(ROOT)): size
+        for path, size in sizes.items()
+        if size > (700 if path.name.startswith("_kernels") else 500)
+    }
+    assert long == {}
+
+
+def test_array_fields_say_their_shape() -> None:
+    """Fields of dataclasses that are arrays carry ``# [...]`` on their line."""
+    arrays = ("Floats", "Integers", "Int32s", "Booleans", "NDArray")
+    found = []
+    for path in SOURCES:
+        text = path.read_text()
+        lines = text.splitlines()
+        for definition in ast.walk(ast.parse(text)):
+            if isinstance(definition, ast.ClassDef):
+                found += [
+                    f"{path.relative_to(ROOT)}:{field.lineno}: {lines[field.lineno - 1].strip()}"
+                    for field in definition.body
+                    if isinstance(field, ast.AnnAssign)
+                    and ast.unparse(field.annotation).startswith(arrays)
+                    and "# [" not in lines[field.lineno - 1]
+                ]
+    assert found == []
