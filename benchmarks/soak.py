@@ -1,0 +1,75 @@
+"""Learn for very many environment steps; show time per step and memory by decade.
+
+    python -m benchmarks.soak --steps 1000000
+
+A table of processor time per step, memory and leaves at 10^3, 2 * 10^3, 5 * 10^3, 10^4, ... steps.
+Evaluations are left out, so the time is that of gathering, learning and expanding alone.
+"""
+
+import argparse
+import resource
+import time
+from collections.abc import Iterator
+
+import gymnasium
+
+import eutree
+from eutree.training import LearningRun
+
+ENVIRONMENT = "eutree/Evasion2-v0"
+
+
+def marks() -> Iterator[int]:
+    """Yield 1000, 2000, 5000, 10000, ..."""
+    decade = 1000
+    while True:
+        yield from (decade, 2 * decade, 5 * decade)
+        decade *= 10
+
+
+def main() -> None:
+    """Run the soak and print a row at each mark."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--steps", type=int, default=100_000)
+    parser.add_argument("--preset", default="paper")
+    parser.add_argument("--seed", type=int, default=0)
+    arguments = parser.parse_args()
+    env = gymnasium.make(ENVIRONMENT)
+    short = {"evaluate_every": 10**9, "evaluation_episodes": 1, "preset": arguments.preset}
+    eutree.learn(env, episodes=40, **short)  # compile before the clock starts
+    upcoming = marks()
+    mark = next(upcoming)
+    start, last_time, last_steps = time.process_time(), 0.0, 0
+
+    def note(run: LearningRun) -> None:
+        nonlocal mark, last_time, last_steps
+        if run.steps < mark:
+            return
+        spent = time.process_time() - start
+        per_step = (spent - last_time) / max(run.steps - last_steps, 1)
+        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        stored = run.learner.history.n_bytes_per_transition
+        print(
+            f"| {run.steps:,} | {run.episode:,} | {1e6 * per_step:.0f} | {spent:.0f} "
+            f"| {memory:.0f} | {stored:.0f} | {run.learner.tree.n_leaves} |",
+            flush=True,
+        )
+        last_time, last_steps = spent, run.steps
+        mark = next(upcoming)
+
+    steps_left = arguments.steps
+    print("| steps | episodes | us a step since | s | MB at most | B a row | leaves |")
+    print("|---|---|---|---|---|---|---|")
+    result = eutree.learn(
+        env,
+        episodes=10**9,
+        seed=arguments.seed,
+        stop=lambda: mark > steps_left,
+        on_progress=note,
+        **short,
+    )
+    print(f"{result.steps:,} steps in {result.episodes:,} episodes")
+
+
+if __name__ == "__main__":
+    main()
