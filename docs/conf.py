@@ -1,0 +1,107 @@
+"""Settings of the documentation; `make docs` builds it with warnings as errors."""
+
+import importlib
+import inspect
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+from docutils import nodes
+from docutils.statemachine import StringList
+from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
+from sphinx.util.nodes import nested_parse_with_titles
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "src"))
+
+project = "eutree"
+author = "the eutree developers"
+copyright = "2026, the eutree developers"
+
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx.ext.viewcode",
+]
+source_suffix = {".md": "markdown"}
+exclude_patterns = ["_build"]
+nitpicky = True
+# References out of eutree have no target here: an inventory of another project's pages would have
+# to be fetched while building. Of eutree's own, a class in a signature may be internal.
+nitpick_ignore_regex = [
+    (r"py:.*", r"(?!eutree).*"),
+    (r"py:.*", r"eutree\.(.*\.)?_.*"),
+    (r"py:class", r"eutree\.\w+\.\w+\..*"),
+]
+
+myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
+myst_heading_anchors = 3
+math_renderer = "none"
+
+autodoc_member_order = "bysource"
+autodoc_typehints = "signature"
+python_maximum_signature_line_length = 88
+autodoc_preserve_defaults = True
+napoleon_google_docstring = True
+napoleon_numpy_docstring = False
+napoleon_use_ivar = True
+napoleon_attr_annotations = False
+
+html_theme = "furo"
+html_title = "eutree"
+html_show_sphinx = False
+html_copy_source = False
+html_static_path = []
+
+
+class Card(SphinxDirective):
+    """``{card} module.Class``: the class's docstring, read as a part of this Markdown page.
+
+    Environments describe themselves in Markdown, as Gymnasium's do; autodoc would read it as
+    reStructuredText.
+    """
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        """Return the parsed docstring."""
+        module, _, name = self.arguments[0].rpartition(".")
+        text = inspect.getdoc(getattr(importlib.import_module(module), name)) or ""
+        container = nodes.Element(document=self.state.document)
+        nested_parse_with_titles(self.state, StringList(text.splitlines()), container)
+        return container.children
+
+
+class CommandHelp(SphinxDirective):
+    """``{commandhelp}``: what ``--help`` prints, for every command of the command line."""
+
+    def run(self) -> list[nodes.Node]:
+        """Return a section for each command, with its help."""
+        from eutree.cli.main import eutree
+
+        lines = [
+            line
+            for name, text in _helps(eutree, "eutree")
+            for line in (f"## {name}", "", "```text", *text.splitlines(), "```", "")
+        ]
+        container = nodes.Element(document=self.state.document)
+        nested_parse_with_titles(self.state, StringList(lines), container)
+        return container.children
+
+
+def _helps(command: click.Command, name: str) -> Iterator[tuple[str, str]]:
+    context = click.Context(command, info_name=name, max_content_width=88, terminal_width=88)
+    yield name, command.get_help(context)
+    if isinstance(command, click.Group):
+        for child in command.list_commands(context):
+            if found := command.get_command(context, child):
+                yield from _helps(found, f"{name} {child}")
+
+
+def setup(app: Sphinx) -> None:
+    """Add what these pages need beyond Sphinx's own."""
+    app.add_directive("card", Card)
+    app.add_directive("commandhelp", CommandHelp)

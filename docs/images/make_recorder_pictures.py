@@ -1,0 +1,143 @@
+"""Make the pictures of recording.md: its page in headless Chromium, its window without a display.
+
+Run: PYTHONPATH=src python docs/images/make_recorder_pictures.py
+
+A scripted person drives the real programs; the pictures land beside this file.
+"""
+
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).parent
+CHROMIUM = "/usr/bin/chromium"
+QUIET = (
+    "--no-sandbox --headless=new --disable-gpu --disable-background-networking "
+    "--disable-component-update --disable-sync --no-first-run"
+)
+PATIENCE = 30_000.0
+
+
+class Page:
+    """The recorder's page, and a person before it."""
+
+    def __init__(self, browser: Any, url: str, **options: Any) -> None:
+        self.page = browser.new_page(**options)
+        self.page.goto(url)
+        self.until("opening")
+
+    def until(self, state: str) -> "Page":
+        self.page.locator(f"body[data-state={state}]").wait_for(timeout=PATIENCE)
+        return self
+
+    def rest(self, seconds: float) -> "Page":
+        self.page.wait_for_timeout(1000.0 * seconds)
+        return self
+
+    def take(self, name: str) -> "Page":
+        self.rest(0.3)
+        self.page.screenshot(path=HERE / f"recorder-{name}.png")
+        return self
+
+    def press(self, key: str) -> "Page":
+        self.page.keyboard.press(key)
+        return self
+
+    def cross(self, *, wait: float = 0.0) -> "Page":
+        """Record an episode: wait, then go."""
+        self.press("Enter").until("playing").rest(wait)
+        self.page.keyboard.down("Space")
+        self.until("review").page.keyboard.up("Space")
+        return self.rest(0.9)
+
+
+def picture_the_page(folder: Path) -> None:
+    from playwright.sync_api import sync_playwright
+
+    command = [sys.executable, "-m", "eutree", "record", "eutree/Evasion2-v0", "--web", "--fps"]
+    command += ["4", "--port", "0", "--episodes", "5", "--out", "demos"]
+    own = {**os.environ, "PYTHONPATH": str(HERE.parents[1] / "src")}
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, cwd=folder, env=own)
+    url = re.search(r"open (http://\S+)", process.stderr.readline())[1]
+    wide = {"viewport": {"width": 1180, "height": 810}}
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=QUIET.split())
+        page = Page(browser, url, color_scheme="light", **wide).take("opening")
+        page.press("Enter").until("countdown").rest(0.2).take("countdown").until("playing")
+        page.page.keyboard.down("Space")
+        page.rest(0.3).take("playing").page.keyboard.up("Space")
+        page.press("p").until("paused").take("paused")
+        page.press("Delete").until("review").rest(0.9)
+        page.cross().cross(wait=1.5).press("ArrowLeft").until("playing")
+        page.page.keyboard.down("Space")
+        page.until("review").page.keyboard.up("Space")
+        page.rest(0.9).cross(wait=2.2).cross(wait=0.6).take("review")
+        page.page.close()
+        phone = Page.__new__(Page)
+        phone.page = browser.new_page(
+            viewport={"width": 390, "height": 844},
+            color_scheme="dark",
+            has_touch=True,
+            is_mobile=True,
+            device_scale_factor=2,
+        )
+        phone.page.goto(url)
+        phone.until("review").take("phone-review")
+        phone.press("Enter").until("playing").rest(2.0).take("phone-playing")
+        phone.page.close()
+        page = Page.__new__(Page)
+        page.page = browser.new_page(color_scheme="dark", **wide)
+        page.page.goto(url)
+        page.until("paused").take("dark")
+        page.press("Enter").until("playing")
+        page.page.keyboard.down("Space")
+        page.until("review").page.keyboard.up("Space")
+        page.rest(0.9)
+        while page.page.locator("body").get_attribute("data-saved") < "5":
+            page.cross(wait=0.4)
+        page.page.emulate_media(color_scheme="light")
+        page.press("Enter").until("finished").take("finished")
+        browser.close()
+    process.wait()
+
+
+def picture_the_window(folder: Path) -> None:
+    os.environ["SDL_VIDEODRIVER"] = "dummy"
+    import gymnasium
+    import pygame
+
+    import eutree  # noqa: F401 - registers the environments
+    from eutree.interaction.recorder import Recorder
+    from eutree.interaction.settings import SessionSettings
+    from eutree.interaction.window import Window
+
+    env = gymnasium.make("eutree/Evasion2-v0", render_mode="rgb_array")
+    settings = SessionSettings(target=5, fps=4.0, countdown=0.5, hud=True)
+    window = Window(Recorder(env, folder / "window", settings=settings))
+
+    def rest(seconds: float) -> None:
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            window.tick()
+            time.sleep(1 / 60)
+
+    def key(kind: int, code: int, seconds: float) -> None:
+        pygame.event.post(pygame.event.Event(kind, key=code))
+        rest(seconds)
+
+    key(pygame.KEYDOWN, pygame.K_RETURN, 1.0)
+    key(pygame.KEYDOWN, pygame.K_SPACE, 8.0)
+    pygame.image.save(pygame.display.get_surface(), HERE / "recorder-window.png")
+    window.recorder.close()
+    window.close()
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as name:
+        picture_the_page(Path(name))
+        picture_the_window(Path(name))
