@@ -5,6 +5,7 @@ from scipy import stats
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import (
     bootstrap,
+    bootstrap_rows,
     interquartile_mean,
     mean,
     median,
@@ -57,6 +58,23 @@ def test_intervals_cover_the_truth_as_often_as_they_say():
         low, high = bootstrap(generator.normal(size=20), resamples=500, seed=trial).interval
         hits += low <= 0.0 <= high
     assert 0.88 <= hits / 300 <= 0.98
+
+
+def test_runs_of_several_numbers_are_drawn_together():
+    generator = np.random.default_rng(3)
+    first, second = generator.exponential(size=(2, 25))
+    ours = bootstrap_rows(
+        lambda rows: first[rows].mean(axis=1) / second[rows].mean(axis=1), 25, resamples=20_000
+    )
+    theirs = stats.bootstrap(
+        (first, second),
+        lambda x, y, axis: x.mean(axis=axis) / y.mean(axis=axis),
+        paired=True, method="percentile", n_resamples=20_000, rng=np.random.default_rng(9),
+    ).confidence_interval  # fmt: skip
+    assert ours.value == pytest.approx(first.mean() / second.mean())
+    width = theirs.high - theirs.low
+    assert ours.interval.low == pytest.approx(theirs.low, abs=0.05 * width)
+    assert ours.interval.high == pytest.approx(theirs.high, abs=0.05 * width)
 
 
 def test_the_seed_decides_and_nothing_else():

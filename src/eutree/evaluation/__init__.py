@@ -2,6 +2,7 @@
 
 from eutree.evaluation.bootstrap import (
     bootstrap,
+    bootstrap_rows,
     interquartile_mean,
     mean,
     median,
@@ -48,6 +49,7 @@ __all__ = [
     "SurvivalCurve",
     "average_curves",
     "bootstrap",
+    "bootstrap_rows",
     "compare_paired",
     "curve_from_csv",
     "curve_to_csv",

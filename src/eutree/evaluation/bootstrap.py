@@ -99,6 +99,30 @@ def stratified_bootstrap(
     return Estimate(value, Interval(float(low), float(high)), int(pooled.size))
 
 
+def bootstrap_rows(
+    statistic: Callable[[Integers], Floats],
+    n: int,
+    *,
+    confidence: float = 0.95,
+    resamples: int = 9999,
+    seed: int = 0,
+) -> Estimate:
+    """Return a statistic of n runs that are more than one number each, with its interval.
+
+    Args:
+        statistic: What is estimated, from the numbers of the runs drawn [B, n] to [B].
+        n: Number of runs; what belongs to one run is drawn together.
+        confidence: Share of such (percentile) intervals that hold the truth.
+        resamples: How many times runs are drawn.
+        seed: Source of chance.
+    """
+    drawn = statistic(draw_rows(n, resamples=resamples, seed=seed))
+    tail = (1 - check_confidence(confidence)) / 2
+    low, high = np.quantile(drawn, [tail, 1 - tail])
+    value = float(statistic(np.arange(n)[np.newaxis])[0])
+    return Estimate(value, Interval(float(low), float(high)), n)
+
+
 def draw_rows(n: int, *, resamples: int, seed: int) -> Integers:
     """Return rows drawn with replacement, shape [resamples, n], for what has runs as rows."""
     check_integer("n", n, low=1)

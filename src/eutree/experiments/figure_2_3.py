@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eutree.arrays import Floats
-from eutree.evaluation.bootstrap import bootstrap
-from eutree.evaluation.intervals import Estimate, Interval
+from eutree.evaluation.bootstrap import bootstrap, bootstrap_rows
+from eutree.evaluation.intervals import Estimate
 from eutree.evaluation.survival import Durations, restricted_mean_ratio, trials_to_threshold
 from eutree.experiments import drawing
 from eutree.experiments.claims import Claim, judged
@@ -106,17 +106,13 @@ def _ratio_of_trials(groups: dict[str, list[RunRecord]], horizon: float) -> Esti
     )
 
 
-def _smallest_lead(first: Floats, second: Floats, resamples: int = 2000) -> Estimate:
+def _smallest_lead(first: Floats, second: Floats) -> Estimate:
     """Return the smallest lead of the mean curve over its points, with its bootstrap interval.
 
-    Runs of the same seed are resampled together.
+    Runs of the same seed are drawn together.
     """
-    lead = first - second
-    generator = np.random.default_rng(0)
-    rows = generator.integers(0, len(lead), size=(resamples, len(lead)))
-    drawn = lead[rows].mean(axis=1).min(axis=1)
-    low, high = np.quantile(drawn, [0.025, 0.975])
-    return Estimate(float(lead.mean(axis=0).min()), Interval(float(low), float(high)), len(lead))
+    lead = first - second  # [runs, points]
+    return bootstrap_rows(lambda rows: lead[rows].mean(axis=1).min(axis=1), len(lead))
 
 
 def draw(title: str, records: dict[str, Records]) -> "Figure":

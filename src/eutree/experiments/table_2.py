@@ -9,8 +9,8 @@ other reading, the policies after equally many episodes, is judged too.
 import numpy as np
 
 from eutree.arrays import Integers
-from eutree.evaluation.bootstrap import bootstrap
-from eutree.evaluation.intervals import Estimate, Interval
+from eutree.evaluation.bootstrap import bootstrap, bootstrap_rows
+from eutree.evaluation.intervals import Estimate
 from eutree.experiments.claims import Claim, close_to, judged
 from eutree.experiments.experiment import Experiment, Records, Scale, by_learner
 from eutree.experiments.figure_2_3 import specs
@@ -140,14 +140,11 @@ def _orders(rows: dict[str, list[Performance]], preset: str) -> list[Claim]:
     ]
 
 
-def _ratio(first: Integers, second: Integers, resamples: int = 2000) -> Estimate:
+def _ratio(first: Integers, second: Integers) -> Estimate:
     """Return the ratio of two means over runs with its bootstrap interval; runs are paired."""
-    generator = np.random.default_rng(0)
-    rows = generator.integers(0, first.size, size=(resamples, first.size))
-    drawn = first[rows].mean(axis=1) / second[rows].mean(axis=1)
-    low, high = np.quantile(drawn, [0.025, 0.975])
-    value = float(first.mean() / second.mean())
-    return Estimate(value, Interval(float(low), float(high)), int(first.size))
+    return bootstrap_rows(
+        lambda rows: first[rows].mean(axis=1) / second[rows].mean(axis=1), first.size
+    )
 
 
 def table_2_specs(scale: Scale, preset: str) -> list[RunSpec]:
