@@ -65,6 +65,31 @@ def test_replay_and_stats(folder, recorded, ask, capsys):
         assert capsys.readouterr().out.count("\n") >= 1
 
 
+def test_stats_as_a_page_has_the_same_figures(folder, ask, tmp_path):
+    ask("drop", folder, 1)
+    page = tmp_path / "demos.html"
+    stats = ask("stats", folder, "--html", page)
+    text = page.read_text()
+    assert stats["path"] == str(page)
+    assert stats["advice"] in text
+    assert f"{stats['neighbour_disagreement']:.1%} of the steps" in text
+    assert "2 episodes and 1 discarded" in text
+    assert sum(map(sum, stats["histograms"][0]["counts"])) == stats["n_transitions"]
+    assert len(set(stats["map"]["features"])) == 2
+    assert stats["learning_curve"] is None  # of two episodes nothing can be said
+
+
+def test_stats_know_the_learning_curve(ask, tmp_path):
+    env = gymnasium.make("eutree/Evasion2-v0")
+    demos = eutree.record(env, eutree.experts.wait_at_crossing, episodes=5, seed=5)
+    demos.save(tmp_path / "five")
+    stats = ask("stats", tmp_path / "five")
+    curve = stats["learning_curve"]
+    assert [p["episodes"] for p in curve["points"]] == [1, 2, 3, 4]
+    assert all(0 <= p["interval"][0] <= p["accuracy"] <= 1 for p in curve["points"])
+    assert curve["gain_interval"][0] <= curve["gain_interval"][1]
+
+
 def test_check_names_the_episode_that_differs(folder, ask):
     opened = DemonstrationFolder(folder)
     episode = opened.read(1)

@@ -13,7 +13,7 @@ from eutree.errors import InvalidArgumentError
 
 if TYPE_CHECKING:
     from eutree.data import DemonstrationFolder, Demonstrations, Episode
-    from eutree.data.summary import EpisodeSummary, Summary
+    from eutree.data.summary import EpisodeSummary
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 
@@ -190,41 +190,17 @@ def merge(folders: tuple[Path, ...], out: Path, as_json: bool) -> None:
     _written(merged, str(out), as_json)
 
 
-@demos.command(epilog="Example: eutree demos stats demos/")
+@demos.command(epilog="Example: eutree demos stats demos/ --html demos.html")
 @_folder
+@click.option("--html", type=click.Path(path_type=Path), help="Write the summary as a page, too.")
 @json_option
-def stats(folder: Path, as_json: bool) -> None:
-    """Say what the episodes of FOLDER cover, and where they contradict themselves."""
-    from eutree.data.summary import summarize
+def stats(folder: Path, html: Path | None, as_json: bool) -> None:
+    """Say what FOLDER covers, where it contradicts itself, and whether more would help."""
+    from eutree.cli import _stats
 
     opened = _open(folder)
     episodes = _some(opened)
-    demonstrations = _demonstrations(opened, episodes)
-    summary = summarize(demonstrations)
-    numbers = list(episodes)
-    names, actions = opened.schema.feature_names, opened.schema.actions
-    conflicts = [
-        {
-            "observation": dict(zip(names, conflict.observation, strict=True)),
-            "counts": dict(zip(actions, conflict.counts, strict=True)),
-            "places": [[numbers[episode], step] for episode, step in conflict.places],
-        }
-        for conflict in summary.conflicts
-    ]
-    Output(as_json=as_json).result(
-        {
-            "episodes": len(demonstrations),
-            "discarded": len(episodes) - len(demonstrations),
-            "n_transitions": demonstrations.n_transitions,
-            "success_rate": summary.success_rate,
-            "coverage": [vars(entry) for entry in summary.coverage],
-            "joint_cells": summary.joint_cells,
-            "disagreement": summary.disagreement,
-            "n_conflicts": summary.n_conflicts,
-            "conflicts": conflicts,
-        },
-        _stats_text(demonstrations, summary, conflicts),
-    )
+    _stats.show(folder, _demonstrations(opened, episodes), list(episodes), html, as_json)
 
 
 @demos.command(
@@ -391,30 +367,6 @@ def _table(rows: "list[EpisodeSummary]", title: str) -> Any:
             escape(row.comment),
         )
     return table
-
-
-def _stats_text(
-    demonstrations: "Demonstrations", summary: "Summary", conflicts: list[dict[str, Any]]
-) -> str:
-    discarded = len(demonstrations.episodes) - len(demonstrations)
-    success = summary.success_rate
-    lines = [
-        f"{len(demonstrations)} episodes ({discarded} discarded), "
-        f"{demonstrations.n_transitions} transitions"
-        + ("" if success is None else f", success {success:.0%}"),
-        *(
-            f"{entry.name}: {entry.low:.6g} to {entry.high:.6g}, {entry.share:.0%} of its range"
-            for entry in summary.coverage
-        ),
-        f"{summary.disagreement:.1%} of the transitions disagree with near-equal ones "
-        f"({summary.n_conflicts} places)",
-    ]
-    for conflict in conflicts:
-        where = ", ".join(f"{name} {value:.4g}" for name, value in _items(conflict["observation"]))
-        counts = ", ".join(f"{name} {count}" for name, count in _items(conflict["counts"]) if count)
-        places = ", ".join(f"episode {episode} step {step}" for episode, step in conflict["places"])
-        lines.append(f"  at {where}: {counts} ({places})")
-    return "\n".join(lines)
 
 
 def _items(mapping: Any) -> list[tuple[str, Any]]:

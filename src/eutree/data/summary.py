@@ -12,8 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from eutree.arrays import Floats, Integers
+from eutree.data.coverage import bins_of, bounds_of
 from eutree.data.demonstrations import Demonstrations
 from eutree.data.episode import Episode
+from eutree.data.neighbours import places_of
 
 BINS = 50
 COVERAGE_BINS = 10
@@ -112,8 +114,8 @@ def summarize(demonstrations: Demonstrations) -> Summary:
     disagreeing = counts.sum(axis=1) - counts.max(axis=1, initial=0)
     order = np.lexsort((np.arange(len(disagreeing)), -disagreeing))
     worst = [int(g) for g in order[:MAX_EXAMPLES] if disagreeing[g] > 0]
-    places = _places(demonstrations)
-    coarse = _bins(observations, *_bounds(demonstrations), COVERAGE_BINS)
+    places = places_of(demonstrations)
+    coarse = bins_of(observations, *bounds_of(demonstrations), COVERAGE_BINS)
     return Summary(
         episodes=tuple(
             summarize_episode(number, episode)
@@ -150,36 +152,12 @@ def _group_counts(
     """Return the group of near-equals of each transition [N], and action counts of each [G, A]."""
     if not len(actions):
         return np.empty(0, np.int64), np.zeros((0, n_actions), np.int64)
-    bins = _bins(observations, observations.min(axis=0), observations.max(axis=0), BINS)
+    bins = bins_of(observations, observations.min(axis=0), observations.max(axis=0), BINS)
     _, group = np.unique(bins, axis=0, return_inverse=True)
     group = group.reshape(-1).astype(np.int64)
     counts = np.zeros((int(group.max()) + 1, n_actions), dtype=np.int64)
     np.add.at(counts, (group, actions), 1)
     return group, counts
-
-
-def _bins(observations: Floats, low: Floats, high: Floats, n_bins: int) -> Integers:
-    """Return the bin of each value, shape [N, d]; a feature without a range has bin 0."""
-    # Halves, because high - low may overflow.
-    width = high / 2 - low / 2
-    share = np.divide(
-        observations / 2 - low / 2, width, out=np.zeros_like(observations), where=width > 0
-    )
-    return np.clip((share * n_bins).astype(np.int64), 0, n_bins - 1)
-
-
-def _bounds(demonstrations: Demonstrations) -> tuple[Floats, Floats]:
-    """Return the schema's bounds where both are finite, else the range seen."""
-    observations, features = demonstrations.observations, demonstrations.schema.features
-    low = np.array([feature.low for feature in features])
-    high = np.array([feature.high for feature in features])
-    if not len(observations):
-        return np.zeros_like(low), np.zeros_like(high)
-    bounded = np.isfinite(low) & np.isfinite(high)
-    return (
-        np.where(bounded, low, observations.min(axis=0)),
-        np.where(bounded, high, observations.max(axis=0)),
-    )
 
 
 def _coverage(demonstrations: Demonstrations, bins: Integers) -> tuple[Coverage, ...]:
@@ -193,16 +171,6 @@ def _coverage(demonstrations: Demonstrations, bins: Integers) -> tuple[Coverage,
         )
         for j, name in enumerate(demonstrations.schema.feature_names)
     )
-
-
-def _places(demonstrations: Demonstrations) -> list[tuple[int, int]]:
-    """Return episode and step of each transition of the kept episodes."""
-    return [
-        (number, step)
-        for number, episode in enumerate(demonstrations.episodes)
-        if episode.kept
-        for step in range(len(episode))
-    ]
 
 
 def _conflict(

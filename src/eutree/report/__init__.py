@@ -1,7 +1,21 @@
 """Self-contained HTML pages: the report of a run, a policy watched while it decides."""
 
+from eutree.report.demonstrations_page import (
+    DemonstrationFigures,
+    demonstration_figures,
+    demonstrations_page,
+)
 from eutree.report.policy_page import policy_page
 from eutree.report.run_page import RunReport, run_page
 from eutree.report.watching import WatchedEpisode, watch
 
-__all__ = ["RunReport", "WatchedEpisode", "policy_page", "run_page", "watch"]
+__all__ = [
+    "DemonstrationFigures",
+    "RunReport",
+    "WatchedEpisode",
+    "demonstration_figures",
+    "demonstrations_page",
+    "policy_page",
+    "run_page",
+    "watch",
+]

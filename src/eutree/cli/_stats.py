@@ -1,0 +1,151 @@
+"""What ``eutree demos stats`` says: the figures of the summary as JSON, as text and as a page."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from eutree.cli._output import Output
+
+if TYPE_CHECKING:
+    from eutree.data import Demonstrations
+    from eutree.evaluation.expert_curve import ExpertCurve
+    from eutree.report import DemonstrationFigures
+
+_Place = tuple[int, int]
+
+
+def show(
+    folder: Path,
+    demonstrations: "Demonstrations",
+    numbers: list[int],
+    html: Path | None,
+    json: bool,
+) -> None:
+    """Print the statistics of the demonstrations in ``folder``; write the page if asked for.
+
+    ``numbers`` are those of the episodes in the folder.
+    """
+    from eutree.files import write_text
+    from eutree.report import demonstration_figures, demonstrations_page
+
+    figures = demonstration_figures(demonstrations)
+    values = _values(demonstrations, figures, numbers)
+    lines = _text(demonstrations, figures, values)
+    if html is not None:
+        title = f"Demonstrations in {folder}"
+        page = demonstrations_page(demonstrations, title=title, numbers=numbers, figures=figures)
+        write_text(html, page)
+        values["path"] = str(html)
+        lines.append(f"wrote {html}")
+    Output(as_json=json).result(values, "\n".join(lines))
+
+
+def _values(
+    demonstrations: "Demonstrations", figures: "DemonstrationFigures", numbers: list[int]
+) -> dict[str, Any]:
+    from eutree.data.coverage import coverage_map, histograms
+
+    schema, summary, neighbours = demonstrations.schema, figures.summary, figures.neighbours
+    names, actions = schema.feature_names, schema.actions
+    found = coverage_map(demonstrations)
+
+    def places(pairs: tuple[_Place, ...]) -> list[list[int]]:
+        return [[numbers[episode], step] for episode, step in pairs]
+
+    return {
+        "episodes": len(demonstrations),
+        "discarded": len(demonstrations.episodes) - len(demonstrations),
+        "n_transitions": demonstrations.n_transitions,
+        "success_rate": summary.success_rate,
+        "coverage": [vars(entry) for entry in summary.coverage],
+        "joint_cells": summary.joint_cells,
+        "histograms": [
+            {
+                "name": names[h.feature],
+                "low": h.low,
+                "high": h.high,
+                "counts": h.counts.tolist(),
+            }
+            for h in histograms(demonstrations)
+        ],
+        "map": found
+        and {
+            "features": [names[j] for j in found.features],
+            "information": found.information,
+            "share": found.share,
+            "counts": found.counts.tolist(),
+        },
+        "disagreement": summary.disagreement,
+        "n_conflicts": summary.n_conflicts,
+        "conflicts": [
+            {
+                "observation": dict(zip(names, conflict.observation, strict=True)),
+                "counts": dict(zip(actions, conflict.counts, strict=True)),
+                "places": places(conflict.places),
+            }
+            for conflict in summary.conflicts
+        ],
+        "neighbour_disagreement": neighbours.disagreement,
+        "n_near_neighbours": neighbours.n_near,
+        "near_neighbour_disagreement": neighbours.near_disagreement,
+        "contradictions": [
+            {
+                "distance": pair.distance,
+                "places": places(pair.places),
+                "actions": [actions[action] for action in pair.actions],
+            }
+            for pair in neighbours.contradictions
+        ],
+        "learning_curve": figures.curve and _curve(figures.curve),
+        "advice": figures.advice,
+    }
+
+
+def _curve(curve: "ExpertCurve") -> dict[str, Any]:
+    return {
+        "points": [
+            {"episodes": p.k, "accuracy": p.accuracy, "interval": list(p.interval)}
+            for p in curve.points
+        ],
+        "most_frequent": curve.most_frequent,
+        "law": vars(curve.law),
+        "more": curve.more,
+        "gain": curve.gain,
+        "gain_interval": list(curve.gain_interval),
+    }
+
+
+def _text(
+    demonstrations: "Demonstrations", figures: "DemonstrationFigures", values: dict[str, Any]
+) -> list[str]:
+    summary, success = figures.summary, figures.summary.success_rate
+    lines = [
+        f"{values['episodes']} episodes ({values['discarded']} discarded), "
+        f"{demonstrations.n_transitions} transitions"
+        + ("" if success is None else f", success {success:.0%}"),
+        *(
+            f"{entry.name}: {entry.low:.6g} to {entry.high:.6g}, {entry.share:.0%} of its range"
+            for entry in summary.coverage
+        ),
+        f"{summary.disagreement:.1%} of the transitions disagree with near-equal ones "
+        f"({summary.n_conflicts} places)",
+    ]
+    for conflict in values["conflicts"]:
+        seen = conflict["observation"].items()
+        where = ", ".join(f"{name} {value:.4g}" for name, value in seen)
+        counts = ", ".join(f"{name} {count}" for name, count in conflict["counts"].items() if count)
+        lines.append(f"  at {where}: {counts} ({_said(conflict['places'])})")
+    if values["neighbour_disagreement"] is not None:
+        lines.append(
+            f"{values['neighbour_disagreement']:.1%} were answered otherwise than the most similar "
+            "one of another episode"
+        )
+    for pair in values["contradictions"]:
+        lines.append(
+            f"  {' / '.join(pair['actions'])} at a distance of {pair['distance']:.2%} of the range "
+            f"({_said(pair['places'])})"
+        )
+    return [*lines, figures.advice]
+
+
+def _said(places: list[list[int]]) -> str:
+    return ", ".join(f"episode {episode} step {step}" for episode, step in places)

@@ -1,0 +1,233 @@
+"""Would more demonstrations help? The learning curve of the expert tree, and where it leads.
+
+For each size k the expert tree is fitted to k of the n episodes and asked about all others: the
+accuracy of an episode is the share of its steps at which the tree chose the demonstrator's action.
+The subsets are runs of k neighbours around random circles of the episodes, so at each size all
+episodes are held out about equally often. Episodes, not steps, are the units of the interval.
+
+The errors are fitted by a power law a + b k^-c with a, b >= 0, the points weighted by k, because
+the first ones often lie off it (Figueroa et al., *Predicting sample size required for
+classification performance*, BMC Medical Informatics and Decision Making 12, 2012), and the law is
+extended to n + 5. The interval of the gain is a bootstrap over episodes. It knows nothing of other
+kinds of demonstration: it answers for more of the same.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from eutree.arrays import Floats
+from eutree.c45 import C45Settings
+from eutree.data import Demonstrations
+from eutree.evaluation.intervals import Interval, mean_interval
+from eutree.learning.expert_tree import fit_expert_tree
+from eutree.validation import check_integer, check_seed
+
+MIN_EPISODES = 4
+FITS = 30  # trees of each size
+_SIZES = 8
+_BOOTSTRAPS = 400
+_EXPONENTS = np.linspace(0.1, 2.0, 39)
+_POINT = 0.01
+_MUCH = 0.05  # error that is worth a remark
+
+
+@dataclass(frozen=True)
+class PowerLaw:
+    """An error of a + b k^-c after k episodes."""
+
+    floor: float
+    scale: float
+    exponent: float
+
+    def error(self, k: float) -> float:
+        """Return the error after ``k`` episodes."""
+        return float(self.floor + self.scale * k**-self.exponent)
+
+
+@dataclass(frozen=True)
+class ExpertCurvePoint:
+    """Accuracy on held-out episodes of trees fitted to ``k`` episodes, with its 95 % interval."""
+
+    k: int
+    accuracy: float
+    interval: Interval
+
+
+@dataclass(frozen=True)
+class ExpertCurve:
+    """How well the expert tree foretells the demonstrator, by number of episodes.
+
+    Attributes:
+        points: The measured accuracies, for ascending k.
+        law: The fitted power law of the error.
+        n_episodes: How many episodes there are.
+        most_frequent: Share of the steps with the most frequent action: the accuracy of a tree
+            that knows nothing.
+        more: How many more the gain is for.
+        gain: Accuracy that ``more`` episodes would likely add, by the law.
+        gain_interval: Its 95 % interval.
+    """
+
+    points: tuple[ExpertCurvePoint, ...]
+    law: PowerLaw
+    n_episodes: int
+    most_frequent: float
+    more: int
+    gain: float
+    gain_interval: Interval
+
+    @property
+    def advice(self) -> str:
+        """One or two sentences for the person who demonstrates."""
+        if self.points[-1].interval.low <= self.most_frequent:
+            return (
+                f"Nothing can be said yet: the tree's accuracy, {self.points[-1].accuracy:.0%}, is "
+                f"not clearly above that of the most frequent action, {self.most_frequent:.0%}."
+            )
+        low, high = (100 * end for end in self.gain_interval)
+        if self.gain < _POINT / 2 and self.gain_interval.high < _POINT:
+            return (
+                f"More of the same will not help: {self.more} more episodes would likely gain "
+                "less than 1 point of accuracy." + self._doubt
+            )
+        points = f"{100 * self.gain:.1f}".removesuffix(".0")
+        return (
+            f"{self.more} more episodes would likely gain about {points} "
+            f"{'point' if points == '1' else 'points'} of accuracy on average "
+            f"(95 % interval {low:.1f} to {high:.1f})."
+        )
+
+    @property
+    def _doubt(self) -> str:
+        """What else may be wrong where more episodes do not help and the tree still errs."""
+        error = 1.0 - self.points[-1].accuracy
+        if error < _MUCH:
+            return ""
+        return (
+            f" The tree still errs in {error:.0%} of the steps: similar situations were answered "
+            "differently, or what decides is not observed."
+        )
+
+
+def expert_curve(
+    demonstrations: Demonstrations,
+    *,
+    settings: C45Settings | None = None,
+    more: int = 5,
+    seed: int = 0,
+) -> ExpertCurve | None:
+    """Return the learning curve of the expert tree, or None with fewer than four episodes.
+
+    Args:
+        demonstrations: Episodes of one demonstrator; discarded and empty ones are left out.
+        settings: The choices of C4.5; release 8 by default.
+        more: For how many more episodes the gain is asked.
+        seed: Seed of the subsets and of the bootstrap.
+    """
+    check_integer("more", more, low=1)
+    check_seed(seed)
+    episodes = [number for number, e in enumerate(demonstrations.episodes) if e.kept and len(e)]
+    n = len(episodes)
+    if n < MIN_EPISODES:
+        return None
+    generator = np.random.default_rng(np.random.SeedSequence((seed, n)))
+    sizes = np.unique(np.geomspace(1, n - 1, _SIZES).round().astype(int))
+    accuracies = np.array(
+        [
+            _accuracies(demonstrations, episodes, int(k), settings or C45Settings(), generator)
+            for k in sizes
+        ]
+    )
+    drawn = generator.integers(n, size=(_BOOTSTRAPS, n))
+    laws = [fit_power_law(sizes, 1.0 - _mean(accuracies[:, rows])) for rows in drawn]
+    gains = [law.error(n) - law.error(n + more) for law in laws]
+    law = fit_power_law(sizes, 1.0 - _mean(accuracies))
+    return ExpertCurve(
+        points=tuple(_point(int(k), row) for k, row in zip(sizes, accuracies, strict=True)),
+        law=law,
+        n_episodes=n,
+        most_frequent=float(
+            np.bincount(demonstrations.actions).max() / len(demonstrations.actions)
+        ),
+        more=more,
+        gain=law.error(n) - law.error(n + more),
+        gain_interval=Interval(*np.quantile(gains, [0.025, 0.975]).tolist()),
+    )
+
+
+def fit_power_law(sizes: Floats, errors: Floats) -> PowerLaw:
+    """Return the law of least squares through ``errors`` [S] at ``sizes`` [S], weighted by size."""
+    weights = np.asarray(sizes, dtype=float)
+    best, least = PowerLaw(float(np.average(errors, weights=weights)), 0.0, 1.0), np.inf
+    for exponent in _EXPONENTS.tolist():
+        powers = weights**-exponent
+        for floor, scale in _lines(powers, errors, weights):
+            missed = float((weights * (floor + scale * powers - errors) ** 2).sum())
+            if floor >= 0.0 and scale >= 0.0 and missed < least - 1e-15:
+                best, least = PowerLaw(floor, scale, exponent), missed
+    return best
+
+
+def _lines(x: Floats, y: Floats, weights: Floats) -> list[tuple[float, float]]:
+    """Return the best weighted line a + b x, the best without a, and the best without b."""
+    x_mean, y_mean = float(np.average(x, weights=weights)), float(np.average(y, weights=weights))
+    spread = float(weights @ (x - x_mean) ** 2)
+    slope = float(weights @ ((x - x_mean) * y)) / spread if spread > 0.0 else 0.0
+    through_origin = float(weights @ (x * y)) / float(weights @ (x * x))
+    return [(y_mean - slope * x_mean, slope), (0.0, through_origin), (y_mean, 0.0)]
+
+
+def _accuracies(
+    demonstrations: Demonstrations,
+    episodes: list[int],
+    k: int,
+    settings: C45Settings,
+    generator: np.random.Generator,
+) -> Floats:
+    """Return each episode's mean accuracy under trees of ``k`` others; NaN if never held out."""
+    n = len(episodes)
+    total, count = np.zeros(n), np.zeros(n)
+    for subset in _subsets(n, k, generator):
+        chosen = tuple(demonstrations.episodes[episodes[i]] for i in subset)
+        part = Demonstrations(chosen, demonstrations.schema, demonstrations.environment)
+        tree = fit_expert_tree(part, settings=settings)
+        for i in sorted(set(range(n)) - set(subset)):
+            episode = demonstrations.episodes[episodes[i]]
+            leaves = tree.tree.leaf_index(episode.observations[:-1])
+            total[i] += float((tree.actions[leaves] == episode.actions).mean())
+            count[i] += 1
+    accuracy = np.full(n, np.nan)
+    accuracy[count > 0] = total[count > 0] / count[count > 0]
+    return accuracy
+
+
+def _subsets(n: int, k: int, generator: np.random.Generator) -> list[list[int]]:
+    """Return ``FITS`` subsets of k of n episodes: runs around random circles, evenly spaced."""
+    subsets: list[list[int]] = []
+    while len(subsets) < FITS:
+        circle = generator.permutation(n)
+        missing = min(n, FITS - len(subsets))
+        for first in (np.arange(missing) * n // missing).tolist():
+            subsets.append(np.roll(circle, -first)[:k].tolist())
+    return subsets
+
+
+def _mean(accuracies: Floats) -> Floats:
+    """Return the mean over episodes, shape [S]; where none of them was held out, that of the rest.
+
+    A bootstrap sample of few episodes may hold none that was held out at the largest size.
+    """
+    known = ~np.isnan(accuracies)
+    rows = known.any(axis=1)
+    means = np.full(len(accuracies), np.nan)
+    means[rows] = np.nanmean(accuracies[rows], axis=1)
+    means[~rows] = np.nanmean(accuracies)
+    return means
+
+
+def _point(k: int, accuracies: Floats) -> ExpertCurvePoint:
+    known = accuracies[~np.isnan(accuracies)]
+    low, high = mean_interval(known)
+    interval = Interval(max(low, 0.0), min(high, 1.0))
+    return ExpertCurvePoint(k, float(known.mean()), interval)
