@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from eutree.compression.compress import compress as compress
     from eutree.data import Demonstrations as Demonstrations
     from eutree.data import Episode as Episode
+    from eutree.distillation import DistillationReport as DistillationReport
+    from eutree.distillation.distill import distill as distill
     from eutree.envs import experts as experts
     from eutree.errors import EnvironmentFault as EnvironmentFault
     from eutree.errors import EutreeError as EutreeError
@@ -63,6 +65,8 @@ _PUBLIC = {
     "compress": "eutree.compression.compress:compress",
     "CompressionReport": "eutree.compression:CompressionReport",
     "diff": "eutree.inspection.diff:diff",
+    "distill": "eutree.distillation.distill:distill",
+    "DistillationReport": "eutree.distillation:DistillationReport",
     "DecisionTree": "eutree.trees:DecisionTree",
     "Demonstrations": "eutree.data:Demonstrations",
     "EnvironmentFault": "eutree.errors:EnvironmentFault",

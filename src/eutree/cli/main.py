@@ -16,6 +16,7 @@ COMMANDS = {
     "demos": "List, check, replay, edit, import and export demonstrations.",
     "fit": "Fit the expert tree to demonstrations (C4.5).",
     "learn": "Learn a tree policy by reinforcement, starting from demonstrations.",
+    "distill": "Make a small tree of another policy (cloning, DAgger, VIPER).",
     "evaluate": "Evaluate a policy over many episodes.",
     "compress": "Make a policy's tree smaller without changing what it decides.",
     "export": "Export a policy to C, ONNX, DOT, SVG, JSON, text, Python and more.",

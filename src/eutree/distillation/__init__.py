@@ -1,0 +1,5 @@
+"""Distillation: a small tree that decides as any teacher does, by cloning, DAgger or VIPER."""
+
+from eutree.distillation.report import DistillationReport, Round
+
+__all__ = ["DistillationReport", "Round"]

@@ -1,0 +1,200 @@
+"""Distil a teacher into a small tree.
+
+*Cloning* fits a tree to what the teacher did. Where the tree errs it comes to observations that
+the teacher never showed. *DAgger* (Ross, Gordon, Bagnell 2011) lets the tree act, asks the teacher
+what it would have done there, adds that to the data and fits anew, round after round. *VIPER*
+(Bastani, Pu, Solar-Lezama 2018) moreover weights each observation by what a wrong action costs
+there. The best tree of all rounds is chosen on validation episodes, the same for all and used for
+nothing else.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from eutree.arrays import Integers
+from eutree.data import Demonstrations, Episode
+from eutree.distillation.fitting import LEARNERS, Labelled, fit
+from eutree.distillation.report import DistillationReport, Round
+from eutree.distillation.stakes import ActionValues, Stakes, stakes_of, weights
+from eutree.errors import InvalidArgumentError
+from eutree.evaluation import Evaluation, evaluate
+from eutree.interaction import GuardedEnv, episode_seed, record, run_episode
+from eutree.interaction.record import Controller, as_policy
+from eutree.policies import Policy, TreePolicy
+from eutree.schema import Schema
+from eutree.validation import check_choice, check_integer, check_seed
+
+METHODS = ("dagger", "viper", "cloning")
+GATHERING_STREAM = 21
+VALIDATION_STREAM = 22
+
+Progress = Callable[[int, Round], None]
+
+
+def distill(
+    teacher: Controller,
+    env: gymnasium.Env[Any, Any],
+    *,
+    method: str = "dagger",
+    learner: str = "c4.5",
+    max_leaves: int | None = 32,
+    iterations: int = 10,
+    episodes: int = 10,
+    validation_episodes: int = 50,
+    demonstrations: Demonstrations | None = None,
+    action_values: ActionValues | None = None,
+    seed: int = 0,
+    strict: bool = False,
+    on_round: Progress | None = None,
+) -> tuple[TreePolicy, DistillationReport]:
+    """Return a tree that decides as ``teacher`` does, and what that took.
+
+    Args:
+        teacher: Anything with SB3's ``predict``, or a function that makes such a thing for the
+            environment, like ``eutree.experts.wait_at_crossing``.
+        env: Where it acts.
+        method: ``"cloning"`` fits one tree to the teacher's own episodes; ``"dagger"`` and
+            ``"viper"`` go on to fit trees to what the trees themselves come to.
+        learner: ``"c4.5"``, or ``"cart"`` (extra ``sklearn``).
+        max_leaves: Most leaves of the tree; None for what the learner makes.
+        iterations: Trees that are fitted, the first to the teacher's episodes alone.
+        episodes: Episodes gathered before each tree.
+        validation_episodes: Episodes of the validation of each tree.
+        demonstrations: What the teacher showed already; it takes the place of its first episodes.
+        action_values: The teacher's Q, from observations [N, d] to [N, A], for VIPER's weights. By
+            default a method of that name of the teacher, or the values of a ``TreePolicy``'s
+            leaves; without any VIPER's weights are all equal, and it is DAgger.
+        seed: The same seed gives the same tree, byte for byte.
+        strict: Refuse observations outside the environment's own bounds.
+        on_round: Called after each tree with its number and what became of it.
+
+    Raises:
+        InvalidArgumentError: An argument is not as described, or the demonstrations are of another
+            environment or hold no transition.
+        EnvironmentFault: The environment broke its contract.
+        MissingExtraError: CART without scikit-learn.
+    """
+    check_choice("method", method, METHODS)
+    check_choice("learner", learner, LEARNERS)
+    _check_budgets(iterations, episodes, validation_episodes, max_leaves)
+    check_seed(seed)
+    policy = as_policy(teacher, env)
+    guarded = GuardedEnv(env, strict=strict)
+    stakes = None
+    if method == "viper":
+        stakes = stakes_of(policy, action_values, guarded.schema.n_actions)
+    shown = demonstrations
+    if shown is None:
+        shown = record(env, policy, episodes=episodes, seed=seed, strict=strict)
+    _check_shown(shown, guarded.schema)
+    school = _School(guarded, policy, stakes, shown, seed)
+    trees: list[TreePolicy] = []
+    results: list[Evaluation] = []
+    rounds: list[Round] = []
+    for number in range(1 if method == "cloning" else iterations):
+        if number:
+            school.gather(trees[-1], number, episodes)
+        data = school.data()
+        trees.append(fit(learner, data, guarded.schema, guarded.spec, max_leaves))
+        validation = episode_seed(seed, 0, VALIDATION_STREAM)
+        results.append(evaluate(trees[-1], env, episodes=validation_episodes, seed=validation))
+        rounds.append(_round(data, trees[-1], results[-1]))
+        if on_round is not None:
+            on_round(number, rounds[-1])
+    best = min(range(len(rounds)), key=lambda i: (-rounds[i].mean_return, rounds[i].n_leaves, i))
+    validation_steps = sum(result.steps for result in results)
+    return trees[best], DistillationReport(
+        method=method,
+        learner=learner,
+        rounds=tuple(rounds),
+        best=best,
+        return_interval=results[best].return_interval,
+        labels=school.labels,
+        environment_steps=school.steps + validation_steps,
+        validation_steps=validation_steps,
+        weighted=stakes is not None,
+    )
+
+
+class _School:
+    """All observations so far with the teacher's actions, and what they cost."""
+
+    def __init__(
+        self,
+        env: GuardedEnv,
+        teacher: Policy,
+        stakes: Stakes | None,
+        shown: Demonstrations,
+        seed: int,
+    ) -> None:
+        self.steps = self.labels = shown.n_transitions
+        self._env = env
+        self._teacher = teacher
+        self._stakes = stakes
+        self._seed = seed
+        self._observations = [shown.observations]
+        self._actions = [shown.actions]
+
+    def gather(self, tree: TreePolicy, number: int, episodes: int) -> None:
+        """Let the tree act, and add what it comes to with the teacher's actions."""
+        for k in range(number * episodes, (number + 1) * episodes):
+            episode = run_episode(self._env, tree, episode_seed(self._seed, k, GATHERING_STREAM))
+            self.steps += len(episode)
+            self.labels += len(episode)
+            self._observations.append(episode.observations[:-1])
+            self._actions.append(actions_on(self._teacher, episode))
+
+    def data(self) -> Labelled:
+        """Return all of it, weighted."""
+        observations = np.concatenate(self._observations)
+        stakes = np.ones(len(observations))
+        if self._stakes is not None:
+            stakes = weights(self._stakes(observations))
+        return Labelled(observations, np.concatenate(self._actions), stakes)
+
+
+def actions_on(teacher: Policy, episode: Episode) -> Integers:
+    """Return what the teacher would have done at each step of an episode of another's, shape [T].
+
+    It is asked step by step, so that a teacher with a memory has the one it would have.
+    """
+    actions = np.empty(len(episode), dtype=np.int64)
+    state, first = None, True
+    for step, observation in enumerate(episode.observations[:-1]):
+        action, state = teacher.predict(observation, state, np.array(first), True)
+        actions[step], first = int(action), False
+    return actions
+
+
+def _round(data: Labelled, tree: TreePolicy, result: Evaluation) -> Round:
+    same = tree.predict(data.observations)[0] == data.actions
+    return Round(data.actions.size, tree.n_leaves, float(same.mean()), result.mean_return)
+
+
+def _check_budgets(
+    iterations: int, episodes: int, validation_episodes: int, max_leaves: int | None
+) -> None:
+    check_integer("iterations", iterations, low=1)
+    check_integer("episodes", episodes, low=1)
+    check_integer("validation_episodes", validation_episodes, low=2)
+    if max_leaves is not None:
+        check_integer("max_leaves", max_leaves, low=1)
+
+
+def _check_shown(shown: Demonstrations, schema: Schema) -> None:
+    """Raise InvalidArgumentError unless there is something to learn in this environment."""
+    mine, wanted = shown.schema, schema
+    if (mine.feature_names, mine.actions) != (wanted.feature_names, wanted.actions):
+        raise InvalidArgumentError(
+            "demonstrations must be of the environment env: its features are "
+            f"{list(wanted.feature_names)} and its actions {list(wanted.actions)}, "
+            f"got {list(mine.feature_names)} and {list(mine.actions)}"
+        )
+    if not shown.n_transitions:
+        raise InvalidArgumentError(
+            f"demonstrations must hold at least one transition, got {len(shown)} episodes "
+            "without a step"
+        )
