@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from eutree.schema import Feature as Feature
     from eutree.schema import Schema as Schema
     from eutree.training import LearningResult as LearningResult
+    from eutree.training import callbacks as callbacks
     from eutree.training.learn import learn as learn
     from eutree.trees import DecisionTree as DecisionTree
 
@@ -62,6 +63,7 @@ __version__ = "0.1.0"
 _PUBLIC = {
     "C45Classifier": "eutree.c45.estimator:C45Classifier",
     "C45Settings": "eutree.c45:C45Settings",
+    "callbacks": "eutree.training.callbacks",
     "compress": "eutree.compression.compress:compress",
     "CompressionReport": "eutree.compression:CompressionReport",
     "diff": "eutree.inspection.diff:diff",

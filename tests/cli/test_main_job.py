@@ -42,7 +42,14 @@ def test_the_same_seed_writes_the_same_bytes(eutree, demonstrations, tmp_path, l
             *("--learner", learner, "--episodes", 25, "--seed", 4, "--evaluation-episodes", 10),
         )
         assert answer.code == 0, answer.err
-    names = ["policy.json", "curve.csv", "events.jsonl", "config.json", "checkpoint.npz"]
+    names = [
+        "policy.json",
+        "curve.csv",
+        "progress.csv",
+        "events.jsonl",
+        "config.json",
+        "checkpoint.npz",
+    ]
     _, different, missing = filecmp.cmpfiles(tmp_path / "a", tmp_path / "b", names, shallow=False)
     assert (different, missing) == ([], [])
 

@@ -9,7 +9,14 @@ from pathlib import Path
 
 import eutree
 
-ARTEFACTS = ("policy.json", "expert.json", "curve.csv", "events.jsonl", "checkpoint.npz")
+ARTEFACTS = (
+    "policy.json",
+    "expert.json",
+    "curve.csv",
+    "progress.csv",
+    "events.jsonl",
+    "checkpoint.npz",
+)
 SOURCE = Path(eutree.__file__).parents[1]
 COMMAND = "from eutree.__main__ import main; main()"
 

@@ -111,7 +111,14 @@ def test_a_run_resumed_after_an_interruption_ends_the_same(
     resumed = eutree.learn(env, out=tmp_path / "run", resume=True, **options)
     whole = eutree.learn(env, out=tmp_path / "whole", **options)
     assert same(resumed, whole)
-    for name in ("policy.json", "expert.json", "curve.csv", "events.jsonl", "checkpoint.npz"):
+    for name in (
+        "policy.json",
+        "expert.json",
+        "curve.csv",
+        "progress.csv",
+        "events.jsonl",
+        "checkpoint.npz",
+    ):
         assert (tmp_path / "run" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
 
 

@@ -40,6 +40,8 @@ if TYPE_CHECKING:
 @click.option("--checkpoint-seconds", type=click.FloatRange(min=0),
               help="Time between two checkpoints; 0 for one after every episode. By default "
               "saving takes at most a twentieth of the time.")  # fmt: skip
+@click.option("--tensorboard", type=click.Path(path_type=Path),
+              help="Folder for a log that TensorBoard shows; one for each run.")  # fmt: skip
 @click.option("--strict", is_flag=True, help="Refuse observations outside the space's bounds.")
 @env_arg_option
 @seed_option
@@ -58,6 +60,7 @@ def learn(
     offline: bool,
     resume: bool,
     checkpoint_seconds: float | None,
+    tensorboard: Path | None,
     strict: bool,
     env_arguments: dict[str, Any],
     seed: int,
@@ -106,6 +109,7 @@ def learn(
             out=out,
             resume=resume,
             checkpoint_seconds=checkpoint_seconds,
+            tensorboard=tensorboard,
             stop=stop,
             on_progress=show,
         )

@@ -1,6 +1,7 @@
 """Learn a tree policy: from demonstrations or from nothing, in an environment."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,10 +17,12 @@ from eutree.learning.expert_tree import fit_expert_tree
 from eutree.learning.presets import preset as preset_settings
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
+from eutree.training.callback import CallbackLike, CallbackListener
 from eutree.training.offline import OfflineRun
 from eutree.training.result import LearningResult
 from eutree.training.run import Evaluator, LearningRun, Schedule
 from eutree.training.run_folder import ConfigDocument, RunFolder, SavingClock
+from eutree.training.tensorboard import TensorBoardLog
 from eutree.validation import check_choice, check_integer, check_number
 
 Progress = Callable[[Any], None]  # takes the LearningRun or OfflineRun
@@ -42,6 +45,8 @@ def learn(
     out: str | Path | None = None,
     resume: bool = False,
     checkpoint_seconds: float | None = None,
+    tensorboard: str | Path | None = None,
+    callback: CallbackLike | None = None,
     stop: Callable[[], bool] = lambda: False,
     on_progress: Progress | None = None,
 ) -> LearningResult:
@@ -69,6 +74,11 @@ def learn(
             happened in between.
         checkpoint_seconds: Time between two checkpoints; 0 saves one after every episode. None
             lets saving take at most a twentieth of the time. The result does not depend on it.
+        tensorboard: Folder for the log that TensorBoard shows; one for each run. Needs the extra
+            ``tensorboard``.
+        callback: Follows the run and may end it, as in SB3: a function of ``(locals, globals)``
+            called after each step, an ``eutree.callbacks.BaseCallback``, or a list of them. Not
+            for offline learning, which takes no steps.
         stop: Asked before every step; True ends the run at its last finished episode.
         on_progress: Called after each episode and each evaluation, or each expansion offline.
 
@@ -116,13 +126,16 @@ def learn(
         seed=schedule.seed,
         demonstrations="" if demonstrations is None else demonstrations.digest,
     )
+    listener = None if callback is None else _listener(callback, run, env)
     if out is None:
-        _go_on(run, None, clock, on_progress)
+        with _followed(run, listener, tensorboard) as follow:
+            _go_on(run, None, clock, (follow, on_progress))
     else:
         with RunFolder(out, config, resume=resume) as folder:
             folder.save_start(expert)
             folder.load_checkpoint(run, chosen)
-            _go_on(run, folder, clock, on_progress)
+            with _followed(run, listener, tensorboard) as follow:
+                _go_on(run, folder, clock, (follow, on_progress))
             folder.save_result(run.policy())
     return LearningResult(
         policy=run.policy(),
@@ -140,18 +153,47 @@ def _evaluator(env: gymnasium.Env[Any, Any], episodes: int) -> Evaluator:
     return lambda policy, seed: evaluate(policy, env, episodes=episodes, seed=seed)
 
 
+def _listener(
+    callback: CallbackLike, run: LearningRun | OfflineRun, env: gymnasium.Env[Any, Any] | None
+) -> CallbackListener:
+    if env is None or isinstance(run, OfflineRun):
+        raise InvalidArgumentError(
+            "callback must be None for offline learning, which takes no steps"
+        )
+    run.listener = CallbackListener(callback, run, env)
+    return run.listener
+
+
+@contextmanager
+def _followed(
+    run: LearningRun | OfflineRun, listener: CallbackListener | None, tensorboard: str | Path | None
+) -> Iterator[Progress | None]:
+    """Let callbacks and TensorBoard follow the run; yield what to call when something happened."""
+    log = None if tensorboard is None else TensorBoardLog(tensorboard, run)
+    try:
+        if listener is not None:
+            listener.training_begins()
+        yield None if log is None else lambda _: log.write()
+        if listener is not None:
+            listener.training_ends()
+    finally:
+        if log is not None:
+            log.close()
+
+
 def _go_on(
     run: LearningRun | OfflineRun,
     folder: RunFolder | None,
     clock: SavingClock,
-    on_progress: Progress | None,
+    followers: Sequence[Progress | None],
 ) -> None:
     """Advance the run to its end; save a checkpoint often enough, and at an interruption."""
     try:
         while not run.finished:
             run.advance()
-            if on_progress is not None:
-                on_progress(run)
+            for follow in followers:
+                if follow is not None:
+                    follow(run)
             if folder is not None and clock.due():
                 with clock.saving():
                     folder.save_checkpoint(run)

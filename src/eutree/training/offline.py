@@ -6,6 +6,7 @@ from eutree.data import Demonstrations
 from eutree.evaluation import CurvePoint
 from eutree.learning import UTree
 from eutree.policies import TreePolicy
+from eutree.training.progress import GatheredEpisodes
 from eutree.training.run import EXPANSION_STREAM, generator_of
 
 
@@ -24,6 +25,7 @@ class OfflineRun:
         steps: Steps of experience: none.
         curve: Frozen evaluations: none.
         events: The expansions made so far.
+        gathered: Episodes of experience: none.
         whole: Whether the learner is between two expansions, so that a checkpoint may be saved.
     """
 
@@ -41,6 +43,7 @@ class OfflineRun:
         self.steps = 0
         self.curve: list[CurvePoint] = []
         self.events: list[dict[str, Any]] = []
+        self.gathered = GatheredEpisodes()
         self.whole = True
         self._demonstrations = demonstrations
         self._seed = seed

@@ -8,14 +8,18 @@ but its learner.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from itertools import takewhile
+from typing import Any, Protocol
 
 import numpy as np
 
+from eutree.arrays import Floats
 from eutree.evaluation import CurvePoint, Evaluation
 from eutree.interaction import GuardedEnv, episode_seed
+from eutree.interaction.episode import success_of
 from eutree.learning import UTree
 from eutree.policies import TreePolicy
+from eutree.training.progress import GatheredEpisodes
 from eutree.validation import check_integer, check_seed
 
 TRAINING_STREAM = 2
@@ -46,6 +50,34 @@ class Schedule:
         check_seed(self.seed)
 
 
+@dataclass(frozen=True)
+class Step:
+    """One step of experience: an action and what came of it."""
+
+    action: int
+    reward: float
+    observation: Floats  # [d]
+    terminated: bool
+    truncated: bool
+    info: dict[str, Any]
+
+
+class Listener(Protocol):
+    """Who is told what happens in a run, and may end it."""
+
+    def gathering_begins(self) -> None:
+        """Take note that the first episode of a gathering phase begins."""
+        ...
+
+    def step_taken(self, step: Step) -> bool:
+        """Take note of a step; return False to end the run."""
+        ...
+
+    def gathering_ends(self) -> None:
+        """Take note that an expansion follows."""
+        ...
+
+
 class LearningRun:
     """A run in progress.
 
@@ -62,8 +94,11 @@ class LearningRun:
         episode: Episodes gathered so far.
         steps: Environment steps gathered so far.
         curve: Evaluations so far.
-        events: What happened so far: expansions and evaluations.
-        stopped: Whether ``stop`` ended the run.
+        events: What happened so far: expansions, evaluations, and what the listener recorded.
+        gathered: Return, length and success of each episode so far.
+        listener: Who is told of each step, if anyone.
+        recorded: What the listener measured since the last finished episode, by name.
+        stopped: Whether ``stop`` or the listener ended the run.
         whole: Whether the learner is between two steps of the run, so that a checkpoint may be
             saved; False while, and after, an interruption struck in the middle of one.
     """
@@ -83,8 +118,13 @@ class LearningRun:
         self.steps = 0
         self.curve: list[CurvePoint] = []
         self.events: list[dict[str, Any]] = []
+        self.gathered = GatheredEpisodes()
+        self.listener: Listener | None = None
+        self.recorded: dict[str, float | int | None] = {}
         self.stopped = False
         self.whole = True
+        self._gathering = False
+        self._steps_of_episode, self._return = 0, 0.0
         self._env = env
         self._evaluator = evaluator
         self._stop = stop
@@ -116,7 +156,8 @@ class LearningRun:
 
     def _due(self) -> Callable[[], None] | None:
         """Return what is due after the present episode: an expansion, an evaluation or nothing."""
-        made = {event["event"] for event in self.events[-2:] if event["episode"] == self.episode}
+        now = takewhile(lambda event: event["episode"] == self.episode, reversed(self.events))
+        made = {event["event"] for event in now} - {"record"}
         gathered = self.episode % self.learner.settings.gathering_episodes == 0 or self._at_end
         if gathered and self.episode and not made:
             return self._expand
@@ -129,39 +170,78 @@ class LearningRun:
         env = self._env
         return self.learner.policy(env.schema, env.spec, history=env.history)
 
+    @property
+    def num_timesteps(self) -> int:
+        """Steps so far, those of the running episode included."""
+        return self.steps + self._steps_of_episode
+
     def _gather(self) -> None:
         """Let the learner act for one episode (Table 1, data gathering phase)."""
+        if self.listener is not None and not self._gathering:
+            self.listener.gathering_begins()
+        self._gathering = True
         seed = episode_seed(self.schedule.seed, self.episode, TRAINING_STREAM)
         observation = self._env.reset(seed)
         self.learner.begin_episode(observation, self._generator(EXPLORATION_STREAM))
         try:
-            steps = self._act_until_the_end()
+            while not self.stopped and self._act():
+                pass
         except Exception:
-            self.learner.abort_episode()
+            self._forget_episode()
             self.whole = True
             raise
-        if not self.stopped:
-            self.steps += steps
-            self.episode += 1
+        if self.stopped:
+            self._forget_episode()
 
-    def _act_until_the_end(self) -> int:
-        """Act until the episode ends; return its number of steps."""
-        learner, env, stop = self.learner, self._env, self._stop
-        steps = 0
-        while True:
-            if stop():
-                self.stopped = True
-                learner.abort_episode()
-                return 0
-            action = learner.act()
-            observation, reward, terminated, truncated, _ = env.step(action)
-            learner.observe(action, reward, observation, terminated=terminated, truncated=truncated)
-            steps += 1
-            if terminated or truncated:
-                return steps
+    def _act(self) -> bool:
+        """Take one step; return whether the episode goes on."""
+        if self._stop():
+            self.stopped = True
+            return False
+        action = self.learner.act()
+        observation, reward, terminated, truncated, info = self._env.step(action)
+        self.learner.observe(
+            action, reward, observation, terminated=terminated, truncated=truncated
+        )
+        self._steps_of_episode += 1
+        self._return += reward
+        ended = terminated or truncated
+        if ended:
+            self._finish_episode(info)
+        if self.listener is not None:
+            step = Step(action, reward, observation, terminated, truncated, info)
+            self.stopped = not self.listener.step_taken(step)
+        if ended:
+            self._note_what_was_recorded()
+        return not ended
+
+    def _forget_episode(self) -> None:
+        """Be as before the episode, unless it was finished."""
+        self.learner.abort_episode()
+        self._steps_of_episode, self._return = 0, 0.0
+        self.recorded.clear()
+
+    def _finish_episode(self, info: dict[str, Any]) -> None:
+        self.gathered.append(self._return, self._steps_of_episode, success_of(info))
+        self.steps += self._steps_of_episode
+        self.episode += 1
+        self._steps_of_episode, self._return = 0, 0.0
+
+    def _note_what_was_recorded(self) -> None:
+        if self.recorded:
+            self._note("record", {"values": dict(self.recorded)})
+            self.recorded.clear()
+
+    def _note(self, event: str, facts: dict[str, Any]) -> None:
+        here = {"event": event, "episode": self.episode, "steps": self.steps}
+        self.events.append(here | facts)
 
     def _expand(self) -> None:
         """Run an expansion phase (Table 1) and note the splits that it made."""
+        if self.listener is not None:
+            self.listener.gathering_ends()
+            self._note_what_was_recorded()
+        self._gathering = False
         splits = self.learner.expand(self._generator(EXPANSION_STREAM))
         made = [
             {
@@ -171,7 +251,7 @@ class LearningRun:
             }
             for s in splits
         ]
-        self.events.append({"event": "expansion", "episode": self.episode, "splits": made})
+        self._note("expansion", {"splits": made, "n_leaves": self.learner.tree.n_leaves})
 
     def _evaluate(self) -> None:
         """Freeze the policy and evaluate it on episodes of their own."""
@@ -188,7 +268,7 @@ class LearningRun:
             n_leaves=policy.n_leaves,
         )
         self.curve.append(point)
-        self.events.append({"event": "evaluation", **vars(point)})
+        self._note("evaluation", vars(point) | {"mean_length": evaluation.mean_length})
 
     def _generator(self, stream: int) -> np.random.Generator:
         return generator_of(self.schedule.seed, stream, self.episode)

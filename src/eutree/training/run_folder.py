@@ -3,6 +3,7 @@
     config.json        how the run was started
     checkpoint.npz     everything the learner knows, at the end of an episode
     curve.csv          the frozen evaluations so far
+    progress.csv       the same and the gathering phases, under the names of Stable-Baselines3
     events.jsonl       one line for each thing that happened
     expert.json        the expert tree
     policy.json        the final policy
@@ -38,6 +39,7 @@ from eutree.files.atomic import lock, remove_orphans, reported
 from eutree.learning import Settings, UTree
 from eutree.policies import TreePolicy
 from eutree.training.offline import OfflineRun
+from eutree.training.progress import progress_to_csv
 from eutree.training.run import LearningRun
 
 MAX_CHECKPOINT = 4 * 2**30  # bytes
@@ -159,8 +161,11 @@ class RunFolder:
             curve=curve,
             events=run.events,
         )
-        write_archive(self.path / "checkpoint.npz", document, run.learner.state())
+        arrays = run.learner.state() | run.gathered.state()
+        write_archive(self.path / "checkpoint.npz", document, arrays)
         write_text(self.path / "curve.csv", curve_to_csv(run.curve))
+        progress = progress_to_csv(run.events, run.gathered)
+        write_text(self.path / "progress.csv", progress)
         write_text(self.path / "events.jsonl", _events(run))
 
     def load_checkpoint(self, run: LearningRun | OfflineRun, settings: Settings) -> bool:
@@ -173,6 +178,7 @@ class RunFolder:
         run.episode, run.steps = document.episode, document.steps
         run.curve = [CurvePoint(**msgspec.structs.asdict(point)) for point in document.curve]
         run.events = document.events
+        run.gathered.restore(arrays)
         return True
 
     def save_result(self, policy: TreePolicy) -> None:
