@@ -36,3 +36,55 @@ def act(tree, observation):
     while isinstance(tree, tuple):
         tree = tree[2] if observation[tree[0]] <= tree[1] else tree[3]
     return tree
+
+
+def leaf(tree, x):
+    """The leaf node of a regression tree."""
+    node = 0
+    while tree.feature[node] >= 0:
+        below = x[tree.feature[node]] <= tree.threshold[node]
+        node = tree.left[node] if below else tree.right[node]
+    return node
+
+
+def fit(tree, node, x):
+    """What the line of a leaf says at x, within what the leaf has seen."""
+    value = tree.coefficients[node, -1]
+    for coefficient, feature in zip(tree.coefficients[node, :-1], x, strict=True):
+        value += coefficient * feature
+    return min(max(value, tree.low[node]), tree.high[node])
+
+
+def episode(model, nested, start, luck):
+    """The states, actions and rewards of one imagined episode; ``luck(step, i)`` is a draw."""
+    d = len(start)
+    observation, displacement = np.array(start), np.zeros(d)
+    states, actions, rewards = [], [], []
+    for step in range(model.horizon):
+        action = act(nested, observation)
+        chosen = np.eye(model.n_actions)[action]
+        x = np.concatenate([observation, displacement, chosen])
+        states.append(x[: 2 * d])
+        actions.append(action)
+        for i, tree in enumerate(model.trees[:d]):
+            node = leaf(tree, x)
+            pick = int(luck(step, i) * tree.n_rows[node])
+            displacement[i] = fit(tree, node, x) + tree.residuals[tree.first[node] + pick]
+        observation = observation + displacement
+        y = np.concatenate([observation, displacement, chosen])
+        goes_on, last, end = model.trees[d:]
+        ends = luck(step, d) < end.coefficients[leaf(end, y), -1]
+        reward = last if ends else goes_on
+        rewards.append(fit(reward, leaf(reward, y), y))
+        if ends:
+            break
+    return np.array(states), actions, rewards
+
+
+def collapsed(nested, path, keeps_left):
+    """A nested tree with the node at a path of sides replaced by one of its children."""
+    if not path:
+        return nested[2] if keeps_left else nested[3]
+    children = list(nested[2:])
+    children[path[0]] = collapsed(children[path[0]], path[1:], keeps_left)
+    return (*nested[:2], *children)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Int32s = NDArray[np.int32]
+Uint32s = NDArray[np.uint32]
 Unsigned = NDArray[np.uint64]
 Booleans = NDArray[np.bool_]
 

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eutree.errors import InvalidArgumentError
-from eutree.imagination import Imagination, Plan, Transitions, fit_world_models
+from eutree.imagination import Imagination, Plan, Transitions, _kernels, fit_world_models
 from eutree.imagination import _kernels_regression as regression
 from eutree.imagination import _kernels_search as search
 from eutree.imagination.action_trees import (
@@ -111,6 +111,22 @@ def test_collapsing_keeps_the_chosen_child():
     assert nested(collapsed(tree, 1, int(tree.right[1]))) == GO
 
 
+@given(tree=trees, choice=st.randoms(use_true_random=False))
+def test_collapsing_arrays_is_collapsing_the_nested_tree(tree, choice):
+    arrays, node, path = packed(tree), 0, []
+    while arrays.feature[node] >= 0 and choice.random() < 0.6:
+        path.append(choice.randrange(2))
+        node = int((arrays.right if path[-1] else arrays.left)[node])
+    if arrays.feature[node] < 0:
+        return
+    keeps_left = choice.random() < 0.5
+    child = (arrays.left if keeps_left else arrays.right)[node]
+    ours = collapsed(arrays, node, child)
+    theirs = packed(naive_imagination.collapsed(nested(arrays), path, keeps_left))
+    for one, other in zip(ours, theirs, strict=True):
+        assert one.tolist() == other.tolist()
+
+
 @settings(max_examples=200)
 @given(
     data=st.lists(st.tuples(st.integers(0, 6), st.integers(-5, 5)), min_size=1, max_size=14),
@@ -193,6 +209,66 @@ def test_what_is_imagined_is_what_happens():
     rehearsal.rehearse(single_action(GO))
     happens = mean_return(single_action(GO), n_episodes=2000)
     assert rehearsal.mean_return == pytest.approx(happens, abs=10)
+
+
+def naive_episodes(rehearsal, tree):
+    draws, stride = rehearsal._draws, _kernels.EPISODE_STRIDE
+    d = rehearsal.observations.shape[1]
+    starts = rehearsal.observations[rehearsal._episodes.first[:-1]]
+    return [
+        naive_imagination.episode(
+            rehearsal.model,
+            nested(tree),
+            start,
+            lambda t, i, e=e: draws[(e * stride + t * (d + 1) + i) % draws.size],
+        )
+        for e, start in enumerate(starts)
+    ]
+
+
+@settings(max_examples=25, deadline=None)
+@given(first=trees, second=trees)
+def test_rehearsals_are_naive_episodes_to_the_bit_however_they_come_about(first, second):
+    rehearsal = rehearsal_of(walks(25, 8), n_episodes=10)
+    returns = []
+    for tree in (packed(first), packed(second)):
+        rehearsal.rehearse(tree)  # the second goes on from the first
+        naive = naive_episodes(rehearsal, tree)
+        returns.append(np.array([sum(rewards) for _, _, rewards in naive]))
+        states = np.concatenate([states for states, _, _ in naive])
+        assert (rehearsal._episodes.states[: rehearsal.n_steps] == states).all()
+        actions = [action for _, actions, _ in naive for action in actions]
+        assert tree.action[rehearsal.node].tolist() == actions
+        assert (rehearsal._episodes.returns == returns[-1]).all()
+    gain = rehearsal.gain(packed(first))
+    assert gain.mean == pytest.approx((returns[0] - returns[1]).mean(), abs=1e-9)
+
+
+@settings(max_examples=100, deadline=None)
+@given(first=trees, second=trees)
+def test_departures_are_the_first_steps_with_another_action(first, second):
+    rehearsal = rehearsal_of(walks(25, 8), n_episodes=30)
+    rehearsal.rehearse(packed(first))
+    rehearsal._compare(packed(second))
+    begin = rehearsal._episodes.first
+    for e, departs in enumerate(rehearsal._departs):
+        steps = range(begin[e], begin[e + 1])
+        differs = [
+            k
+            for k in steps
+            if naive_imagination.act(first, rehearsal.observations[k])
+            != naive_imagination.act(second, rehearsal.observations[k])
+        ]
+        assert departs == (differs[0] if differs else -1)
+
+
+def test_the_values_at_a_node_are_those_of_the_steps_that_pass_it():
+    rehearsal = rehearsal_of(walks(50, 8))
+    rehearsal.rehearse(packed((0, 3.0, (1, 0.2, STAY, GO), (0, 6.0, GO, STAY))))
+    seen = rehearsal.observations
+    below = seen[seen[:, 0] <= 3.0]
+    assert (rehearsal.values_at(0, 0) == np.sort(seen[:, 0])).all()
+    assert (rehearsal.values_at(1, 1) == np.sort(below[:, 1])).all()
 
 
 def test_a_gain_is_the_difference_of_two_rehearsals_with_the_same_luck():

@@ -8,34 +8,34 @@ from typing import NamedTuple
 
 import numpy as np
 
-from eutree.arrays import Floats, Integers
+from eutree.arrays import Floats, Integers, Uint32s
 from eutree.compiled import compiled
 
 EPISODE_STRIDE = 7919
+LEAF = np.uint32(0xFFFFFFFF)
 
 
-class Forest(NamedTuple):
-    """Model trees in common arrays: one of each feature's displacement, then reward and end.
+class World(NamedTuple):
+    """Model trees of each action in common arrays, laid out for one step after another.
 
-    Roots 0 to d - 1 are of the displacements, then those of the reward of a step that goes on, of
-    the reward of a last step, and of the probability that the step is the last.
+    Roots 0 to d - 1 of an action are of the displacements, then those of the reward of a step that
+    goes on, of the reward of a last step, and of the probability that the step is the last. All
+    look at a state: an observation and the displacement that led to it, side by side.
     """
 
-    roots: Integers  # [d + 3]
-    feature: Integers  # [M]
-    threshold: Floats  # [M]
-    left: Integers  # [M]
-    right: Integers  # [M]
-    coefficients: Floats  # [M, p + 1]
-    low: Floats  # [M]
-    high: Floats  # [M]
-    first: Integers  # [M]
-    n_rows: Integers  # [M]
+    roots: Uint32s  # [A, d + 3]
+    tests: Uint32s  # [M, 4] feature or LEAF, node below, node above, row of the leaf
+    thresholds: Floats  # [M]
+    lines: Floats  # [L, 2 d + 4] coefficients, constant, the action's constant, lowest, highest
+    noise: Integers  # [L, 2] first residual, number of residuals
     residuals: Floats  # [K]
 
 
 class ActionTree(NamedTuple):
-    """A policy tree with one action at each leaf node; feature -1 marks a leaf."""
+    """A policy tree with one action at each leaf node; feature -1 marks a leaf.
+
+    Nodes are in preorder.
+    """
 
     feature: Integers  # [M]
     threshold: Floats  # [M]
@@ -47,81 +47,81 @@ class ActionTree(NamedTuple):
 class Episodes(NamedTuple):
     """Imagined episodes of one policy, step after step."""
 
-    observations: Floats  # [K, d]
-    displacements: Floats  # [K, d] that led to each observation
+    states: Floats  # [K, 2 d] observation, displacement that led to it
     earned: Floats  # [K] return before each step
+    node: Integers  # [K] leaf node of the policy
+    owner: Integers  # [K] episode
     first: Integers  # [E + 1] first step of each episode
     returns: Floats  # [E]
 
 
 @compiled
-def leaf_node(
-    feature: Integers,
-    threshold: Floats,
-    left: Integers,
-    right: Integers,
-    root: int,
-    x: Floats,
-) -> int:
+def leaf_node(policy: ActionTree, root: int, x: Floats) -> int:
     """Return the leaf node below ``root`` that x falls into."""
     node = root
-    while feature[node] >= 0:
-        node = left[node] if x[feature[node]] <= threshold[node] else right[node]
+    while policy.feature[node] >= 0:
+        below = x[policy.feature[node]] <= policy.threshold[node]
+        node = policy.left[node] if below else policy.right[node]
     return node
 
 
 @compiled
-def fitted(forest: Forest, node: int, x: Floats) -> float:
-    """Return the leaf's fit at x, within the range of what the leaf has seen."""
-    p = x.size
-    value = forest.coefficients[node, p]
+def model_leaf(tests: Uint32s, thresholds: Floats, root: int, state: Floats) -> int:
+    """Return the row of the model's leaf below ``root`` that the state falls into."""
+    node = root
+    while True:
+        feature = tests[node, 0]
+        if feature == LEAF:
+            row: int = tests[node, 3]
+            return row
+        if state[feature] <= thresholds[node]:
+            node = tests[node, 1]
+        else:
+            node = tests[node, 2]
+
+
+@compiled
+def fitted(lines: Floats, row: int, state: Floats) -> float:
+    """Return the leaf's fit at a state, within the range of what the leaf has seen."""
+    p = state.size
+    value = lines[row, p]
     for j in range(p):
-        value += forest.coefficients[node, j] * x[j]
-    clipped: float = min(max(value, forest.low[node]), forest.high[node])
+        value += lines[row, j] * state[j]
+    value += lines[row, p + 1]
+    clipped: float = min(max(value, lines[row, p + 2]), lines[row, p + 3])
     return clipped
 
 
 @compiled
 def model_step(
-    forest: Forest,
+    world: World,
     draws: Floats,  # [size], a power of two
     at: int,
     action: int,
-    observation: Floats,  # [d], in and out
-    displacement: Floats,  # [d], in and out
-    x: Floats,  # [p] scratch
-    y: Floats,  # [p] scratch
+    state: Floats,  # [2 d], in and out
+    move: Floats,  # [d] scratch
 ) -> tuple[float, bool]:
     """Move one step; return the reward and whether it was the last."""
-    d = observation.size
+    d = move.size
     mask = draws.size - 1
     for i in range(d):
-        x[i] = observation[i]
-        x[d + i] = displacement[i]
-    for i in range(2 * d, x.size):
-        x[i] = 0.0
-        y[i] = 0.0
-    x[2 * d + action] = 1.0
-    y[2 * d + action] = 1.0
-    trees = (forest.feature, forest.threshold, forest.left, forest.right)
+        row = model_leaf(world.tests, world.thresholds, world.roots[action, i], state)
+        pick = int(draws[(at + i) & mask] * world.noise[row, 1])
+        noise = world.residuals[world.noise[row, 0] + pick]
+        move[i] = fitted(world.lines, row, state) + noise
     for i in range(d):
-        node = leaf_node(trees[0], trees[1], trees[2], trees[3], forest.roots[i], x)
-        pick = int(draws[(at + i) & mask] * forest.n_rows[node])
-        move = fitted(forest, node, x) + forest.residuals[forest.first[node] + pick]
-        displacement[i] = move
-        observation[i] += move
-        y[i] = observation[i]
-        y[d + i] = move
-    node = leaf_node(trees[0], trees[1], trees[2], trees[3], forest.roots[d + 2], y)
-    ends = draws[(at + d) & mask] < forest.coefficients[node, y.size]
-    root = forest.roots[d + 1] if ends else forest.roots[d]
-    node = leaf_node(trees[0], trees[1], trees[2], trees[3], root, y)
-    return fitted(forest, node, y), ends
+        state[i] += move[i]
+        state[d + i] = move[i]
+    row = model_leaf(world.tests, world.thresholds, world.roots[action, d + 2], state)
+    ends = draws[(at + d) & mask] < world.lines[row, 2 * d]
+    root = world.roots[action, d + 1 if ends else d]
+    row = model_leaf(world.tests, world.thresholds, root, state)
+    return fitted(world.lines, row, state), ends
 
 
 @compiled
 def go_on(
-    forest: Forest,
+    world: World,
     draws: Floats,
     episode: int,
     step: int,
@@ -129,10 +129,8 @@ def go_on(
     discount: float,
     policy: ActionTree,
     first_action: int,
-    observation: Floats,  # [d], changed
-    displacement: Floats,  # [d], changed
-    x: Floats,  # [p] scratch
-    y: Floats,  # [p] scratch
+    state: Floats,  # [2 d], changed
+    move: Floats,  # [d] scratch
 ) -> float:
     """Return what the policy earns from here to the end; a first action >= 0 is taken instead."""
     total = 0.0
@@ -140,12 +138,9 @@ def go_on(
     action = first_action
     while step < horizon:
         if action < 0:
-            node = leaf_node(
-                policy.feature, policy.threshold, policy.left, policy.right, 0, observation
-            )
-            action = policy.action[node]
-        at = episode * EPISODE_STRIDE + step * (observation.size + 1)
-        reward, ends = model_step(forest, draws, at, action, observation, displacement, x, y)
+            action = policy.action[leaf_node(policy, 0, state)]
+        at = episode * EPISODE_STRIDE + step * (move.size + 1)
+        reward, ends = model_step(world, draws, at, action, state, move)
         total += weight * reward
         weight *= discount
         step += 1
@@ -156,53 +151,79 @@ def go_on(
 
 
 @compiled
-def record(
-    forest: Forest,
-    draws: Floats,
+def deal(
     starts: Floats,  # [S, d]
+    out: Episodes,
+) -> None:
+    """Write episodes of one step each: the starts in turn."""
+    d = starts.shape[1]
+    for e in range(out.returns.size):
+        for i in range(d):
+            out.states[e, i] = starts[e % starts.shape[0], i]
+            out.states[e, d + i] = 0.0
+        out.earned[e] = 0.0
+        out.node[e] = 0
+        out.first[e] = e
+    out.first[out.returns.size] = out.returns.size
+
+
+@compiled
+def record(
+    world: World,
+    draws: Floats,
+    before: Episodes,
+    departs: Integers,  # [E] first step of each episode to imagine anew, -1 where there is none
+    within: Integers,  # [M] node of the policy that holds all steps of a node before
     policy: ActionTree,
     horizon: int,
     discount: float,
     out: Episodes,
-) -> int:
-    """Imagine episodes from the starts in turn, as many as there is room for; return the steps."""
-    d = starts.shape[1]
-    p = forest.coefficients.shape[1] - 1
-    x, y = np.zeros(p), np.zeros(p)
-    observation, displacement = np.zeros(d), np.zeros(d)
+) -> None:
+    """Imagine the policy's episodes: those of ``before`` as far as it acts alike, then its own."""
+    d = before.states.shape[1] // 2
+    state, move = np.zeros(2 * d), np.zeros(d)
     k = 0
     for e in range(out.returns.size):
-        observation[:] = starts[e % starts.shape[0]]
-        displacement[:] = 0.0
-        total, weight = 0.0, 1.0
+        begin, end = before.first[e], before.first[e + 1]
+        same = end if departs[e] < 0 else departs[e]
         out.first[e] = k
-        for t in range(horizon):
-            out.observations[k] = observation
-            out.displacements[k] = displacement
-            out.earned[k] = total
+        for i in range(begin, same):
+            for j in range(2 * d):
+                out.states[k, j] = before.states[i, j]
+            out.earned[k] = before.earned[i]
+            out.node[k] = leaf_node(policy, within[before.node[i]], before.states[i])
+            out.owner[k] = e
             k += 1
-            node = leaf_node(
-                policy.feature, policy.threshold, policy.left, policy.right, 0, observation
-            )
+        out.returns[e] = before.returns[e]
+        if departs[e] < 0:
+            continue
+        state[:] = before.states[same]
+        total = before.earned[same]
+        weight = discount ** (same - begin)
+        for t in range(same - begin, horizon):
+            node = leaf_node(policy, 0, state)
+            for j in range(2 * d):
+                out.states[k, j] = state[j]
+            out.earned[k] = total
+            out.node[k] = node
+            out.owner[k] = e
+            k += 1
             at = e * EPISODE_STRIDE + t * (d + 1)
-            reward, ends = model_step(
-                forest, draws, at, policy.action[node], observation, displacement, x, y
-            )
+            reward, ends = model_step(world, draws, at, policy.action[node], state, move)
             total += weight * reward
             weight *= discount
             if ends:
                 break
         out.returns[e] = total
     out.first[out.returns.size] = k
-    return k
 
 
 @compiled
 def difference(
-    forest: Forest,
+    world: World,
     draws: Floats,
     episodes: Episodes,
-    taken: Integers,  # [K] action of the recorded policy at each step
+    departs: Integers,  # [E] step from which on the rival acts on its own, -1 where it never does
     rival: ActionTree,
     horizon: int,
     discount: float,
@@ -214,33 +235,18 @@ def difference(
     Only episodes in which the rival acts differently somewhere are imagined anew, from there. The
     comparison stops early when the rival's gain is two standard errors below ``hopeless``.
     """
-    d = episodes.observations.shape[1]
-    p = forest.coefficients.shape[1] - 1
-    x, y = np.zeros(p), np.zeros(p)
-    observation, displacement = np.zeros(d), np.zeros(d)
+    d = episodes.states.shape[1] // 2
+    state, move = np.zeros(2 * d), np.zeros(d)
     n = episodes.returns.size
     total, squares = 0.0, 0.0
     for e in range(n):
+        k = departs[e]
         out[e] = 0.0
-        for k in range(episodes.first[e], episodes.first[e + 1]):
-            node = leaf_node(
-                rival.feature,
-                rival.threshold,
-                rival.left,
-                rival.right,
-                0,
-                episodes.observations[k],
-            )
-            if rival.action[node] != taken[k]:
-                observation[:] = episodes.observations[k]
-                displacement[:] = episodes.displacements[k]
-                step = k - episodes.first[e]
-                rest = go_on(
-                    forest, draws, e, step, horizon, discount, rival, -1,
-                    observation, displacement, x, y,
-                )  # fmt: skip
-                out[e] = episodes.earned[k] + rest - episodes.returns[e]
-                break
+        if k >= 0:
+            state[:] = episodes.states[k]
+            step = k - episodes.first[e]
+            rest = go_on(world, draws, e, step, horizon, discount, rival, -1, state, move)
+            out[e] = episodes.earned[k] + rest - episodes.returns[e]
         total += out[e]
         squares += out[e] * out[e]
         if e in (n // 8, n // 3):
@@ -253,56 +259,27 @@ def difference(
 
 @compiled
 def deviations(
-    forest: Forest,
+    world: World,
     draws: Floats,
     episodes: Episodes,
     policy: ActionTree,
     steps: Integers,  # [n]
-    owners: Integers,  # [n] episode of each step
-    taken: Integers,  # [n] action of the policy at each step
     horizon: int,
     discount: float,
     out: Floats,  # [n, A]
 ) -> None:
     """Write what one other action at a step, and the policy after it, earn more than the policy."""
-    d = episodes.observations.shape[1]
-    p = forest.coefficients.shape[1] - 1
-    x, y = np.zeros(p), np.zeros(p)
-    observation, displacement = np.zeros(d), np.zeros(d)
+    d = episodes.states.shape[1] // 2
+    state, move = np.zeros(2 * d), np.zeros(d)
     for i in range(steps.size):
-        k, e = steps[i], owners[i]
+        k = steps[i]
+        e = episodes.owner[k]
+        step = k - episodes.first[e]
+        taken = policy.action[episodes.node[k]]
         for action in range(out.shape[1]):
             out[i, action] = 0.0
-            if action == taken[i]:
+            if action == taken:
                 continue
-            observation[:] = episodes.observations[k]
-            displacement[:] = episodes.displacements[k]
-            rest = go_on(
-                forest, draws, e, k - episodes.first[e], horizon, discount, policy, action,
-                observation, displacement, x, y,
-            )  # fmt: skip
+            state[:] = episodes.states[k]
+            rest = go_on(world, draws, e, step, horizon, discount, policy, action, state, move)
             out[i, action] = episodes.earned[k] + rest - episodes.returns[e]
-
-
-@compiled
-def locate(policy: ActionTree, observations: Floats, out: Integers) -> None:
-    """Write the leaf node of each observation."""
-    for i in range(out.size):
-        out[i] = leaf_node(
-            policy.feature, policy.threshold, policy.left, policy.right, 0, observations[i]
-        )
-
-
-@compiled
-def passes(policy: ActionTree, node: int, observations: Floats, out: Integers) -> int:
-    """Write the indices of the observations whose path visits ``node``; return how many."""
-    count = 0
-    for i in range(observations.shape[0]):
-        at = 0
-        while at != node and policy.feature[at] >= 0:
-            below = observations[i, policy.feature[at]] <= policy.threshold[at]
-            at = policy.left[at] if below else policy.right[at]
-        if at == node:
-            out[count] = i
-            count += 1
-    return count

@@ -5,8 +5,9 @@ Apart from ``_kernels.py`` because these loops fit a model and those run one.
 
 import numpy as np
 
-from eutree.arrays import Booleans, Floats, Integers
+from eutree.arrays import Booleans, Floats, Integers, Uint32s
 from eutree.compiled import compiled
+from eutree.imagination._kernels import LEAF
 
 MANY_ROWS = 256  # nodes above this look at bin edges only, nodes below at every cut
 RIDGE = 1e-5
@@ -332,3 +333,53 @@ def write_residuals(
             for j in range(p):
                 value += coefficients[node, j] * X[rows[i], j]
             out[i] = y[rows[i]] - value
+
+
+@compiled
+def unroll(
+    p: int,
+    action: int,
+    first_residual: int,
+    n_nodes: int,
+    n_lines: int,
+    tests: Uint32s,  # [room, 4] out, from n_nodes
+    thresholds: Floats,  # [room] out, from n_nodes
+    lines: Floats,  # [room, p + 4] out, from n_lines
+    noise: Integers,  # [room, 2] out, from n_lines
+    feature: Integers,  # [M]
+    threshold: Floats,  # [M]
+    left: Integers,  # [M]
+    right: Integers,  # [M]
+    coefficients: Floats,  # [M, p + A + 1]
+    low: Floats,  # [M]
+    high: Floats,  # [M]
+    first: Integers,  # [M]
+    n_rows: Integers,  # [M]
+) -> tuple[int, int]:
+    """Write one tree as it is for one action; return the numbers of nodes and lines so far."""
+    begin = n_nodes
+    source = np.zeros(feature.size, dtype=np.int64)  # of each node written
+    n_nodes += 1
+    node = begin
+    while node < n_nodes:
+        at = source[node - begin]
+        while feature[at] >= p:
+            value = 1.0 if feature[at] == p + action else 0.0
+            at = left[at] if value <= threshold[at] else right[at]
+        if feature[at] >= 0:
+            tests[node, 0] = feature[at]
+            tests[node, 1], tests[node, 2] = n_nodes, n_nodes + 1
+            thresholds[node] = threshold[at]
+            source[n_nodes - begin], source[n_nodes + 1 - begin] = left[at], right[at]
+            n_nodes += 2
+        else:
+            tests[node, 0], tests[node, 3] = LEAF, n_lines
+            for j in range(p):
+                lines[n_lines, j] = coefficients[at, j]
+            lines[n_lines, p] = coefficients[at, coefficients.shape[1] - 1]
+            lines[n_lines, p + 1] = coefficients[at, p + action]
+            lines[n_lines, p + 2], lines[n_lines, p + 3] = low[at], high[at]
+            noise[n_lines, 0], noise[n_lines, 1] = first_residual + first[at], n_rows[at]
+            n_lines += 1
+        node += 1
+    return n_nodes, n_lines

@@ -9,6 +9,7 @@ from typing import TypeAlias
 import numpy as np
 
 from eutree.arrays import Floats, Integers
+from eutree.imagination import _kernels_policy
 from eutree.imagination._kernels import ActionTree
 from eutree.trees import DecisionTree
 
@@ -63,8 +64,10 @@ def nested(
 
 
 def collapsed(tree: ActionTree, node: int, child: int) -> ActionTree:
-    """Return the tree with ``node`` replaced by one of its children."""
-    return packed(nested(tree, instead={node: nested(tree, child)}))
+    """Return the tree with ``node`` replaced by a child; sibling leaves of equal action merge."""
+    out = ActionTree(*(np.empty_like(array) for array in tree))  # type: ignore[arg-type]
+    n = _kernels_policy.collapse(tree, node, child, out)
+    return ActionTree(*(array[:n] for array in out))  # type: ignore[arg-type]
 
 
 def carved(box: Floats, inside: int, outside: int) -> Nested:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from eutree.arrays import Floats, Integers
-from eutree.imagination import _kernels
+from eutree.imagination import _kernels, _kernels_policy
 from eutree.imagination._kernels import ActionTree, Episodes
 from eutree.imagination.world_model import WorldModel
 
@@ -32,78 +32,87 @@ class Rehearsal:
 
     Attributes:
         policy: The policy rehearsed last.
-        taken: Its action at each step.
-        node: Leaf node of each step.
     """
+
+    policy: ActionTree
 
     def __init__(
         self, model: WorldModel, n_episodes: int, discount: float, generator: np.random.Generator
     ) -> None:
-        d = model.starts.shape[1]
-        room = n_episodes * model.horizon
         self.model = model
         self.generator = generator
         self._discount = discount
-        self._room = Episodes(
-            observations=np.empty((room, d)),
-            displacements=np.empty((room, d)),
-            earned=np.empty(room),
-            first=np.zeros(n_episodes + 1, dtype=np.int64),
-            returns=np.empty(n_episodes),
-        )
+        d = model.starts.shape[1]
+        room = n_episodes * model.horizon
+        self._episodes, self._spare = (_empty(n_episodes, room, d) for _ in range(2))
+        self._departs = np.empty(n_episodes, dtype=np.int64)
+        self._steps = np.empty(room, dtype=np.int64)
         self._differences = np.empty(n_episodes)
         self.reshuffle()
 
     @property
     def n_episodes(self) -> int:
         """Number of episodes E."""
-        return self._room.returns.size
+        return self._episodes.returns.size
 
     @property
     def n_steps(self) -> int:
         """Number of steps K of the policy's episodes."""
-        return int(self._room.first[-1])
+        return int(self._episodes.first[-1])
 
     @property
     def observations(self) -> Floats:
         """Observation at each step, shape [K, d]; a view."""
-        return self._room.observations[: self.n_steps]
+        return self._episodes.states[: self.n_steps, : self.model.starts.shape[1]]
+
+    @property
+    def node(self) -> Integers:
+        """Leaf node of the policy at each step, shape [K]; a view."""
+        return self._episodes.node[: self.n_steps]
 
     @property
     def mean_return(self) -> float:
         """Mean return of the policy's episodes."""
-        return float(self._room.returns.mean())
+        return float(self._episodes.returns.mean())
 
     def reshuffle(self) -> None:
         """Draw new luck, and deal the starts anew; the next ``rehearse`` uses both."""
         self._draws = self.generator.random(DRAWS)
         starts = self.model.starts
-        self._starts = starts[self.generator.permutation(starts.shape[0])]
+        _kernels.deal(starts[self.generator.permutation(starts.shape[0])], self._episodes)
+        self._departs[:] = self._episodes.first[:-1]
+        self._within = np.zeros(1, dtype=np.int64)
+        self._dealt = True
 
     def rehearse(self, policy: ActionTree) -> None:
-        """Imagine the policy's episodes."""
+        """Imagine the policy's episodes; what it does like the one before is not done again."""
+        if not self._dealt:
+            self._compare(policy)
         _kernels.record(
-            self.model.forest,
+            self.model.world,
             self._draws,
-            self._starts,
+            self._episodes,
+            self._departs,
+            self._within,
             policy,
             self.model.horizon,
             self._discount,
-            self._room,
+            self._spare,
         )
-        self.policy = policy
-        self.node = np.empty(self.n_steps, dtype=np.int64)
-        _kernels.locate(policy, self.observations, self.node)
-        self.taken = policy.action[self.node]
+        self._episodes, self._spare = self._spare, self._episodes
+        self.policy, self._dealt = policy, False
+        self._begin = np.empty(policy.feature.size + 1, dtype=np.int64)
+        _kernels_policy.bucket(self.node, self._begin, self._steps)
 
     def gain(self, rival: ActionTree, *, hopeless: float = -np.inf) -> Gain:
         """Return what the rival earns more than the policy; stop early below ``hopeless``."""
+        self._compare(rival)
         out = self._differences
         n = _kernels.difference(
-            self.model.forest,
+            self.model.world,
             self._draws,
-            self._room,
-            self.taken,
+            self._episodes,
+            self._departs,
             rival,
             self.model.horizon,
             self._discount,
@@ -117,13 +126,11 @@ class Rehearsal:
         """Return what one other action at each of the steps earns more, shape [n, A]."""
         out = np.zeros((steps.size, self.model.n_actions))
         _kernels.deviations(
-            self.model.forest,
+            self.model.world,
             self._draws,
-            self._room,
+            self._episodes,
             self.policy,
             steps,
-            np.searchsorted(self._room.first, steps, side="right") - 1,
-            self.taken[steps],
             self.model.horizon,
             self._discount,
             out,
@@ -132,6 +139,34 @@ class Rehearsal:
 
     def values_at(self, node: int, feature: int) -> Floats:
         """Return the sorted values of a feature among the steps whose path visits a node."""
-        rows = np.empty(self.n_steps, dtype=np.int64)
-        n = _kernels.passes(self.policy, node, self.observations, rows)
-        return np.sort(self.observations[rows[:n], feature])
+        last = node
+        while self.policy.feature[last] >= 0:
+            last = self.policy.right[last]
+        steps = self._steps[self._begin[node] : self._begin[last + 1]]
+        return np.sort(self._episodes.states[steps, feature])
+
+    def _compare(self, rival: ActionTree) -> None:
+        """Find the first step of each episode at which a rival acts differently."""
+        self._within = np.zeros(self.policy.feature.size, dtype=np.int64)
+        _kernels_policy.overlay(self.policy, rival, self.model.starts.shape[1], self._within)
+        _kernels_policy.departures(
+            self.policy,
+            rival,
+            self._within,
+            self._episodes,
+            self._begin,
+            self._steps,
+            self._departs,
+        )
+
+
+def _empty(n_episodes: int, room: int, d: int) -> Episodes:
+    """Return room for episodes."""
+    return Episodes(
+        states=np.empty((room, 2 * d)),
+        earned=np.empty(room),
+        node=np.empty(room, dtype=np.int64),
+        owner=np.empty(room, dtype=np.int64),
+        first=np.zeros(n_episodes + 1, dtype=np.int64),
+        returns=np.empty(n_episodes),
+    )

@@ -12,12 +12,13 @@ of that gap that counts as fatal: 0.5 is the usual middle, more is pessimistic, 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.imagination import _kernels_regression as kernels
-from eutree.imagination._kernels import Forest
+from eutree.imagination._kernels import World
 from eutree.imagination.transitions import Transitions
 
 N_BINS = 256
@@ -51,18 +52,39 @@ class View:
     caution: float = 0.0
 
 
+class ModelTree(NamedTuple):
+    """A regression tree with a line at each leaf; feature -1 marks a leaf, node 0 is the root.
+
+    It looks at an observation, a displacement and the action, one column for each action.
+    """
+
+    feature: Integers  # [M]
+    threshold: Floats  # [M]
+    left: Integers  # [M]
+    right: Integers  # [M]
+    coefficients: Floats  # [M, 2 d + A + 1], the last is the constant
+    low: Floats  # [M]
+    high: Floats  # [M]
+    first: Integers  # [M] first residual
+    n_rows: Integers  # [M] number of residuals
+    residuals: Floats  # [K]
+
+
 @dataclass(frozen=True, eq=False)
 class WorldModel:
     """A fitted model: its trees, and the observations episodes start from.
 
     Attributes:
-        forest: The trees.
+        trees: Those of each feature's displacement, of the reward of a step that goes on, of the
+            reward of a last step, and of the probability that a step is the last.
+        world: The same, laid out to be run.
         starts: First observations of the stored episodes.
         horizon: Steps after which an imagined episode is cut.
         n_actions: Number of actions.
     """
 
-    forest: Forest
+    trees: tuple[ModelTree, ...]  # [d + 3]
+    world: World
     starts: Floats  # [E, d]
     horizon: int
     n_actions: int
@@ -124,9 +146,10 @@ def fit_world_models(data: Transitions, views: Sequence[View]) -> tuple[WorldMod
         ends = data.terminated.astype(np.float64)
         last = _grow(after, rewards, ended, anywhere, data.danger, _REWARDS)
         end = _grow(after, ends, everything, place, data.danger, growth)
-        forest = _plant([*shared, last, end])
+        trees = (*shared, last, end)
+        world = _unrolled(trees, data.n_actions)
         starts = np.ascontiguousarray(data.observations[data.first])
-        models.append(WorldModel(forest, starts, data.horizon(), data.n_actions))
+        models.append(WorldModel(trees, world, starts, data.horizon(), data.n_actions))
     return tuple(models)
 
 
@@ -142,7 +165,7 @@ def _grow(
     allowed: Booleans,  # [p]
     danger: Floats,  # [N]
     growth: _Growth,
-) -> Forest:
+) -> ModelTree:
     """Grow one tree over the rows."""
     y = np.ascontiguousarray(y)
     rows = rows.copy()
@@ -179,17 +202,34 @@ def _grow(
         np.zeros(rows.size, dtype=np.bool_),
         residuals,
     )
-    return Forest(roots=np.zeros(1, dtype=np.int64), residuals=residuals, **out)
+    return ModelTree(residuals=residuals, **out)
 
 
-def _plant(trees: Sequence[Forest]) -> Forest:
-    """Return the trees in common arrays."""
-    nodes = np.cumsum([0, *(tree.feature.size for tree in trees)])
-    rows = np.cumsum([0, *(tree.residuals.size for tree in trees)])
-    moved = [
-        tree._replace(left=tree.left + node, right=tree.right + node, first=tree.first + row)
-        for tree, node, row in zip(trees, nodes, rows, strict=False)
-    ]
-    names = (*_SHARED, "residuals")
-    joined = {name: np.concatenate([getattr(tree, name) for tree in moved]) for name in names}
-    return Forest(roots=nodes[:-1].astype(np.int64), **joined)
+def _unrolled(trees: Sequence[ModelTree], n_actions: int) -> World:
+    """Return the trees of each action in common arrays: tests of the action are decided."""
+    room = n_actions * sum(tree.feature.size for tree in trees)
+    p = trees[0].coefficients.shape[1] - 1 - n_actions
+    roots = np.zeros((n_actions, len(trees)), dtype=np.uint32)
+    tests, thresholds = np.zeros((room, 4), dtype=np.uint32), np.zeros(room)
+    lines, noise = np.zeros((room, p + 4)), np.zeros((room, 2), dtype=np.int64)
+    n_nodes, n_lines, n_residuals = 0, 0, 0
+    for i, tree in enumerate(trees):
+        for action in range(n_actions):
+            roots[action, i] = n_nodes
+            n_nodes, n_lines = kernels.unroll(
+                p,
+                action,
+                n_residuals,
+                n_nodes,
+                n_lines,
+                tests,
+                thresholds,
+                lines,
+                noise,
+                *(getattr(tree, name) for name in _SHARED),
+            )
+        n_residuals += tree.residuals.size
+    residuals = np.concatenate([tree.residuals for tree in trees])
+    tests, thresholds = tests[:n_nodes], thresholds[:n_nodes]
+    lines, noise = lines[:n_lines], noise[:n_lines]
+    return World(roots, tests, thresholds, lines, noise, residuals)
