@@ -6,8 +6,9 @@ in the environment the same functions run as plain Python, slowly but with equal
 """
 
 import os
+import pickle
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any, TypeVar
 
 _Function = TypeVar("_Function", bound=Callable[..., object])
 
@@ -15,6 +16,22 @@ ENABLED = os.environ.get("EUTREE_JIT", "1") != "0"
 
 if ENABLED:
     import numba
+    from numba.core.caching import FunctionCache
+
+    class _Cache(FunctionCache):  # type: ignore[misc]
+        """Numba's cache on disk, without its failure on what another version left behind.
+
+        The index of a kernel's cache names the classes of its arguments. Numba reads it before it
+        looks whether the index is out of date, so a class that has been renamed stops the call.
+        """
+
+        def load_overload(self, sig: Any, target_context: Any) -> Any:
+            """Return the compiled code, or None where there is none that can be used."""
+            try:
+                return super().load_overload(sig, target_context)
+            except (AttributeError, ImportError, EOFError, pickle.UnpicklingError):
+                self.flush()
+                return None
 
 
 def compiled(function: _Function) -> _Function:
@@ -22,4 +39,5 @@ def compiled(function: _Function) -> _Function:
     if not ENABLED:
         return function
     kernel: _Function = numba.njit(cache=True)(function)
+    kernel._cache = _Cache(function)  # type: ignore[attr-defined]
     return kernel
