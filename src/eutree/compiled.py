@@ -18,7 +18,7 @@ if ENABLED:
     import numba
     from numba.core.caching import FunctionCache
 
-    class _Cache(FunctionCache):  # type: ignore[misc]
+    class _Cache(FunctionCache):  # type: ignore[misc]  # numba has no types
         """Numba's cache on disk, without its failure on what another version left behind.
 
         The index of a kernel's cache names the classes of its arguments. Numba reads it before it
@@ -38,6 +38,7 @@ def compiled(function: _Function) -> _Function:
     """Compile ``function`` with numba (cached on disk); return it unchanged if EUTREE_JIT=0."""
     if not ENABLED:
         return function
-    kernel: _Function = numba.njit(cache=True)(function)
-    kernel._cache = _Cache(function)  # type: ignore[attr-defined]
+    dispatcher = numba.njit(cache=True)(function)
+    dispatcher._cache = _Cache(function)
+    kernel: _Function = dispatcher
     return kernel

@@ -65,9 +65,9 @@ def nested(
 
 def collapsed(tree: ActionTree, node: int, child: int) -> ActionTree:
     """Return the tree with ``node`` replaced by a child; sibling leaves of equal action merge."""
-    out = ActionTree(*(np.empty_like(array) for array in tree))  # type: ignore[arg-type]
+    out = ActionTree._make(np.empty_like(array) for array in tree)
     n = _kernels_policy.collapse(tree, node, child, out)
-    return ActionTree(*(array[:n] for array in out))  # type: ignore[arg-type]
+    return ActionTree._make(array[:n] for array in out)
 
 
 def carved(box: Floats, inside: int, outside: int) -> Nested:
