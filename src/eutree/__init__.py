@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from eutree.policies import LeafStatistics as LeafStatistics
     from eutree.policies import Policy as Policy
     from eutree.policies import TreePolicy as TreePolicy
+    from eutree.policies.estimator import TreePolicyClassifier as TreePolicyClassifier
     from eutree.schema import EnvironmentSpec as EnvironmentSpec
     from eutree.schema import Feature as Feature
     from eutree.schema import Schema as Schema
@@ -100,6 +101,7 @@ _PUBLIC = {
     "Settings": "eutree.learning:Settings",
     "splitting": "eutree.splitting",
     "TreePolicy": "eutree.policies:TreePolicy",
+    "TreePolicyClassifier": "eutree.policies.estimator:TreePolicyClassifier",
     "UnknownNameError": "eutree.errors:UnknownNameError",
     "UnsupportedSpaceError": "eutree.errors:UnsupportedSpaceError",
     "UTree": "eutree.learning:UTree",

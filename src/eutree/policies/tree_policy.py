@@ -14,6 +14,7 @@ from eutree.files import read_bytes, write_bytes
 from eutree.files.documents import MAX_DOCUMENT
 from eutree.policies.document import PolicyParts, policy_from_bytes, policy_to_bytes
 from eutree.policies.leaf_statistics import LeafStatistics
+from eutree.policies.sklearn_tree import parts_of
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.trees import DecisionTree
 from eutree.trees.text import printable, rules
@@ -120,6 +121,22 @@ class TreePolicy:
             return cls(**parts)
         except InvalidArgumentError as error:
             raise FormatError(path, "", str(error)) from None
+
+    @classmethod
+    def from_sklearn(cls, classifier: Any, schema: Schema | None = None) -> "TreePolicy":
+        """Return the policy that decides like a ``sklearn.tree.DecisionTreeClassifier``.
+
+        The decisions are the same on every finite observation of float64, although scikit-learn
+        rounds it to float32 first: each threshold becomes the largest float64 number that is
+        rounded to at most the classifier's. A NaN goes to the "no" branch here and where training
+        sent most rows there. The other way round there is ``TreePolicyClassifier``.
+
+        Args:
+            classifier: Fitted, with one output.
+            schema: Names of features and actions; the classes are then names of actions or their
+                numbers. By default features and actions are named as in the classifier.
+        """
+        return cls(**parts_of(classifier, schema))
 
     def act(self, features: Sequence[float]) -> int:
         """Return the action for one sequence of the tree's features (history included)."""

@@ -1,0 +1,119 @@
+"""Trees of scikit-learn's ``DecisionTreeClassifier`` as trees of ours, with the same decisions.
+
+scikit-learn rounds an observation to float32 and compares that with a float64 threshold t; we
+compare float64. Rounding keeps the order, so the observations that go left are those up to a
+largest one, and that is our threshold: the middle between the largest float32 number up to t and
+the next one, or the float64 number just below where the middle itself is rounded up.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from eutree.arrays import Floats
+from eutree.errors import InvalidArgumentError, UnknownNameError
+from eutree.policies.document import PolicyParts
+from eutree.policies.leaf_statistics import LeafStatistics
+from eutree.schema import Feature, Schema
+from eutree.trees import DecisionTree
+
+_LEAF = -1  # scikit-learn's children of a leaf
+
+
+def parts_of(classifier: Any, schema: Schema | None) -> PolicyParts:
+    """Return the parts of the ``TreePolicy`` that decides like a fitted classifier.
+
+    Raises:
+        InvalidArgumentError: It is no fitted classifier of one output, or the schema is another's.
+        UnknownNameError: A class of the classifier is no action of the schema.
+    """
+    grown = getattr(classifier, "tree_", None)
+    if grown is None or not hasattr(classifier, "classes_") or not hasattr(grown, "children_left"):
+        raise InvalidArgumentError(
+            "classifier must be a fitted sklearn.tree.DecisionTreeClassifier, got "
+            f"{type(classifier).__name__}"
+        )
+    if grown.n_outputs != 1:
+        raise InvalidArgumentError(
+            f"classifier must have one output, got {grown.n_outputs}: a policy has one action"
+        )
+    if schema is None:
+        schema = _schema(classifier)
+    elif schema.n_features != grown.n_features:
+        raise InvalidArgumentError(
+            f"schema must name the classifier's {grown.n_features} features, "
+            f"got {schema.n_features}"
+        )
+    inner = grown.children_left != _LEAF
+    leaf = np.full(grown.node_count, DecisionTree.NO_LEAF)
+    leaf[~inner] = np.arange(int((~inner).sum()))
+    tree = DecisionTree(
+        int(grown.n_features),
+        feature=np.where(inner, grown.feature, DecisionTree.NO_FEATURE),
+        threshold=float64_thresholds(np.where(inner, grown.threshold, np.nan)),
+        left=np.where(inner, grown.children_left, DecisionTree.NO_NODE),
+        right=np.where(inner, grown.children_right, DecisionTree.NO_NODE),
+        leaf=leaf,
+    )
+    shares = grown.value[~inner, 0, :]  # [L, n_classes]
+    numbers = _numbers(classifier.classes_, schema)
+    return PolicyParts(
+        tree=tree,
+        actions=numbers[shares.argmax(axis=1)],
+        schema=schema,
+        environment=None,
+        history=0,
+        leaves=_statistics(grown, shares, ~inner, numbers, schema.n_actions),
+        locked=(),
+    )
+
+
+def float64_thresholds(thresholds: Floats) -> Floats:
+    """Return the largest float64 numbers that rounded to float32 are at most the thresholds.
+
+    Args:
+        thresholds: Finite, or NaN, which stays. Shape [M].
+    """
+    with np.errstate(over="ignore"):
+        below = thresholds.astype(np.float32)
+        below = np.where(below > thresholds, np.nextafter(below, np.float32(-np.inf)), below)
+        above = np.nextafter(below, np.float32(np.inf))
+        # Beyond the largest number float32 would have 2**128, had it room for it.
+        ends = [np.clip(end.astype(np.float64), -(2.0**128), 2.0**128) for end in (below, above)]
+        middle = (ends[0] + ends[1]) / 2
+        rounds_down = middle.astype(np.float32) <= thresholds
+    result: Floats = np.where(rounds_down, middle, np.nextafter(middle, -np.inf))
+    return np.where(np.isnan(thresholds), np.nan, result)
+
+
+def _schema(classifier: Any) -> Schema:
+    names = getattr(classifier, "feature_names_in_", None)
+    if names is None:
+        names = [f"x{number}" for number in range(classifier.tree_.n_features)]
+    actions = tuple(str(label) for label in classifier.classes_.tolist())
+    return Schema(tuple(Feature(str(name)) for name in names), actions)
+
+
+def _numbers(classes: Any, schema: Schema) -> Any:
+    """Return the action of each class: classes are names of actions, or else their numbers."""
+    labels = classes.tolist()
+    names = [str(label) for label in labels]
+    if set(names) <= set(schema.actions):
+        return np.array([schema.actions.index(name) for name in names], dtype=np.int64)
+    for label in labels:
+        if not isinstance(label, int) or not 0 <= label < schema.n_actions:
+            raise UnknownNameError("class", str(label), schema.actions)
+    return np.array(labels, dtype=np.int64)
+
+
+def _statistics(
+    grown: Any, shares: Floats, leaves: Any, numbers: Any, n_actions: int
+) -> LeafStatistics | None:
+    """Return how many rows of each class were in each leaf; None where rows had weights."""
+    sizes = grown.n_node_samples[leaves]
+    if not np.array_equal(sizes, grown.weighted_n_node_samples[leaves]):
+        return None
+    visits = np.zeros((len(sizes), n_actions), dtype=np.int64)
+    visits[:, numbers] = np.rint(shares * sizes[:, np.newaxis]).astype(np.int64)
+    unknown = np.full(visits.shape, np.nan)
+    return LeafStatistics(visits, unknown, unknown)
