@@ -1,5 +1,7 @@
 """Slow, obvious twins of the kernels of eutree.imagination."""
 
+import math
+
 import numpy as np
 
 
@@ -18,10 +20,10 @@ def best_interval(values, gains, min_rows, open_below, open_above):
     return best
 
 
-def best_cut(X, y, rows, min_leaf, allowed):
+def best_cut(X, y, rows, min_leaf):
     """The squared error after each cut between distinct values; the least."""
     least = np.inf
-    for j in np.flatnonzero(allowed):
+    for j in range(X.shape[1]):
         x = X[rows, j]
         for value in np.unique(x)[:-1]:
             below, above = y[rows][x <= value], y[rows][x > value]
@@ -55,6 +57,16 @@ def fit(tree, node, x):
     return min(max(value, tree.low[node]), tree.high[node])
 
 
+def chance(tree, state):
+    """The probability of an end at a state, by the log-odds of its observation and squares."""
+    d = len(state) // 2
+    coefficients = tree.coefficients[leaf(tree, state)]
+    odds = coefficients[-1]
+    for i in range(d):
+        odds += (coefficients[i] + coefficients[d + i] * state[i]) * state[i]
+    return 1.0 / (1.0 + math.exp(-odds))
+
+
 def episode(model, nested, start, luck):
     """The states, actions and rewards of one imagined episode; ``luck(step, i)`` is a draw."""
     d = len(start)
@@ -72,11 +84,14 @@ def episode(model, nested, start, luck):
             displacement[i] = fit(tree, node, x) + tree.residuals[tree.first[node] + pick]
         observation = observation + displacement
         y = np.concatenate([observation, displacement, chosen])
-        goes_on, last, end = model.trees[d:]
-        ends = luck(step, d) < end.coefficients[leaf(end, y), -1]
-        reward = last if ends else goes_on
+        goes_on, badly, well, bad_end, good_end = model.trees[d:]
+        draw, reward = luck(step, d), goes_on
+        if draw < chance(bad_end, y[: 2 * d]):
+            reward = badly
+        elif 1.0 - draw <= chance(good_end, y[: 2 * d]):
+            reward = well
         rewards.append(fit(reward, leaf(reward, y), y))
-        if ends:
+        if reward is not goes_on:
             break
     return np.array(states), actions, rewards
 

@@ -4,6 +4,7 @@ All chance comes from a table of uniform draws: step t of episode e reads the sa
 the policy is, so two policies meet the same luck (common random numbers).
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -19,11 +20,11 @@ class World(NamedTuple):
     """Model trees of each action in common arrays, laid out for one step after another.
 
     Roots 0 to d - 1 of an action are of the displacements, then those of the reward of a step that
-    goes on, of the reward of a last step, and of the probability that the step is the last. All
-    look at a state: an observation and the displacement that led to it, side by side.
+    goes on, of one that ends badly and of one that ends well, and of the log-odds of a bad and of
+    a good end. All look at a state: an observation and the displacement that led to it.
     """
 
-    roots: Uint32s  # [A, d + 3]
+    roots: Uint32s  # [A, d + 5]
     tests: Uint32s  # [M, 4] feature or LEAF, node below, node above, row of the leaf
     thresholds: Floats  # [M]
     lines: Floats  # [L, 2 d + 4] coefficients, constant, the action's constant, lowest, highest
@@ -93,6 +94,17 @@ def fitted(lines: Floats, row: int, state: Floats) -> float:
 
 
 @compiled
+def chance(world: World, root: int, state: Floats) -> float:
+    """Return the probability of an end: log-odds linear in the observation and its squares."""
+    row = model_leaf(world.tests, world.thresholds, root, state)
+    d = state.size // 2
+    odds = world.lines[row, 2 * d]
+    for i in range(d):
+        odds += (world.lines[row, i] + world.lines[row, d + i] * state[i]) * state[i]
+    return 1.0 / (1.0 + math.exp(-odds))
+
+
+@compiled
 def model_step(
     world: World,
     draws: Floats,  # [size], a power of two
@@ -112,11 +124,14 @@ def model_step(
     for i in range(d):
         state[i] += move[i]
         state[d + i] = move[i]
-    row = model_leaf(world.tests, world.thresholds, world.roots[action, d + 2], state)
-    ends = draws[(at + d) & mask] < world.lines[row, 2 * d]
-    root = world.roots[action, d + 1 if ends else d]
-    row = model_leaf(world.tests, world.thresholds, root, state)
-    return fitted(world.lines, row, state), ends
+    draw = draws[(at + d) & mask]
+    kind = 0
+    if draw < chance(world, world.roots[action, d + 3], state):
+        kind = 1
+    elif 1.0 - draw <= chance(world, world.roots[action, d + 4], state):
+        kind = 2
+    row = model_leaf(world.tests, world.thresholds, world.roots[action, d + kind], state)
+    return fitted(world.lines, row, state), kind > 0
 
 
 @compiled

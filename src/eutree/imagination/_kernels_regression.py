@@ -72,7 +72,6 @@ def fit_leaf(
     y: Floats,  # [N]
     rows: Integers,  # [n]
     scale: Floats,  # [p]
-    linear: bool,
     coefficients: Floats,  # [p + 1], the last is the constant
 ) -> float:
     """Fit a constant, or a line where it predicts better; return the corrected squared error.
@@ -90,7 +89,7 @@ def fit_leaf(
     coefficients[:] = 0.0
     coefficients[p] = mean
     constant_error = error * (n + 1) / max(n - 1, 1)
-    if not linear or error == 0.0:
+    if error == 0.0:
         return constant_error
     centre, spread = np.zeros(p), np.zeros(p)
     for i in range(n):
@@ -148,7 +147,6 @@ def best_cut(
     n_edges: Integers,  # [p]
     bins: Integers,  # [p, N]
     min_leaf: int,
-    allowed: Booleans,  # [p]
 ) -> tuple[int, float]:
     """Return the cut (feature, threshold) that reduces the squared error most; feature -1: none."""
     n = rows.size
@@ -160,8 +158,6 @@ def best_cut(
     if n > MANY_ROWS:
         count, total = np.zeros(edges.shape[1] + 1), np.zeros(edges.shape[1] + 1)
         for j in range(X.shape[1]):
-            if not allowed[j]:
-                continue
             count[:] = 0.0
             total[:] = 0.0
             for i in range(n):
@@ -180,8 +176,6 @@ def best_cut(
         return feature, threshold
     values = np.empty(n)
     for j in range(X.shape[1]):
-        if not allowed[j]:
-            continue
         for i in range(n):
             values[i] = X[rows[i], j]
         order = np.argsort(values)
@@ -236,11 +230,7 @@ def grow(
     edges: Floats,  # [p, B]
     n_edges: Integers,  # [p]
     bins: Integers,  # [p, N]
-    allowed: Booleans,  # [p]
-    danger: Floats,  # [N]
     min_leaf: int,
-    linear: bool,
-    gap: float,
     floor: float,
     feature: Integers,  # [M] out
     threshold: Floats,  # [M] out
@@ -254,8 +244,7 @@ def grow(
 ) -> int:
     """Grow breadth first while there is room for two more nodes, then prune; return the nodes.
 
-    A node is pruned when its own fit predicts as well as its subtree (M5). ``gap`` other than one
-    half moves each threshold inside its gap, see ``shift_towards_better``.
+    A node is pruned when its own fit predicts as well as its subtree (M5).
     """
     n = rows.size
     scale = np.zeros(X.shape[1])
@@ -274,14 +263,12 @@ def grow(
         feature[node] = -1
         start, size = first[node], count[node]
         mine = rows[start : start + size]
-        errors[node] = fit_leaf(X, y, mine, scale, linear, coefficients[node])
+        errors[node] = fit_leaf(X, y, mine, scale, coefficients[node])
         low[node], high[node] = y[mine].min(), y[mine].max()
         worth = high[node] > low[node] and errors[node] > floor * variation * size / n
         if worth and size >= 2 * min_leaf and n_nodes + 2 <= feature.size:
-            j, cut = best_cut(X, y, mine, edges, n_edges, bins, min_leaf, allowed)
+            j, cut = best_cut(X, y, mine, edges, n_edges, bins, min_leaf)
             if j >= 0:
-                if gap != 0.5:
-                    cut = shift_towards_better(X[:, j], danger, mine, cut, gap)
                 n_left, n_right = 0, 0
                 for i in range(size):
                     row = mine[i]

@@ -3,8 +3,8 @@
 Where: for each feature a model tree (axis-parallel tests, linear leaves; Quinlan's M5) of the
 displacement o' - o, given o, the displacement before it and the action. A displacement carries
 what one observation hides, such as a direction of movement. A leaf's residuals are its noise.
-What and whether: trees over o' (the reward also over o' - o and the action); the reward of steps
-that go on and that of last steps are apart.
+Whether: for bad and for good ends a logistic model tree over o' (see ``ends``). What: trees over
+o', o' - o and the action, one each for the reward of steps that go on, end badly and end well.
 
 What lies between the safe and the fatal transitions seen so far is unknown. ``gap`` is the share
 of that gap that counts as fatal: 0.5 is the usual middle, more is pessimistic, less optimistic.
@@ -19,11 +19,11 @@ import numpy as np
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.imagination import _kernels_regression as kernels
 from eutree.imagination._kernels import World
+from eutree.imagination.ends import Ends, grow_ends
 from eutree.imagination.transitions import Transitions
 
 N_BINS = 256
 MAX_LEAVES = 64
-MAX_OUTCOME_LEAVES = 128
 MIN_LEAF = 8
 GOOD_ENOUGH = 1e-4  # share of the variation that need not be explained
 _SHARED = (
@@ -75,15 +75,15 @@ class WorldModel:
     """A fitted model: its trees, and the observations episodes start from.
 
     Attributes:
-        trees: Those of each feature's displacement, of the reward of a step that goes on, of the
-            reward of a last step, and of the probability that a step is the last.
+        trees: Those of each feature's displacement, of the reward of a step that goes on, of one
+            that ends badly, of one that ends well, and of the log-odds of a bad and a good end.
         world: The same, laid out to be run.
         starts: First observations of the stored episodes.
         horizon: Steps after which an imagined episode is cut.
         n_actions: Number of actions.
     """
 
-    trees: tuple[ModelTree, ...]  # [d + 3]
+    trees: tuple[ModelTree, ...]  # [d + 5]
     world: World
     starts: Floats  # [E, d]
     horizon: int
@@ -115,13 +115,11 @@ class _Growth:
 
     min_leaf: int
     max_leaves: int
-    linear: bool
-    floor: float = 0.0
-    gap: float = 0.5
+    floor: float
 
 
-_MOVES = _Growth(min_leaf=MIN_LEAF, max_leaves=MAX_LEAVES, linear=True, floor=GOOD_ENOUGH)
-_REWARDS = _Growth(min_leaf=1, max_leaves=MAX_LEAVES, linear=True, floor=1e-6)
+_MOVES = _Growth(min_leaf=MIN_LEAF, max_leaves=MAX_LEAVES, floor=GOOD_ENOUGH)
+_REWARDS = _Growth(min_leaf=1, max_leaves=MAX_LEAVES, floor=1e-6)
 
 
 def fit_world_models(data: Transitions, views: Sequence[View]) -> tuple[WorldModel, ...]:
@@ -130,27 +128,47 @@ def fit_world_models(data: Transitions, views: Sequence[View]) -> tuple[WorldMod
     before = _Design.of(data.observations, data.previous_displacements, chosen)
     after = _Design.of(data.next_observations, data.displacements, chosen)
     everything = np.arange(data.rewards.size)
-    anywhere = np.ones(after.X.shape[1], dtype=np.bool_)
-    d = data.observations.shape[1]
     shared = [
-        _grow(before, data.displacements[:, i], everything, anywhere, data.danger, _MOVES)
-        for i in range(d)
+        _grow(before, data.displacements[:, i], everything, _MOVES)
+        for i in range(data.observations.shape[1])
     ]
     goes_on = _rows(~data.terminated)
-    shared.append(_grow(after, data.rewards, goes_on, anywhere, data.danger, _REWARDS))
-    place = np.arange(anywhere.size) < d
-    ended, models = _rows(data.terminated), []
+    shared.append(_grow(after, data.rewards, goes_on, _REWARDS))
+    kinds = data.danger > 0, data.danger < 0
+    ends = [grow_ends(data.next_observations, kind) for kind in kinds]
+    models = []
     for view in views:
         rewards = data.rewards - data.penalty(view.caution) * (data.danger > 0)
-        growth = _Growth(min_leaf=1, max_leaves=MAX_OUTCOME_LEAVES, linear=False, gap=view.gap)
-        ends = data.terminated.astype(np.float64)
-        last = _grow(after, rewards, ended, anywhere, data.danger, _REWARDS)
-        end = _grow(after, ends, everything, place, data.danger, growth)
-        trees = (*shared, last, end)
+        last = [_grow(after, rewards, _rows(kind), _REWARDS) for kind in kinds]
+        end = [
+            _as_tree(tree.seen(data.next_observations, data.danger, view.gap, sign), data.n_actions)
+            for tree, sign in zip(ends, (1.0, -1.0), strict=True)
+        ]
+        trees = (*shared, *last, *end)
         world = _unrolled(trees, data.n_actions)
         starts = np.ascontiguousarray(data.observations[data.first])
         models.append(WorldModel(trees, world, starts, data.horizon(), data.n_actions))
     return tuple(models)
+
+
+def _as_tree(ends: Ends, n_actions: int) -> ModelTree:
+    """Return a tree of ends in the form of the others; the columns of actions count nothing."""
+    m, width = ends.lines.shape
+    nothing = np.zeros(m, dtype=np.int64)
+    coefficients = np.zeros((m, width + n_actions))
+    coefficients[:, : width - 1], coefficients[:, -1] = ends.lines[:, :-1], ends.lines[:, -1]
+    return ModelTree(
+        feature=ends.feature,
+        threshold=ends.threshold,
+        left=ends.left,
+        right=ends.right,
+        coefficients=coefficients,
+        low=np.full(m, -np.inf),
+        high=np.full(m, np.inf),
+        first=nothing,
+        n_rows=nothing,
+        residuals=np.zeros(0),
+    )
 
 
 def _rows(mask: Booleans) -> Integers:
@@ -162,8 +180,6 @@ def _grow(
     design: _Design,
     y: Floats,  # [N]
     rows: Integers,  # [n]
-    allowed: Booleans,  # [p]
-    danger: Floats,  # [N]
     growth: _Growth,
 ) -> ModelTree:
     """Grow one tree over the rows."""
@@ -181,11 +197,7 @@ def _grow(
         design.edges,
         design.n_edges,
         design.bins,
-        allowed,
-        danger,
         growth.min_leaf,
-        growth.linear,
-        growth.gap,
         growth.floor,
         *(out[name] for name in _SHARED),
     )

@@ -1,0 +1,113 @@
+"""Compiled fit of a logistic leaf: the chance of an end by a linear or quadratic boundary.
+
+Apart from ``_kernels_regression.py`` because shares are fitted by likelihood, not by squares.
+"""
+
+import math
+
+import numpy as np
+
+from eutree.arrays import Booleans, Floats
+from eutree.compiled import compiled
+from eutree.imagination._kernels_regression import TINY, solve_positive
+
+CERTAIN = 18.0  # log-odds beyond which a row cannot pull a fit
+RIDGE = 1e-5
+MOST_STEPS = 60
+DECREASE = 1e-3  # of the penalised deviance below which a fit is done
+
+
+@compiled
+def deviance(Z: Floats, y: Booleans, weights: Floats) -> float:
+    """Return minus twice the log-likelihood of the weights, with the ridge on all but the first."""
+    n, q = Z.shape
+    total = 0.0
+    for i in range(n):
+        eta = 0.0
+        for k in range(q):
+            eta += weights[k] * Z[i, k]
+        against = -eta if y[i] else eta
+        if against > CERTAIN:
+            total += against
+        elif against > -CERTAIN:
+            total += math.log1p(math.exp(against))
+    for k in range(1, q):
+        total += 0.5 * RIDGE * weights[k] * weights[k]
+    return 2.0 * total
+
+
+@compiled
+def fit_log_odds(
+    X: Floats,  # [n, d]
+    y: Booleans,  # [n] both values occur
+    squares: bool,
+    out: Floats,  # [2 d + 1] coefficients of x, of x * x, constant
+) -> float:
+    """Fit log-odds linear in x, or in x and its squares, by Newton's method; return the deviance.
+
+    Features are standardised for the ridge, which keeps separable rows from infinite weights.
+    """
+    n, d = X.shape
+    q = 2 * d + 1 if squares else d + 1
+    centre, spread = np.zeros(d), np.zeros(d)
+    for j in range(d):
+        centre[j] = X[:, j].mean()
+        spread[j] = X[:, j].std() + TINY
+    Z = np.empty((n, q))
+    n_true = 0
+    for i in range(n):
+        n_true += y[i]
+        Z[i, 0] = 1.0
+        for j in range(d):
+            z = (X[i, j] - centre[j]) / spread[j]
+            Z[i, 1 + j] = z
+            if squares:
+                Z[i, 1 + d + j] = z * z
+    weights, step, rival = np.zeros(q), np.zeros(q), np.zeros(q)
+    weights[0] = math.log(n_true / (n - n_true))
+    H = np.zeros((q, q))
+    now = deviance(Z, y, weights)
+    for _ in range(MOST_STEPS):
+        H[:] = 0.0
+        step[:] = 0.0
+        for i in range(n):
+            eta = 0.0
+            for k in range(q):
+                eta += weights[k] * Z[i, k]
+            if (eta < -CERTAIN and not y[i]) or (eta > CERTAIN and y[i]):
+                continue
+            p = 1.0 / (1.0 + math.exp(-eta))
+            pull, curvature = p - y[i], p * (1.0 - p)
+            for k in range(q):
+                step[k] += pull * Z[i, k]
+                scaled = curvature * Z[i, k]
+                for m in range(k + 1):
+                    H[k, m] += scaled * Z[i, m]
+        H[0, 0] += TINY
+        for k in range(1, q):
+            H[k, k] += RIDGE
+            step[k] += RIDGE * weights[k]
+        solve_positive(H, step, q)
+        share, before = 1.0, now
+        while share > 1e-3:
+            for k in range(q):
+                rival[k] = weights[k] - share * step[k]
+            now = deviance(Z, y, rival)
+            if now < before:
+                break
+            share *= 0.5
+        if not now < before:
+            now = before
+            break
+        weights[:] = rival
+        if before - now < DECREASE:
+            break
+    out[:] = 0.0
+    out[2 * d] = weights[0]
+    for j in range(d):
+        linear = weights[1 + j] / spread[j]
+        square = weights[1 + d + j] / (spread[j] * spread[j]) if squares else 0.0
+        out[j] = linear - 2.0 * square * centre[j]
+        out[d + j] = square
+        out[2 * d] += square * centre[j] * centre[j] - linear * centre[j]
+    return now
