@@ -21,7 +21,6 @@ import numpy as np
 
 import eutree
 from eutree.envs.experts import EXPERTS, Expert, careless
-from eutree.imagination.world_model import View
 from eutree.learning import DEFAULT, PAPER, Settings
 
 
@@ -67,8 +66,7 @@ CASES = {
     "3-demonstrations": replace(GATE, demonstrations=3, episodes=600),
     "careless": replace(GATE, expert=careless(GATE.expert, 0.2), episodes=600),
     "paper": replace(GATE, settings=PAPER),
-    "without-caution": replace(GATE, settings=imagining(pessimist=View(gap=0.9))),
-    "without-pessimism": replace(GATE, settings=imagining(pessimist=View(gap=0.5, caution=0.75))),
+    "without-pessimism": replace(GATE, settings=imagining(pessimism=0.5)),
     "without-explorer": replace(GATE, settings=imagining(explorer_share=0.0)),
     "without-trial": replace(GATE, settings=imagining(min_trial=2, memory=2)),
     "few-imagined": replace(GATE, settings=imagining(n_episodes=200)),

@@ -64,7 +64,7 @@ def chance(tree, state):
     odds = coefficients[-1]
     for i in range(d):
         odds += (coefficients[i] + coefficients[d + i] * state[i]) * state[i]
-    return 1.0 / (1.0 + math.exp(-odds))
+    return 1.0 / (1.0 + math.exp(min(-odds, 40.0)))
 
 
 def episode(model, nested, start, luck):

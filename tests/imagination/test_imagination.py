@@ -26,7 +26,6 @@ from eutree.imagination.action_trees import (
 )
 from eutree.imagination.improvement import Improvement
 from eutree.imagination.rehearsal import Rehearsal
-from eutree.imagination.world_model import View
 from tests import naive_imagination
 
 STAY, GO = 0, 1
@@ -67,15 +66,15 @@ def walks(n_episodes, seed, *, pit=(5.0, 7.0), policy=None):
 def mean_return(tree, seed=9, n_episodes=400):
     policy = nested(tree)
     data = walks(n_episodes, seed, policy=lambda o: naive_imagination.act(policy, o))
-    return data.episode_returns(0.0).mean()
+    return data.episode_returns.mean()
 
 
-def model_of(data, view=View()):
-    return fit_world_models(data, [view])[0]
+def model_of(data, gap=0.5):
+    return fit_world_models(data, [gap])[0]
 
 
-def rehearsal_of(data, n_episodes=400, seed=0, view=View()):
-    return Rehearsal(model_of(data, view), n_episodes, 1.0, np.random.default_rng(seed))
+def rehearsal_of(data, n_episodes=400, seed=0, gap=0.5):
+    return Rehearsal(model_of(data, gap), n_episodes, 1.0, np.random.default_rng(seed))
 
 
 trees = st.recursive(

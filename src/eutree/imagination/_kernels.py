@@ -101,7 +101,7 @@ def chance(world: World, root: int, state: Floats) -> float:
     odds = world.lines[row, 2 * d]
     for i in range(d):
         odds += (world.lines[row, i] + world.lines[row, d + i] * state[i]) * state[i]
-    return 1.0 / (1.0 + math.exp(-odds))
+    return 1.0 / (1.0 + math.exp(min(-odds, 40.0)))  # no overflow
 
 
 @compiled

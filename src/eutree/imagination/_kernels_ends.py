@@ -76,7 +76,7 @@ def fit_log_odds(
                 eta += weights[k] * Z[i, k]
             if (eta < -CERTAIN and not y[i]) or (eta > CERTAIN and y[i]):
                 continue
-            p = 1.0 / (1.0 + math.exp(-eta))
+            p = 1.0 / (1.0 + math.exp(min(-eta, 40.0)))
             pull, curvature = p - y[i], p * (1.0 - p)
             for k in range(q):
                 step[k] += pull * Z[i, k]

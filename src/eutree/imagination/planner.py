@@ -16,7 +16,7 @@ from eutree.imagination._kernels import ActionTree
 from eutree.imagination.improvement import Improvement
 from eutree.imagination.rehearsal import Rehearsal
 from eutree.imagination.transitions import Transitions
-from eutree.imagination.world_model import View, fit_world_models
+from eutree.imagination.world_model import fit_world_models
 from eutree.validation import check_integer, check_number
 
 _SHORTEST_TRIAL = 5  # episodes
@@ -68,8 +68,8 @@ class Imagination:
         n_episodes: Imagined episodes that judge each change.
         improvement: How trees are improved.
         explorer_share: Share of the gathered episodes in which the explorer acts.
-        pessimist: How the candidate's world model looks at the unknown.
-        optimist: How the explorer's does.
+        pessimism: Share of what is unknown that counts as fatal in the candidate's world model.
+        optimism: The same in the explorer's; smaller.
         min_trial: Fewest episodes of a trial.
         memory: Most recent trial episodes that count.
         growth: Plan again when the history has grown by this factor.
@@ -80,8 +80,8 @@ class Imagination:
     n_episodes: int = 1000
     improvement: Improvement = Improvement()
     explorer_share: float = 0.3
-    pessimist: View = View(gap=0.9, caution=0.75)
-    optimist: View = View(gap=0.4)
+    pessimism: float = 0.9
+    optimism: float = 0.4
     min_trial: int = 20
     memory: int = 30
     growth: float = 1.06
@@ -91,6 +91,10 @@ class Imagination:
     def __post_init__(self) -> None:
         check_integer("n_episodes", self.n_episodes, low=8)
         check_number("explorer_share", self.explorer_share, low=0.0, high=1.0)
+        for name in ("pessimism", "optimism"):
+            check_number(
+                name, getattr(self, name), low=0.0, high=1.0, low_open=True, high_open=True
+            )
         check_integer("min_trial", self.min_trial, low=2)
         check_integer("memory", self.memory, low=2)
         check_number("growth", self.growth, low=1.0)
@@ -103,15 +107,14 @@ class Imagination:
 
     def plan(self, plan: Plan, data: Transitions, generator: np.random.Generator) -> Plan:
         """Return the next plan: adopt the candidate or not, then plan both trees anew."""
-        plan = _without_outdated(plan, data.episode_returns(0.0))
+        plan = _without_outdated(plan, data.episode_returns)
         known = data.since(plan.outdated).recent(self.max_transitions)
-        views = (self.pessimist, self.optimist)
         rehearsals = [
             Rehearsal(model, self.n_episodes, self.discount, generator)
-            for model in fit_world_models(known, views)
+            for model in fit_world_models(known, (self.pessimism, self.optimism))
         ]
         sober, hopeful = rehearsals
-        scale = max(float(np.abs(known.episode_returns(0.0)).mean()), 1e-9)
+        scale = max(float(np.abs(known.episode_returns).mean()), 1e-9)
         if plan.candidate is not None and self._deserves(plan, plan.candidate, data, sober):
             proved = plan.tried[-self.memory :]
             plan = replace(plan, policy=plan.candidate, candidate=None, proved=proved, tried=())
@@ -125,7 +128,7 @@ class Imagination:
         self, plan: Plan, candidate: ActionTree, data: Transitions, sober: Rehearsal
     ) -> bool:
         """Return whether imagination prefers the candidate and reality does not object."""
-        returns = data.episode_returns(self.pessimist.caution)  # [E]
+        returns = data.episode_returns  # [E]
         tried = returns[list(plan.tried[-self.memory :])]
         known = plan.proved[-6 * self.memory :] or _others(plan, returns.size)
         proved = returns[list(known)]

@@ -74,15 +74,10 @@ class Transitions:
         kind = np.where(self.rewards < self.bad_level, 1.0, -1.0)
         return np.where(self.terminated, kind, 0.0)
 
-    def penalty(self, caution: float) -> float:
-        """Return ``caution`` times what a bad end costs on average."""
-        bad = self.danger > 0
-        return caution * (self.bad_level - float(self.rewards[bad].mean())) if bad.any() else 0.0
-
-    def episode_returns(self, caution: float) -> Floats:
-        """Return the return of each episode, bad ends made worse, shape [E]."""
-        bad = self.danger[self.last] > 0
-        return self.returns_to_go[self.first] - self.penalty(caution) * bad
+    @property
+    def episode_returns(self) -> Floats:
+        """Return of each episode, shape [E]."""
+        return self.returns_to_go[self.first]
 
     def horizon(self) -> int:
         """Return the longest truncated episode's length, or twice the longest's if none was cut."""

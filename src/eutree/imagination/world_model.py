@@ -39,19 +39,6 @@ _SHARED = (
 )
 
 
-@dataclass(frozen=True)
-class View:
-    """How to look at what is unknown or fatal.
-
-    Attributes:
-        gap: Share of the gap between safe and fatal transitions that counts as fatal.
-        caution: How much worse a bad end counts than it was, in units of what it cost.
-    """
-
-    gap: float = 0.5
-    caution: float = 0.0
-
-
 class ModelTree(NamedTuple):
     """A regression tree with a line at each leaf; feature -1 marks a leaf, node 0 is the root.
 
@@ -122,31 +109,30 @@ _MOVES = _Growth(min_leaf=MIN_LEAF, max_leaves=MAX_LEAVES, floor=GOOD_ENOUGH)
 _REWARDS = _Growth(min_leaf=1, max_leaves=MAX_LEAVES, floor=1e-6)
 
 
-def fit_world_models(data: Transitions, views: Sequence[View]) -> tuple[WorldModel, ...]:
-    """Fit one world model for each view; they share all but the trees of ends and last rewards."""
+def fit_world_models(data: Transitions, gaps: Sequence[float]) -> tuple[WorldModel, ...]:
+    """Fit one world model for each ``gap``; they share all but how they look at ends."""
     chosen = np.eye(data.n_actions)[data.actions]  # [N, A]
     before = _Design.of(data.observations, data.previous_displacements, chosen)
     after = _Design.of(data.next_observations, data.displacements, chosen)
     everything = np.arange(data.rewards.size)
-    shared = [
+    moves = [
         _grow(before, data.displacements[:, i], everything, _MOVES)
         for i in range(data.observations.shape[1])
     ]
-    goes_on = _rows(~data.terminated)
-    shared.append(_grow(after, data.rewards, goes_on, _REWARDS))
-    kinds = data.danger > 0, data.danger < 0
-    ends = [grow_ends(data.next_observations, kind) for kind in kinds]
+    bad, good = data.danger > 0, data.danger < 0
+    kinds = ~data.terminated, bad, good
+    rewards = [_grow(after, data.rewards, _rows(kind), _REWARDS) for kind in kinds]
+    places = data.next_observations
+    ends = (grow_ends(places, bad), 1.0), (grow_ends(places, good), -1.0)
+    starts = np.ascontiguousarray(data.observations[data.first])
     models = []
-    for view in views:
-        rewards = data.rewards - data.penalty(view.caution) * (data.danger > 0)
-        last = [_grow(after, rewards, _rows(kind), _REWARDS) for kind in kinds]
-        end = [
-            _as_tree(tree.seen(data.next_observations, data.danger, view.gap, sign), data.n_actions)
-            for tree, sign in zip(ends, (1.0, -1.0), strict=True)
+    for gap in gaps:
+        seen = [
+            _as_tree(tree.seen(places, data.danger, gap, sign), data.n_actions)
+            for tree, sign in ends
         ]
-        trees = (*shared, *last, *end)
+        trees = (*moves, *rewards, *seen)
         world = _unrolled(trees, data.n_actions)
-        starts = np.ascontiguousarray(data.observations[data.first])
         models.append(WorldModel(trees, world, starts, data.horizon(), data.n_actions))
     return tuple(models)
 

@@ -1,0 +1,116 @@
+"""Where a task ends: logistic leaves, the tests between them, pessimism."""
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from eutree.imagination import _kernels_ends
+from eutree.imagination.ends import MOST_ROWS, grow_ends
+from tests import naive_imagination
+
+
+def chances(ends, X):
+    """The fitted chance of an end at each row."""
+    d = X.shape[1]
+    leaves = [naive_imagination.leaf(ends, x) for x in X]
+    lines = ends.lines[leaves]
+    odds = (lines[:, :d] * X).sum(axis=1) + (lines[:, d : 2 * d] * X**2).sum(axis=1) + lines[:, -1]
+    return 1 / (1 + np.exp(np.minimum(-odds, 40.0)))
+
+
+def n_leaves(ends):
+    reached, todo = 0, [0]
+    while todo:
+        node = todo.pop()
+        if ends.feature[node] < 0:
+            reached += 1
+        else:
+            todo += [ends.left[node], ends.right[node]]
+    return reached
+
+
+def two_balls(n, seed):
+    """Places in a box, and whether they lie within 2 of one of two centres; feature 2 is idle."""
+    X = np.random.default_rng(seed).uniform([0, -11, -11], [30, 11, 11], size=(n, 3))
+    near = [np.hypot(X[:, 0] - 10, X[:, 1]) < 2, np.hypot(X[:, 0] - 20, X[:, 2]) < 2]
+    return X, near[0] | near[1]
+
+
+@pytest.mark.parametrize("squares", [False, True])
+def test_the_fit_is_the_least_penalised_deviance(squares):
+    generator = np.random.default_rng(4)
+    X = generator.normal(size=(300, 2)) * [3.0, 0.2] + [5.0, -1.0]
+    y = generator.random(300) < 1 / (1 + np.exp(-(X[:, 0] - 5.0) - 4.0 * (X[:, 1] + 1.0)))
+    out = np.empty(5)
+    ours = _kernels_ends.fit_log_odds(X, y, squares, out)
+    Z = (X - X.mean(axis=0)) / X.std(axis=0)
+    columns = [np.ones(300), *Z.T, *(Z.T**2 if squares else ())]
+    Z = np.stack(columns, axis=1)
+
+    def deviance(weights):
+        odds = Z @ weights
+        ridge = 0.5 * _kernels_ends.RIDGE * (weights[1:] ** 2).sum()
+        return 2 * (np.logaddexp(0, odds).sum() - odds[y].sum() + ridge)
+
+    best = minimize(deviance, np.zeros(Z.shape[1]), tol=1e-10)
+    assert ours == pytest.approx(best.fun, abs=2e-3)
+    odds = X @ out[:2] + X**2 @ out[2:4] + out[4]
+    assert odds == pytest.approx(Z @ best.x, abs=0.1)
+
+
+def test_a_few_ends_describe_two_balls():
+    X, y = two_balls(1500, 0)
+    assert y.sum() < 60
+    ends = grow_ends(X, y)
+    assert n_leaves(ends) == 2
+    assert ends.feature[0] == 0
+    assert 12 < ends.threshold[0] < 18
+    fresh, truth = two_balls(20_000, 1)
+    assert ((chances(ends, fresh) > 0.5) != truth).mean() < 0.01
+
+
+def test_a_threshold_is_a_test_or_a_line():
+    X = np.random.default_rng(2).uniform(-3, 3, size=(1000, 2))
+    ends = grow_ends(X, X[:, 0] > 2.4)
+    fresh = np.random.default_rng(3).uniform(-3, 3, size=(2000, 2))
+    assert ((chances(ends, fresh) > 0.5) != (fresh[:, 0] > 2.4)).mean() < 0.005
+
+
+def test_corners_that_no_ball_describes_are_paved():
+    X = np.random.default_rng(5).uniform(-1, 1, size=(3000, 2))
+    y = (X[:, 0] > 0.5) & (X[:, 1] > 0.5)
+    ends = grow_ends(X, y)
+    assert ((chances(ends, X) > 0.5) != y).mean() < 0.01
+
+
+def test_chance_without_a_place_is_one_share():
+    generator = np.random.default_rng(6)
+    ends = grow_ends(generator.normal(size=(1000, 3)), generator.random(1000) < 0.2)
+    assert n_leaves(ends) == 1
+    assert chances(ends, np.zeros((1, 3))) == pytest.approx(0.2, abs=0.05)
+
+
+@pytest.mark.parametrize("always", [False, True])
+def test_one_kind_of_rows_leaves_no_doubt(always):
+    ends = grow_ends(np.arange(8.0).reshape(4, 2), np.full(4, always))
+    assert chances(ends, np.zeros((1, 2))) == pytest.approx(float(always), abs=1e-5)
+
+
+def test_thinned_rows_keep_the_chance():
+    generator = np.random.default_rng(7)
+    X = generator.normal(size=(5 * MOST_ROWS, 1))
+    ends = grow_ends(X, generator.random(len(X)) < 0.1 / (1 + np.exp(-4 * X[:, 0])))
+    assert chances(ends, np.array([[2.0]])) == pytest.approx(0.1, abs=0.03)
+    assert chances(ends, np.array([[-2.0]])) == pytest.approx(0.0, abs=0.01)
+
+
+def test_pessimism_makes_bad_ends_likelier_and_good_ones_less_likely():
+    X, y = two_balls(2000, 0)
+    edge = np.array([[12.0, 0.1, 5.0]])
+    danger = np.where(y, 1.0, 0.0)
+    bad = [chances(grow_ends(X, y).seen(X, danger, g, 1.0), edge)[0] for g in (0.1, 0.5, 0.9)]
+    good = [chances(grow_ends(X, y).seen(X, -danger, g, -1.0), edge)[0] for g in (0.1, 0.5, 0.9)]
+    assert bad == sorted(bad)
+    assert good == sorted(good, reverse=True)
+    assert bad[0] < bad[2]
+    assert good[2] < good[0]
