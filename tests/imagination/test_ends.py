@@ -59,7 +59,7 @@ def test_the_fit_is_the_least_penalised_deviance(squares):
 
 
 def test_a_few_ends_describe_two_balls():
-    X, y = two_balls(1500, 0)
+    X, y = two_balls(1000, 0)
     assert y.sum() < 60
     ends = grow_ends(X, y)
     assert n_leaves(ends) == 2
