@@ -25,7 +25,7 @@ MOST_ROWS = 8000
 class _Leaf:
     """The best single description of some rows."""
 
-    rows: Integers
+    rows: Integers  # [n] of the data
     cost: float
     line: Floats  # [2 d + 1]
 
