@@ -7,12 +7,12 @@ from eutree.c45.tree import C45Tree
 
 _ROW, _BOX, _SIGN, _GAP, _MARGIN = 28.0, 20.0, 7.2, 40.0, 10.0
 _STYLE = """\
-text { font: 12px system-ui, sans-serif; fill: #1d2733; }
-rect { fill: #ffffff; stroke: #9aa5b1; }
-path { fill: none; stroke: #9aa5b1; }
+.eutree-c45 text { font: 12px system-ui, sans-serif; fill: #1d2733; }
+.eutree-c45 rect { fill: #ffffff; stroke: #9aa5b1; }
+.eutree-c45 path { fill: none; stroke: #9aa5b1; }
 @media (prefers-color-scheme: dark) {
-  text { fill: #e6ebf0; }
-  rect { fill: #1b232c; stroke: #5d6a78; }
+  .eutree-c45 text { fill: #e6ebf0; }
+  .eutree-c45 rect { fill: #1b232c; stroke: #5d6a78; }
 }
 """
 
@@ -28,8 +28,8 @@ def to_svg(tree: C45Tree, names: Names) -> str:
         starts.append(starts[-1] + max(inside) + _GAP)
     width, height = starts[-1] - _GAP + _MARGIN, n_rows * _ROW + 2 * _MARGIN
     lines = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" role="img" viewBox="0 0 {width:.0f} '
-        f'{height:.0f}" width="{width:.0f}" height="{height:.0f}">',
+        f'<svg xmlns="http://www.w3.org/2000/svg" class="eutree-c45" role="img" '
+        f'viewBox="0 0 {width:.0f} {height:.0f}" width="{width:.0f}" height="{height:.0f}">',
         f"<title>C4.5 tree with {tree.n_leaves} leaves</title>",
         f"<style>{_STYLE}</style>",
     ]

@@ -11,6 +11,7 @@ from eutree.c45 import categories, drawing, text
 from eutree.c45.learner import grow
 from eutree.c45.settings import C45Settings, Dialect
 from eutree.c45.tree import C45Tree
+from eutree.display import framed
 from eutree.errors import MissingExtraError
 from eutree.trees import DecisionTree
 from eutree.validation import check_choice
@@ -181,6 +182,13 @@ class C45Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # sk
     def export_json(self) -> str:
         """Return the tree as JSON: names, and nested tests and leaves with their classes."""
         return text.to_json(self._tree(), self._names())
+
+    def _html_repr(self) -> str:
+        """Return what notebooks show: scikit-learn's diagram, and below it the fitted tree."""
+        diagram = str(super()._html_repr())
+        if not hasattr(self, "tree_"):
+            return diagram
+        return f"{diagram}{framed(self.export_svg())}"
 
     def _settings(self) -> C45Settings:
         return C45Settings(

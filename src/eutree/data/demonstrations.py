@@ -13,12 +13,13 @@ from eutree.arrays import Floats, Integers
 from eutree.data.episode import Episode
 from eutree.data.files import DemonstrationFolder, save_folder
 from eutree.data.rows import episodes_from_rows, schema_for
+from eutree.display import Displayed
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.schema import EnvironmentSpec, Schema
 
 
 @dataclass(frozen=True, eq=False)
-class Demonstrations:
+class Demonstrations(Displayed):
     """Episodes of one environment under one expert.
 
     Iterating, counting and the arrays ``observations`` and ``actions`` see the kept episodes;

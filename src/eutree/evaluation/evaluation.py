@@ -7,12 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eutree.arrays import Booleans, Floats, Integers, frozen
+from eutree.display import Displayed
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation.intervals import Interval, mean_interval, wilson_interval
 
 
 @dataclass(frozen=True, eq=False)
-class Evaluation:
+class Evaluation(Displayed):
     """What an evaluation measured, episode by episode.
 
     Attributes:

@@ -22,7 +22,7 @@ from eutree.experiments.experiment import Experiment, Records, Scale
 from eutree.experiments.results import Results
 from eutree.experiments.runs import RunSpec
 from eutree.files import write_bytes, write_text
-from eutree.report.html import asset, page
+from eutree.report.html import base_style, page
 
 PRESETS = ("paper", "default")
 
@@ -194,7 +194,7 @@ def _page(
         "<main><header><h1>The paper's results, reproduced</h1>"
         f"<p>{len(claims)} verdicts: {escape(counts)}.</p></header>{''.join(sections)}</main>"
     )
-    return page(title="The paper's results, reproduced", body=body, style=asset("page.css"))
+    return page(title="The paper's results, reproduced", body=body, style=base_style())
 
 
 def _table(claims: Sequence[Claim]) -> str:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eutree.arrays import Floats, Integers
+from eutree.display import Displayed
 from eutree.errors import InvalidArgumentError
 from eutree.inspection.regions import Region, domain, finite_box, volumes
 from eutree.policies import TreePolicy
@@ -35,7 +36,7 @@ class Disagreement:
 
 
 @dataclass(frozen=True)
-class PolicyDiff:
+class PolicyDiff(Displayed):
     """What changed between two policies.
 
     Attributes:

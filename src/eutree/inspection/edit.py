@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eutree.arrays import Integers
+from eutree.display import Displayed
 from eutree.errors import InvalidArgumentError, UnknownNameError
 from eutree.inspection.regions import domain, is_box
 from eutree.policies import TreePolicy
@@ -16,7 +17,7 @@ from eutree.validation import check_integer, check_number
 
 
 @dataclass(frozen=True)
-class Edited:
+class Edited(Displayed):
     """An edited policy.
 
     Attributes:

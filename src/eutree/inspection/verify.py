@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from eutree.arrays import Floats, Integers
+from eutree.display import Displayed
 from eutree.errors import InvalidArgumentError
 from eutree.inspection.properties import Property, parse
 from eutree.inspection.regions import Region, domain, finite_box, is_box, volumes
@@ -49,7 +50,7 @@ class CounterExample:
 
 
 @dataclass(frozen=True)
-class Verification:
+class Verification(Displayed):
     """The answer to a question.
 
     Attributes:

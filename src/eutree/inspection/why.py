@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from eutree.arrays import Floats
 from eutree.data import Demonstrations
+from eutree.display import Displayed
 from eutree.inspection.regions import Region, domain, is_box
 from eutree.policies import TreePolicy
 from eutree.trees.boxes import leaf_boxes
@@ -72,7 +73,7 @@ class Support:
 
 
 @dataclass(frozen=True)
-class Explanation:
+class Explanation(Displayed):
     """Why a policy decides as it does for one observation.
 
     Attributes:

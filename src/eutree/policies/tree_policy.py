@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from eutree.arrays import Floats, Integers, frozen
+from eutree.display import Displayed
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.files import read_bytes, write_bytes
 from eutree.files.documents import MAX_DOCUMENT
@@ -21,7 +22,7 @@ from eutree.trees.text import printable, rules
 
 
 @dataclass(frozen=True, eq=False)
-class TreePolicy:
+class TreePolicy(Displayed):
     """A decision tree whose leaves are actions.
 
     Attributes:

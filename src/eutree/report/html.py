@@ -17,6 +17,11 @@ def asset(name: str) -> str:
     return (files("eutree.report") / "assets" / name).read_text(encoding="utf-8")
 
 
+def base_style() -> str:
+    """Return the style that all pages share."""
+    return asset("colours.css") + asset("page.css")
+
+
 def page(*, title: str, body: str, style: str, script: str = "", data: Any = None) -> str:
     """Return a whole HTML page.
 

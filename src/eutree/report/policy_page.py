@@ -13,7 +13,7 @@ from eutree.data import Demonstrations, Episode
 from eutree.errors import InvalidArgumentError
 from eutree.export._palette import FILLS
 from eutree.policies import TreePolicy
-from eutree.report.html import as_json, asset, page
+from eutree.report.html import as_json, asset, base_style, page
 from eutree.report.watching import WatchedEpisode
 
 _SCRIPTS = ("model", "tree", "player", "details", "slices", "search")
@@ -49,7 +49,7 @@ def policy_page(
     )
     data = _data(policy, episodes, demonstrations)
     scripts = "".join(asset(f"{name}.js") for name in _SCRIPTS)
-    style = asset("page.css") + asset("policy.css")
+    style = base_style() + asset("policy.css")
     room = size_limit - len(as_json(data)) - len((body + scripts + style).encode()) - 4096
     for entry, watched in zip(data["episodes"], episodes, strict=True):
         frames = _frames(watched)

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from eutree.display import Displayed
 from eutree.evaluation import CurvePoint
 from eutree.learning import History
 from eutree.learning.settings import Settings
@@ -9,7 +10,7 @@ from eutree.policies import TreePolicy
 
 
 @dataclass(frozen=True, eq=False)
-class LearningResult:
+class LearningResult(Displayed):
     """A finished learning run.
 
     Attributes:
