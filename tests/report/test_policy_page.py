@@ -1,6 +1,5 @@
 """A policy watched in a browser: it plays, steps, answers clicks and keys, and stays quiet."""
 
-import base64
 import json
 import re
 import subprocess
@@ -22,39 +21,9 @@ from eutree.schema import Feature, Schema
 from tests.export.policies import EVASION, NASTY, policy_of, tree
 from tests.export.tools import need
 from tests.report.browser import Opened, grave_violations, open_page
+from tests.report.watched import PIXEL, episodes
 
 ASSETS = Path(__file__).parents[2] / "src" / "eutree" / "report" / "assets"
-PIXEL = base64.b64decode(
-    "UklGRiQAAABXRUJQVlA4IBgAAAAwAQCdASoBAAEAAgA0JaQAA3AA/vuUAAA="
-)  # the smallest picture there is
-
-
-def episodes(policy: TreePolicy, *, count: int = 3, steps: int = 12, frame: bytes = PIXEL) -> list:
-    rng = np.random.default_rng(0)
-    watched = []
-    for number in range(count):
-        observations = rng.uniform(-11, 11, size=(steps + 1, policy.observation_size))
-        observations[:, 0] = np.linspace(0, 30, steps + 1)
-        actions = np.array([policy.act(row) for row in observations[:-1].tolist()])
-        rewards = np.where(actions == 0, -2.0, 0.0) + 100.0 * (np.arange(steps) == steps - 1)
-        episode = Episode(observations, actions, rewards, True, False, number, "goal", True)
-        frames = tuple(frame for _ in range(steps + 1)) if number != 1 else ()
-        watched.append(WatchedEpisode(episode, frames))
-    return watched
-
-
-@pytest.fixture(scope="module")
-def policy() -> TreePolicy:
-    grown = tree(1, 3)
-    cuts = [(0, 0, 18.0), (0, 0, 4.0), (2, 1, -8.5), (3, 1, 8.5), (4, 2, 0.0)]
-    for leaf, feature, threshold in cuts:
-        grown = grown.split(leaf, feature, threshold)
-    return policy_of(grown, EVASION, seed=1, statistics=True)
-
-
-@pytest.fixture(scope="module")
-def watched(policy: TreePolicy) -> list[WatchedEpisode]:
-    return episodes(policy)
 
 
 @pytest.fixture(scope="module")

@@ -53,7 +53,7 @@ def show(
     if html is None:
         output.result(values, drawn(loaded))
         return
-    content, n_episodes = _page(output, loaded, episodes, demos, env_arguments, seed)
+    content, n_episodes = _page(output, loaded, policy.name, episodes, demos, env_arguments, seed)
     write_text(html, content)
     values |= {"path": str(html), "episodes": n_episodes, "bytes": len(content.encode())}
     output.result(values, f"wrote {html}")
@@ -62,6 +62,7 @@ def show(
 def _page(
     output: Output,
     policy: "TreePolicy",
+    file: str,
     episodes: int,
     demos: Path | None,
     env_arguments: dict[str, Any],
@@ -79,5 +80,5 @@ def _page(
         watched, problem = watch_if_possible(policy, spec, episodes=episodes, seed=seed)
         if problem:
             output.say(problem)
-    page = policy_page(policy, episodes=watched, demonstrations=demonstrations)
+    page = policy_page(policy, episodes=watched, demonstrations=demonstrations, file=file)
     return page, len(watched)

@@ -1,6 +1,7 @@
 """A policy watched while it decides: the tree, an episode player, what is known of each leaf."""
 
 import base64
+import json
 from collections.abc import Sequence
 from html import escape
 from string import Template
@@ -16,9 +17,12 @@ from eutree.policies import TreePolicy
 from eutree.report.html import as_json, asset, base_style, page
 from eutree.report.watching import WatchedEpisode
 
-_SCRIPTS = ("model", "tree", "player", "details", "slices", "search")
+_SCRIPTS = ("model", "tree", "player", "details", "rules", "slices", "search")
 
 SIZE_LIMIT = 5_000_000
+
+EXACT, SHORT = 17, 6  # significant digits: all that a double has; enough to read
+MOST_EXACT = 60_000  # numbers of observations, about a megabyte
 
 
 def policy_page(
@@ -27,6 +31,7 @@ def policy_page(
     episodes: Sequence[WatchedEpisode] = (),
     demonstrations: Demonstrations | None = None,
     title: str = "",
+    file: str = "policy.json",
     size_limit: int = SIZE_LIMIT,
 ) -> str:
     """Return one self-contained HTML page on which the policy can be watched and questioned.
@@ -36,6 +41,8 @@ def policy_page(
         episodes: Episodes of the policy to play, with or without pictures.
         demonstrations: Which demonstrated steps fell in which leaf is shown, if given.
         title: Heading of the page; by default the environment's id.
+        file: Name of the policy's file, for the command line that repeats what is changed on the
+            page and for the name of the edited file.
         size_limit: Size of the page in bytes above which pictures are left out, those of the
             last episodes first.
     """
@@ -45,9 +52,9 @@ def policy_page(
         arguments = sorted(policy.environment.arguments.items())
         subtitle += "".join(f", {key} = {value}" for key, value in arguments)
     body = Template(asset("policy.html")).substitute(
-        title=escape(heading), subtitle=escape(subtitle), rules=escape(str(policy))
+        title=escape(heading), subtitle=escape(subtitle)
     )
-    data = _data(policy, episodes, demonstrations)
+    data = _data(policy, episodes, demonstrations) | {"file": file}
     scripts = "".join(asset(f"{name}.js") for name in _SCRIPTS)
     style = base_style() + asset("policy.css")
     room = size_limit - len(as_json(data)) - len((body + scripts + style).encode()) - 4096
@@ -78,6 +85,10 @@ def _data(
         for feature in schema.features
     ]
     recorded = () if demonstrations is None else demonstrations.episodes
+    n_numbers = sum(watched.episode.observations.size for watched in episodes) * (
+        policy.history + 1
+    )
+    digits = EXACT if n_numbers <= MOST_EXACT else SHORT
     statistics = None
     if policy.leaves is not None:
         statistics = {
@@ -93,12 +104,25 @@ def _data(
         "fills": FILLS,
         "leafActions": policy.actions.tolist(),
         "leaves": statistics,
-        "episodes": [_episode(policy, watched.episode, whole=True) for watched in episodes],
+        "document": _document(policy),
+        "episodes": [
+            _episode(policy, watched.episode, whole=True, digits=digits) for watched in episodes
+        ],
         "demonstrations": [_episode(policy, episode, whole=False) for episode in recorded],
     }
 
 
-def _episode(policy: TreePolicy, episode: Episode, *, whole: bool) -> dict[str, Any]:
+def _document(policy: TreePolicy) -> Any:
+    """Return the content of the policy's file, or None if no file can hold it."""
+    try:
+        return json.loads(policy.to_bytes())
+    except InvalidArgumentError:
+        return None
+
+
+def _episode(
+    policy: TreePolicy, episode: Episode, *, whole: bool, digits: int = SHORT
+) -> dict[str, Any]:
     """Return an episode: always which leaf each step fell in; what was seen, if ``whole``."""
     features = policy_features(policy, episode.observations)
     leaves = policy.tree.leaf_index(features)
@@ -109,7 +133,7 @@ def _episode(policy: TreePolicy, episode: Episode, *, whole: bool) -> dict[str, 
     }
     if whole:
         entry |= {
-            "observations": _rounded(features),
+            "observations": _rounded(features, digits),
             "ending": episode.ending,
             "success": episode.is_success,
             "frames": None,
@@ -141,10 +165,10 @@ def _frames(watched: WatchedEpisode) -> list[str]:
     ]
 
 
-def _rounded(matrix: Floats) -> list[list[float | None]]:
-    """Return numbers with six significant digits, for people to read; NaN becomes None."""
+def _rounded(matrix: Floats, digits: int = SHORT) -> list[list[float | None]]:
+    """Return numbers with some significant digits; NaN becomes None."""
     return [
-        [float(f"{value:.6g}") if np.isfinite(value) else None for value in row]
+        [float(f"{value:.{digits}g}") if np.isfinite(value) else None for value in row]
         for row in matrix.tolist()
     ]
 

@@ -32,7 +32,7 @@ function heading(node, leaves) {
   } else {
     line.append(element("strong", {}, `${wordsOf(node)}?`), ` ${leaves.length} leaves below. `);
   }
-  line.append(`${percent(shareOf(node))} of ${visitsOf[0]} ${data.leaves ? "visits" : "recorded steps"}`);
+  line.append(`${percent(shareOf(node))} of ${visitsOf[0]} ${statistics ? "visits" : "recorded steps"}`);
   return line;
 }
 
@@ -45,14 +45,14 @@ function conditionList(node) {
 
 /** Return visits of each action and, for a leaf, its Q values with their 95 % intervals. */
 function visitsAndValues(node, leaves) {
-  if (!data.leaves) return [];
-  const visits = actions.map((_, action) => leaves.reduce((sum, leaf) => sum + data.leaves.visits[leaf][action], 0));
+  if (!statistics) return [];
+  const visits = actions.map((_, action) => leaves.reduce((sum, leaf) => sum + statistics.visits[leaf][action], 0));
   const leaf = isLeaf(node) ? tree.leaf[node] : null;
   const head = ["Action", "Visits", ...(leaf === null ? [] : ["Q value", "95 % interval"])];
   const rows = actions.map((name, action) => {
     const row = element("tr", {}, element("th", { scope: "row" }, swatch(action), name), element("td", {}, String(visits[action])));
     if (leaf !== null) {
-      const value = data.leaves.values[leaf][action];
+      const value = statistics.values[leaf][action];
       row.append(element("td", {}, value === null ? "untried" : short(value)), element("td", {}, interval(leaf, action)));
     }
     return row;
@@ -65,12 +65,12 @@ function visitsAndValues(node, leaves) {
 /** Return a small drawing of one interval on the scale that all actions of the leaf share. */
 function interval(leaf, action) {
   const ends = actions.flatMap((_, other) => {
-    const value = data.leaves.values[leaf][other];
-    const half = Z95 * (data.leaves.deviations[leaf][other] ?? 0);
+    const value = statistics.values[leaf][other];
+    const half = Z95 * (statistics.deviations[leaf][other] ?? 0);
     return value === null ? [] : [value - half, value + half];
   });
-  const value = data.leaves.values[leaf][action];
-  const deviation = data.leaves.deviations[leaf][action];
+  const value = statistics.values[leaf][action];
+  const deviation = statistics.deviations[leaf][action];
   if (value === null) return "";
   const low = Math.min(...ends);
   const scale = 96 / (Math.max(...ends) - low || 1);
@@ -124,7 +124,7 @@ const inOrder = (steps) => steps.sort((a, b) => a.episode - b.episode || a.step 
 
 /** Return which steps of the demonstrations fell in some leaves, and what the expert did. */
 function demonstrationsIn(leaves) {
-  if (!data.demonstrations.length) return [];
+  if (!data.demonstrations.length || isMoved()) return [];
   const found = runs(inOrder(leaves.flatMap((leaf) => demonstrationSteps[leaf])));
   if (!found.length) return part("Demonstrations", element("p", { class: "quiet" }, "No demonstrated step fell in here."));
   const words = ({ episode, step, end, action }) =>

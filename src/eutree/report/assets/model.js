@@ -104,18 +104,35 @@ function stepsByLeaf(episodes) {
   return steps;
 }
 
-const episodeSteps = stepsByLeaf(data.episodes);
-const demonstrationSteps = stepsByLeaf(data.demonstrations);
+/* The policy as it came; `tree.threshold` and `data.leafActions` change with what a person edits. */
+const original = { threshold: [...tree.threshold], leafActions: [...data.leafActions] };
+for (const episode of data.episodes) episode.recorded = episode.leaves;
+const valuesOf = (row) => row.map((value) => value ?? NaN);
+const isMoved = () => tree.threshold.some((threshold, node) => threshold !== original.threshold[node]);
 
-const leafVisits = data.leaves
-  ? data.leaves.visits.map((row) => row.reduce((a, b) => a + b, 0))
-  : episodeSteps.map((steps, leaf) => steps.length + demonstrationSteps[leaf].length);
+let statistics, episodeSteps, demonstrationSteps;
 const visitsOf = new Array(nNodes).fill(0);
-for (let node = nNodes - 1; node >= 0; node--) {
-  visitsOf[node] = isLeaf(node)
-    ? leafVisits[tree.leaf[node]]
-    : visitsOf[tree.left[node]] + visitsOf[tree.right[node]];
+
+/** Count anew what fell in which leaf; counts from other boxes say nothing once a test is moved. */
+function recount() {
+  const moved = isMoved();
+  for (const episode of data.episodes) {
+    episode.leaves = moved ? episode.observations.map((row) => leafOf(valuesOf(row))) : episode.recorded;
+  }
+  statistics = moved ? null : data.leaves;
+  episodeSteps = stepsByLeaf(data.episodes);
+  demonstrationSteps = stepsByLeaf(moved ? [] : data.demonstrations);
+  const leafVisits = statistics
+    ? statistics.visits.map((row) => row.reduce((a, b) => a + b, 0))
+    : episodeSteps.map((steps, leaf) => steps.length + demonstrationSteps[leaf].length);
+  for (let node = nNodes - 1; node >= 0; node--) {
+    visitsOf[node] = isLeaf(node)
+      ? leafVisits[tree.leaf[node]]
+      : visitsOf[tree.left[node]] + visitsOf[tree.right[node]];
+  }
 }
+recount();
+
 const shareOf = (node) => visitsOf[node] / Math.max(1, visitsOf[0]);
 
 /** Return a share as a percentage. */
@@ -148,7 +165,7 @@ const shownNode = () => state.selected ?? (liveLeaf() === null ? 0 : nodeOfLeaf[
 function observationNow() {
   const episode = episodeNow();
   return episode
-    ? episode.observations[state.step].map((value) => value ?? NaN)
+    ? valuesOf(episode.observations[state.step])
     : ranges.map(([low, high]) => (low + high) / 2);
 }
 

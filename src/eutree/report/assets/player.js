@@ -35,6 +35,12 @@ function episodeTitle(episode, number) {
   return `${mark}Episode ${number + 1}: ${episode.ending || "ended"}, return ${total}, ${episode.actions.length} steps`;
 }
 
+/** Return what the policy decides at a step since it was edited, where that differs. */
+function decided(episode, step) {
+  const now = data.leafActions[episode.leaves[step]];
+  return now === original.leafActions[episode.recorded[step]] ? "" : `edited: ${actions[now]}, `;
+}
+
 /** Draw the present step: picture, words, values. */
 function drawStep() {
   const episode = episodeNow();
@@ -54,7 +60,7 @@ function drawStep() {
   const action = element("strong", {}, step < lastStep() ? actions[episode.actions[step]] : episode.ending || "end");
   byId("status").replaceChildren(
     `Step ${step} of ${lastStep()}: `, action,
-    step < lastStep() ? `, leaf ${episode.leaves[step]}, return so far ${soFar}` : `, return ${soFar}`,
+    step < lastStep() ? `, ${decided(episode, step)}leaf ${episode.leaves[step]}, return so far ${soFar}` : `, return ${soFar}`,
   );
   drawObservation(episode.observations[step]);
 }
@@ -99,7 +105,7 @@ if (data.episodes.length === 0) {
   byId("play").addEventListener("click", () => play());
   byId("speed").addEventListener("change", () => timer !== null && play(true));
   document.addEventListener("keydown", (event) => {
-    if (event.target.closest("input, select, button, summary, a, [role=tree]") || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (event.target.closest("input, select, textarea, button, summary, a, [role=tree]") || event.ctrlKey || event.metaKey || event.altKey) return;
     const keys = { ArrowLeft: buttons.back, ArrowRight: buttons.forward, " ": play };
     if (!keys[event.key]) return;
     event.preventDefault();
