@@ -105,9 +105,9 @@ def test_a_carved_box_takes_its_action_inside_only():
 
 def test_collapsing_keeps_the_chosen_child():
     tree = packed((0, 1.0, (1, 2.0, STAY, GO), GO))
-    assert nested(collapsed(tree, 0, 1)) == (1, 2.0, STAY, GO)
-    assert nested(collapsed(tree, 1, int(tree.left[1]))) == (0, 1.0, STAY, GO)
-    assert nested(collapsed(tree, 1, int(tree.right[1]))) == GO
+    assert nested(collapsed(tree, 0, goes_left=True)[0]) == (1, 2.0, STAY, GO)
+    assert nested(collapsed(tree, 1, goes_left=True)[0]) == (0, 1.0, STAY, GO)
+    assert nested(collapsed(tree, 1, goes_left=False)[0]) == GO
 
 
 @given(tree=trees, choice=st.randoms(use_true_random=False))
@@ -119,8 +119,10 @@ def test_collapsing_arrays_is_collapsing_the_nested_tree(tree, choice):
     if arrays.feature[node] < 0:
         return
     keeps_left = choice.random() < 0.5
-    child = (arrays.left if keeps_left else arrays.right)[node]
-    ours = collapsed(arrays, node, child)
+    ours, source = collapsed(arrays, node, goes_left=keeps_left)
+    tests = ours.feature >= 0
+    assert (ours.feature[tests] == arrays.feature[source[tests]]).all()
+    assert (ours.threshold[tests] == arrays.threshold[source[tests]]).all()
     theirs = packed(naive_imagination.collapsed(nested(arrays), path, keeps_left))
     for one, other in zip(ours, theirs, strict=True):
         assert one.tolist() == other.tolist()

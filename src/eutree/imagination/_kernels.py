@@ -13,6 +13,7 @@ from eutree.arrays import Floats, Integers, Uint32s
 from eutree.compiled import compiled
 
 EPISODE_STRIDE = 7919
+FIRST_LOOK = 8
 LEAF = np.uint32(0xFFFFFFFF)
 
 
@@ -243,33 +244,43 @@ def difference(
     horizon: int,
     discount: float,
     hopeless: float,
-    out: Floats,  # [E] return of the rival minus the recorded one
-) -> int:
-    """Compare a rival with the recorded policy episode by episode; return how many were compared.
+) -> tuple[int, float, float, bool]:
+    """Compare a rival with the recorded policy, in the episodes in which it acts on its own.
 
-    Only episodes in which the rival acts differently somewhere are imagined anew, from there. The
-    comparison stops early when the rival's gain is two standard errors below ``hopeless``.
+    Returns the number of those compared, the sums of the differences of return and of their
+    squares, and whether all were compared. The rest is left out when the mean over all episodes is
+    clearly below ``hopeless``: by two standard errors of what is still to come (of a finite
+    population), and by half the spread of returns over the number compared. That second term, as in
+    an empirical Bernstein bound, reckons with a rare large difference, and keeps many looks honest.
     """
     d = episodes.states.shape[1] // 2
     state, move = np.zeros(2 * d), np.zeros(d)
-    n = episodes.returns.size
-    total, squares = 0.0, 0.0
-    for e in range(n):
+    spread = episodes.returns.max() - episodes.returns.min()
+    enough = hopeless * episodes.returns.size
+    n_departing = 0
+    for e in range(departs.size):
+        n_departing += departs[e] >= 0
+    n, total, squares, look = 0, 0.0, 0.0, FIRST_LOOK
+    for e in range(departs.size):
         k = departs[e]
-        out[e] = 0.0
-        if k >= 0:
-            state[:] = episodes.states[k]
-            step = k - episodes.first[e]
-            rest = go_on(world, draws, e, step, horizon, discount, rival, -1, state, move)
-            out[e] = episodes.earned[k] + rest - episodes.returns[e]
-        total += out[e]
-        squares += out[e] * out[e]
-        if e in (n // 8, n // 3):
-            mean = total / (e + 1.0)
-            deviation = np.sqrt(max(squares / (e + 1.0) - mean * mean, 0.0) / (e + 1.0))
-            if mean + 2.0 * deviation < hopeless:
-                return e + 1
-    return n
+        if k < 0:
+            continue
+        state[:] = episodes.states[k]
+        step = k - episodes.first[e]
+        rest = go_on(world, draws, e, step, horizon, discount, rival, -1, state, move)
+        gain = episodes.earned[k] + rest - episodes.returns[e]
+        n += 1
+        total += gain
+        squares += gain * gain
+        if n == look and n < n_departing:
+            look += look // 2
+            mean = total / n
+            unknown = 1.0 - n / n_departing
+            error = np.sqrt(max(squares / n - mean * mean, 0.0) * unknown / n)
+            bound = mean + 2.0 * error + 0.5 * spread * unknown / n
+            if bound * n_departing < enough:
+                return n, total, squares, False
+    return n, total, squares, True
 
 
 @compiled

@@ -90,6 +90,7 @@ def collapse(
     node: int,
     child: int,
     out: ActionTree,  # room for as many nodes
+    source: Integers,  # [M] out: the node of ``tree`` that each node was
 ) -> int:
     """Write the tree with ``node`` replaced by one of its children; return its number of nodes.
 
@@ -119,6 +120,7 @@ def collapse(
             out.left[parent] = n_nodes
         elif parent >= 0:
             out.right[parent] = n_nodes
+        source[n_nodes] = at
         out.feature[n_nodes] = feature[at]
         out.left[n_nodes], out.right[n_nodes] = 0, 0
         out.threshold[n_nodes] = tree.threshold[at] if feature[at] >= 0 else 0.0

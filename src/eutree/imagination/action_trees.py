@@ -63,11 +63,16 @@ def nested(
     )
 
 
-def collapsed(tree: ActionTree, node: int, child: int) -> ActionTree:
-    """Return the tree with ``node`` replaced by a child; sibling leaves of equal action merge."""
+def collapsed(tree: ActionTree, node: int, *, goes_left: bool) -> tuple[ActionTree, Integers]:
+    """Return the tree with ``node`` replaced by a child, and the node that each node was, [M].
+
+    Sibling leaves of equal action are merged.
+    """
     out = ActionTree._make(np.empty_like(array) for array in tree)
-    n = _kernels_policy.collapse(tree, node, child, out)
-    return ActionTree._make(array[:n] for array in out)
+    source = np.empty_like(tree.action)
+    child = int((tree.left if goes_left else tree.right)[node])
+    n = _kernels_policy.collapse(tree, node, child, out, source)
+    return ActionTree._make(array[:n] for array in out), source[:n]
 
 
 def carved(box: Floats, inside: int, outside: int) -> Nested:

@@ -106,20 +106,42 @@ class Improvement:
 
 
 def _collapse(rehearsal: Rehearsal, price: float) -> None:
-    """Collapse the node that pays most, again and again, while any pays."""
+    """Collapse the node that pays most, again and again, while any pays.
+
+    What another node pays is weighed anew only when its turn comes, and all once more at the end.
+    """
     while True:
         policy = rehearsal.policy
-        best, best_rival = 0.0, None
-        for node in np.flatnonzero(policy.feature >= 0):
-            for child in (policy.left[node], policy.right[node]):
-                rival = collapsed(policy, int(node), int(child))
-                saved = price * (n_leaves(policy) - n_leaves(rival))
-                gain = rehearsal.gain(rival, hopeless=best - saved)
-                if gain.complete and gain.mean + saved > best:
-                    best, best_rival = gain.mean + saved, rival
-        if best_rival is None:
+        pays: dict[tuple[int, bool], float] = {}
+        for node in np.flatnonzero(policy.feature >= 0).tolist():
+            for goes_left in (True, False):
+                rival, _ = collapsed(policy, node, goes_left=goes_left)
+                worth = _worth(rehearsal, rival, price)
+                if worth > 0.0:
+                    pays[node, goes_left] = worth
+        if not pays:
             return
-        rehearsal.rehearse(best_rival)
+        weighed = set(pays)
+        while pays:
+            node, goes_left = best = max(pays, key=pays.__getitem__)
+            rival, source = collapsed(rehearsal.policy, node, goes_left=goes_left)
+            if best not in weighed:
+                weighed.add(best)
+                pays[best] = _worth(rehearsal, rival, price)
+                if pays[best] <= 0.0:
+                    del pays[best]
+                continue
+            rehearsal.rehearse(rival)
+            now = {old: new for new, old in enumerate(source.tolist()) if rival.feature[new] >= 0}
+            pays = {(now[old], side): w for (old, side), w in pays.items() if old in now}
+            weighed = set()
+
+
+def _worth(rehearsal: Rehearsal, rival: ActionTree, price: float) -> float:
+    """Return what a smaller rival gains, leaves included; 0 if that is clearly not more than 0."""
+    saved = price * (n_leaves(rehearsal.policy) - n_leaves(rival))
+    gain = rehearsal.gain(rival, hopeless=-saved)
+    return gain.mean + saved if gain.complete else 0.0
 
 
 def _shift(rehearsal: Rehearsal) -> None:
@@ -130,26 +152,30 @@ def _shift(rehearsal: Rehearsal) -> None:
         if values.size < FEW:
             continue
         best, best_rival = 0.0, None
-        for threshold in _places(values, float(policy.threshold[node])):
-            thresholds = policy.threshold.copy()
-            thresholds[node] = threshold
-            rival = policy._replace(threshold=thresholds)
-            gain = rehearsal.gain(rival, hopeless=best)
-            if gain.complete and gain.mean > max(best, gain.error):
-                best, best_rival = gain.mean, rival
+        for sign in (-1, 1):
+            last = 0.0
+            for threshold in _places(values, float(policy.threshold[node]), sign):
+                thresholds = policy.threshold.copy()
+                thresholds[node] = threshold
+                rival = policy._replace(threshold=thresholds)
+                gain = rehearsal.gain(rival, hopeless=last)
+                if not gain.complete:
+                    break
+                last = max(last, gain.mean)
+                if gain.mean > max(best, gain.error):
+                    best, best_rival = gain.mean, rival
         if best_rival is not None:
             rehearsal.rehearse(best_rival)
 
 
-def _places(values: Floats, threshold: float) -> list[float]:
-    """Return thresholds a few per cent of the smaller side away, on both sides."""
+def _places(values: Floats, threshold: float, sign: int) -> list[float]:
+    """Return thresholds a few per cent of the smaller side away, on one side, the nearest first."""
     n = values.size
     at = int(np.searchsorted(values, threshold))
     reach = min(n, 4 * min(at, n - at) + FEW)
     places = []
     for share in SHIFTS:
-        for sign in (-1, 1):
-            i = at + sign * max(1, int(share * reach))
-            if 1 <= i < n:
-                places.append(float(0.5 * (values[i - 1] + values[i])))
+        i = at + sign * max(1, int(share * reach))
+        if 1 <= i < n:
+            places.append(float(0.5 * (values[i - 1] + values[i])))
     return places

@@ -47,7 +47,6 @@ class Rehearsal:
         self._episodes, self._spare = (_empty(n_episodes, room, d) for _ in range(2))
         self._departs = np.empty(n_episodes, dtype=np.int64)
         self._steps = np.empty(room, dtype=np.int64)
-        self._differences = np.empty(n_episodes)
         self.reshuffle()
 
     @property
@@ -105,10 +104,12 @@ class Rehearsal:
         _kernels_policy.bucket(self.node, self._begin, self._steps)
 
     def gain(self, rival: ActionTree, *, hopeless: float = -np.inf) -> Gain:
-        """Return what the rival earns more than the policy; stop early below ``hopeless``."""
+        """Return what the rival earns more than the policy; stop early below ``hopeless``.
+
+        A comparison that stopped early returns what it expects of a complete one.
+        """
         self._compare(rival)
-        out = self._differences
-        n = _kernels.difference(
+        n, total, squares, complete = _kernels.difference(
             self.model.world,
             self._draws,
             self._episodes,
@@ -117,10 +118,13 @@ class Rehearsal:
             self.model.horizon,
             self._discount,
             hopeless,
-            out,
         )
-        complete = n == self.n_episodes
-        return Gain(float(out[:n].mean()), float(out[:n].std() / np.sqrt(n)), complete)
+        if n == 0:
+            return Gain(0.0, 0.0, complete)
+        share = 1.0 if complete else np.count_nonzero(self._departs >= 0) / n
+        mean, square = share * total / self.n_episodes, share * squares / self.n_episodes
+        error = np.sqrt(max(square - mean * mean, 0.0) / self.n_episodes)
+        return Gain(mean, float(error), complete)
 
     def deviations(self, steps: Integers) -> Floats:
         """Return what one other action at each of the steps earns more, shape [n, A]."""
