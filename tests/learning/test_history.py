@@ -46,7 +46,7 @@ def assert_consistent(tree, history):
     for leaf in range(tree.n_leaves):
         assert history.rows_leaving(leaf).tolist() == naive_learning.rows_of(left, leaf)
         assert history.rows_entering(leaf).tolist() == naive_learning.rows_of(entered, leaf)
-        assert history.count_leaving(leaf) == left.count(leaf)
+        assert history.counts_leaving()[leaf] == left.count(leaf)
 
 
 @settings(max_examples=60, deadline=None)
@@ -69,6 +69,7 @@ def test_a_split_reports_exactly_the_rows_it_touches(seed):
     moved = history.split(leaf, tree.n_leaves, 0, 2.5)
     touched = np.flatnonzero((before_left == leaf) | (before_entered == leaf))
     assert moved.rows.tolist() == touched.tolist()
+    assert moved.leaving.tolist() == np.flatnonzero(before_left == leaf).tolist()
     assert moved.old_left.tolist() == before_left[touched].tolist()
     assert moved.old_entered.tolist() == before_entered[touched].tolist()
     assert moved.new_left.tolist() == history.left[touched].tolist()
@@ -83,7 +84,7 @@ def test_targets_equal_their_definitions(seed, decay):
     values = generator.normal(size=tree.n_leaves)
     greedy = generator.integers(0, 2, tree.n_leaves).astype(np.int32)
     rows = np.flatnonzero(generator.random(history.size) < 0.5)
-    given_ = {"values": values, "greedy": greedy, "discount": 0.9}
+    given_ = {"values": values, "greedy": lambda: greedy, "discount": 0.9}
     one_step = [naive_learning.one_step_target(history, r, values, 0.9) for r in rows]
     np.testing.assert_allclose(OneStep().of(history, rows, **given_), one_step, atol=1e-12)
     returns = [naive_learning.lambda_target(history, r, values, greedy, 0.9, decay) for r in rows]

@@ -60,7 +60,8 @@ class Learner(RuleBasedStateMachine):
     def split(self, data, feature, threshold):
         """Split any leaf anywhere, also so that one side is empty."""
         leaf = data.draw(st.integers(0, self.learner.tree.n_leaves - 1))
-        self.learner._split(leaf, Split(feature, threshold, 1.0, 1.0, 1, 1))
+        made = self.learner._split(leaf, Split(feature, threshold, 1.0, 1.0, 1, 1))
+        self.learner._grow_tree([made])
 
     @rule(seed=st.integers(0, 9))
     def expand(self, seed):

@@ -55,6 +55,8 @@ def test_equals_nested_tuples_on_and_around_every_threshold(cuts, seed):
     assert [tree.leaf_of(point) for point in points.tolist()] == expected
     assert tree.depth == naive_depth(twin)
     assert tree.n_leaves == len(cuts) + 1
+    numbered = [(number % (i + 1), *cut) for i, (number, *cut) in enumerate(cuts)]
+    assert DecisionTree.single_leaf(3).split_each(numbered).equals(tree)
 
 
 @given(tree=trees())

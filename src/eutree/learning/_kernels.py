@@ -40,6 +40,27 @@ def walk_list(start: int, link: Integers, out: Integers) -> None:
 
 
 @compiled
+def merge(
+    one: Integers,  # [n], ascending
+    other: Integers,  # [m], ascending
+    out: Integers,  # [n + m]
+) -> int:
+    """Write the union of two lists of rows, ascending; return its size."""
+    i, j, size = 0, 0, 0
+    while i < one.size or j < other.size:
+        if j == other.size or (i < one.size and one[i] <= other[j]):
+            if j < other.size and one[i] == other[j]:
+                j += 1
+            out[size] = one[i]
+            i += 1
+        else:
+            out[size] = other[j]
+            j += 1
+        size += 1
+    return size
+
+
+@compiled
 def split_list(
     rows: Integers,  # [n], ascending
     goes_right: Booleans,  # [n]

@@ -25,6 +25,7 @@ class Relabelling:
     """The rows whose leaves a split has changed, with the old and the new leaves."""
 
     rows: Integers  # [n], ascending
+    leaving: Integers  # [m], ascending: those of the rows that left the leaf
     old_left: Int32s  # [n]
     old_entered: Int32s  # [n]
     new_left: Int32s  # [n]
@@ -161,9 +162,9 @@ class History:
         """Return the rows of the transitions that entered ``leaf``, ascending."""
         return self._rows("entered", leaf)
 
-    def count_leaving(self, leaf: int) -> int:
-        """Return how many transitions left ``leaf``."""
-        return int(self._lists["left"].count[leaf])
+    def counts_leaving(self) -> Integers:
+        """Return how many transitions left each leaf, shape [at least L]."""
+        return self._lists["left"].count
 
     def split(self, leaf: int, new_leaf: int, feature: int, threshold: float) -> Relabelling:
         """Relabel the rows that left or entered ``leaf`` after its split at ``threshold``.
@@ -171,7 +172,8 @@ class History:
         Rows with ``x[feature] <= threshold`` keep ``leaf``, the others get ``new_leaf``.
         """
         leaving, entering = self.rows_leaving(leaf), self.rows_entering(leaf)
-        rows = np.union1d(leaving, entering)
+        rows = np.empty(leaving.size + entering.size, dtype=np.int64)
+        rows = rows[: _kernels.merge(leaving, entering, rows)]
         old_left, old_entered = self.left[rows], self.entered[rows]
         for lists in self._lists.values():
             lists.reserve(new_leaf + 1)
@@ -180,7 +182,9 @@ class History:
         )
         goes_right = ~(self.next_observations[entering, feature] <= threshold)
         self._split_list("entered", entering, goes_right, leaf, new_leaf)
-        return Relabelling(rows, old_left, old_entered, self.left[rows], self.entered[rows])
+        return Relabelling(
+            rows, leaving, old_left, old_entered, self.left[rows], self.entered[rows]
+        )
 
     def relabel(self, tree: DecisionTree) -> None:
         """Label all rows anew from ``tree``; used when a tree is merged or replaced."""

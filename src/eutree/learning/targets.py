@@ -1,5 +1,6 @@
 """What q of a stored transition is: the estimate of future reward that splits compare."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -12,7 +13,7 @@ from eutree.validation import check_number
 
 
 class Target(Protocol):
-    """A rule for q, given the values and the greedy actions of the leaves."""
+    """A rule for q, given the leaves' values, and their greedy actions if it asks for them."""
 
     def of(
         self,
@@ -20,7 +21,7 @@ class Target(Protocol):
         rows: Integers,  # [n]
         *,
         values: Floats,  # [L]
-        greedy: Int32s,  # [L]
+        greedy: Callable[[], Int32s],  # [L]
         discount: float,
     ) -> Floats:
         """Return q of each of the rows, shape [n]."""
@@ -32,7 +33,13 @@ class OneStep:
     """q = r + discount * V(L(o')), the paper's Eq. 2 with o' in place of its misprinted o."""
 
     def of(
-        self, history: History, rows: Integers, *, values: Floats, greedy: Int32s, discount: float
+        self,
+        history: History,
+        rows: Integers,
+        *,
+        values: Floats,
+        greedy: Callable[[], Int32s],
+        discount: float,
     ) -> Floats:
         """Return q of each of the rows, shape [n]."""
         out = np.empty(rows.size)
@@ -57,7 +64,13 @@ class LambdaReturn:
         check_number("decay", self.decay, low=0.0, high=1.0)
 
     def of(
-        self, history: History, rows: Integers, *, values: Floats, greedy: Int32s, discount: float
+        self,
+        history: History,
+        rows: Integers,
+        *,
+        values: Floats,
+        greedy: Callable[[], Int32s],
+        discount: float,
     ) -> Floats:
         """Return q of each of the rows, shape [n]."""
         out = np.empty(rows.size)
@@ -70,7 +83,7 @@ class LambdaReturn:
             history.left,
             history.entered,
             values,
-            greedy,
+            greedy(),
             discount,
             self.decay,
             out,

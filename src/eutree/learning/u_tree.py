@@ -6,7 +6,7 @@ which the distributions of q differ, splits where one does, and solves the MDP a
 never sees an environment: it takes transitions and returns actions.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -196,12 +196,13 @@ class UTree:
                 self._replace_tree(*self._foresight.policy())
             return ()
         made = []
-        for leaf in range(self.tree.n_leaves):
+        for leaf in self._due():
             split = self._split_of(leaf, generator)
             if split is not None:
                 made.append(self._split(leaf, split))
                 if self.settings.solve_each_split:
                     self.mdp.solve()
+        self._grow_tree(made)
         self.mdp.solve()
         return tuple(made)
 
@@ -222,7 +223,7 @@ class UTree:
             self.history,
             rows,
             values=self.mdp.values,
-            greedy=self.greedy_actions(),
+            greedy=self.greedy_actions,
             discount=self.settings.discount,
         )
 
@@ -254,15 +255,18 @@ class UTree:
                 best, best_value = action, value
         return best if best >= 0 else int(self._inherited[leaf])
 
+    def _due(self) -> list[int]:
+        """Return the leaves to test: those that have grown enough since they were tested."""
+        sizes = self.history.counts_leaving()[: self.tree.n_leaves]
+        due = sizes >= self._tested_at * self.settings.retest_growth
+        due[list(self._locked)] = False
+        leaves: list[int] = np.flatnonzero(due).tolist()
+        return leaves
+
     def _split_of(self, leaf: int, generator: np.random.Generator) -> Split | None:
         """Return the split that ``leaf`` deserves, or None."""
-        if leaf in self._locked:
-            return None
-        size = self.history.count_leaving(leaf)
-        if size < self._tested_at[leaf] * self.settings.retest_growth:
-            return None
-        self._tested_at[leaf] = size
         sample = self._sample(leaf)
+        self._tested_at[leaf] = sample.returns.size
         split = self.settings.splitter.best(sample)
         if split is None:
             return None
@@ -270,8 +274,8 @@ class UTree:
         p = significance.p_value(split, sample, self.settings.splitter, generator)
         if p > significance.alpha:
             return None
-        action = int(self.greedy_actions()[leaf])
-        return split if self.settings.gate.keeps(split, sample, action=action) else None
+        keeps = self.settings.gate.keeps(split, sample, action=self._greedy(leaf))
+        return split if keeps else None
 
     def _sample(self, leaf: int) -> LeafSample:
         rows = self.history.rows_leaving(leaf)
@@ -283,9 +287,8 @@ class UTree:
         )
 
     def _split(self, leaf: int, split: Split) -> LeafSplit:
-        """Split ``leaf``; relabel its transitions and recount just those."""
-        greedy = int(self.greedy_actions()[leaf])
-        self.tree = self.tree.split(leaf, split.feature, split.threshold)
+        """Split ``leaf`` in all but the tree; relabel its transitions and recount just those."""
+        greedy = self._greedy(leaf)
         new_leaf = self.mdp.add_state(float(self.mdp.values[leaf]))
         moved = self.history.split(leaf, new_leaf, split.feature, split.threshold)
         actions = self.history.actions
@@ -296,7 +299,7 @@ class UTree:
             new_states=moved.new_left,
             new_next_states=moved.new_entered,
         )
-        rows = np.union1d(self.history.rows_leaving(leaf), self.history.rows_leaving(new_leaf))
+        rows = moved.leaving
         self.mdp.set_rewards(
             [leaf, new_leaf], self.history.left[rows], actions[rows], self.history.rewards[rows]
         )
@@ -305,6 +308,11 @@ class UTree:
         self._tested_at = np.append(self._tested_at, 0)
         self._tested_at[leaf] = 0
         return LeafSplit(leaf, new_leaf, split)
+
+    def _grow_tree(self, made: Sequence[LeafSplit]) -> None:
+        """Split the tree's leaves too: all at once, since a tree is a value."""
+        cuts = [(one.leaf, one.split.feature, one.split.threshold) for one in made]
+        self.tree = self.tree.split_each(cuts)
 
     def _end_episode(self, *, terminated: bool) -> None:
         self.history.append_episode(

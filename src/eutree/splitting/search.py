@@ -8,6 +8,7 @@ the first cut wins. A leaf whose returns no legal cut tells apart (D = 0 everywh
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal, get_args
 
 import numpy as np
@@ -97,8 +98,9 @@ class KolmogorovSmirnov:
             return
         order = np.argsort(sample.actions, kind="stable")
         taken = sample.actions[order]
-        for rows in np.split(order, np.flatnonzero(taken[1:] != taken[:-1]) + 1):
-            action = sample.actions[rows[0]]
+        begins = [0, *(np.flatnonzero(taken[1:] != taken[:-1]) + 1).tolist(), taken.size]
+        for begin, end in pairwise(begins):
+            action, rows = taken[begin], order[begin:end]
             if rows.size >= 2 * self.min_side(rows.size):
                 yield int(action), rows
 

@@ -177,20 +177,31 @@ class DecisionTree:
 
         The left child keeps the number ``leaf``; the right child gets number ``n_leaves``.
         """
-        check_integer("leaf", leaf, low=0, high=self.n_leaves - 1)
-        check_integer("feature", feature, low=0, high=self.n_features - 1)
-        check_number("threshold", threshold)
-        node, n_nodes = int(self.node_of_leaf[leaf]), self.n_nodes
+        return self.split_each([(leaf, feature, threshold)])
+
+    def split_each(self, cuts: Sequence[tuple[int, int, float]]) -> "DecisionTree":
+        """Return the tree after one ``split(leaf, feature, threshold)`` after another."""
+        n_nodes, n_leaves, n_new = self.n_nodes, self.n_leaves, 2 * len(cuts)
         arrays = {
-            "feature": np.append(self.feature, [self.NO_FEATURE] * 2),
-            "threshold": np.append(self.threshold, [np.nan] * 2),
-            "left": np.append(self.left, [self.NO_NODE] * 2),
-            "right": np.append(self.right, [self.NO_NODE] * 2),
-            "leaf": np.append(self.leaf, [leaf, self.n_leaves]),
+            "feature": np.append(self.feature, [self.NO_FEATURE] * n_new),
+            "threshold": np.append(self.threshold, [np.nan] * n_new),
+            "left": np.append(self.left, [self.NO_NODE] * n_new),
+            "right": np.append(self.right, [self.NO_NODE] * n_new),
+            "leaf": np.append(self.leaf, [self.NO_LEAF] * n_new),
         }
-        arrays["feature"][node], arrays["threshold"][node] = feature, threshold
-        arrays["left"][node], arrays["right"][node] = n_nodes, n_nodes + 1
-        arrays["leaf"][node] = self.NO_LEAF
+        node_of_leaf = self.node_of_leaf.tolist()
+        for leaf, feature, threshold in cuts:
+            check_integer("leaf", leaf, low=0, high=n_leaves - 1)
+            check_integer("feature", feature, low=0, high=self.n_features - 1)
+            check_number("threshold", threshold)
+            node = node_of_leaf[leaf]
+            arrays["feature"][node], arrays["threshold"][node] = feature, threshold
+            arrays["left"][node], arrays["right"][node] = n_nodes, n_nodes + 1
+            arrays["leaf"][node] = self.NO_LEAF
+            arrays["leaf"][n_nodes : n_nodes + 2] = leaf, n_leaves
+            node_of_leaf[leaf] = n_nodes
+            node_of_leaf.append(n_nodes + 1)
+            n_nodes, n_leaves = n_nodes + 2, n_leaves + 1
         return DecisionTree(self.n_features, **arrays)
 
     def equals(self, other: "DecisionTree") -> bool:
