@@ -35,6 +35,8 @@ if TYPE_CHECKING:
               help="Episodes of each frozen evaluation.")  # fmt: skip
 @click.option("--history", type=click.IntRange(min=0), default=0, show_default=True,
               help="Previous observations that become features too.")  # fmt: skip
+@click.option("--polish-steps", type=click.IntRange(min=0), default=0, show_default=True,
+              help="Environment steps spent at the end on races of improved trees.")  # fmt: skip
 @click.option("--offline", is_flag=True, help="Learn from the demonstrations alone.")
 @click.option("--resume", is_flag=True, help="Go on with an interrupted run in the same folder.")
 @click.option("--checkpoint-seconds", type=click.FloatRange(min=0),
@@ -57,6 +59,7 @@ def learn(
     evaluate_every: int,
     evaluation_episodes: int,
     history: int,
+    polish_steps: int,
     offline: bool,
     resume: bool,
     checkpoint_seconds: float | None,
@@ -105,6 +108,7 @@ def learn(
             evaluate_every=evaluate_every,
             evaluation_episodes=evaluation_episodes,
             history=history,
+            polish_steps=polish_steps,
             strict=strict,
             out=out,
             resume=resume,
@@ -116,10 +120,18 @@ def learn(
         if stop():
             raise KeyboardInterrupt
     last = result.curve[-1].describe() if result.curve else f"{result.policy.n_leaves} leaves"
+    polishing = result.polishing
+    polished = ""
+    if polishing is not None:
+        polished = (
+            f"; polished to {polishing.n_leaves_after} leaves in "
+            f"{polishing.environment_steps} steps"
+        )
     output.result(
         {
             "episodes": result.episodes,
             "steps": result.steps,
+            "polish_steps": 0 if polishing is None else polishing.environment_steps,
             "n_leaves": result.policy.n_leaves,
             "path": str(out / "policy.json"),
             "curve": [
@@ -133,7 +145,7 @@ def learn(
             ],
         },
         f"{result.learner}: {result.episodes} episodes, {result.steps} steps; "
-        f"{last}; written to {out}",
+        f"{last}{polished}; written to {out}",
     )
 
 

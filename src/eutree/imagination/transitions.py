@@ -1,11 +1,13 @@
 """Stored transitions as a world model and a planner see them."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
+from eutree.data import Episode
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,6 +22,7 @@ class Transitions:
         terminated: Whether the task ended with the transition.
         episodes: Number of the transition's episode, ascending.
         n_actions: Number of actions A.
+        memory: Whether the displacement before each transition is to be known.
     """
 
     observations: Floats  # [N, d]
@@ -29,6 +32,7 @@ class Transitions:
     terminated: Booleans  # [N]
     episodes: Integers  # [N]
     n_actions: int
+    memory: bool = True
 
     @cached_property
     def first(self) -> Booleans:
@@ -49,6 +53,8 @@ class Transitions:
     def previous_displacements(self) -> Floats:
         """Displacement that led to o, 0 at the start of an episode, shape [N, d]."""
         previous = np.zeros_like(self.displacements)
+        if not self.memory:
+            return previous
         previous[1:] = self.displacements[:-1]
         previous[self.first] = 0.0
         return previous
@@ -99,6 +105,24 @@ class Transitions:
         """Return the transitions of ``episode`` and all later ones."""
         return self._after(int(np.searchsorted(self.episodes, episode)))
 
+    def followed_by(self, episodes: Sequence[Episode]) -> "Transitions":
+        """Return these transitions and those of further episodes."""
+        kept = [episode for episode in episodes if len(episode)]
+        number = int(self.episodes[-1]) + 1 if self.episodes.size else 0
+        ends = [np.arange(len(e)) == (len(e) - 1 if e.terminated else -1) for e in kept]
+        numbers = [np.full(len(e), number + k, dtype=np.int64) for k, e in enumerate(kept)]
+        return replace(
+            self,
+            observations=np.concatenate([self.observations, *(e.observations[:-1] for e in kept)]),
+            actions=np.concatenate([self.actions, *(e.actions for e in kept)]),
+            rewards=np.concatenate([self.rewards, *(e.rewards for e in kept)]),
+            next_observations=np.concatenate(
+                [self.next_observations, *(e.observations[1:] for e in kept)]
+            ),
+            terminated=np.concatenate([self.terminated, *ends]),
+            episodes=np.concatenate([self.episodes, *numbers]),
+        )
+
     def _after(self, start: int) -> "Transitions":
         return Transitions(
             self.observations[start:],
@@ -108,4 +132,5 @@ class Transitions:
             self.terminated[start:],
             self.episodes[start:],
             self.n_actions,
+            self.memory,
         )

@@ -11,7 +11,7 @@ of that gap that counts as fatal: 0.5 is the usual middle, more is pessimistic, 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -76,6 +76,10 @@ class WorldModel:
     horizon: int
     n_actions: int
 
+    def without_noise(self) -> "WorldModel":
+        """Return the model in which every step does what is expected of it."""
+        return replace(self, world=self.world._replace(residuals=0.0 * self.world.residuals))
+
 
 @dataclass(frozen=True, eq=False)
 class _Design:
@@ -109,14 +113,23 @@ _MOVES = _Growth(min_leaf=MIN_LEAF, max_leaves=MAX_LEAVES, floor=GOOD_ENOUGH)
 _REWARDS = _Growth(min_leaf=1, max_leaves=MAX_LEAVES, floor=1e-6)
 
 
-def fit_world_models(data: Transitions, gaps: Sequence[float]) -> tuple[WorldModel, ...]:
-    """Fit one world model for each ``gap``; they share all but how they look at ends."""
+def fit_world_models(
+    data: Transitions, gaps: Sequence[float], *, max_leaves: int = MAX_LEAVES
+) -> tuple[WorldModel, ...]:
+    """Fit one world model for each ``gap``; they share all but how they look at ends.
+
+    Args:
+        data: What to fit.
+        gaps: Share of the gap between safe and fatal transitions that counts as fatal.
+        max_leaves: Most leaves of a tree of displacements.
+    """
+    growth = replace(_MOVES, max_leaves=max_leaves)
     chosen = np.eye(data.n_actions)[data.actions]  # [N, A]
     before = _Design.of(data.observations, data.previous_displacements, chosen)
     after = _Design.of(data.next_observations, data.displacements, chosen)
     everything = np.arange(data.rewards.size)
     moves = [
-        _grow(before, data.displacements[:, i], everything, _MOVES)
+        _grow(before, data.displacements[:, i], everything, growth)
         for i in range(data.observations.shape[1])
     ]
     bad, good = data.danger > 0, data.danger < 0

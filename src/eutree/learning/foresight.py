@@ -84,15 +84,7 @@ class Foresight:
         if not history.size or not self._imagination.due(self.plan, history.size):
             return False
         before = self.plan.policy
-        data = Transitions(
-            history.observations,
-            history.actions.astype(np.int64),
-            history.rewards,
-            history.next_observations,
-            history.entered == TERMINAL,
-            history.episodes.astype(np.int64),
-            self._n_actions,
-        )
+        data = transitions_of(history, self._n_actions)
         self.plan = self._imagination.plan(self.plan, data, generator)
         return self.plan.policy is not before
 
@@ -129,6 +121,19 @@ class Foresight:
             **numbers,
         )
         self._informed = bool(state["informed"][0])
+
+
+def transitions_of(history: History, n_actions: int) -> Transitions:
+    """Return a history as planning sees it."""
+    return Transitions(
+        history.observations,
+        history.actions.astype(np.int64),
+        history.rewards,
+        history.next_observations,
+        history.entered == TERMINAL,
+        history.episodes.astype(np.int64),
+        n_actions,
+    )
 
 
 def _tree(state: Mapping[str, NDArray[Any]], name: str) -> ActionTree:

@@ -2,6 +2,7 @@
 
 from eutree.training.learn import learn
 from eutree.training.offline import OfflineRun
+from eutree.training.polishing import PolishReport, polish
 from eutree.training.result import LearningResult
 from eutree.training.run import LearningRun, Schedule
 from eutree.training.run_folder import stored_observations
@@ -10,7 +11,9 @@ __all__ = [
     "LearningResult",
     "LearningRun",
     "OfflineRun",
+    "PolishReport",
     "Schedule",
     "learn",
+    "polish",
     "stored_observations",
 ]

@@ -19,6 +19,7 @@ from eutree.policies import TreePolicy
 from eutree.schema import Schema
 from eutree.training.callback import CallbackLike, CallbackListener
 from eutree.training.offline import OfflineRun
+from eutree.training.polishing import PolishReport, polish
 from eutree.training.result import LearningResult
 from eutree.training.run import Evaluator, LearningRun, Schedule
 from eutree.training.run_folder import ConfigDocument, RunFolder, SavingClock
@@ -41,6 +42,7 @@ def learn(
     evaluate_every: int = 20,
     evaluation_episodes: int = 100,
     history: int = 0,
+    polish_steps: int = 0,
     strict: bool = False,
     out: str | Path | None = None,
     resume: bool = False,
@@ -68,6 +70,7 @@ def learn(
         evaluation_episodes: Episodes of each frozen evaluation.
         history: Number of previous observations that become features too, for what one
             observation does not show, such as a direction of movement.
+        polish_steps: Environment steps spent at the end on ``eutree.polish``.
         strict: Refuse observations outside the environment's own bounds.
         out: Folder for the policy, the expert tree, the curve, the events and the checkpoints.
         resume: Go on from the last checkpoint in ``out``, to the same bytes as if nothing had
@@ -89,6 +92,11 @@ def learn(
         RunFolderError: ``out`` is in use, or holds a run and ``resume`` is False.
     """
     check_integer("evaluation_episodes", evaluation_episodes, low=1)
+    check_integer("polish_steps", polish_steps, low=0)
+    if env is None and polish_steps:
+        raise InvalidArgumentError(
+            f"polish_steps must be 0 without an environment to run them in, got {polish_steps}"
+        )
     if checkpoint_seconds is not None:
         check_number("checkpoint_seconds", checkpoint_seconds, low=0.0)
     clock = SavingClock(checkpoint_seconds)
@@ -130,15 +138,17 @@ def learn(
     if out is None:
         with _followed(run, listener, tensorboard) as follow:
             _go_on(run, None, clock, (follow, on_progress))
+        policy, polished = _polished(run, env, polish_steps, seed)
     else:
         with RunFolder(out, config, resume=resume) as folder:
             folder.save_start(expert)
             folder.load_checkpoint(run, chosen)
             with _followed(run, listener, tensorboard) as follow:
                 _go_on(run, folder, clock, (follow, on_progress))
-            folder.save_result(run.policy())
+            policy, polished = _polished(run, env, polish_steps, seed)
+            folder.save_result(policy)
     return LearningResult(
-        policy=run.policy(),
+        policy=policy,
         expert=expert,
         curve=tuple(run.curve),
         history=run.learner.history,
@@ -146,7 +156,20 @@ def learn(
         settings=chosen,
         episodes=run.episode,
         steps=run.steps,
+        polishing=polished,
     )
+
+
+def _polished(
+    run: LearningRun | OfflineRun,
+    env: gymnasium.Env[Any, Any] | None,
+    steps: int,
+    seed: int,
+) -> tuple[TreePolicy, PolishReport | None]:
+    """Return the run's policy, polished if that was asked for and the run is at its end."""
+    if env is None or not steps or isinstance(run, OfflineRun) or run.stopped:
+        return run.policy(), None
+    return polish(run.policy(), run.learner.history, env, steps=steps, seed=seed)
 
 
 def _evaluator(env: gymnasium.Env[Any, Any], episodes: int) -> Evaluator:

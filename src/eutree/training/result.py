@@ -7,6 +7,7 @@ from eutree.evaluation import CurvePoint
 from eutree.learning import History
 from eutree.learning.settings import Settings
 from eutree.policies import TreePolicy
+from eutree.training.polishing import PolishReport
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +22,8 @@ class LearningResult(Displayed):
         learner: Which of the three learners it was.
         settings: How it learned.
         episodes: Episodes of experience, without those of evaluations.
-        steps: Environment steps of experience, without those of evaluations.
+        steps: Environment steps of experience, without those of evaluations and polishing.
+        polishing: What polishing did at the end; None without.
     """
 
     policy: TreePolicy
@@ -32,3 +34,4 @@ class LearningResult(Displayed):
     settings: Settings
     episodes: int
     steps: int
+    polishing: PolishReport | None = None
