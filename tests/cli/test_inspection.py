@@ -61,3 +61,12 @@ def test_edit_names_mistakes(eutree, expert):
     assert "--out must name the file" in eutree("edit", expert, "--lock", "0").err
     assert "must be NUMBER=VALUE" in eutree("edit", expert, "--set-action", "go").err
     assert "needs a number" in eutree("edit", expert, "--set-threshold", "0=x").err
+
+
+def test_edit_enforces_a_rule_that_verify_then_proves(eutree, expert, tmp_path):
+    rule = "always stop when position <= 1"
+    line = ["edit", expert, "--enforce", rule, "--out", tmp_path / "ruled.json", "--json"]
+    answer = eutree(*line, "--episodes", "0")
+    assert (answer.code, len(answer.json["locked"])) == (0, 1)
+    assert answer.json["changes"] == [f"{rule}: a rule of its own now, locked"]
+    assert eutree("verify", tmp_path / "ruled.json", "--property", rule).code == 0

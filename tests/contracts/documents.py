@@ -2,32 +2,46 @@
 
 Every ``python`` block of a page runs, in order, in one namespace and one empty folder. Every
 ``console`` block runs there too, line by line: what follows ``$ `` is a command that must succeed.
-A block behind ``<!-- no-run: reason -->`` is only compiled (Python) or left alone (console).
+A comment on the line before a block says what else is meant:
+
+- ``<!-- no-run: reason -->``: only compiled (Python) or left alone (console);
+- ``<!-- needs: program -->``: left alone where the program is not installed, except in CI;
+- ``<!-- file: name -->``: written to a file of that name in the folder, not run;
+- ``<!-- output -->``: what the block before it has printed, to the letter;
+- ``<!-- printed -->``: the same when it was last written, not compared, because it changes with
+  the learner. ``python -m tests.contracts.documents docs/tutorial.md`` writes both anew.
 """
 
+import contextlib
+import io
 import os
 import re
 import shlex
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from eutree.cli.main import run
+from tests.export.tools import need
+
 ROOT = Path(__file__).parents[2]
 FENCE = re.compile(
-    r"(?P<marker><!-- no-run: [^>]+ -->\s*\n)?^(?P<indent> *)```(?P<language>python|console|sh)\n"
-    r"(?P<code>.*?)^(?P=indent)```$",
+    r"(?:<!-- (?P<mark>no-run|needs|file|output|printed)(?:: (?P<value>[^>]+))? -->\s*\n)?"
+    r"^(?P<indent> *)```(?P<language>[\w{}.-]*)[^\n]*\n(?P<code>.*?)^(?P=indent)```$",
     re.MULTILINE | re.DOTALL,
 )
 
 
 class Block(NamedTuple):
-    """One fenced block of code."""
+    """One fenced block."""
 
     line: int
     language: str
     code: str
-    runs: bool
+    mark: str = ""
+    value: str = ""
 
 
 def pages() -> list[Path]:
@@ -44,37 +58,75 @@ def blocks(page: Path) -> list[Block]:
             line=text.count("\n", 0, match.start("code")) + 1,
             language=match["language"],
             code=match["code"],
-            runs=not match["marker"],
+            mark=match["mark"] or "",
+            value=match["value"] or "",
         )
         for match in FENCE.finditer(text)
     ]
 
 
-def run_block(block: Block, namespace: dict[str, Any], *, page: Path, folder: Path) -> None:
-    """Run one block; raises what it raises, or CalledProcessError."""
-    if block.language == "python":
+def run_block(
+    block: Block, namespace: dict[str, Any], *, page: Path, folder: Path, printed: str = ""
+) -> str:
+    """Run one block; raises what it raises, or AssertionError. Return what it printed."""
+    if block.mark == "file":
+        (folder / block.value).write_text(block.code)
+    elif block.mark == "printed":
+        assert printed.strip(), f"{page}:{block.line}"
+    elif block.mark == "output":
+        assert block.code.strip() == printed.strip(), f"{page}:{block.line}"
+    elif block.language == "python":
         padding = "\n" * (block.line - 1)  # so that a traceback names the page's line
         code = compile(padding + block.code, str(page), "exec")
-        if block.runs:
-            exec(code, namespace)
-    elif block.language == "console" and block.runs:
-        for line in block.code.splitlines():
-            if line.startswith("$ "):
-                run_command(line[2:], folder)
+        if block.mark != "no-run":
+            with contextlib.redirect_stdout(io.StringIO()) as output:
+                exec(code, namespace)
+            return output.getvalue()
+    elif block.language == "console" and block.mark != "no-run":
+        if block.mark == "needs":
+            need(block.value)
+        lines = [line[2:] for line in block.code.splitlines() if line.startswith("$ ")]
+        return "".join(run_command(line, folder) for line in lines)
+    return ""
 
 
 def run_command(line: str, folder: Path) -> str:
-    """Run one command line; ``eutree`` is this source tree's. Return its standard output."""
-    eutree = f"{shlex.quote(sys.executable)} -m eutree"
-    environment = {**os.environ, "PYTHONPATH": str(ROOT / "src"), "NO_COLOR": "1"}
+    """Run one command line in ``folder``, the current one; return its standard output.
+
+    ``eutree`` is run in this process, which spares the time of starting another for each line.
+    """
+    words = shlex.split(line, comments=True)
+    if words[0] == "eutree" and not {"|", ">", "<", "&&"} & set(words):
+        output = io.StringIO()
+        with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
+            code = run(words[1:])
+        assert code == 0, f"$ {line}\n{output.getvalue()}"
+        return output.getvalue()
     result = subprocess.run(
-        ["bash", "-euc", f'eutree() {{ {eutree} "$@"; }}\n{line}'],
-        cwd=folder,
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
+        ["bash", "-euc", line], cwd=folder, capture_output=True, text=True, timeout=300, check=False
     )
     assert result.returncode == 0, f"$ {line}\n{result.stdout}{result.stderr}"
     return result.stdout
+
+
+def rewrite(page: Path, folder: Path) -> None:
+    """Run a page in ``folder`` and write what its blocks print into the page."""
+    lines, printed, namespace = page.read_text().splitlines(), "", {"__name__": "__main__"}
+    written = []
+    for block in blocks(page):
+        if block.mark in ("output", "printed"):
+            written.append((block, [line.rstrip() for line in printed.strip().splitlines()]))
+        elif block.language in ("python", "console") or block.mark == "file":
+            printed = run_block(block, namespace, page=page, folder=folder)
+    for block, new in reversed(written):
+        first = block.line - 1
+        lines[first : first + len(block.code.splitlines())] = new
+    page.write_text("\n".join(lines) + "\n")
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as work:
+        target = Path(sys.argv[1]).resolve()
+        os.chdir(work)
+        sys.path.insert(0, work)
+        rewrite(target, Path(work))

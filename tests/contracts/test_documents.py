@@ -1,18 +1,73 @@
 """README and documentation are run: a page cannot show what does not work."""
 
+import sys
 from pathlib import Path
 
+import gymnasium
 import pytest
 
-from tests.contracts.documents import ROOT, Block, blocks, pages, run_block, run_command
+import eutree  # noqa: F401 - registers its environments before a page registers its own
+from tests.contracts.documents import (
+    ROOT,
+    Block,
+    blocks,
+    pages,
+    rewrite,
+    run_block,
+    run_command,
+)
+
+# Every block that is not run, by page: why. Anything else in python or console runs.
+NOT_RUN = {
+    "README.md": ["installs", "waits for a person"],
+    "docs/recording.md": [
+        "a person has to act",
+        "needs the demonstrations above",
+        "needs another machine",
+    ],
+    "docs/reproducing.md": ["minutes of learning", "needs a cluster"],
+    "docs/tutorial.md": ["installs", "waits for a person"],
+}
+# Languages of blocks that are shown, not run. A shell block is `console`, so that it runs.
+SHOWN = {"text", "c", "json", "mermaid"}
 
 
-@pytest.mark.parametrize("page", pages(), ids=lambda page: page.relative_to(ROOT).as_posix())
-def test_blocks_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def name(page: Path) -> str:
+    return page.relative_to(ROOT).as_posix()
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Return an empty folder to run a page in; what is imported from it is forgotten."""
     monkeypatch.chdir(tmp_path)
-    namespace = {"__name__": "__main__"}
+    monkeypatch.syspath_prepend(str(tmp_path))
+    registered = set(gymnasium.registry)
+    yield tmp_path
+    for module in [m for m, v in sys.modules.items() if _lies_in(v, tmp_path)]:
+        del sys.modules[module]
+    for new in set(gymnasium.registry) - registered:
+        del gymnasium.registry[new]
+
+
+def _lies_in(module: object, folder: Path) -> bool:
+    return str(getattr(module, "__file__", None) or "").startswith(f"{folder}/")
+
+
+@pytest.mark.parametrize("page", pages(), ids=name)
+def test_blocks_run(page: Path, folder: Path) -> None:
+    namespace, printed = {"__name__": "__main__"}, ""
     for block in blocks(page):
-        run_block(block, namespace, page=page, folder=tmp_path)
+        shown = run_block(block, namespace, page=page, folder=folder, printed=printed)
+        if block.language in ("python", "console"):
+            printed = shown
+
+
+@pytest.mark.parametrize("page", pages(), ids=name)
+def test_what_is_not_run_is_listed(page: Path) -> None:
+    found = blocks(page)
+    assert [b.value for b in found if b.mark == "no-run"] == NOT_RUN.get(name(page), [])
+    other = {b.language for b in found} - SHOWN - {"python", "console"}
+    assert {language for language in other if not language.startswith("{")} <= set()
 
 
 def test_a_wrong_block_fails(tmp_path: Path) -> None:
@@ -30,8 +85,26 @@ def test_a_wrong_command_fails(tmp_path: Path) -> None:
         run_command("eutree no-such-command", tmp_path)
 
 
+def test_a_wrong_output_fails_and_can_be_written_anew(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("```python\nprint(1)\n```\n\n<!-- output -->\n```text\n2\n```\n")
+    first, second = blocks(page)
+    printed = run_block(first, {}, page=page, folder=tmp_path)
+    with pytest.raises(AssertionError):
+        run_block(second, {}, page=page, folder=tmp_path, printed=printed)
+    rewrite(page, tmp_path)
+    assert blocks(page)[1].code == "1\n"
+
+
+def test_a_file_is_written_and_not_run(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("<!-- file: one.py -->\n```python\n1 / 0\n```\n")
+    run_block(blocks(page)[0], {}, page=page, folder=tmp_path)
+    assert (tmp_path / "one.py").read_text() == "1 / 0\n"
+
+
 def test_marked_block_is_only_compiled(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     page.write_text("<!-- no-run: takes an hour -->\n```python\n1 / 0\n```\n")
-    assert blocks(page) == [Block(line=3, language="python", code="1 / 0\n", runs=False)]
+    assert blocks(page) == [Block(3, "python", "1 / 0\n", "no-run", "takes an hour")]
     run_block(blocks(page)[0], {}, page=page, folder=tmp_path)

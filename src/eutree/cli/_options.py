@@ -1,6 +1,9 @@
 """Options that several commands share."""
 
+import importlib
 import json
+import os
+import sys
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -25,16 +28,40 @@ def seed_option(command: _Command) -> _Command:
     )(command)
 
 
-def env_arg_option(command: _Command) -> _Command:
-    """Add ``--env-arg key=value`` (repeatable), passed on as a dict ``env_arguments``."""
-    return click.option(
+def env_options(command: _Command) -> _Command:
+    """Add what every command that makes an environment takes.
+
+    ``--env-arg key=value`` (repeatable) is passed on as a dict ``env_arguments``; ``--import`` is
+    obeyed before the command begins.
+    """
+    argument = click.option(
         "--env-arg",
         "env_arguments",
         multiple=True,
         metavar="KEY=VALUE",
         callback=_parse_arguments,
         help="Argument of the environment, for example opponent_speed=4.2. May be repeated.",
-    )(command)
+    )
+    module = click.option(
+        "--import",
+        metavar="MODULE",
+        expose_value=False,
+        callback=_import_module,
+        help="Python module, installed or in this folder, that registers your environment.",
+    )
+    return argument(module(command))
+
+
+def _import_module(context: click.Context, parameter: click.Parameter, name: str | None) -> None:
+    """Import a module that the user has named; files never name one."""
+    if name is None or context.resilient_parsing:
+        return
+    if os.getcwd() not in sys.path:
+        sys.path.insert(0, os.getcwd())
+    try:
+        importlib.import_module(name)
+    except ImportError as error:
+        raise click.BadParameter(f"cannot import {name!r}: {error}") from error
 
 
 def _parse_arguments(

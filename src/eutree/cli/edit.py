@@ -1,11 +1,12 @@
 """``eutree edit``: change thresholds and actions by hand, and lock what must stay."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import click
 
-from eutree.cli._options import env_arg_option, json_option, override, seed_option
+from eutree.cli._options import env_options, json_option, override, seed_option
 from eutree.cli._output import Output
 from eutree.errors import InvalidArgumentError
 
@@ -22,12 +23,14 @@ from eutree.errors import InvalidArgumentError
               help="Node below which learning and edits change nothing; repeatable.")  # fmt: skip
 @click.option("--unlock", multiple=True, type=int, metavar="NODE",
               help="Node below which nothing stays locked; repeatable.")  # fmt: skip
+@click.option("--enforce", "rules", multiple=True, metavar="PROPERTY",
+              help="Make true, and lock: 'always ACTION when CONDITIONS'; repeatable.")  # fmt: skip
 @click.option("--out", type=click.Path(path_type=Path),
               help="File to write; without it the tree is shown with its numbers.")  # fmt: skip
 @click.option("--episodes", type=click.IntRange(min=0), default=100, show_default=True,
               help="Episodes of the evaluation before and after, where the policy's file "
               "names its environment; 0 for none.")  # fmt: skip
-@env_arg_option
+@env_options
 @seed_option
 @json_option
 def edit(
@@ -36,6 +39,7 @@ def edit(
     actions: tuple[str, ...],
     lock: tuple[int, ...],
     unlock: tuple[int, ...],
+    rules: tuple[str, ...],
     out: Path | None,
     episodes: int,
     env_arguments: dict[str, Any],
@@ -45,7 +49,7 @@ def edit(
     """Change POLICY, a policy file, by hand; say what that does to its return."""
     from eutree.evaluation import evaluate
     from eutree.inspection import edit as change
-    from eutree.inspection import numbered
+    from eutree.inspection import enforce, numbered
     from eutree.policies import TreePolicy
 
     output, before = Output(as_json=as_json), TreePolicy.load(policy)
@@ -56,6 +60,9 @@ def edit(
         lock=lock,
         unlock=unlock,
     )
+    if rules:
+        ruled = enforce(edited.policy, rules)
+        edited = replace(ruled, changes=edited.changes + ruled.changes, warnings=edited.warnings)
     if edited.changes and out is None:
         raise InvalidArgumentError("--out must name the file to write, got none")
     returns: list[float] = []

@@ -2,6 +2,7 @@
 
 from eutree.inspection.diff import Disagreement, PolicyDiff, diff
 from eutree.inspection.edit import Edited, edit, numbered
+from eutree.inspection.enforce import enforce
 from eutree.inspection.properties import Property
 from eutree.inspection.regions import Region
 from eutree.inspection.verify import CounterExample, Verification, verify
@@ -21,6 +22,7 @@ __all__ = [
     "Verification",
     "diff",
     "edit",
+    "enforce",
     "numbered",
     "verify",
     "why",

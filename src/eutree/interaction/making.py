@@ -14,7 +14,8 @@ def make(spec: EnvironmentSpec | str, *, render_mode: str | None = None) -> gymn
 
     Raises:
         UnknownNameError: No environment of that id is registered; names the nearest.
-        InvalidArgumentError: The environment does not take these arguments.
+        InvalidArgumentError: The environment does not take these arguments, or the module that
+            its id names before a colon cannot be found.
         MissingExtraError: The environment needs a package that is not installed.
     """
     spec = EnvironmentSpec(spec) if isinstance(spec, str) else spec
@@ -26,6 +27,10 @@ def make(spec: EnvironmentSpec | str, *, render_mode: str | None = None) -> gymn
         return gymnasium.make(spec.id, **arguments)
     except EutreeError:
         raise
+    except ModuleNotFoundError as error:
+        if ":" not in spec.id:
+            raise
+        raise InvalidArgumentError(f"cannot make {spec}: {error.__cause__ or error}") from error
     except gymnasium.error.DependencyNotInstalled:
         raise MissingExtraError(f"a package that {spec.id} needs", "envs") from None
     except (TypeError, ValueError, AssertionError, GymnasiumError) as error:
