@@ -15,6 +15,7 @@ from sphinx.util.nodes import nested_parse_with_titles
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "src"))
+sys.path[:0] = [str(ROOT / "docs" / "pictures"), str(ROOT / "docs" / "notebooks")]
 
 project = "eutree"
 author = "the eutree developers"
@@ -26,7 +27,7 @@ extensions = [
     "sphinx.ext.napoleon",
     "sphinx.ext.viewcode",
 ]
-source_suffix = {".md": "markdown"}
+source_suffix = {".md": "markdown", ".ipynb": "notebook"}
 exclude_patterns = ["_build"]
 nitpicky = True
 # References out of eutree have no target here: an inventory of another project's pages would have
@@ -54,7 +55,8 @@ html_theme = "furo"
 html_title = "eutree"
 html_show_sphinx = False
 html_copy_source = False
-html_static_path = []
+html_static_path = ["static"]
+html_css_files = ["pages.css"]
 
 
 class Card(SphinxDirective):
@@ -73,6 +75,19 @@ class Card(SphinxDirective):
         container = nodes.Element(document=self.state.document)
         nested_parse_with_titles(self.state, StringList(text.splitlines()), container)
         return container.children
+
+
+class Picture(SphinxDirective):
+    """``{picture} flow`` and ``{picture} layers``: drawn while the pages are built."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        """Return the drawing, in the page itself so that it has the page's colours."""
+        import architecture
+
+        drawings = {"flow": architecture.flow_svg, "layers": architecture.layers_html}
+        return [nodes.raw("", drawings[self.arguments[0]](), format="html")]
 
 
 class CommandHelp(SphinxDirective):
@@ -103,5 +118,9 @@ def _helps(command: click.Command, name: str) -> Iterator[tuple[str, str]]:
 
 def setup(app: Sphinx) -> None:
     """Add what these pages need beyond Sphinx's own."""
+    from pages import NotebookParser
+
+    app.add_source_parser(NotebookParser)
     app.add_directive("card", Card)
+    app.add_directive("picture", Picture)
     app.add_directive("commandhelp", CommandHelp)
