@@ -26,38 +26,37 @@ class Box(NamedTuple):
 
 # Columns are 220 wide, rows 96 high; a step makes the thing that its arrow points to.
 FLOW = {
-    "env": Box(0, 0, "your environment", "Gymnasium, with names and units", "thing"),
+    "env": Box(0, 0, "your environment", "Gymnasium, names, units", "thing"),
     "record": Box(1, 0, "record", "a person or a script acts", "step"),
     "demos": Box(2, 0, "Demonstrations", "episodes on disk", "thing"),
     "fit": Box(3, 0, "fit", "C4.5", "step"),
-    "learn": Box(1, 1, "learn", "EU-Tree, checkpointed", "step"),
-    "history": Box(2, 1, "history", "all transitions", "thing"),
+    "history": Box(1, 1, "history", "all transitions", "thing"),
+    "learn": Box(2, 1, "learn", "EU-Tree, in the environment", "step"),
     "expert": Box(3, 1, "TreePolicy", "the expert tree", "thing"),
-    "policy": Box(1, 2, "TreePolicy", "learned", "thing"),
-    "compress": Box(2, 2, "compress", "fewer leaves, same decisions", "step"),
-    "small": Box(3, 2, "TreePolicy", "small", "thing"),
-    "evaluate": Box(0, 3, "evaluate", "how good, with intervals", "step"),
-    "ask": Box(1, 3, "show, why, diff, verify", "what it does, proven", "step"),
-    "edit": Box(2, 3, "edit", "rules, locks; learn goes on", "step"),
-    "export": Box(3, 3, "export", "C, ONNX, ST, SVG, ...", "step"),
+    "small": Box(0, 2, "TreePolicy", "small", "thing"),
+    "compress": Box(1, 2, "compress", "fewer leaves, same decisions", "step"),
+    "policy": Box(2, 2, "TreePolicy", "learned", "thing"),
+    "export": Box(0, 3, "export", "C, ONNX, ST, SVG, ...", "step"),
+    "edit": Box(1, 3, "edit", "rules, locks; learn goes on", "step"),
+    "ask": Box(2, 3, "show, why, diff, verify", "what it does, proven", "step"),
+    "evaluate": Box(3, 3, "evaluate", "how good, with intervals", "step"),
 }
 ARROWS = [
     ("env", "record"),
     ("record", "demos"),
     ("demos", "fit"),
     ("fit", "expert"),
-    ("env", "learn"),
     ("demos", "learn"),
     ("expert", "learn"),
-    ("learn", "policy"),
     ("learn", "history"),
+    ("learn", "policy"),
     ("history", "compress"),
     ("policy", "compress"),
     ("compress", "small"),
+    ("small", "export"),
+    ("small", "edit"),
     ("policy", "ask"),
     ("policy", "evaluate"),
-    ("small", "edit"),
-    ("small", "export"),
 ]
 
 
@@ -78,7 +77,7 @@ def layers_html() -> str:
     rows = "".join(
         "<tr>"
         + "".join(
-            f'<td colspan="{12 // len(row)}"><strong>{escape(name)}</strong><br>{escape(words)}</td>'
+            f'<td colspan="{60 // len(row)}"><strong>{name}</strong><br>{escape(words)}</td>'
             for name, words in row
         )
         + "</tr>"
@@ -121,7 +120,7 @@ def _arrow(start: Box, end: Box) -> str:
     (x, y), (u, v) = _place(start), _place(end)
     if start.y == end.y:
         right = end.x > start.x
-        ends = (x + 190 if right else x, y + 28, u - 2 if right else u + 192, v + 28)
+        ends = (x + 190, y + 28, u - 2, v + 28) if right else (x, y + 28, u + 192, v + 28)
     else:
         ends = (x + 95, y + 56, u + 95 + 40 * ((start.x > end.x) - (start.x < end.x)), v - 2)
     return (

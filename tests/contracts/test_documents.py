@@ -1,5 +1,6 @@
 """README and documentation are run: a page cannot show what does not work."""
 
+import re
 import sys
 from pathlib import Path
 
@@ -110,3 +111,10 @@ def test_marked_block_is_only_compiled(tmp_path: Path) -> None:
     page.write_text("<!-- no-run: takes an hour -->\n```python\n1 / 0\n```\n")
     assert blocks(page) == [Block(3, "python", "1 / 0\n", "no-run", "takes an hour")]
     run_block(blocks(page)[0], {}, page=page, folder=tmp_path)
+
+
+@pytest.mark.parametrize("page", [ROOT / "README.md", ROOT / "CONTRIBUTING.md"], ids=name)
+def test_links_of_pages_outside_the_documentation_lead_somewhere(page: Path) -> None:
+    """Sphinx looks after the links in docs/."""
+    targets = re.findall(r"\]\(([^)#:]+)\)", page.read_text())
+    assert [target for target in targets if not (ROOT / target).exists()] == []

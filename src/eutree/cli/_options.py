@@ -28,7 +28,7 @@ def seed_option(command: _Command) -> _Command:
     )(command)
 
 
-def env_options(command: _Command) -> _Command:
+def env_arg_option(command: _Command) -> _Command:
     """Add what every command that makes an environment takes.
 
     ``--env-arg key=value`` (repeatable) is passed on as a dict ``env_arguments``; ``--import`` is

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from eutree.cli._options import env_options, json_option, override, seed_option
+from eutree.cli._options import env_arg_option, json_option, override, seed_option
 from eutree.cli._output import Output
 from eutree.errors import InvalidArgumentError
 
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
               help="Evaluate before and after in the policy's environment.")  # fmt: skip
 @click.option("--round", "round_thresholds", is_flag=True,
               help="Write thresholds with the fewest digits that keep the decisions.")  # fmt: skip
-@env_options
+@env_arg_option
 @seed_option
 @json_option
 def compress(

@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from eutree.cli._options import env_options, json_option, seed_option
+from eutree.cli._options import env_arg_option, json_option, seed_option
 from eutree.cli._output import Output
 from eutree.schema import EnvironmentSpec
 
@@ -19,7 +19,7 @@ from eutree.schema import EnvironmentSpec
               help="Episodes of each learning run.")  # fmt: skip
 @click.option("--runs", type=click.IntRange(min=2), default=3, show_default=True,
               help="Learning runs of each learner.")  # fmt: skip
-@env_options
+@env_arg_option
 @seed_option
 @json_option
 def demo(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from eutree.cli._options import env_options, json_option
+from eutree.cli._options import env_arg_option, json_option
 from eutree.cli._output import Output
 from eutree.errors import InvalidArgumentError
 
@@ -137,7 +137,7 @@ def replay(folder: Path, number: int, window: bool, as_json: bool) -> None:
 @demos.command(epilog="Example: eutree demos check demos/")
 @_folder
 @click.option("--env", "environment", help="The environment; the one of FOLDER if not given.")
-@env_options
+@env_arg_option
 @json_option
 def check(
     folder: Path, environment: str | None, env_arguments: dict[str, Any], as_json: bool
@@ -209,7 +209,7 @@ def stats(folder: Path, html: Path | None, as_json: bool) -> None:
 @click.argument("source")
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="A new folder.")
 @click.option("--env", "environment", help="The environment, where the source names none.")
-@env_options
+@env_arg_option
 @json_option
 def import_(
     source: str,

@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from eutree.cli._options import env_options, json_option, override, seed_option
+from eutree.cli._options import env_arg_option, json_option, override, seed_option
 from eutree.cli._output import Output
 from eutree.errors import InvalidArgumentError
 
@@ -30,7 +30,7 @@ from eutree.errors import InvalidArgumentError
 @click.option("--episodes", type=click.IntRange(min=0), default=100, show_default=True,
               help="Episodes of the evaluation before and after, where the policy's file "
               "names its environment; 0 for none.")  # fmt: skip
-@env_options
+@env_arg_option
 @seed_option
 @json_option
 def edit(

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from eutree.cli._options import env_options, json_option, override, seed_option
+from eutree.cli._options import env_arg_option, json_option, override, seed_option
 from eutree.cli._output import Output
 from eutree.errors import InvalidArgumentError
 from eutree.schema import EnvironmentSpec
@@ -35,7 +35,7 @@ def check_fits(policy: "TreePolicy", path: Path, spec: EnvironmentSpec) -> None:
 @click.argument("environment", required=False)
 @click.option("--episodes", type=click.IntRange(min=1), default=100, show_default=True,
               help="How many episodes.")  # fmt: skip
-@env_options
+@env_arg_option
 @seed_option
 @json_option
 def evaluate(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from eutree.cli._options import env_options, json_option, override, seed_option
+from eutree.cli._options import env_arg_option, json_option, override, seed_option
 from eutree.cli._output import Output
 from eutree.errors import InvalidArgumentError
 from eutree.schema import EnvironmentSpec
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 @click.option("--tensorboard", type=click.Path(path_type=Path),
               help="Folder for a log that TensorBoard shows; one for each run.")  # fmt: skip
 @click.option("--strict", is_flag=True, help="Refuse observations outside the space's bounds.")
-@env_options
+@env_arg_option
 @seed_option
 @json_option
 def learn(

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from eutree.cli._options import env_options, json_option, seed_option
+from eutree.cli._options import env_arg_option, json_option, seed_option
 from eutree.cli._output import Output
 from eutree.errors import InvalidArgumentError
 from eutree.schema import EnvironmentSpec
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 @click.option("--expert", help="A scripted expert, for example gate or look-ahead.")
 @click.option("--careless", type=click.FloatRange(0, 1), default=0.0, show_default=True,
               help="Share of random actions of the scripted expert.")  # fmt: skip
-@env_options
+@env_arg_option
 @seed_option
 @json_option
 def record(

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from eutree.cli._options import env_options, json_option, override, seed_option
+from eutree.cli._options import env_arg_option, json_option, override, seed_option
 from eutree.cli._output import Output
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
               help="How many episodes the page plays.")  # fmt: skip
 @click.option("--demos", type=click.Path(path_type=Path),
               help="Demonstrations whose steps the page shows in their leaves.")  # fmt: skip
-@env_options
+@env_arg_option
 @seed_option
 @json_option
 def show(
