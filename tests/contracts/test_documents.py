@@ -23,6 +23,8 @@ REASONS = {
     "waits for a person",
     "needs what a person recorded",
     "needs other machines",
+    "needs what is not installed here",
+    "starts a server",
     "installs",
     "takes minutes",
 }
@@ -70,7 +72,7 @@ def test_what_is_not_run_has_one_of_few_reasons(page: Path) -> None:
 
 def test_few_blocks_are_not_run() -> None:
     marks = [block.mark for page in pages() for block in blocks(page)]
-    assert marks.count("no-run") <= 12
+    assert marks.count("no-run") <= 16
 
 
 def test_a_wrong_block_fails(tmp_path: Path) -> None:
