@@ -1,22 +1,27 @@
 """Learn for very many environment steps; show time per step and memory by decade.
 
-    python -m benchmarks.soak --steps 1000000
+    python -m benchmarks.soak --preset splits --max-transitions 20000 --steps 10000000
 
-A table of processor time per step, memory and leaves at 10^3, 2 * 10^3, 5 * 10^3, 10^4, ... steps.
+``splits`` is the default preset without planning: leaves are split by tests. A table of processor
+time per step, memory and leaves at 10^3, 2 * 10^3, 5 * 10^3, 10^4, ... steps.
 Evaluations are left out, so the time is that of gathering, learning and expanding alone.
 """
 
 import argparse
-import resource
+import os
 import time
 from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
 
 import gymnasium
 
 import eutree
+from eutree.learning import DEFAULT, PRESETS
 from eutree.training import LearningRun
 
 ENVIRONMENT = "eutree/Evasion2-v0"
+SETTINGS = {**PRESETS, "splits": replace(DEFAULT, imagination=None)}
 
 
 def marks() -> Iterator[int]:
@@ -27,15 +32,22 @@ def marks() -> Iterator[int]:
         decade *= 10
 
 
+def memory() -> float:
+    """Return the memory that this process has now, in MB."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
 def main() -> None:
     """Run the soak and print a row at each mark."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--steps", type=int, default=100_000)
-    parser.add_argument("--preset", default="paper")
+    parser.add_argument("--preset", default="paper", choices=SETTINGS)
+    parser.add_argument("--max-transitions", type=int)
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
     env = gymnasium.make(ENVIRONMENT)
-    short = {"evaluate_every": 10**9, "evaluation_episodes": 1, "preset": arguments.preset}
+    settings = replace(SETTINGS[arguments.preset], max_transitions=arguments.max_transitions)
+    short = {"evaluate_every": 10**9, "evaluation_episodes": 1, "settings": settings}
     eutree.learn(env, episodes=40, **short)  # compile before the clock starts
     upcoming = marks()
     mark = next(upcoming)
@@ -47,19 +59,19 @@ def main() -> None:
             return
         spent = time.process_time() - start
         per_step = (spent - last_time) / max(run.steps - last_steps, 1)
-        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-        stored = run.learner.history.n_bytes_per_transition
+        history = run.learner.history
         print(
             f"| {run.steps:,} | {run.episode:,} | {1e6 * per_step:.0f} | {spent:.0f} "
-            f"| {memory:.0f} | {stored:.0f} | {run.learner.tree.n_leaves} |",
+            f"| {memory():.0f} | {history.size:,} | {history.n_bytes_per_transition:.0f} "
+            f"| {run.learner.tree.n_leaves} |",
             flush=True,
         )
         last_time, last_steps = spent, run.steps
         mark = next(upcoming)
 
     steps_left = arguments.steps
-    print("| steps | episodes | us a step since | s | MB at most | B a row | leaves |")
-    print("|---|---|---|---|---|---|---|")
+    print("| steps | episodes | us a step since | s | MB | stored | B a row | leaves |")
+    print("|---|---|---|---|---|---|---|---|")
     result = eutree.learn(
         env,
         episodes=10**9,

@@ -30,7 +30,7 @@ def lambda_target(history, row, values, greedy, discount, decay):
     following = row + 1
     goes_on = (
         following < history.size
-        and history.episodes[following] == history.episodes[row]
+        and history.continues[following]
         and history.actions[following] == greedy[history.left[following]]
     )
     if not goes_on:

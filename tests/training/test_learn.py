@@ -122,6 +122,28 @@ def test_a_run_resumed_after_an_interruption_ends_the_same(
         assert (tmp_path / "run" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
 
 
+@pytest.mark.promise(8)
+@pytest.mark.parametrize("preset", ["paper", "default"])
+@pytest.mark.parametrize("at", [1, 20])
+def test_a_bounded_run_resumed_ends_the_same(env, demonstrations, tmp_path, preset, at):
+    options = {"demonstrations": demonstrations, "preset": preset, "max_transitions": 250, **SHORT}
+
+    def interrupt(run):
+        if run.episode == at:
+            raise InterruptedRunError
+
+    with pytest.raises(InterruptedRunError):
+        eutree.learn(env, out=tmp_path / "run", on_progress=interrupt, **options)
+    resumed = eutree.learn(env, out=tmp_path / "run", resume=True, **options)
+    whole = eutree.learn(env, out=tmp_path / "whole", **options)
+    assert 100 < whole.history.size <= 250 < whole.steps
+    assert same(resumed, whole)
+    for name in ("policy.json", "curve.csv", "events.jsonl", "checkpoint.npz"):
+        assert (tmp_path / "run" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+    with pytest.raises(RunFolderError, match="cannot be resumed"):
+        eutree.learn(env, out=tmp_path / "run", resume=True, **{**options, "max_transitions": 251})
+
+
 def test_a_request_to_stop_ends_the_run_at_the_last_finished_episode(env, demonstrations, tmp_path):
     calls = iter(range(10**9))
     options = {"demonstrations": demonstrations, "seed": 2, **SHORT}
@@ -212,6 +234,7 @@ def test_settings_of_one_s_own(env, demonstrations):
         ({"evaluate_every": 0}, "evaluate_every must be an integer >= 1, got 0"),
         ({"evaluation_episodes": 0}, "evaluation_episodes must be an integer >= 1, got 0"),
         ({"seed": -3}, "seed must be an integer >= 0, got -3"),
+        ({"max_transitions": 0}, "max_transitions must be an integer >= 1, got 0"),
         ({"history": -1}, "history must be an integer >= 0, got -1"),
     ],
 )

@@ -37,6 +37,8 @@ if TYPE_CHECKING:
               help="Previous observations that become features too.")  # fmt: skip
 @click.option("--polish-steps", type=click.IntRange(min=0), default=0, show_default=True,
               help="Environment steps spent at the end on races of improved trees.")  # fmt: skip
+@click.option("--max-transitions", type=click.IntRange(min=1),
+              help="Most transitions to remember; by default all.")  # fmt: skip
 @click.option("--offline", is_flag=True, help="Learn from the demonstrations alone.")
 @click.option("--resume", is_flag=True, help="Go on with an interrupted run in the same folder.")
 @click.option("--checkpoint-seconds", type=click.FloatRange(min=0),
@@ -60,6 +62,7 @@ def learn(
     evaluation_episodes: int,
     history: int,
     polish_steps: int,
+    max_transitions: int | None,
     offline: bool,
     resume: bool,
     checkpoint_seconds: float | None,
@@ -109,6 +112,7 @@ def learn(
             evaluation_episodes=evaluation_episodes,
             history=history,
             polish_steps=polish_steps,
+            max_transitions=max_transitions,
             strict=strict,
             out=out,
             resume=resume,

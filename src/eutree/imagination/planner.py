@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from eutree.arrays import Floats
+from eutree.arrays import Floats, Integers
 from eutree.imagination._kernels import ActionTree
 from eutree.imagination.improvement import Improvement
 from eutree.imagination.rehearsal import Rehearsal
@@ -34,7 +34,7 @@ class Plan:
         explorer: What acts to find out; None before the first planning.
         proved: Episodes in which the policy acted without exploration.
         tried: Episodes in which candidates did, since the policy was adopted.
-        planned_at: Number of transitions at the last planning.
+        planned_at: Number of transitions seen at the last planning.
         demonstrations: How many of the first episodes are demonstrations that still count.
         outdated: First episode that world models are fitted to; those before are of another world.
     """
@@ -58,6 +58,20 @@ class Plan:
         if self.candidate is None:
             return replace(self, proved=(*self.proved, episode))
         return replace(self, tried=(*self.tried, episode))
+
+    def keeping(self, episodes: Integers) -> "Plan":
+        """Return the plan when all but these episodes, ascending, are forgotten.
+
+        Those that are left are numbered from 0, as their places in ``episodes`` are.
+        """
+        place = {number: new for new, number in enumerate(episodes.tolist())}
+        return replace(
+            self,
+            proved=tuple(place[number] for number in self.proved if number in place),
+            tried=tuple(place[number] for number in self.tried if number in place),
+            demonstrations=int(np.searchsorted(episodes, self.demonstrations)),
+            outdated=int(np.searchsorted(episodes, self.outdated)),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,9 +115,9 @@ class Imagination:
         check_integer("max_transitions", self.max_transitions, low=1)
         check_number("discount", self.discount, low=0.0, high=1.0)
 
-    def due(self, plan: Plan, n_transitions: int) -> bool:
-        """Return whether the history has grown enough to plan again."""
-        return n_transitions > plan.planned_at * self.growth
+    def due(self, plan: Plan, n_seen: int) -> bool:
+        """Return whether enough transitions were seen to plan again."""
+        return n_seen > plan.planned_at * self.growth
 
     def plan(self, plan: Plan, data: Transitions, generator: np.random.Generator) -> Plan:
         """Return the next plan: adopt the candidate or not, then plan both trees anew."""
@@ -121,8 +135,7 @@ class Imagination:
         begin = plan.policy if plan.explorer is None else plan.explorer
         explorer = self.improvement.improve(hopeful, begin, scale)
         candidate = self._candidate(plan, sober, scale)
-        planned_at = data.rewards.size
-        return replace(plan, candidate=candidate, explorer=explorer, planned_at=planned_at)
+        return replace(plan, candidate=candidate, explorer=explorer)
 
     def _deserves(
         self, plan: Plan, candidate: ActionTree, data: Transitions, sober: Rehearsal
@@ -132,7 +145,7 @@ class Imagination:
         tried = returns[list(plan.tried[-self.memory :])]
         known = plan.proved[-6 * self.memory :] or _others(plan, returns.size)
         proved = returns[list(known)]
-        if tried.size < _SHORTEST_TRIAL:
+        if tried.size < _SHORTEST_TRIAL or not proved.size:
             return False
         if tried.size < self.min_trial and not _clearly_better(tried, proved):
             return False

@@ -109,7 +109,7 @@ def one_step_targets(
 def lambda_targets(
     rows: Integers,  # [n]
     n_rows: int,
-    episodes: Int32s,  # [N]
+    continues: Booleans,  # [N]
     actions: Int32s,  # [N]
     rewards: Floats,  # [N]
     left: Int32s,  # [N]
@@ -122,7 +122,7 @@ def lambda_targets(
 ) -> None:
     """Write the lambda-return of each row, cut at the first action that is not greedy.
 
-    Row i + 1 follows row i when both are of one episode. The return goes on into the next row
+    Row i + 1 follows row i when it ``continues`` it. The return goes on into the next row
     only while that row's action is the greedy one of its leaf (Watkins's Q(lambda)); there it
     bootstraps with the value of the leaf entered.
     """
@@ -134,7 +134,7 @@ def lambda_targets(
             total += weight * rewards[row]
             if entered[row] < 0:
                 break
-            follows = row + 1 < n_rows and episodes[row + 1] == episodes[row]
+            follows = row + 1 < n_rows and continues[row + 1]
             if not follows or actions[row + 1] != greedy[left[row + 1]]:
                 total += weight * discount * values[entered[row]]
                 break

@@ -79,13 +79,18 @@ class Foresight:
         if not self._explores:
             self.plan = self.plan.with_episode(episode)
 
+    def keep(self, episodes: Integers) -> None:
+        """Forget all episodes but these, which are numbered from 0 now."""
+        self.plan = self.plan.keeping(episodes)
+
     def think(self, history: History, generator: np.random.Generator) -> bool:
         """Plan if it is time; return whether the policy is another one now."""
-        if not history.size or not self._imagination.due(self.plan, history.size):
+        if not history.size or not self._imagination.due(self.plan, history.n_seen):
             return False
         before = self.plan.policy
         data = transitions_of(history, self._n_actions)
-        self.plan = self._imagination.plan(self.plan, data, generator)
+        plan = self._imagination.plan(self.plan, data, generator)
+        self.plan = replace(plan, planned_at=history.n_seen)
         return self.plan.policy is not before
 
     def policy(self) -> tuple[DecisionTree, Integers]:
@@ -124,14 +129,18 @@ class Foresight:
 
 
 def transitions_of(history: History, n_actions: int) -> Transitions:
-    """Return a history as planning sees it."""
+    """Return a history as planning sees it; what a gap divides counts as two episodes."""
+    numbers = history.episodes.astype(np.int64)
+    gaps = ~history.continues
+    gaps[1:] &= numbers[1:] == numbers[:-1]
+    gaps[:1] = False
     return Transitions(
         history.observations,
         history.actions.astype(np.int64),
         history.rewards,
         history.next_observations,
         history.entered == TERMINAL,
-        history.episodes.astype(np.int64),
+        numbers + np.cumsum(gaps),
         n_actions,
     )
 

@@ -1,8 +1,9 @@
 """The transition history, and for each leaf which transitions left and which entered it.
 
-Rows of one episode are stored one after the other, so row i + 1 follows row i within it. Each
-leaf has two lists of rows, those that left it (T(s, a) of the paper, over all actions) and those
-that entered it; a split of the leaf divides just these two lists, whatever else is stored.
+Rows of one episode are stored one after the other; where a bounded history has left some out,
+``continues`` tells which rows still follow the row before them. Each leaf has two lists of rows,
+those that left it (T(s, a) of the paper, over all actions) and those that entered it; a split of
+the leaf divides just these two lists, whatever else is stored.
 """
 
 from collections.abc import Mapping
@@ -14,10 +15,12 @@ from numpy.typing import NDArray
 
 from eutree.arrays import Booleans, Floats, Int32s, Integers
 from eutree.learning import _kernels
+from eutree.learning.forgetting import WHOLE, Forgetting, LeafReservoirs
 from eutree.trees import DecisionTree
 
 TERMINAL = -1
 _GROWTH = 1.25
+_STORED = ("observations", "next_observations", "actions", "rewards", "episodes", "continues")
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,26 +41,35 @@ class History:
     Args:
         n_features: Number of features d of an observation.
         n_leaves: Number of leaves of the tree whose leaves label the rows.
+        forgetting: What is left out when there is too much; None stores everything.
 
     Attributes:
         size: Number of transitions N.
+        n_seen: Number of transitions ever appended, with those that were left out.
         n_episodes: Number of episodes stored.
     """
 
-    def __init__(self, n_features: int, n_leaves: int) -> None:
+    def __init__(
+        self, n_features: int, n_leaves: int, forgetting: Forgetting | None = None
+    ) -> None:
         self.size = 0
+        self.n_seen = 0
         self.n_episodes = 0
+        self._forgetting = forgetting
         self._columns: dict[str, NDArray[Any]] = {
             "observations": np.empty((64, n_features)),
             "next_observations": np.empty((64, n_features)),
             "actions": np.empty(64, dtype=np.int32),
             "rewards": np.empty(64),
             "episodes": np.empty(64, dtype=np.int32),
+            "continues": np.empty(64, dtype=np.bool_),
             "left": np.empty(64, dtype=np.int32),
             "entered": np.empty(64, dtype=np.int32),
             "_left_link": np.empty(64, dtype=np.int64),
             "_entered_link": np.empty(64, dtype=np.int64),
         }
+        if forgetting is not None:
+            self._columns["lots"] = np.empty(64, dtype=np.uint32)
         self._lists = {side: _Lists(n_leaves) for side in ("left", "entered")}
 
     def __len__(self) -> int:
@@ -86,8 +98,13 @@ class History:
 
     @property
     def episodes(self) -> Int32s:
-        """Number of the episode of each transition, shape [N]; a view."""
+        """Number of the episode of each transition among those stored, shape [N]; a view."""
         return self._view("episodes")
+
+    @property
+    def continues(self) -> Booleans:
+        """Whether each transition came right after the one before it, shape [N]; a view."""
+        return self._view("continues")
 
     @property
     def left(self) -> Int32s:
@@ -107,24 +124,36 @@ class History:
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return what the history holds; its labels and lists follow from the tree."""
-        stored = ("observations", "next_observations", "actions", "rewards", "episodes")
-        return {
-            **{name: self._view(name) for name in stored},
+        state = {
+            **{name: self._view(name) for name in _STORED},
             "terminal": self.entered == TERMINAL,
             "n_episodes": np.array([self.n_episodes]),
+            "n_seen": np.array([self.n_seen]),
         }
+        if self._forgetting is not None:
+            state |= {"lots": self._view("lots"), "bounds": self._forgetting.bounds}
+        return state
 
     @classmethod
-    def from_state(cls, state: Mapping[str, NDArray[Any]], tree: DecisionTree) -> "History":
+    def from_state(
+        cls,
+        state: Mapping[str, NDArray[Any]],
+        tree: DecisionTree,
+        forgetting: Forgetting | None = None,
+    ) -> "History":
         """Return the history whose ``state()`` this was, labelled by ``tree``."""
-        history = cls(tree.n_features, tree.n_leaves)
+        history = cls(tree.n_features, tree.n_leaves, forgetting)
         size = len(state["rewards"])
         history._reserve(size)
         history.size, history.n_episodes = size, int(state["n_episodes"][0])
-        for name in ("observations", "next_observations", "actions", "rewards", "episodes"):
+        history.n_seen = int(state["n_seen"][0])
+        for name in _STORED:
             history._view(name)[:] = state[name]
+        if forgetting is not None:
+            history._view("lots")[:] = state["lots"]
+            forgetting.bounds = np.array(state["bounds"])
         history.entered[:] = np.where(state["terminal"], TERMINAL, 0)
-        history.relabel(tree)
+        history._label(tree)
         return history
 
     def append_episode(
@@ -135,36 +164,80 @@ class History:
         leaves: Int32s,  # [T + 1]
         *,
         terminated: bool,
-    ) -> None:
-        """Store the transitions of one episode, with the leaves of its observations."""
+        generator: np.random.Generator | None = None,
+    ) -> Booleans:
+        """Store the transitions of one episode, with the leaves of its observations.
+
+        The lots of a bounded history come from ``generator``; without one they follow from the
+        number of transitions seen before.
+
+        Returns:
+            Which of the transitions are stored, shape [T].
+        """
         steps = len(actions)
-        first, last = self.size, self.size + steps
-        self._reserve(last)
-        columns = self._columns
-        columns["observations"][first:last] = observations[:-1]
-        columns["next_observations"][first:last] = observations[1:]
-        columns["actions"][first:last] = actions
-        columns["rewards"][first:last] = rewards
-        columns["episodes"][first:last] = self.n_episodes
-        columns["left"][first:last] = leaves[:-1]
-        columns["entered"][first:last] = leaves[1:]
+        entered = np.array(leaves[1:])
         if terminated and steps:
-            columns["entered"][last - 1] = TERMINAL
+            entered[-1] = TERMINAL
+        new = {
+            "observations": observations[:-1],
+            "next_observations": observations[1:],
+            "actions": actions,
+            "rewards": rewards,
+            "episodes": np.full(steps, self.n_episodes),
+            "continues": np.arange(steps) > 0,
+            "left": leaves[:-1],
+            "entered": entered,
+        }
+        stored = np.ones(steps, dtype=np.bool_)
+        if self._forgetting is not None:
+            chance = generator or np.random.default_rng(self.n_seen)
+            new["lots"] = self._forgetting.draw(steps, chance)
+            stored = self._forgetting.admits(leaves[:-1], actions, new["lots"])
+            new["continues"][1:] &= stored[:-1]
+        first, last = self.size, self.size + int(stored.sum())
+        self._reserve(last)
+        for name, values in new.items():
+            self._columns[name][first:last] = values if last - first == steps else values[stored]
         self._append_to_lists(first, last)
         self.size = last
+        self.n_seen += steps
         self.n_episodes += 1
+        return stored
 
-    def rows_leaving(self, leaf: int) -> Integers:
-        """Return the rows of the transitions that left ``leaf``, ascending."""
-        return self._rows("left", leaf)
+    def forget(self) -> Integers | None:
+        """Forget what is too much, and number the episodes that stay from 0.
 
-    def rows_entering(self, leaf: int) -> Integers:
-        """Return the rows of the transitions that entered ``leaf``, ascending."""
-        return self._rows("entered", leaf)
+        Returns:
+            The former numbers of the episodes that stay, ascending; None if nothing is too much.
+        """
+        rule = self._forgetting
+        if rule is None or self.size <= rule.max_transitions:
+            return None
+        stay = rule.keeps(self.left, self.actions, self.episodes, self._view("lots"))
+        self.continues[1:] &= stay[:-1]
+        size = int(stay.sum())
+        for column in self._columns.values():
+            column[:size] = column[: self.size][stay]
+        self.size = size
+        kept, self.episodes[:] = np.unique(self.episodes, return_inverse=True)
+        self.n_episodes = kept.size
+        self._relist(len(self._lists["left"].count))
+        return kept.astype(np.int64)
 
     def counts_leaving(self) -> Integers:
         """Return how many transitions left each leaf, shape [at least L]."""
         return self._lists["left"].count
+
+    def seen_leaving(self) -> Integers:
+        """Return how many transitions left each leaf, estimated where some were left out, [L]."""
+        rule = self._forgetting
+        if not isinstance(rule, LeafReservoirs):
+            return self.counts_leaving()
+        n_actions = rule.bounds.shape[1]
+        cells = self.left.astype(np.int64) * n_actions + self.actions
+        stored = np.bincount(cells, minlength=rule.bounds.size).reshape(-1, n_actions)
+        seen = (stored * (WHOLE / rule.bounds)).sum(axis=1)
+        return seen.astype(np.int64)
 
     def split(self, leaf: int, new_leaf: int, feature: int, threshold: float) -> Relabelling:
         """Relabel the rows that left or entered ``leaf`` after its split at ``threshold``.
@@ -174,6 +247,7 @@ class History:
         leaving, entering = self.rows_leaving(leaf), self.rows_entering(leaf)
         rows = np.empty(leaving.size + entering.size, dtype=np.int64)
         rows = rows[: _kernels.merge(leaving, entering, rows)]
+        self._begin_anew(leaving, new_leaf + 1, [leaf, new_leaf])
         old_left, old_entered = self.left[rows], self.entered[rows]
         for lists in self._lists.values():
             lists.reserve(new_leaf + 1)
@@ -188,11 +262,28 @@ class History:
 
     def relabel(self, tree: DecisionTree) -> None:
         """Label all rows anew from ``tree``; used when a tree is merged or replaced."""
+        self._begin_anew(np.arange(self.size), tree.n_leaves, None)
+        self._label(tree)
+
+    def _begin_anew(self, rows: Integers, n_leaves: int, leaves: list[int] | None) -> None:
+        """Let reservoirs whose leaf is changing, and whose rows these are, take in all again."""
+        rule = self._forgetting
+        if rule is not None:
+            lots = self._view("lots")
+            lots[rows] = rule.spread(self.left[rows], self.actions[rows], lots[rows])
+            rule.begin_anew(n_leaves, leaves)
+
+    def _label(self, tree: DecisionTree) -> None:
+        """Write the leaves of all rows, and the lists of rows."""
         terminal = self.entered == TERMINAL
         self.left[:] = tree.leaf_index(self.observations)
         self.entered[:] = tree.leaf_index(self.next_observations)
         self.entered[terminal] = TERMINAL
-        self._lists = {side: _Lists(tree.n_leaves) for side in ("left", "entered")}
+        self._relist(tree.n_leaves)
+
+    def _relist(self, n_leaves: int) -> None:
+        """Make the lists of rows anew from the labels."""
+        self._lists = {side: _Lists(n_leaves) for side in ("left", "entered")}
         self._append_to_lists(0, self.size)
 
     def _view(self, name: str) -> NDArray[Any]:
@@ -203,7 +294,10 @@ class History:
         capacity = len(self._columns["rewards"])
         if size <= capacity:
             return
-        capacity = max(size, int(capacity * _GROWTH) + 1)
+        spare = int(capacity * _GROWTH) + 1
+        if self._forgetting is not None:
+            spare = min(spare, self._forgetting.max_transitions)
+        capacity = max(size, spare)
         for name, column in self._columns.items():
             grown = np.empty((capacity, *column.shape[1:]), dtype=column.dtype)
             grown[: self.size] = column[: self.size]

@@ -33,6 +33,8 @@ class Settings:
         backups: Prioritized-sweeping backups after each step (Moore & Atkeson 1993).
         imagination: Plan the tree in a world model instead of splitting its leaves by tests; None
             is the paper's way.
+        max_transitions: Most transitions remembered between two episodes: a sample of those of
+            each leaf and action or, with imagination, whole episodes. None remembers all.
     """
 
     discount: float = 0.99
@@ -47,6 +49,7 @@ class Settings:
     untried_value: float | None = None
     backups: int = 5
     imagination: Imagination | None = None
+    max_transitions: int | None = None
 
     def __post_init__(self) -> None:
         check_number("discount", self.discount, low=0.0, high=1.0)
@@ -56,3 +59,5 @@ class Settings:
         check_integer("backups", self.backups, low=0)
         if self.untried_value is not None:
             check_number("untried_value", self.untried_value)
+        if self.max_transitions is not None:
+            check_integer("max_transitions", self.max_transitions, low=1)

@@ -77,7 +77,7 @@ class LambdaReturn:
         _kernels.lambda_targets(
             rows,
             history.size,
-            history.episodes,
+            history.continues,
             history.actions,
             history.rewards,
             history.left,

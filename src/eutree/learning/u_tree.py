@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eutree.arrays import Floats, Int32s, Integers
+from eutree.arrays import Booleans, Floats, Int32s, Integers
 from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
 from eutree.learning.foresight import Foresight
+from eutree.learning.forgetting import Forgetting, LeafReservoirs, RecentEpisodes
 from eutree.learning.history import TERMINAL, History
 from eutree.learning.settings import Settings
 from eutree.mdp import TabularMDP
@@ -68,7 +69,8 @@ class UTree:
     ) -> None:
         self.tree = tree
         self.settings = settings
-        self.history = History(tree.n_features, tree.n_leaves)
+        rule = _forgetting(settings, tree.n_leaves, n_actions)
+        self.history = History(tree.n_features, tree.n_leaves, rule)
         self.mdp = TabularMDP(
             tree.n_leaves,
             n_actions,
@@ -78,7 +80,7 @@ class UTree:
         self.n_actions = n_actions
         none = np.zeros(tree.n_leaves, dtype=np.int64)
         self._inherited = np.array(none if inherited is None else inherited)  # [L]
-        self._tested_at = np.zeros(tree.n_leaves, dtype=np.int64)  # [L] rows at the last test
+        self._tested_at = np.zeros(tree.n_leaves, dtype=np.int64)  # [L] seen at the last test
         self._locked = frozenset(locked)
         self._foresight = self._new_foresight(informed=inherited is not None)
         self._steps: list[tuple[Floats, int, float]] = []
@@ -104,7 +106,8 @@ class UTree:
         tree = DecisionTree(n_features, **{name: state[name] for name in _TREE_ARRAYS})
         locked = state["locked"].tolist() if "locked" in state else ()
         learner = cls(tree, n_actions, settings, inherited=state["inherited"], locked=locked)
-        learner.history = History.from_state(_part(state, "history_"), tree)
+        rule = _forgetting(settings, tree.n_leaves, n_actions)
+        learner.history = History.from_state(_part(state, "history_"), tree, rule)
         history = learner.history
         learner.mdp.observe_batch(history.left, history.actions, history.rewards, history.entered)
         learner.mdp.restore(_part(state, "mdp_"))
@@ -115,7 +118,6 @@ class UTree:
 
     def add_demonstrations(self, episodes: Iterable[Episode]) -> None:
         """Store the expert's transitions and solve the MDP for the first Q-table."""
-        first = self.history.size
         for episode in episodes:
             self.history.append_episode(
                 episode.observations,
@@ -124,10 +126,8 @@ class UTree:
                 self.tree.leaf_index(episode.observations),
                 terminated=episode.terminated,
             )
-        new = self.history
-        self.mdp.observe_batch(
-            new.left[first:], new.actions[first:], new.rewards[first:], new.entered[first:]
-        )
+            self.history.forget()
+        self._count_again()
         self.mdp.solve()
         if self._foresight is not None:
             self._foresight.add_demonstrations(self.history.n_episodes)
@@ -256,17 +256,18 @@ class UTree:
         return best if best >= 0 else int(self._inherited[leaf])
 
     def _due(self) -> list[int]:
-        """Return the leaves to test: those that have grown enough since they were tested."""
-        sizes = self.history.counts_leaving()[: self.tree.n_leaves]
-        due = sizes >= self._tested_at * self.settings.retest_growth
+        """Return the leaves to test now: those that have grown enough since they were tested."""
+        sizes = self.history.seen_leaving()[: self.tree.n_leaves]
+        growth = self.settings.retest_growth
+        due = (sizes >= self._tested_at * growth) | (growth == 1.0)  # an estimate may fall
         due[list(self._locked)] = False
+        self._tested_at[due] = sizes[due]
         leaves: list[int] = np.flatnonzero(due).tolist()
         return leaves
 
     def _split_of(self, leaf: int, generator: np.random.Generator) -> Split | None:
         """Return the split that ``leaf`` deserves, or None."""
         sample = self._sample(leaf)
-        self._tested_at[leaf] = sample.returns.size
         split = self.settings.splitter.best(sample)
         if split is None:
             return None
@@ -315,16 +316,59 @@ class UTree:
         self.tree = self.tree.split_each(cuts)
 
     def _end_episode(self, *, terminated: bool) -> None:
-        self.history.append_episode(
+        leaves = np.array(self._leaves, dtype=np.int32)
+        actions = np.array([step[1] for step in self._steps], dtype=np.int64)
+        rewards = np.array([step[2] for step in self._steps])
+        stored = self.history.append_episode(
             np.array([self._first, *(step[0] for step in self._steps)]),
-            np.array([step[1] for step in self._steps], dtype=np.int64),
-            np.array([step[2] for step in self._steps]),
-            np.array(self._leaves, dtype=np.int32),
+            actions,
+            rewards,
+            leaves,
             terminated=terminated,
+            generator=self._generator,
         )
         self._steps.clear()
         if self._foresight is not None:
             self._foresight.end_episode(self.history.n_episodes - 1)
+        if not stored.all():
+            entered = np.append(leaves[1:-1], TERMINAL if terminated else leaves[-1])
+            self._uncount(leaves[:-1], actions, rewards, entered, stored)
+        self._forget()
+
+    def _uncount(
+        self, left: Int32s, actions: Integers, rewards: Floats, entered: Integers, stored: Booleans
+    ) -> None:
+        """Take back the counts of those transitions of the last episode that were not stored."""
+        out = ~stored
+        self.mdp.forget_batch(left[out], actions[out], rewards[out], entered[out])
+        state = self.mdp.state()
+        state["reward_sums"] = self._before["reward_sums"]  # to the bit: as if never added
+        np.add.at(state["reward_sums"], (left[stored], actions[stored]), rewards[stored])
+        self.mdp.restore(state)
+
+    def _forget(self) -> None:
+        """Forget what the history holds too much; count what is left."""
+        kept = self.history.forget()
+        if kept is None:
+            return
+        if self._foresight is not None:
+            self._foresight.keep(kept)
+        self._count_again()
+
+    def _count_again(self) -> None:
+        """Count the stored transitions (Eqs. 3, 4); V, Q and the queue stay."""
+        state = self.mdp.state()
+        self.mdp = self._counted()
+        self.mdp.restore(state | {"reward_sums": self.mdp.reward_sums.copy()})
+
+    def _counted(self) -> TabularMDP:
+        """Return the MDP of the stored transitions (Eqs. 3, 4), not solved."""
+        settings, history = self.settings, self.history
+        mdp = TabularMDP(
+            self.tree.n_leaves, self.n_actions, settings.discount, untried=settings.untried_value
+        )
+        mdp.observe_batch(history.left, history.actions, history.rewards, history.entered)
+        return mdp
 
     def _new_foresight(self, *, informed: bool) -> Foresight | None:
         imagination = self.settings.imagination
@@ -343,11 +387,7 @@ class UTree:
         self.tree, self._inherited = tree, actions
         self._tested_at = np.zeros(tree.n_leaves, dtype=np.int64)
         self.history.relabel(tree)
-        settings, history = self.settings, self.history
-        self.mdp = TabularMDP(
-            tree.n_leaves, self.n_actions, settings.discount, untried=settings.untried_value
-        )
-        self.mdp.observe_batch(history.left, history.actions, history.rewards, history.entered)
+        self.mdp = self._counted()
         self.mdp.solve()
 
     def _statistics(self) -> LeafStatistics:
@@ -364,6 +404,15 @@ class UTree:
                     deviations[leaf, action] = mine.std(ddof=1) / np.sqrt(mine.size)
         values = np.where(visits > 0, self.mdp.action_values, np.nan)
         return LeafStatistics(visits, values, deviations)
+
+
+def _forgetting(settings: Settings, n_leaves: int, n_actions: int) -> Forgetting | None:
+    """Return what a learner of these settings forgets by: a planner needs whole episodes."""
+    if settings.max_transitions is None:
+        return None
+    if settings.imagination is not None:
+        return RecentEpisodes(settings.max_transitions)
+    return LeafReservoirs(settings.max_transitions, n_leaves, n_actions)
 
 
 def _part(state: Mapping[str, NDArray[Any]], prefix: str) -> dict[str, NDArray[Any]]:

@@ -43,6 +43,7 @@ def learn(
     evaluation_episodes: int = 100,
     history: int = 0,
     polish_steps: int = 0,
+    max_transitions: int | None = None,
     strict: bool = False,
     out: str | Path | None = None,
     resume: bool = False,
@@ -71,6 +72,9 @@ def learn(
         history: Number of previous observations that become features too, for what one
             observation does not show, such as a direction of movement.
         polish_steps: Environment steps spent at the end on ``eutree.polish``.
+        max_transitions: Most transitions that the learner remembers between two episodes, so that
+            a run of any length takes bounded memory: a uniform sample of those of each leaf and
+            action or, with planning, whole episodes. None leaves it to ``settings``.
         strict: Refuse observations outside the environment's own bounds.
         out: Folder for the policy, the expert tree, the curve, the events and the checkpoints.
         resume: Go on from the last checkpoint in ``out``, to the same bytes as if nothing had
@@ -102,6 +106,8 @@ def learn(
     clock = SavingClock(checkpoint_seconds)
     schedule = Schedule(episodes=episodes, evaluate_every=evaluate_every, seed=seed)
     chosen = preset_settings(preset) if settings is None else settings
+    if max_transitions is not None:
+        chosen = replace(chosen, max_transitions=max_transitions)
     if env is None:
         chosen = replace(chosen, imagination=None)  # nothing can be put on trial
     name = check_choice("learner", learner or _default_learner(demonstrations, expert), LEARNERS)
