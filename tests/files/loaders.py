@@ -4,11 +4,21 @@ import json
 import sys
 from pathlib import Path
 
+import numpy as np
+
 from eutree.data import Demonstrations
 from eutree.data.files import DemonstrationFolder
 from eutree.data.journal import recover_episode
+from eutree.experiments.runs import RunRecord
+from eutree.files import read_document
+from eutree.learning import UTree
 from eutree.policies import TreePolicy
-from tests.files.mutations import mutate, mutate_members, mutate_records
+from eutree.training.checkpoint import restore_checkpoint, stored_observations
+from eutree.training.run import LearningRun
+from eutree.training.run_folder import ConfigDocument
+from eutree.trees import DecisionTree
+from tests.files.mutations import mutate, mutate_elements, mutate_members, mutate_records
+from tests.golden.contents import SETTINGS
 
 GOLDEN = Path(__file__).parents[1] / "golden" / "v1"
 
@@ -25,6 +35,44 @@ def load_journal(path):
     return recover_episode(path)
 
 
+def load_config(path):
+    return read_document(path, ConfigDocument)
+
+
+def load_experiment_run(path):
+    return read_document(path, RunRecord)
+
+
+def load_observations(path):
+    return stored_observations(path.parent)
+
+
+class Start:
+    """A run at its start, without an environment."""
+
+    EVENT_NUMBERS = LearningRun.EVENT_NUMBERS
+
+    def __init__(self, settings):
+        self.learner = UTree(DecisionTree.single_leaf(3), 2, settings)
+
+
+def checkpoint_loader(name):
+    """Return a loader of checkpoints that also uses what it has loaded."""
+
+    def load(path):
+        run = Start(SETTINGS[name])
+        restore_checkpoint(path, run, SETTINGS[name])
+        learner = run.learner
+        learner.targets(np.arange(learner.history.size))
+        learner.mdp.queue()
+        learner.mdp.sweep(20)
+        if SETTINGS[name].imagination is None:
+            learner.expand(np.random.default_rng(0))
+        return run
+
+    return load
+
+
 # kind: (golden file, name it must have, loader, damages)
 LOADERS = {
     "policy": ("policy.json", "policy.json", TreePolicy.load, (mutate,)),
@@ -37,6 +85,23 @@ LOADERS = {
     ),
     "journal": ("running.journal", "x.journal", load_journal, (mutate, mutate_records)),
     "csv": ("demos.csv", "demos.csv", Demonstrations.from_csv, (mutate,)),
+    "run": ("run/config.json", "config.json", load_config, (mutate,)),
+    "experiment-run": ("experiment-run.json", "run.json", load_experiment_run, (mutate,)),
+    "observations": (
+        "run/checkpoint.npz",
+        "checkpoint.npz",
+        load_observations,
+        (mutate, mutate_members),
+    ),
+    **{
+        f"checkpoint-{name}": (
+            f"{name}/checkpoint.npz",
+            "checkpoint.npz",
+            checkpoint_loader(name),
+            (mutate, mutate_members, mutate_elements, mutate_elements),
+        )
+        for name in ("run", "run-planned", "run-bounded", "run-planned-bounded")
+    },
     "npz": ("demos.npz", "demos.npz", Demonstrations.from_npz, (mutate, mutate_members)),
 }
 

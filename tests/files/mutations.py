@@ -61,6 +61,28 @@ def mutate_members(data, rng):
     return buffer.getvalue()
 
 
+def mutate_elements(data, rng):
+    """Overwrite one to three elements of the arrays of an archive; all sizes stay right."""
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        members = {info.filename: archive.read(info) for info in archive.infolist()}
+    for _ in range(rng.randint(1, 3)):
+        name = rng.choice([name for name in sorted(members) if name.endswith(".npy")])
+        content = bytearray(members[name])
+        start = content.index(b"\n") + 1
+        wide = rng.choice((1, 4, 8))
+        if len(content) - start >= wide:
+            at = start + rng.randrange((len(content) - start) // wide) * wide
+            known = int.from_bytes(content[at : at + wide], "little")
+            new = rng.choice((0, 1, known + 1, known - 1, 2 ** (8 * wide - 1), rng.getrandbits(64)))
+            content[at : at + wide] = (new % 2 ** (8 * wide)).to_bytes(wide, "little")
+        members[name] = bytes(content)
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        for name, content in members.items():
+            archive.writestr(name, content)
+    return buffer.getvalue()
+
+
 def mutate_records(data, rng):
     """Damage one record of a journal, with a checksum that is right."""
     records, place = [], len(MAGIC)

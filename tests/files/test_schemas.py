@@ -74,7 +74,7 @@ def golden_documents():
     for path in sorted(GOLDEN.glob("v*/**/*")):
         if path.suffix == ".json":
             yield path.name, path.read_bytes()
-        elif path.suffix == ".npz" and "episode" in path.name:
+        elif path.suffix == ".npz" and path.stem.startswith(("episode", "checkpoint")):
             with zipfile.ZipFile(io.BytesIO(path.read_bytes())) as archive:
                 yield path.name, archive.read("document.json")
 

@@ -1,5 +1,12 @@
 """What the golden files hold, spelled out without any random generator."""
 
+from dataclasses import replace
+
+import eutree
+from eutree.experiments.runs import Performance, Point, RunRecord, RunSpec
+from eutree.imagination import Imagination
+from eutree.interaction.making import make
+from eutree.learning import PAPER
 from eutree.schema import EnvironmentSpec
 from tests.data.strategies import three_episodes
 from tests.data.test_files import journal_of
@@ -16,3 +23,39 @@ def demonstrations():
 
 def write_journal(path):
     journal_of(three_episodes().episodes[1], path).close()
+
+
+# Every number that a preset might change one day is written out.
+_PLANNED = replace(PAPER, imagination=Imagination(n_episodes=16, growth=1.5), gathering_episodes=4)
+SETTINGS = {
+    "run": PAPER,
+    "run-planned": _PLANNED,
+    "run-bounded": replace(PAPER, max_transitions=60),
+    "run-planned-bounded": replace(_PLANNED, max_transitions=200),
+}
+
+
+def learn(name, folder, *, episodes, resume):
+    """Start a run of one of the settings, or go on with it."""
+    return eutree.learn(
+        make(EnvironmentSpec("eutree/Evasion2-v0")),
+        settings=SETTINGS[name],
+        episodes=episodes,
+        evaluate_every=10,
+        evaluation_episodes=2,
+        seed=7,
+        out=folder,
+        resume=resume,
+    )
+
+
+def experiment_run():
+    spec = RunSpec(environment="eutree/Evasion2-v0", learner="eu-tree", preset="paper", seed=3)
+    return RunRecord(
+        spec=spec,
+        expert=Performance(0.9, 70.5, 11),
+        curve=[Point(0, 0.9, 70.5, 11), Point(20, 0.95, 80.25, 14)],
+        final=Performance(0.95, 80.25, 14),
+        compressed=Performance(0.95, 80.25, 12),
+        agreement=1.0,
+    )

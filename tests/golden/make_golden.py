@@ -6,7 +6,15 @@ python -m tests.golden.make_golden tests/golden/v2
 import sys
 from pathlib import Path
 
-from tests.golden.contents import demonstrations, policy, write_journal
+from eutree.files import write_document
+from tests.golden.contents import (
+    SETTINGS,
+    demonstrations,
+    experiment_run,
+    learn,
+    policy,
+    write_journal,
+)
 
 
 def main(folder: Path) -> None:
@@ -16,6 +24,10 @@ def main(folder: Path) -> None:
     demonstrations().to_csv(folder / "demos.csv")
     demonstrations().to_npz(folder / "demos.npz")
     write_journal(folder / "running.journal")
+    write_document(folder / "experiment-run.json", experiment_run())
+    for name in SETTINGS:
+        learn(name, folder / name, episodes=12, resume=False)
+        (folder / name / ".lock").unlink()
 
 
 if __name__ == "__main__":

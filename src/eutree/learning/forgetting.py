@@ -40,7 +40,7 @@ class Forgetting(Protocol):
     """
 
     max_transitions: int
-    bounds: NDArray[np.uint64]
+    bounds: NDArray[np.uint64]  # [L, A] or [1]
 
     def draw(self, n_steps: int, generator: np.random.Generator) -> Lots:
         """Return the lots of an episode's transitions, shape [T]."""

@@ -4,7 +4,9 @@ A setting that has strategies holds one as a value (``OneStep()``, ``LambdaRetur
 ablation replaces one value and nothing else.
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from typing import Any
 
 from eutree.imagination import Imagination
 from eutree.learning.gates import AlwaysOpen, Gate
@@ -61,3 +63,20 @@ class Settings:
             check_number("untried_value", self.untried_value)
         if self.max_transitions is not None:
             check_integer("max_transitions", self.max_transitions, low=1)
+
+
+def described(settings: Settings) -> dict[str, tuple[str, str]]:
+    """Return each setting and its default as text, those of a strategy as ``"target.decay"``."""
+    return {name: (text, default) for name, text, default in _described("", settings, Settings())}
+
+
+def _described(prefix: str, value: Any, usual: Any) -> Iterator[tuple[str, str, str]]:
+    """Yield name, value and default of each field; ``usual`` is an example of defaults, or None."""
+    for field in fields(value):
+        name, inner = prefix + field.name, getattr(value, field.name)
+        default = field.default if usual is None else getattr(usual, field.name)
+        if not is_dataclass(inner):
+            yield name, repr(inner), "" if default is MISSING else repr(default)
+            continue
+        yield name, type(inner).__name__, type(default).__name__
+        yield from _described(name + ".", inner, default if type(default) is type(inner) else None)

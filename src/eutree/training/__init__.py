@@ -1,11 +1,11 @@
 """Learning runs: gather, expand, evaluate, and the public ``learn``."""
 
+from eutree.training.checkpoint import stored_observations
 from eutree.training.learn import learn
 from eutree.training.offline import OfflineRun
 from eutree.training.polishing import PolishReport, polish
 from eutree.training.result import LearningResult
 from eutree.training.run import LearningRun, Schedule
-from eutree.training.run_folder import stored_observations
 
 __all__ = [
     "LearningResult",

@@ -15,6 +15,7 @@ from eutree.interaction import GuardedEnv
 from eutree.learning import LEARNERS, Settings, UTree, c_u_tree, eu_tree, eu_tree_dt
 from eutree.learning.expert_tree import fit_expert_tree
 from eutree.learning.presets import preset as preset_settings
+from eutree.learning.settings import described
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
 from eutree.training.callback import CallbackLike, CallbackListener
@@ -129,10 +130,11 @@ def learn(
         evaluator = _evaluator(env, evaluation_episodes)
         run = LearningRun(start, guarded, schedule, evaluator, stop=stop)
         environment = str(guarded.spec or guarded.name)
+    every = described(chosen)
     config = ConfigDocument(
         environment=environment,
         learner=name,
-        settings=repr(chosen),
+        settings={name: text for name, (text, _) in every.items()},
         episodes=schedule.episodes,
         evaluate_every=schedule.evaluate_every,
         evaluation_episodes=evaluation_episodes,
@@ -146,7 +148,8 @@ def learn(
             _go_on(run, None, clock, (follow, on_progress))
         policy, polished = _polished(run, env, polish_steps, seed)
     else:
-        with RunFolder(out, config, resume=resume) as folder:
+        usual = {name: default for name, (_, default) in every.items()}
+        with RunFolder(out, config, resume=resume, usual=usual) as folder:
             folder.save_start(expert)
             folder.load_checkpoint(run, chosen)
             with _followed(run, listener, tensorboard) as follow:

@@ -1,6 +1,6 @@
 """Learn from recorded episodes alone: the expansion phases of Table 1 over a fixed history."""
 
-from typing import Any
+from typing import Any, ClassVar
 
 from eutree.data import Demonstrations
 from eutree.evaluation import CurvePoint
@@ -28,6 +28,8 @@ class OfflineRun:
         gathered: Episodes of experience: none.
         whole: Whether the learner is between two expansions, so that a checkpoint may be saved.
     """
+
+    EVENT_NUMBERS: ClassVar[tuple[str, ...]] = ("n_splits", "n_leaves")
 
     def __init__(
         self,

@@ -9,7 +9,7 @@ but its learner.
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import takewhile
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -102,6 +102,8 @@ class LearningRun:
         whole: Whether the learner is between two steps of the run, so that a checkpoint may be
             saved; False while, and after, an interruption struck in the middle of one.
     """
+
+    EVENT_NUMBERS: ClassVar[tuple[str, ...]] = ("episode",)
 
     def __init__(
         self,

@@ -16,45 +16,30 @@ or the new one. The lock is the operating system's: it ends with the process tha
 import json
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
-import msgspec
-
-from eutree.arrays import Floats
-from eutree.errors import FormatError, RunFolderError
-from eutree.evaluation import CurvePoint, curve_to_csv
+from eutree.errors import RunFolderError
+from eutree.evaluation import curve_to_csv
 from eutree.files import (
     Document,
     make_folder,
-    read_archive,
     read_document,
-    write_archive,
     write_document,
     write_text,
 )
 from eutree.files.atomic import lock, remove_orphans, reported
-from eutree.learning import Settings, UTree
+from eutree.learning import Settings
 from eutree.policies import TreePolicy
+from eutree.training.checkpoint import CHECKPOINT, restore_checkpoint, write_checkpoint
 from eutree.training.offline import OfflineRun
 from eutree.training.progress import progress_to_csv
 from eutree.training.run import LearningRun
 
-MAX_CHECKPOINT = 4 * 2**30  # bytes
 MIN_SAVING_INTERVAL = 1.0  # seconds
 SHARE = 20
-
-
-class PointDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One frozen evaluation."""
-
-    episode: int
-    steps: int
-    success_rate: float | None
-    mean_return: float
-    n_leaves: int
 
 
 class ConfigDocument(Document, frozen=True, kw_only=True):
@@ -65,26 +50,13 @@ class ConfigDocument(Document, frozen=True, kw_only=True):
 
     environment: str
     learner: str
-    settings: str
+    settings: dict[str, str]
     episodes: int
     evaluate_every: int
     evaluation_episodes: int
     history: int
     seed: int
     demonstrations: str
-
-
-class CheckpointDocument(Document, frozen=True, kw_only=True):
-    """Where a run stood at the end of an episode; the arrays beside it are the learner's."""
-
-    FORMAT: ClassVar[str] = "eutree/checkpoint"
-    VERSION: ClassVar[int] = 1
-
-    episode: int
-    steps: int
-    n_actions: int
-    curve: list[PointDocument]
-    events: list[dict[str, Any]]
 
 
 class SavingClock:
@@ -121,13 +93,23 @@ class RunFolder:
         path: The folder; it is made if it does not exist.
         config: How the run is started.
         resume: Go on with what is there, instead of refusing a folder that holds a run.
+        usual: Default of each setting: what a run was started with by a version that did not
+            have the setting.
 
     Raises:
         RunFolderError: Another process writes here; or a run is here and ``resume`` is False; or
             the run that is here was started differently.
     """
 
-    def __init__(self, path: str | Path, config: ConfigDocument, *, resume: bool) -> None:
+    def __init__(
+        self,
+        path: str | Path,
+        config: ConfigDocument,
+        *,
+        resume: bool,
+        usual: Mapping[str, str] | None = None,
+    ) -> None:
+        self._usual = usual or {}
         self.path = make_folder(path)
         self._lock = _lock(self.path)
         try:
@@ -153,16 +135,7 @@ class RunFolder:
 
     def save_checkpoint(self, run: LearningRun | OfflineRun) -> None:
         """Write all that is needed to go on from here, and the curve so far."""
-        curve = [PointDocument(**vars(point)) for point in run.curve]
-        document = CheckpointDocument(
-            episode=run.episode,
-            steps=run.steps,
-            n_actions=run.learner.n_actions,
-            curve=curve,
-            events=run.events,
-        )
-        arrays = run.learner.state() | run.gathered.state()
-        write_archive(self.path / "checkpoint.npz", document, arrays)
+        write_checkpoint(self.path / CHECKPOINT, run)
         write_text(self.path / "curve.csv", curve_to_csv(run.curve))
         progress = progress_to_csv(run.events, run.gathered)
         write_text(self.path / "progress.csv", progress)
@@ -170,15 +143,10 @@ class RunFolder:
 
     def load_checkpoint(self, run: LearningRun | OfflineRun, settings: Settings) -> bool:
         """Bring ``run`` to where the checkpoint stands; return whether there is one."""
-        path = self.path / "checkpoint.npz"
+        path = self.path / CHECKPOINT
         if not path.exists():
             return False
-        document, arrays = read_archive(path, CheckpointDocument, limit=MAX_CHECKPOINT)
-        run.learner = UTree.from_state(arrays, document.n_actions, settings)
-        run.episode, run.steps = document.episode, document.steps
-        run.curve = [CurvePoint(**msgspec.structs.asdict(point)) for point in document.curve]
-        run.events = document.events
-        run.gathered.restore(arrays)
+        restore_checkpoint(path, run, settings)
         return True
 
     def save_result(self, policy: TreePolicy) -> None:
@@ -196,30 +164,28 @@ class RunFolder:
                 f"{self.path} already holds a run; go on with it (--resume) or choose another "
                 "folder"
             )
-        _check_same(path, read_document(path, ConfigDocument), config)
-
-
-def stored_observations(path: str | Path) -> Floats:
-    """Return the observations of all transitions that a run folder's learner stored, [N, d]."""
-    checkpoint = Path(path) / "checkpoint.npz"
-    arrays = read_archive(checkpoint, CheckpointDocument, limit=MAX_CHECKPOINT)[1]
-    if "history_observations" not in arrays:
-        raise FormatError(checkpoint, "history_observations", "missing")
-    return arrays["history_observations"]
+        _check_same(path, read_document(path, ConfigDocument), config, self._usual)
 
 
 def _events(run: LearningRun | OfflineRun) -> str:
     return "".join(json.dumps(event) + "\n" for event in run.events)
 
 
-def _check_same(path: Path, found: ConfigDocument, wanted: ConfigDocument) -> None:
+def _check_same(
+    path: Path, found: ConfigDocument, wanted: ConfigDocument, usual: Mapping[str, str]
+) -> None:
     """Raise RunFolderError unless the run was started as it is resumed; its length may differ."""
-    free = ("format", "version", "made_by", "episodes")
-    for name in ConfigDocument.__struct_fields__:
-        if name not in free and getattr(found, name) != getattr(wanted, name):
+    free = ("format", "version", "made_by", "episodes", "settings")
+    names = [name for name in ConfigDocument.__struct_fields__ if name not in free]
+    pairs = {name: (getattr(found, name), getattr(wanted, name)) for name in names}
+    for name in (*wanted.settings, *found.settings):
+        before = found.settings.get(name, usual.get(name))
+        pairs[name] = (before, wanted.settings.get(name))
+    for name, (one, other) in pairs.items():
+        if one != other:
             raise RunFolderError(
-                f"{path}: the run was started with {name} {getattr(found, name)!r}, "
-                f"so it cannot be resumed with {getattr(wanted, name)!r}"
+                f"{path}: the run was started with {name} {one!r}, "
+                f"so it cannot be resumed with {other!r}"
             )
 
 

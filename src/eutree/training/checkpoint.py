@@ -1,0 +1,134 @@
+"""Checkpoints: all that a run needs to go on from the end of an episode, in one archive.
+
+Reading one trusts nothing: what is in it is checked against the run that is to go on from it, and
+against itself, before the learner is made.
+"""
+
+from pathlib import Path
+from typing import Any, ClassVar
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from eutree.arrays import Floats
+from eutree.errors import FormatError
+from eutree.evaluation import CurvePoint
+from eutree.files import Document, read_archive, write_archive
+from eutree.learning import Settings, UTree
+from eutree.learning.stored_state import check_state
+from eutree.training.offline import OfflineRun
+from eutree.training.progress import GatheredEpisodes, progress_to_csv
+from eutree.training.run import LearningRun
+
+CHECKPOINT = "checkpoint.npz"
+MAX_CHECKPOINT = 4 * 2**30  # bytes
+
+
+class PointDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One frozen evaluation."""
+
+    episode: int
+    steps: int
+    success_rate: float | None
+    mean_return: float
+    n_leaves: int
+
+
+class CheckpointDocument(Document, frozen=True, kw_only=True):
+    """Where a run stood at the end of an episode; the arrays beside it are the learner's."""
+
+    FORMAT: ClassVar[str] = "eutree/checkpoint"
+    VERSION: ClassVar[int] = 1
+
+    episode: int
+    steps: int
+    n_actions: int
+    curve: list[PointDocument]
+    events: list[dict[str, Any]]
+
+
+def write_checkpoint(path: Path, run: LearningRun | OfflineRun) -> None:
+    """Write where a run stands, atomically."""
+    document = CheckpointDocument(
+        episode=run.episode,
+        steps=run.steps,
+        n_actions=run.learner.n_actions,
+        curve=[PointDocument(**vars(point)) for point in run.curve],
+        events=run.events,
+    )
+    write_archive(path, document, run.learner.state() | run.gathered.state())
+
+
+def restore_checkpoint(path: Path, run: LearningRun | OfflineRun, settings: Settings) -> None:
+    """Bring ``run``, at its start, to where the checkpoint stands.
+
+    Raises:
+        FormatError: The file is damaged, or is the checkpoint of another run.
+    """
+    document, arrays = read_archive(path, CheckpointDocument, limit=MAX_CHECKPOINT)
+    start = run.learner
+    if document.n_actions != start.n_actions:
+        raise FormatError(path, "n_actions", f"must be {start.n_actions}, the environment's")
+    gathered = _gathered(path, arrays)
+    check_state(path, arrays, document.n_actions, settings)
+    n_features = arrays["history_observations"].shape[1]
+    if n_features != start.tree.n_features:
+        raise FormatError(
+            path,
+            "history_observations",
+            f"must have {start.tree.n_features} features, the environment's, got {n_features}",
+        )
+    if document.episode < 0 or document.steps < 0:
+        raise FormatError(path, "episode", "must not be negative")
+    _check_events(path, document.events, run.EVENT_NUMBERS, gathered)
+    run.learner = UTree.from_state(arrays, document.n_actions, settings)
+    run.episode, run.steps = document.episode, document.steps
+    run.curve = [CurvePoint(**msgspec.structs.asdict(point)) for point in document.curve]
+    run.events, run.gathered = document.events, gathered
+
+
+def stored_observations(path: str | Path) -> Floats:
+    """Return the observations of all transitions that a run folder's learner stored, [N, d]."""
+    checkpoint, name = Path(path) / CHECKPOINT, "history_observations"
+    arrays = read_archive(checkpoint, CheckpointDocument, limit=MAX_CHECKPOINT)[1]
+    if name not in arrays:
+        raise FormatError(checkpoint, name, "missing")
+    stored = arrays[name]
+    if stored.dtype != np.float64 or stored.ndim != 2 or not np.isfinite(stored).all():
+        raise FormatError(checkpoint, name, "must be finite numbers of shape [N, d]")
+    return stored
+
+
+def _gathered(path: Path, arrays: dict[str, NDArray[Any]]) -> GatheredEpisodes:
+    """Take what a run noted of its episodes out of the arrays of its checkpoint."""
+    gathered = GatheredEpisodes()
+    state = {name: arrays.pop(name, array) for name, array in gathered.state().items()}
+    for name, array in state.items():
+        kind = "f" if name == "episode_returns" else "i"
+        if (
+            array.ndim != 1
+            or array.dtype.kind != kind
+            or array.size != len(state["episode_returns"])
+        ):
+            raise FormatError(path, name, f"shape {array.shape} of {array.dtype} does not fit")
+        if not np.isfinite(array).all():
+            raise FormatError(path, name, "must be finite")
+    gathered.restore(state)
+    return gathered
+
+
+def _check_events(
+    path: Path, events: list[dict[str, Any]], numbers: tuple[str, ...], gathered: GatheredEpisodes
+) -> None:
+    """Raise FormatError unless each event has a name and the whole numbers that runs go by."""
+    for place, event in enumerate(events):
+        if not isinstance(event.get("event"), str):
+            raise FormatError(path, f"events[{place}].event", "must be a name")
+        for name in numbers:
+            if type(event.get(name)) is not int:
+                raise FormatError(path, f"events[{place}].{name}", "must be a whole number")
+    try:
+        progress_to_csv(events, gathered)
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise FormatError(path, "events", f"not those of a run: {error!r}") from None
