@@ -20,6 +20,12 @@ from tests.training.processes import (
 )
 
 DOMAINS = ("eutree/Evasion2-v0", "eutree/Evasion3-v0")
+WAYS = {
+    "default": (),
+    "paper": ("--preset", "paper"),
+    "bounded": ("--max-transitions", 400),
+    "paper, bounded": ("--preset", "paper", "--max-transitions", 400),
+}
 LENGTH = ("--episodes", 60, "--evaluate-every", 10, "--evaluation-episodes", 10)
 
 
@@ -28,16 +34,16 @@ def whole(tmp_path_factory):
     """Return a function that gives the command line and the bytes of an undisturbed run."""
     made = {}
 
-    def of(domain, seed):
-        if (domain, seed) not in made:
+    def of(domain, seed, way="default"):
+        if (domain, seed, way) not in made:
             folder = tmp_path_factory.mktemp("whole")
             demos = folder / "demos"
             record = ("record", domain, "--expert", "gate", "--episodes", 6, "--out", demos)
             assert run([*map(str, record)]) == 0
-            line = ("learn", "--demos", demos, "--seed", seed, *LENGTH)
+            line = ("learn", "--demos", demos, "--seed", seed, *LENGTH, *WAYS[way])
             assert run([*map(str, line), "--out", str(folder / "run")]) == 0
-            made[domain, seed] = line, digests(folder / "run")
-        return made[domain, seed]
+            made[domain, seed, way] = line, digests(folder / "run")
+        return made[domain, seed, way]
 
     return of
 
@@ -85,10 +91,12 @@ def test_kill_9_and_resume_ends_with_the_same_bytes(whole, tmp_path, domain):
 @pytest.mark.slow
 @pytest.mark.promise(8)
 @pytest.mark.parametrize("domain", DOMAINS)
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_twenty_kills_and_resumes_end_with_the_same_bytes(whole, tmp_path, domain, seed):
-    line, wanted = whole(domain, seed)
-    kill_and_resume(line, tmp_path / "run", 4, seed=seed)
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("seed", range(1, 6))
+def test_200_kills_and_resumes_end_with_the_same_bytes(whole, tmp_path, domain, way, seed):
+    """Five kills of each of five runs for each domain and way to learn: 200 in all."""
+    line, wanted = whole(domain, seed, way)
+    kill_and_resume(line, tmp_path / "run", 5, seed=seed)
     assert digests(tmp_path / "run") == wanted
 
 
