@@ -14,6 +14,7 @@ from eutree.files import read_document
 from eutree.learning import UTree
 from eutree.policies import TreePolicy
 from eutree.training.checkpoint import restore_checkpoint, stored_observations
+from eutree.training.progress import GatheredEpisodes, progress_to_csv
 from eutree.training.run import LearningRun
 from eutree.training.run_folder import ConfigDocument
 from eutree.trees import DecisionTree
@@ -54,6 +55,7 @@ class Start:
 
     def __init__(self, settings):
         self.learner = UTree(DecisionTree.single_leaf(3), 2, settings)
+        self.gathered = GatheredEpisodes()
 
 
 def checkpoint_loader(name):
@@ -62,6 +64,7 @@ def checkpoint_loader(name):
     def load(path):
         run = Start(SETTINGS[name])
         restore_checkpoint(path, run, SETTINGS[name])
+        progress_to_csv(run.events, run.gathered)
         learner = run.learner
         learner.targets(np.arange(learner.history.size))
         learner.mdp.queue()

@@ -9,6 +9,7 @@ import time
 import pytest
 
 from eutree.cli.main import run
+from eutree.training.signals import stop_on_signals
 from tests.training.processes import (
     COMMAND,
     TORN,
@@ -150,6 +151,20 @@ def test_a_signal_interrupts_a_long_evaluation(whole, tmp_path):
     code, err = finish(process, timeout=30)
     assert code == 143, err
     assert err.splitlines()[-1].endswith("go on with --resume")
+
+
+@pytest.mark.promise(12)
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_that_escapes_still_exits_with_the_code_of_its_signal(number):
+    """Once it came when the command was already on its way out, and SIGTERM ended with 130."""
+    with pytest.raises(SystemExit) as caught, stop_on_signals() as stop:
+        os.kill(os.getpid(), number)
+        assert stop()
+        stop.no_more()
+        raise KeyboardInterrupt
+    assert caught.value.code == 128 + number
+    with pytest.raises(KeyboardInterrupt), stop_on_signals():
+        raise KeyboardInterrupt
 
 
 @pytest.mark.promise(11)

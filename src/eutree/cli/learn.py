@@ -90,7 +90,7 @@ def learn(
     env = None if offline else make(_spec(environment, demonstrations, env_arguments))
     with (
         stop_on_signals() as stop,
-        _saying_how_to_go_on(output, stop),
+        _saying_how_to_go_on(output, stop, out),
         output.progress("learning", max(episodes, 1)) as progress,
     ):
 
@@ -154,12 +154,15 @@ def learn(
 
 
 @contextmanager
-def _saying_how_to_go_on(output: Output, stop: "StopRequest") -> Iterator[None]:
+def _saying_how_to_go_on(output: Output, stop: "StopRequest", out: Path) -> Iterator[None]:
     """End the command with the signal's exit code if one interrupts what is inside."""
     try:
         yield
     except KeyboardInterrupt:
-        output.say("stopped and saved; go on with --resume")
+        stop.no_more()
+        saved = (out / "checkpoint.npz").exists()
+        state = "stopped and saved" if saved else "stopped before anything was learned"
+        output.say(f"{state}; go on with --resume")
         raise SystemExit(stop.exit_code) from None
 
 

@@ -177,15 +177,15 @@ def _check_same(
     """Raise RunFolderError unless the run was started as it is resumed; its length may differ."""
     free = ("format", "version", "made_by", "episodes", "settings")
     names = [name for name in ConfigDocument.__struct_fields__ if name not in free]
-    pairs = {name: (getattr(found, name), getattr(wanted, name)) for name in names}
+    pairs = {name: (repr(getattr(found, name)), repr(getattr(wanted, name))) for name in names}
     for name in (*wanted.settings, *found.settings):
-        before = found.settings.get(name, usual.get(name))
-        pairs[name] = (before, wanted.settings.get(name))
+        before = found.settings.get(name, usual.get(name, "unknown"))
+        pairs[name] = (before, wanted.settings.get(name, "nothing"))
     for name, (one, other) in pairs.items():
         if one != other:
             raise RunFolderError(
-                f"{path}: the run was started with {name} {one!r}, "
-                f"so it cannot be resumed with {other!r}"
+                f"{path}: the run was started with {name} {one}, "
+                f"so it cannot be resumed with {other}"
             )
 
 

@@ -26,6 +26,10 @@ class StopRequest:
         """Return whether a signal came."""
         return self.signal != 0
 
+    def no_more(self) -> None:
+        """Interrupt no more: the block is about to end by itself."""
+        signal.setitimer(signal.ITIMER_REAL, 0)
+
     @property
     def exit_code(self) -> int:
         """128 plus the signal's number, as shells expect: 130 for Ctrl-C, 143 for SIGTERM."""
@@ -36,7 +40,8 @@ class StopRequest:
 def stop_on_signals() -> Iterator[StopRequest]:
     """Turn the first SIGINT or SIGTERM into a request; the second acts as it always does.
 
-    If the ``with`` block is still running ``GRACE`` later, KeyboardInterrupt is raised in it.
+    If the ``with`` block is still running ``GRACE`` later, KeyboardInterrupt is raised in it; one
+    that leaves the block becomes an exit with the signal's code.
     Only usable in the main thread, like all handling of signals in Python.
     """
     request = StopRequest()
@@ -56,6 +61,10 @@ def stop_on_signals() -> Iterator[StopRequest]:
         signal.signal(number, note)
     try:
         yield request
+    except KeyboardInterrupt:
+        if request():
+            raise SystemExit(request.exit_code) from None
+        raise
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
         for number, handler in previous.items():
