@@ -160,8 +160,6 @@ def test_the_machine_catches_a_split_that_forgets_to_relabel(monkeypatch):
         max_examples=300,
         derandomize=True,
         phases=[Phase.generate],  # the smallest example is not needed here
-        max_examples=300,
-        derandomize=True,
         report_multiple_bugs=False,
     )
     with pytest.raises(AssertionError):

@@ -5,7 +5,6 @@ What comes through is checked: observations are finite vectors of the right leng
 episodes end. Anything else raises ``EnvironmentFault`` with environment, episode, step and value.
 """
 
-import math
 import warnings
 from typing import Any
 
@@ -19,6 +18,7 @@ from eutree.schema import EnvironmentSpec, Schema
 from eutree.validation import check_integer
 
 MAX_EPISODE_STEPS = 100_000
+LARGEST = 1e100  # of an observation or a reward; sums and squares of such numbers are finite
 
 
 class GuardedEnv:
@@ -137,16 +137,16 @@ class GuardedEnv:
         for number, (low, high) in zip(vector.tolist(), self._bounds, strict=True):
             if not low <= number <= high:
                 inside = False
-            elif number in (math.inf, -math.inf):
-                raise self._fault(f"observation must be finite, got {vector.tolist()}")
+            elif not -LARGEST <= number <= LARGEST:
+                raise self._fault(_finite("observation", vector.tolist()))
         if not inside:
             self._outside(vector)
         return vector
 
     def _outside(self, vector: Floats) -> None:
-        """Fault on NaN and infinity; outside the space, warn once or fault."""
-        if not np.isfinite(vector).all():
-            raise self._fault(f"observation must be finite, got {vector.tolist()}")
+        """Fault on NaN and what is too large; outside the space, warn once or fault."""
+        if not (np.abs(vector) <= LARGEST).all():
+            raise self._fault(_finite("observation", vector.tolist()))
         for feature, number in zip(self._features, vector.tolist(), strict=True):
             if feature.low <= number <= feature.high:
                 continue
@@ -167,8 +167,8 @@ class GuardedEnv:
             reward = float(value)
         except (TypeError, ValueError, OverflowError):
             raise self._fault(f"reward must be a finite number, got {_brief(value)}") from None
-        if not math.isfinite(reward):
-            raise self._fault(f"reward must be a finite number, got {reward}")
+        if not -LARGEST <= reward <= LARGEST:
+            raise self._fault(_finite("reward", reward))
         return reward
 
     def _flag(self, name: str, value: Any) -> bool:
@@ -178,6 +178,11 @@ class GuardedEnv:
 
     def _fault(self, reason: str) -> EnvironmentFault:
         return EnvironmentFault(self.name, self.episode, self.step_number, reason)
+
+
+def _finite(name: str, value: object) -> str:
+    kind = "a finite number" if name == "reward" else "finite"
+    return f"{name} must be {kind} of at most {LARGEST:g} in size, got {value}"
 
 
 def _brief(value: object) -> str:

@@ -101,7 +101,15 @@ def encoder(space: spaces.Space[Any]) -> Encoder:
         )
     if isinstance(space, spaces.Discrete):
         return lambda observation: np.array([observation], dtype=np.float64)
-    return lambda observation: np.array(observation, dtype=np.float64)
+    return _vector
+
+
+def _vector(observation: Any) -> Floats:
+    """Return the observation as a new array of real numbers."""
+    array = np.asanyarray(observation)
+    if array.dtype.kind == "c" or isinstance(array, np.ma.MaskedArray):
+        raise TypeError("complex and masked arrays are no observations")
+    return np.array(array, dtype=np.float64)
 
 
 def _id(env: gymnasium.Env[Any, Any]) -> str:
