@@ -224,6 +224,14 @@ class History:
         self._relist(len(self._lists["left"].count))
         return kept.astype(np.int64)
 
+    def rows_leaving(self, leaf: int) -> Integers:
+        """Return the rows of the transitions that left ``leaf``, ascending."""
+        return self._rows("left", leaf)
+
+    def rows_entering(self, leaf: int) -> Integers:
+        """Return the rows of the transitions that entered ``leaf``, ascending."""
+        return self._rows("entered", leaf)
+
     def counts_leaving(self) -> Integers:
         """Return how many transitions left each leaf, shape [at least L]."""
         return self._lists["left"].count
@@ -237,7 +245,8 @@ class History:
         cells = self.left.astype(np.int64) * n_actions + self.actions
         stored = np.bincount(cells, minlength=rule.bounds.size).reshape(-1, n_actions)
         seen = (stored * (WHOLE / rule.bounds)).sum(axis=1)
-        return seen.astype(np.int64)
+        whole: Integers = seen.astype(np.int64)
+        return whole
 
     def split(self, leaf: int, new_leaf: int, feature: int, threshold: float) -> Relabelling:
         """Relabel the rows that left or entered ``leaf`` after its split at ``threshold``.
