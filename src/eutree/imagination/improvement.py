@@ -35,7 +35,7 @@ class Improvement:
     """
 
     rounds: int = 1
-    price: float = 0.0006
+    price: float = 0.002
     deviations: int = 6000
     min_rows: int = 8
     max_leaves: int = 40

@@ -94,7 +94,7 @@ class Imagination:
     n_episodes: int = 1000
     improvement: Improvement = Improvement()
     explorer_share: float = 0.3
-    pessimism: float = 0.9
+    pessimism: float = 0.98
     optimism: float = 0.4
     min_trial: int = 20
     memory: int = 30
