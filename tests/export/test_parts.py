@@ -16,6 +16,7 @@ from eutree.export._layout import layout
 from eutree.export._palette import FILLS
 from eutree.export._probes import node_boxes, probes
 from eutree.export.structured_text import literal
+from eutree.schema import Feature, Schema
 from tests.export.policies import EVASION, NASTY, chain, policy_of, tree
 
 
@@ -84,6 +85,19 @@ def test_structured_text_constants_read_back(value: float) -> None:
     assert re.fullmatch(r"-?\d+\.\d+(E-?\d+)?", text)
     assert float(text) == value
     assert str(float(text)) == str(value)
+
+
+def test_latex_nodes_have_room_for_their_words() -> None:
+    """Columns of a fixed width let long thresholds run into the next column."""
+    names = tuple(Feature(name) for name in ("x", "y" * 40))
+    policy = policy_of(tree(12, 2, seed=1), Schema(names, ("a", "b")))
+    found = re.findall(r"\(n(\d+)\) at \(([\d.]+),[-\d.]+\) \{(.*)\};", to_latex(policy))
+    left = {int(node): float(x) for node, x, _ in found}
+    assert len(left) == policy.tree.n_nodes
+    for node, _, words in found:
+        child = policy.tree.left[int(node)]
+        if child >= 0:
+            assert left[child] - left[int(node)] > 0.12 * len(words)
 
 
 def test_latex_document_holds_the_picture() -> None:

@@ -1,7 +1,7 @@
 """LaTeX pictures with TikZ and nothing else."""
 
 from eutree.export._graph import branches, words_of_leaf, words_of_test
-from eutree.export._layout import layout
+from eutree.export._layout import column_lefts, layout, text_width
 from eutree.export._palette import FILLS
 from eutree.policies import TreePolicy
 
@@ -26,6 +26,10 @@ _SIGNS = {
 }
 
 
+# What a pixel of `text_width` takes in \footnotesize of Computer Modern, and space around words.
+_CENTIMETRES, _PADDING, _GAP = 0.0215, 0.25, 1.1
+
+
 def to_latex(policy: TreePolicy, *, document: bool = False) -> str:
     r"""Return the tree as a ``tikzpicture``, root at the left, leaves coloured by action.
 
@@ -46,14 +50,21 @@ def to_latex(policy: TreePolicy, *, document: bool = False) -> str:
     ]
     for number, fill in enumerate(FILLS):
         lines.insert(number, rf"\definecolor{{eutree{number}}}{{HTML}}{{{fill[1:].upper()}}}")
+    is_leaf = tree.feature == tree.NO_FEATURE
+    labels = [
+        words_of_leaf(policy, node) if is_leaf[node] else words_of_test(policy, node)
+        for node in range(tree.n_nodes)
+    ]
+    widths = [_CENTIMETRES * text_width(label) + _PADDING for label in labels]
+    lefts = column_lefts(places, widths, gap=_GAP)
     for node in tree.preorder():
-        where = f"({places.column[node] * 4.2:.1f},{-places.row[node] * 0.75:.4f})"
-        if tree.feature[node] == tree.NO_FEATURE:
+        where = f"({lefts[node]:.2f},{-places.row[node] * 0.75:.4f})"
+        words = _escaped(labels[node])
+        if is_leaf[node]:
             colour = int(policy.actions[tree.leaf[node]]) % len(FILLS)
-            words = _escaped(words_of_leaf(policy, node))
             lines.append(rf"  \node[leaf, fill=eutree{colour}] (n{node}) at {where} {{{words}}};")
         else:
-            words = _escaped(words_of_test(policy, node)).replace(r"\textless{}=", r"$\leq$")
+            words = words.replace(r"\textless{}=", r"$\leq$")
             lines.append(rf"  \node[test] (n{node}) at {where} {{{words}}};")
     for parent, child, answer in branches(policy):
         edge = rf"(n{parent}.east) -- node[answer] {{{answer}}} (n{child}.west)"

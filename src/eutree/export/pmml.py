@@ -10,7 +10,8 @@ def to_pmml(policy: TreePolicy) -> str:
     """Return a PMML ``TreeModel`` that predicts the name of the action.
 
     The second branch of each test has no condition of its own, so a missing value, which fails
-    the first one, takes it. Characters that XML cannot carry are written as JSON writes them.
+    the first one, takes it. Names that XML cannot carry, and the empty one, which JPMML refuses,
+    are written as JSON writes them.
     """
     schema = policy.schema
     features = _distinct([feature.name for feature in schema.features])
@@ -97,8 +98,8 @@ def _distinct(names: list[str]) -> list[str]:
 
 
 def _carried(text: str) -> str:
-    """Return ``text`` as it is if XML can carry it, else as a JSON string."""
-    return text if all(map(_is_xml, text)) else quoted(text)
+    """Return ``text`` if XML can carry it and engines take it, else a JSON string."""
+    return text if text and all(map(_is_xml, text)) else quoted(text)
 
 
 def _is_xml(sign: str) -> bool:

@@ -1,13 +1,12 @@
 """SVG drawings of a tree, made here: no Graphviz, no fonts to install, dark and light."""
 
-import unicodedata
 from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
 from eutree.arrays import Floats
 from eutree.export._graph import branches, words_of_leaf, words_of_test
-from eutree.export._layout import Layout, layout
+from eutree.export._layout import column_lefts, layout, text_width
 from eutree.export._palette import fill
 from eutree.policies import TreePolicy
 from eutree.trees.text import printable
@@ -44,8 +43,8 @@ def to_svg(policy: TreePolicy, *, standalone: bool = True) -> str:
     """
     tree, places = policy.tree, layout(policy.tree)
     labels = [_label(policy, node) for node in range(tree.n_nodes)]
-    widths = [_text_width(label) + 2 * _PADDING for label in labels]
-    lefts = _column_lefts(places, widths)
+    widths = [text_width(label) + 2 * _PADDING for label in labels]
+    lefts = column_lefts(places, widths, gap=_GAP, margin=_MARGIN)
     visits = None if policy.leaves is None else _node_visits(policy)
     notes = 70.0 if visits is not None else 0.0
     width = max(left + wide for left, wide in zip(lefts, widths, strict=True)) + notes + _MARGIN
@@ -88,29 +87,6 @@ def _label(policy: TreePolicy, node: int) -> str:
 def _shortened(text: str) -> str:
     """Return ``text``, cut where it would be too long to draw."""
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"
-
-
-def _text_width(text: str) -> float:
-    """Return about how many pixels ``text`` takes at 12 px in a common sans-serif font."""
-    return sum(
-        12.5 if unicodedata.east_asian_width(sign) in "WF"
-        else 3.8 if sign in " .,:;'|!()[]iljtfr"
-        else 10.2 if sign in "mwMW%@"
-        else 7.2
-        for sign in text
-    )  # fmt: skip
-
-
-def _column_lefts(places: Layout, widths: list[float]) -> list[float]:
-    """Return the left end of each node: columns as wide as their widest inner node."""
-    n_columns = int(places.column.max()) + 1
-    widest = [0.0] * n_columns
-    for column, width in zip(places.column.tolist(), widths, strict=True):
-        widest[column] = max(widest[column], width)
-    starts = [_MARGIN]
-    for width in widest:
-        starts.append(starts[-1] + width + _GAP)
-    return [starts[column] for column in places.column.tolist()]
 
 
 def _node_visits(policy: TreePolicy) -> Floats:
