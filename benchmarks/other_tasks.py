@@ -167,7 +167,12 @@ def report(name: str, task: Task, rows: list[dict[str, Any]], command: str) -> s
         returns = np.array([row["return"] for row in mine], dtype=np.float64)
         low, high = mean_interval(returns)
         leaves, steps = (np.mean([row[key] for row in mine]) for key in ("leaves", "steps"))
-        good = sum(row["return"] >= task.target and row["leaves"] <= task.leaves for row in mine)
+        good = sum(
+            row["return"] >= task.target
+            and row["leaves"] <= task.leaves
+            and row["steps"] <= task.steps
+            for row in mine
+        )
         lines.append(
             f"| {way} | {len(mine)} | {returns.mean():.1f} [{low:.1f}, {high:.1f}] | "
             f"{leaves:.1f} | {steps:,.0f} | {good} |"
