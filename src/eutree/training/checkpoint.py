@@ -1,9 +1,14 @@
 """Checkpoints: all that a run needs to go on from the end of an episode, in one archive.
 
+What happened in the run is stored as the bytes of its ``events.jsonl``, because the JSON document
+beside the arrays may hold 16 MiB only, and a run may have more to tell.
+
 Reading one trusts nothing: what is in it is checked against the run that is to go on from it, and
 against itself, before the learner is made.
 """
 
+import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -22,6 +27,7 @@ from eutree.training.progress import GatheredEpisodes, progress_to_csv
 from eutree.training.run import LearningRun
 
 CHECKPOINT = "checkpoint.npz"
+_EVENTS = "run_events"
 MAX_CHECKPOINT = 4 * 2**30  # bytes
 
 
@@ -44,20 +50,21 @@ class CheckpointDocument(Document, frozen=True, kw_only=True):
     episode: int
     steps: int
     n_actions: int
-    curve: list[PointDocument]
-    events: list[dict[str, Any]]
 
 
 def write_checkpoint(path: Path, run: LearningRun | OfflineRun) -> None:
     """Write where a run stands, atomically."""
     document = CheckpointDocument(
-        episode=run.episode,
-        steps=run.steps,
-        n_actions=run.learner.n_actions,
-        curve=[PointDocument(**vars(point)) for point in run.curve],
-        events=run.events,
+        episode=run.episode, steps=run.steps, n_actions=run.learner.n_actions
     )
-    write_archive(path, document, run.learner.state() | run.gathered.state())
+    events = np.frombuffer(events_to_text(run.events).encode(), dtype=np.uint8)
+    arrays = run.learner.state() | run.gathered.state() | {_EVENTS: events}
+    write_archive(path, document, arrays)
+
+
+def events_to_text(events: Sequence[Mapping[str, Any]]) -> str:
+    """Return the events of a run as JSON Lines: the content of ``events.jsonl``."""
+    return "".join(json.dumps(event, allow_nan=False) + "\n" for event in events)
 
 
 def restore_checkpoint(path: Path, run: LearningRun | OfflineRun, settings: Settings) -> None:
@@ -70,7 +77,7 @@ def restore_checkpoint(path: Path, run: LearningRun | OfflineRun, settings: Sett
     start = run.learner
     if document.n_actions != start.n_actions:
         raise FormatError(path, "n_actions", f"must be {start.n_actions}, the environment's")
-    gathered = _gathered(path, arrays)
+    gathered, events = _gathered(path, arrays), _events(path, arrays)
     check_state(path, arrays, document.n_actions, settings)
     n_features = arrays["history_observations"].shape[1]
     if n_features != start.tree.n_features:
@@ -81,11 +88,11 @@ def restore_checkpoint(path: Path, run: LearningRun | OfflineRun, settings: Sett
         )
     if document.episode < 0 or document.steps < 0:
         raise FormatError(path, "episode", "must not be negative")
-    _check_events(path, document.events, run.EVENT_NUMBERS, gathered)
+    _check_events(path, events, run.EVENT_NUMBERS, gathered)
     run.learner = UTree.from_state(arrays, document.n_actions, settings)
     run.episode, run.steps = document.episode, document.steps
-    run.curve = [CurvePoint(**msgspec.structs.asdict(point)) for point in document.curve]
-    run.events, run.gathered = document.events, gathered
+    run.curve = [_point(path, event) for event in events if event["event"] == "evaluation"]
+    run.events, run.gathered = events, gathered
 
 
 def stored_observations(path: str | Path) -> Floats:
@@ -118,17 +125,42 @@ def _gathered(path: Path, arrays: dict[str, NDArray[Any]]) -> GatheredEpisodes:
     return gathered
 
 
+def _events(path: Path, arrays: dict[str, NDArray[Any]]) -> list[dict[str, Any]]:
+    """Take the events of a run out of the arrays of its checkpoint."""
+    stored = arrays.pop(_EVENTS, None)
+    if stored is None or stored.dtype != np.uint8 or stored.ndim != 1:
+        raise FormatError(path, _EVENTS, "must be there, as bytes")
+    events = []
+    for number, line in enumerate(stored.tobytes().splitlines(), 1):
+        try:
+            events.append(msgspec.json.decode(line, type=dict[str, Any]))
+        except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
+            raise FormatError(path, f"{_EVENTS}, line {number}", str(error)) from None
+    return events
+
+
+def _point(path: Path, event: Mapping[str, Any]) -> CurvePoint:
+    """Return what an evaluation adds to the curve."""
+    fields = {name: event.get(name) for name in PointDocument.__struct_fields__}
+    try:
+        return CurvePoint(**msgspec.structs.asdict(msgspec.convert(fields, PointDocument)))
+    except msgspec.ValidationError as error:
+        raise FormatError(path, _EVENTS, f"an evaluation: {error}") from None
+
+
 def _check_events(
     path: Path, events: list[dict[str, Any]], numbers: tuple[str, ...], gathered: GatheredEpisodes
 ) -> None:
     """Raise FormatError unless each event has a name and the whole numbers that runs go by."""
-    for place, event in enumerate(events):
+    for place, event in enumerate(events, 1):
         if not isinstance(event.get("event"), str):
-            raise FormatError(path, f"events[{place}].event", "must be a name")
+            raise FormatError(path, f"{_EVENTS}, line {place}", "event must be a name")
         for name in numbers:
             if type(event.get(name)) is not int:
-                raise FormatError(path, f"events[{place}].{name}", "must be a whole number")
+                raise FormatError(
+                    path, f"{_EVENTS}, line {place}", f"{name} must be a whole number"
+                )
     try:
         progress_to_csv(events, gathered)
     except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise FormatError(path, "events", f"not those of a run: {error!r}") from None
+        raise FormatError(path, _EVENTS, f"not those of a run: {error!r}") from None

@@ -13,7 +13,6 @@ A checkpoint is written whole or not at all, so the folder can always be resumed
 or the new one. The lock is the operating system's: it ends with the process that holds it.
 """
 
-import json
 import os
 import time
 from collections.abc import Iterator, Mapping
@@ -33,7 +32,12 @@ from eutree.files import (
 from eutree.files.atomic import lock, remove_orphans, reported
 from eutree.learning import Settings
 from eutree.policies import TreePolicy
-from eutree.training.checkpoint import CHECKPOINT, restore_checkpoint, write_checkpoint
+from eutree.training.checkpoint import (
+    CHECKPOINT,
+    events_to_text,
+    restore_checkpoint,
+    write_checkpoint,
+)
 from eutree.training.offline import OfflineRun
 from eutree.training.progress import progress_to_csv
 from eutree.training.run import LearningRun
@@ -139,7 +143,7 @@ class RunFolder:
         write_text(self.path / "curve.csv", curve_to_csv(run.curve))
         progress = progress_to_csv(run.events, run.gathered)
         write_text(self.path / "progress.csv", progress)
-        write_text(self.path / "events.jsonl", _events(run))
+        write_text(self.path / "events.jsonl", events_to_text(run.events))
 
     def load_checkpoint(self, run: LearningRun | OfflineRun, settings: Settings) -> bool:
         """Bring ``run`` to where the checkpoint stands; return whether there is one."""
@@ -165,10 +169,6 @@ class RunFolder:
                 "folder"
             )
         _check_same(path, read_document(path, ConfigDocument), config, self._usual)
-
-
-def _events(run: LearningRun | OfflineRun) -> str:
-    return "".join(json.dumps(event) + "\n" for event in run.events)
 
 
 def _check_same(

@@ -1,0 +1,96 @@
+"""A checkpoint holds all of a run, however long it was, and nothing else is taken for one."""
+
+import numpy as np
+import pytest
+
+from eutree.errors import FormatError
+from eutree.files import read_arrays, write_archive
+from eutree.files.documents import MAX_DOCUMENT
+from eutree.learning import PAPER
+from eutree.training.checkpoint import (
+    CheckpointDocument,
+    events_to_text,
+    restore_checkpoint,
+    write_checkpoint,
+)
+from tests.files.loaders import Start
+from tests.golden.contents import SETTINGS
+from tests.golden.test_golden import VERSIONS
+
+
+def started():
+    run = Start(PAPER)
+    run.episode = run.steps = 0
+    run.events = []
+    return run
+
+
+def test_a_run_with_more_to_tell_than_a_document_holds_is_saved_and_goes_on(tmp_path):
+    """Once a run of a million episodes could not be saved any more."""
+    run = started()
+    facts = {"success_rate": None, "mean_return": 1 / 3, "n_leaves": 1, "mean_length": 2 / 3}
+    splits = [{"leaf": 0, "feature": 1, "threshold": 1 / 3}] * 1000
+    for episode in range(0, 6000, 20):
+        here = {"episode": episode, "steps": 50 * episode}
+        run.events.append({"event": "expansion", **here, "splits": splits, "n_leaves": 1})
+        run.events.append({"event": "evaluation", **here, **facts})
+    assert len(events_to_text(run.events)) > MAX_DOCUMENT
+    write_checkpoint(tmp_path / "checkpoint.npz", run)
+    again = started()
+    restore_checkpoint(tmp_path / "checkpoint.npz", again, PAPER)
+    assert again.events == run.events
+    assert (len(again.curve), again.curve[-1].episode) == (300, 5980)
+
+
+def newest():
+    path = VERSIONS[-1] / "run-planned-bounded" / "checkpoint.npz"
+    return {name: array.copy() for name, array in read_arrays(path).items()}
+
+
+def as_text(text):
+    return np.frombuffer(text.encode(), dtype=np.uint8)
+
+
+DAMAGES = {
+    "an array less": ("history_rewards", lambda a: None, "history_rewards: missing"),
+    "one more": ("extra", lambda a: np.zeros(1), "extra: unexpected array"),
+    "another type": ("history_rewards", lambda a: a.astype(np.float32).astype(np.int32), "fit"),
+    "a row less": ("history_actions", lambda a: a[1:], "history_actions: shape .* does not fit"),
+    "another action": ("history_actions", lambda a: a + 2, r"must be in 0\.\.1, got 2\.\.3"),
+    "NaN": ("history_rewards", lambda a: a * np.nan, "history_rewards: must be finite"),
+    "infinity": ("mdp_action_values", lambda a: a + np.inf, "must not be infinite"),
+    "no priority": ("mdp_priority", lambda a: a * np.nan, "mdp_priority: must be a number"),
+    "no tree": ("left", lambda a: a * 0, "not a tree"),
+    "an episode that comes back": ("history_episodes", lambda a: a[::-1].copy(), "must ascend"),
+    "no such leaf": ("mdp_queue", lambda a: np.array([9], np.int32), "mdp_queue: must be in"),
+    "a queue with one twice": ("mdp_queue", lambda a: np.zeros(2, np.int32), "twice"),
+    "a bound of nothing": ("history_bounds", lambda a: a * np.uint64(0), "history_bounds: must be"),
+    "no such episode": ("plan_proved", lambda a: np.array([99]), "plan_proved: must be in"),
+    "a node beyond": ("plan_policy_left", lambda a: a + 2**32, "out of range|not a tree"),
+    "no planned action": ("plan_policy_action", lambda a: a + 7, "plan_policy_action: must be in"),
+    "no events": ("run_events", lambda a: None, "run_events: must be there"),
+    "events that are none": ("run_events", lambda a: as_text("[]\n"), "run_events, line 1"),
+    "an event without name": ("run_events", lambda a: as_text('{"a":1}\n'), "event must be a name"),
+    "an event out of time": ("run_events", lambda a: as_text('{"event":"x"}\n'), "episode must be"),
+    "half an evaluation": (
+        "run_events",
+        lambda a: as_text('{"event":"evaluation","episode":1}\n'),
+        "not those of a run|an evaluation",
+    ),
+    "episodes of no length": ("episode_lengths", lambda a: a[1:], "episode_lengths: shape"),
+}
+
+
+@pytest.mark.promise(2)
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_every_damage_is_refused_with_its_array(tmp_path, damage):
+    name, change, message = DAMAGES[damage]
+    arrays = newest()
+    changed = change(arrays.pop(name, None))
+    if changed is not None:
+        arrays[name] = changed
+    path, settings = tmp_path / "checkpoint.npz", SETTINGS["run-planned-bounded"]
+    write_archive(path, CheckpointDocument(episode=12, steps=200, n_actions=2), arrays)
+    with pytest.raises(FormatError, match=message) as caught:
+        restore_checkpoint(path, Start(settings), settings)
+    assert "\n" not in str(caught.value)
