@@ -2,10 +2,13 @@
 
 import json
 import re
+from types import SimpleNamespace
 
 import pytest
 
 from eutree.cli.main import run
+from eutree.evaluation import CurvePoint
+from eutree.experiments import demo
 from eutree.experiments.demo import DemoSettings, run_demo
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
@@ -78,3 +81,16 @@ def test_the_expert_tree_is_the_paper_s(tmp_path):
         success.append(eutree.evaluate(expert, env, episodes=1000, seed=seed).success_rate)
     assert 7 <= np.mean(leaves) <= 13
     assert np.mean(success) >= 0.95
+
+
+def test_intervals_end_where_the_measure_does():
+    def run_of(success_rate, n_leaves):
+        point = CurvePoint(0, 0, success_rate, 0.5, n_leaves)
+        return SimpleNamespace(curve=(point,))
+
+    runs = [run_of(1.0, 1), run_of(1.0, 1), run_of(0.4, 40)]
+    ends = {name: demo._series(runs, measure)[0][2:] for name, measure in demo.MEASURES.items()}
+    assert ends["success rate"][1] == 1.0
+    assert ends["leaves"][0] == 1.0
+    assert ends["leaves"][1] > 40
+    assert ends["return"] == (0.5, 0.5)

@@ -8,9 +8,10 @@ import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from math import inf
 from pathlib import Path
 from statistics import fmean
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium
 
@@ -35,6 +36,21 @@ Say = Callable[[str], None]
 Follow = Callable[[str, LearningRun], None]
 
 MARK = ".eutree-demo"
+
+
+class Measure(NamedTuple):
+    """What a chart shows of each evaluation, and what it can be: intervals end there."""
+
+    value: Callable[[CurvePoint], float | None]
+    low: float = -inf
+    high: float = inf
+
+
+MEASURES = {
+    "success rate": Measure(lambda point: point.success_rate, 0.0, 1.0),
+    "return": Measure(lambda point: point.mean_return),
+    "leaves": Measure(lambda point: float(point.n_leaves), 1.0),
+}
 LABELS = {"eu-tree": "EU-Tree", "c-u-tree": "C. U-Tree"}
 
 
@@ -212,14 +228,9 @@ def _report(
     results: Mapping[str, Sequence[LearningResult]],
 ) -> RunReport:
     header, rows = table_rows(policies, evaluations)
-    measures: dict[str, Callable[[CurvePoint], float | None]] = {
-        "success rate": lambda point: point.success_rate,
-        "return": lambda point: point.mean_return,
-        "leaves": lambda point: float(point.n_leaves),
-    }
     curves = {
-        measure: {LABELS[name]: _series(runs, value) for name, runs in results.items()}
-        for measure, value in measures.items()
+        name: {LABELS[learner]: _series(runs, measure) for learner, runs in results.items()}
+        for name, measure in MEASURES.items()
     }
     return RunReport(
         title=f"{settings.environment}: shown, learned, compressed, exported",
@@ -230,7 +241,7 @@ def _report(
         files=[
             ("the demonstrations", "demonstrations"),
             ("the expert tree", "expert.json"),
-            ("the EU-Tree's run: policy, curve, events, checkpoint", "runs/eu-tree"),
+            ("the EU-Tree's run: policy, curve, progress, events, checkpoint", "runs/eu-tree"),
             ("the C. U-Tree's run", "runs/c-u-tree"),
             ("the compressed tree", "small.json"),
             ("the compressed tree in C", "small.c"),
@@ -246,16 +257,15 @@ def _report(
 
 
 def _series(
-    runs: Sequence[LearningResult], value: Callable[[CurvePoint], float | None]
+    runs: Sequence[LearningResult], measure: Measure
 ) -> list[tuple[int, float, float, float]]:
     """Return (episode, mean, low, high) of a measure over runs; nothing where it is unknown."""
     series = []
     for points in zip(*(run.curve for run in runs), strict=True):
-        values = [known for known in map(value, points) if known is not None]
+        values = [known for known in map(measure.value, points) if known is not None]
         if len(values) < len(points):
             return []
         low, high = mean_interval(values)
-        if all(0.0 <= known <= 1.0 for known in values):  # a rate: the interval is clipped to one
-            low, high = max(low, 0.0), min(high, 1.0)
+        low, high = max(low, measure.low), min(high, measure.high)
         series.append((points[0].episode, fmean(values), low, high))
     return series
