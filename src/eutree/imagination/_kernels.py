@@ -95,13 +95,18 @@ def fitted(lines: Floats, row: int, state: Floats) -> float:
 
 
 @compiled
-def chance(world: World, root: int, state: Floats) -> float:
-    """Return the probability of an end: log-odds linear in the observation and its squares."""
+def chance(world: World, root: int, state: Floats, draw: float) -> float:
+    """Return the probability of an end, or 0 where it is clearly below the draw.
+
+    The log-odds are linear in the observation and its squares.
+    """
     row = model_leaf(world.tests, world.thresholds, root, state)
     d = state.size // 2
     odds = world.lines[row, 2 * d]
     for i in range(d):
         odds += (world.lines[row, i] + world.lines[row, d + i] * state[i]) * state[i]
+    if odds < -7.0 and draw > 1e-3:  # exp(-7) is less: spare the exponential
+        return 0.0
     return 1.0 / (1.0 + math.exp(min(-odds, 40.0)))  # no overflow
 
 
@@ -127,9 +132,9 @@ def model_step(
         state[d + i] = move[i]
     draw = draws[(at + d) & mask]
     kind = 0
-    if draw < chance(world, world.roots[action, d + 3], state):
+    if draw < chance(world, world.roots[action, d + 3], state, draw):
         kind = 1
-    elif 1.0 - draw <= chance(world, world.roots[action, d + 4], state):
+    elif 1.0 - draw <= chance(world, world.roots[action, d + 4], state, 1.0 - draw):
         kind = 2
     row = model_leaf(world.tests, world.thresholds, world.roots[action, d + kind], state)
     return fitted(world.lines, row, state), kind > 0
