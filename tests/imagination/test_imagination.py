@@ -367,6 +367,15 @@ def test_demonstrations_of_another_world_are_forgotten(changed):
     assert data.since(15).rewards.tolist() == own.rewards.tolist()
 
 
+def test_fewer_episodes_are_imagined_where_they_are_long():
+    data = walks(30, 4)
+    length = data.rewards.size / 30
+    assert Imagination(n_steps=round(300 * length))._affordable(data) == pytest.approx(300, abs=1)
+    assert Imagination(n_steps=1)._affordable(data) == 100
+    assert Imagination(n_steps=1, n_episodes=20)._affordable(data) == 20
+    assert Imagination()._affordable(data) == 1000
+
+
 def test_planning_waits_until_the_history_has_grown():
     imagination = Imagination(growth=1.5)
     plan = Plan(single_action(GO), planned_at=100)

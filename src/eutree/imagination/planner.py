@@ -21,6 +21,7 @@ from eutree.validation import check_integer, check_number
 
 _SHORTEST_TRIAL = 5  # episodes
 _FEW_OWN = 10  # episodes
+_FEWEST_IMAGINED = 100  # episodes
 _CLEARLY = 3.0  # standard errors
 
 
@@ -79,7 +80,9 @@ class Imagination:
     """Planning in imagination, as a choice of the learner's settings.
 
     Attributes:
-        n_episodes: Imagined episodes that judge each change.
+        n_episodes: Imagined episodes that judge each change, at most.
+        n_steps: Steps of these episodes together, about: fewer episodes where they are long, so
+            that planning costs as much whatever their length; at least 100 episodes.
         improvement: How trees are improved.
         explorer_share: Share of the gathered episodes in which the explorer acts.
         pessimism: Share of what is unknown that counts as fatal in the candidate's world model.
@@ -92,6 +95,7 @@ class Imagination:
     """
 
     n_episodes: int = 1000
+    n_steps: int = 50_000
     improvement: Improvement = Improvement()
     explorer_share: float = 0.3
     pessimism: float = 0.98
@@ -104,6 +108,7 @@ class Imagination:
 
     def __post_init__(self) -> None:
         check_integer("n_episodes", self.n_episodes, low=8)
+        check_integer("n_steps", self.n_steps, low=1)
         check_number("explorer_share", self.explorer_share, low=0.0, high=1.0)
         for name in ("pessimism", "optimism"):
             check_number(
@@ -123,8 +128,9 @@ class Imagination:
         """Return the next plan: adopt the candidate or not, then plan both trees anew."""
         plan = _without_outdated(plan, data.episode_returns)
         known = data.since(plan.outdated).recent(self.max_transitions)
+        n_episodes = self._affordable(known)
         rehearsals = [
-            Rehearsal(model, self.n_episodes, self.discount, generator)
+            Rehearsal(model, n_episodes, self.discount, generator)
             for model in fit_world_models(known, (self.pessimism, self.optimism))
         ]
         sober, hopeful = rehearsals
@@ -136,6 +142,12 @@ class Imagination:
         explorer = self.improvement.improve(hopeful, begin, scale)
         candidate = self._candidate(plan, sober, scale)
         return replace(plan, candidate=candidate, explorer=explorer)
+
+    def _affordable(self, data: Transitions) -> int:
+        """Return how many episodes to imagine, were they as long as the stored ones."""
+        length = data.rewards.size / np.count_nonzero(data.first)
+        fewest = min(_FEWEST_IMAGINED, self.n_episodes)
+        return int(np.clip(self.n_steps / length, fewest, self.n_episodes))
 
     def _deserves(
         self, plan: Plan, candidate: ActionTree, data: Transitions, sober: Rehearsal
