@@ -68,6 +68,7 @@ class Person:
         self.outputs = []
         self.view = None
         self.sees = True
+        self._next_seen = Seen(0)
         self.tick()
 
     def tick(self, *events):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from eutree.cli._asking import asked, render_mode
 from eutree.cli._options import env_arg_option, json_option, override, seed_option
 from eutree.cli._output import Output
 from eutree.errors import InvalidArgumentError
@@ -39,6 +40,14 @@ if TYPE_CHECKING:
               help="Environment steps spent at the end on races of improved trees.")  # fmt: skip
 @click.option("--max-transitions", type=click.IntRange(min=1),
               help="Most transitions to remember; by default all.")  # fmt: skip
+@click.option("--ask", help="Ask for a demonstration where the learner is unsure: web, window, or "
+              "a scripted expert.")  # fmt: skip
+@click.option("--ask-requests", type=click.IntRange(min=1), default=20, show_default=True,
+              help="Most requests of --ask.")  # fmt: skip
+@click.option("--ask-steps", type=click.IntRange(min=1), default=20, show_default=True,
+              help="Most steps shown for one request.")  # fmt: skip
+@click.option("--keys", help="What a person's keys mean: left=0,right=1,none=0.")
+@click.option("--port", type=click.IntRange(0, 65535), help="Port of the page of --ask web.")
 @click.option("--offline", is_flag=True, help="Learn from the demonstrations alone.")
 @click.option("--resume", is_flag=True, help="Go on with an interrupted run in the same folder.")
 @click.option("--checkpoint-seconds", type=click.FloatRange(min=0),
@@ -63,6 +72,11 @@ def learn(
     history: int,
     polish_steps: int,
     max_transitions: int | None,
+    ask: str | None,
+    ask_requests: int,
+    ask_steps: int,
+    keys: str | None,
+    port: int | None,
     offline: bool,
     resume: bool,
     checkpoint_seconds: float | None,
@@ -79,7 +93,7 @@ def learn(
     from eutree.data import Demonstrations
     from eutree.interaction.making import make
     from eutree.policies import TreePolicy
-    from eutree.training import LearningRun, OfflineRun
+    from eutree.training import Asking, LearningRun, OfflineRun
     from eutree.training import learn as learn_policy
     from eutree.training.signals import stop_on_signals
 
@@ -87,10 +101,14 @@ def learn(
     demonstrations = None if demos is None else Demonstrations.load(demos)
     if offline and demonstrations is None:
         raise InvalidArgumentError("--offline learns from demonstrations alone; name them: --demos")
-    env = None if offline else make(_spec(environment, demonstrations, env_arguments))
+    if offline and ask is not None:
+        raise InvalidArgumentError("--ask needs an environment to act in; leave out --offline")
+    spec = None if offline else _spec(environment, demonstrations, env_arguments)
+    env = None if spec is None else make(spec, render_mode=render_mode(ask))
     with (
         stop_on_signals() as stop,
         _saying_how_to_go_on(output, stop, out),
+        asked(ask, spec, env, output, stop=stop, keys=keys, port=port) as controller,
         output.progress("learning", max(episodes, 1)) as progress,
     ):
 
@@ -118,6 +136,8 @@ def learn(
             resume=resume,
             checkpoint_seconds=checkpoint_seconds,
             tensorboard=tensorboard,
+            ask=controller,
+            asking=Asking(max_requests=ask_requests, max_steps=ask_steps),
             stop=stop,
             on_progress=show,
         )

@@ -35,6 +35,9 @@ class Plan:
         explorer: What acts to find out; None before the first planning.
         proved: Episodes in which the policy acted without exploration.
         tried: Episodes in which candidates did, since the policy was adopted.
+        taught: What a person has shown since the last planning, as a tree to begin from; None if
+            nothing was.
+        helped: Episodes in which somebody showed what to do: nobody's merit.
         planned_at: Number of transitions seen at the last planning.
         demonstrations: How many of the first episodes are demonstrations that still count.
         outdated: First episode that world models are fitted to; those before are of another world.
@@ -43,8 +46,10 @@ class Plan:
     policy: ActionTree
     candidate: ActionTree | None = None
     explorer: ActionTree | None = None
+    taught: ActionTree | None = None
     proved: tuple[int, ...] = ()
     tried: tuple[int, ...] = ()
+    helped: tuple[int, ...] = ()
     planned_at: int = 0
     demonstrations: int = 0
     outdated: int = 0
@@ -70,6 +75,7 @@ class Plan:
             self,
             proved=tuple(place[number] for number in self.proved if number in place),
             tried=tuple(place[number] for number in self.tried if number in place),
+            helped=tuple(place[number] for number in self.helped if number in place),
             demonstrations=int(np.searchsorted(episodes, self.demonstrations)),
             outdated=int(np.searchsorted(episodes, self.outdated)),
         )
@@ -138,10 +144,10 @@ class Imagination:
         if plan.candidate is not None and self._deserves(plan, plan.candidate, data, sober):
             proved = plan.tried[-self.memory :]
             plan = replace(plan, policy=plan.candidate, candidate=None, proved=proved, tried=())
-        begin = plan.policy if plan.explorer is None else plan.explorer
+        begin = plan.taught or plan.explorer or plan.policy
         explorer = self.improvement.improve(hopeful, begin, scale)
         candidate = self._candidate(plan, sober, scale)
-        return replace(plan, candidate=candidate, explorer=explorer)
+        return replace(plan, candidate=candidate, explorer=explorer, taught=None)
 
     def _affordable(self, data: Transitions) -> int:
         """Return how many episodes to imagine, were they as long as the stored ones."""
@@ -168,10 +174,15 @@ class Imagination:
         return gain.mean > gain.error
 
     def _candidate(self, plan: Plan, sober: Rehearsal, scale: float) -> ActionTree | None:
-        """Return the best of the policy and the last candidate, improved; None if not better."""
+        """Return the best of policy, last candidate and what was taught, each improved.
+
+        None if none of them is better than the policy.
+        """
         best = self.improvement.improve(sober, plan.policy, scale)
-        if plan.candidate is not None:
-            rival = self.improvement.improve(sober, plan.candidate, scale)
+        for begin in (plan.candidate, plan.taught):
+            if begin is None:
+                continue
+            rival = self.improvement.improve(sober, begin, scale)
             sober.reshuffle()
             sober.rehearse(best)
             if sober.gain(rival).mean > 0.0:
@@ -194,7 +205,7 @@ def _without_outdated(plan: Plan, returns: Floats) -> Plan:
 
 def _others(plan: Plan, n_episodes: int) -> tuple[int, ...]:
     """Return the episodes that are not of the trial: what an untested policy is compared with."""
-    return tuple(sorted(set(range(n_episodes)) - set(plan.tried)))
+    return tuple(sorted(set(range(n_episodes)) - set(plan.tried) - set(plan.helped)))
 
 
 def _clearly_better(tried: Floats, proved: Floats) -> bool:

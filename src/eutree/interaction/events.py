@@ -37,9 +37,13 @@ class Seen:
 
 @dataclass(frozen=True)
 class Away:
-    """Focus or connection was lost: all keys count as released, a running episode pauses."""
+    """Focus or connection was lost: all keys count as released, a running episode pauses.
+
+    ``gone`` says that the viewer itself is gone, and not only out of sight.
+    """
 
     reason: str
+    gone: bool = False
 
 
 @dataclass(frozen=True)

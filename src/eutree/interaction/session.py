@@ -46,7 +46,7 @@ from eutree.interaction.pace import SPEEDS, Pace
 from eutree.interaction.pictures import Pictures
 from eutree.interaction.seeding import episode_seed
 from eutree.interaction.settings import SessionSettings, frames_per_second
-from eutree.interaction.trial import Trial
+from eutree.interaction.trial import Answer, Trial
 from eutree.interaction.views import action_views, episode_views, sensed
 
 PERSON_STREAM = 6
@@ -394,12 +394,16 @@ class Session:
             "speed": self.pace.speed,
         }
         self._action = action
-        output = trial.step(action, self.env.step(action), now, measured)
+        output = trial.step(action, self._answer(action), now, measured)
         self._outputs.append(output)
         self.pace.begin(now)
         self._pictures.expect()
         if output.terminated or output.truncated:
             self._keep(trial.finish())
+
+    def _answer(self, action: int) -> Answer:
+        """Take the step in the environment."""
+        return self.env.step(action)
 
     def _keep(self, episode: Episode) -> None:
         """Put a finished episode into the list, to be stored at once."""

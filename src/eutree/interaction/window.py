@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from eutree.errors import MissingExtraError
+from eutree.interaction.engine import Engine
 from eutree.interaction.events import Away, Command, Event, KeyDown, KeyUp, Seen, Tick
 from eutree.interaction.keys import NAMED_KEYS
 from eutree.interaction.recorder import Recorder
@@ -83,10 +84,13 @@ class Window:
     """The window: its loop, what its events mean, and its clock.
 
     Args:
-        recorder: What is recorded, and where.
+        recorder: What is shown and driven.
+
+    Attributes:
+        is_closed: Whether the person has closed the window.
     """
 
-    def __init__(self, recorder: Recorder) -> None:
+    def __init__(self, recorder: Engine) -> None:
         os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
         try:
             import pygame
@@ -109,14 +113,14 @@ class Window:
         ]
         self._gamepad = Gamepad(first)
         self._joysticks: dict[int, Any] = {}  # held, or pygame forgets them
-        self._closed = False
+        self.is_closed = False
 
     def run(self) -> None:
         """Play the session; a finished one shows its last screen until a key is pressed."""
-        while not (self.recorder.session.is_over or self._closed):
+        while not (self.recorder.session.is_over or self.is_closed):
             self.tick()
-            self._clock.tick(1.0 / TICK_SECONDS)
-        if not self._closed:
+            self.pause()
+        if not self.is_closed:
             self._linger()
 
     def tick(self) -> Tick:
@@ -130,6 +134,10 @@ class Window:
             self._frame = tick.frame.number
         return tick
 
+    def pause(self) -> None:
+        """Wait for the time of the next tick."""
+        self._clock.tick(1.0 / TICK_SECONDS)
+
     def close(self) -> None:
         """Close the window and let go of the display."""
         self._pygame.joystick.quit()
@@ -140,13 +148,13 @@ class Window:
         pygame = self._pygame
         self._screen.draw(self.recorder.session.tick(time.monotonic() - self._began))
         while not any(event.type in (pygame.QUIT, pygame.KEYDOWN) for event in pygame.event.get()):
-            self._clock.tick(1.0 / TICK_SECONDS)
+            self.pause()
 
     def _meaning(self, event: Any) -> list[Event]:
         """Return what an event of pygame means to the session."""
         pygame = self._pygame
         if event.type == pygame.QUIT:
-            self._closed = True
+            self.is_closed = True
             return [Away(LOST)]
         if event.type == pygame.WINDOWFOCUSLOST:
             self._gamepad.release()

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from eutree.interaction.ask_session import ASKED
 from eutree.interaction.events import EpisodeView, Frame, Tick, View
 from eutree.interaction.session import (
     COUNTDOWN,
@@ -228,6 +229,10 @@ def words(view: View) -> tuple[str, list[str], Any]:
     finish = f"{keys.get('finish', '')}: finish"
     if view.state == OPENING:
         return "Show how it is done", [f"Enter: start     {finish}"], INK
+    if view.state == ASKED:
+        within = f"Please answer within {view.countdown} s; else learning goes on without you."
+        answer = f"Enter: show it     {keys.get('finish', '')}: not now, hand back"
+        return "How would you go on?", [view.message, within, answer], INK
     if view.state == PAUSED:
         return "Paused", [view.message, f"Enter: go on     {keys.get('end', '')}: end here"], INK
     if view.state == REVIEW:

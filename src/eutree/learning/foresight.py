@@ -16,8 +16,8 @@ from eutree.imagination.action_trees import from_decision_tree, to_decision_tree
 from eutree.learning.history import TERMINAL, History
 from eutree.trees import DecisionTree
 
-_TREES = ("policy", "candidate", "explorer")
-_EPISODES = ("proved", "tried")
+_TREES = ("policy", "candidate", "explorer", "taught")
+_EPISODES = ("proved", "tried", "helped")
 _NUMBERS = ("planned_at", "demonstrations", "outdated")
 
 
@@ -54,6 +54,10 @@ class Foresight:
         """Take the first episodes of the history as what the policy can do."""
         self.plan = replace(self.plan, proved=tuple(range(n_episodes)), demonstrations=n_episodes)
 
+    def teach(self, tree: DecisionTree, actions: Integers) -> None:
+        """Take a tree that follows what somebody has shown as one to begin from."""
+        self.plan = replace(self.plan, taught=from_decision_tree(tree, actions))
+
     def begin_episode(self, exploration: float, generator: np.random.Generator) -> None:
         """Choose who acts: the explorer, or whoever is on trial."""
         plan = self.plan
@@ -74,9 +78,11 @@ class Foresight:
             return int(self._generator.integers(self._n_actions))
         return self._actions[self._tree.leaf_of(observation.tolist())]
 
-    def end_episode(self, episode: int) -> None:
-        """Remember the episode as evidence, if it was not the explorer's."""
-        if not self._explores:
+    def end_episode(self, episode: int, *, shown: bool) -> None:
+        """Remember the episode as evidence, if it was not the explorer's and nobody helped."""
+        if shown:
+            self.plan = replace(self.plan, helped=(*self.plan.helped, episode))
+        elif not self._explores:
             self.plan = self.plan.with_episode(episode)
 
     def keep(self, episodes: Integers) -> None:
@@ -102,6 +108,8 @@ class Foresight:
         state: dict[str, NDArray[Any]] = {
             name: np.array(getattr(self.plan, name), dtype=np.int64) for name in _EPISODES
         }
+        if not self.plan.helped:
+            del state["helped"]
         for name in _NUMBERS:
             state[name] = np.array([getattr(self.plan, name)])
         state["informed"] = np.array([self._informed])
@@ -114,15 +122,17 @@ class Foresight:
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Take back a ``state()``."""
         trees = {name: _tree(state, name) for name in _TREES if f"{name}_feature" in state}
-        episodes = {name: tuple(state[name].tolist()) for name in _EPISODES}
+        episodes = {name: tuple(state[name].tolist()) for name in _EPISODES if name in state}
         numbers = {name: int(state[name][0]) for name in _NUMBERS}
         self.plan = replace(
             self.plan,
             policy=trees["policy"],
             candidate=trees.get("candidate"),
             explorer=trees.get("explorer"),
+            taught=trees.get("taught"),
             proved=episodes["proved"],
             tried=episodes["tried"],
+            helped=episodes.get("helped", ()),
             **numbers,
         )
         self._informed = bool(state["informed"][0])

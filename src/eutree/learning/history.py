@@ -65,6 +65,7 @@ class History:
             "continues": np.empty(64, dtype=np.bool_),
             "left": np.empty(64, dtype=np.int32),
             "entered": np.empty(64, dtype=np.int32),
+            "demonstrated": np.empty(64, dtype=np.bool_),
             "_left_link": np.empty(64, dtype=np.int64),
             "_entered_link": np.empty(64, dtype=np.int64),
         }
@@ -117,6 +118,11 @@ class History:
         return self._view("entered")
 
     @property
+    def demonstrated(self) -> Booleans:
+        """Whether somebody else showed each transition, shape [N]; a view."""
+        return self._view("demonstrated")
+
+    @property
     def n_bytes_per_transition(self) -> float:
         """Bytes of memory for each stored transition, spare capacity included."""
         total = sum(column.nbytes for column in self._columns.values())
@@ -130,6 +136,8 @@ class History:
             "n_episodes": np.array([self.n_episodes]),
             "n_seen": np.array([self.n_seen]),
         }
+        if self.demonstrated.any():
+            state["demonstrated"] = self.demonstrated
         if self._forgetting is not None:
             state |= {"lots": self._view("lots"), "bounds": self._forgetting.bounds}
         return state
@@ -153,6 +161,7 @@ class History:
             history._view("lots")[:] = state["lots"]
             forgetting.bounds = np.array(state["bounds"])
         history.entered[:] = np.where(state["terminal"], TERMINAL, 0)
+        history.demonstrated[:] = state.get("demonstrated", False)
         history._label(tree)
         return history
 
@@ -164,6 +173,7 @@ class History:
         leaves: Int32s,  # [T + 1]
         *,
         terminated: bool,
+        demonstrated: Booleans | bool = False,  # [T]
         generator: np.random.Generator | None = None,
     ) -> Booleans:
         """Store the transitions of one episode, with the leaves of its observations.
@@ -187,6 +197,7 @@ class History:
             "continues": np.arange(steps) > 0,
             "left": leaves[:-1],
             "entered": entered,
+            "demonstrated": np.broadcast_to(demonstrated, steps),
         }
         stored = np.ones(steps, dtype=np.bool_)
         if self._forgetting is not None:

@@ -44,7 +44,11 @@ _LEARNER: dict[str, tuple[str, str]] = {
     "tested_at": ("i", "L"),
     "inherited": ("i", "L"),
 }
-_LOCKED = {"locked": ("i", "K")}
+_WHERE_IT_IS_SO = {
+    "locked": ("i", "K"),
+    "history_demonstrated": ("b", "N"),
+    "lessons": ("f", "Sd"),
+}
 _BOUNDED = {"history_lots": ("u", "N"), "history_bounds": ("u", "LA")}
 _BOUNDED_EPISODES = {"history_lots": ("u", "N"), "history_bounds": ("u", "1")}
 _PLAN = {
@@ -55,7 +59,7 @@ _PLAN = {
     "plan_outdated": ("i", "1"),
     "plan_informed": ("b", "1"),
 }
-_PLANNED_TREES = ("policy", "candidate", "explorer")
+_PLANNED_TREES = ("policy", "candidate", "explorer", "taught")
 _FINITE = ("history_observations", "history_next_observations", "history_rewards",
            "mdp_values", "mdp_reward_sums")  # fmt: skip
 
@@ -76,8 +80,8 @@ def _check(state: State, n_actions: int, settings: Settings) -> None:
     sizes = _check_shapes(state, _expected(state, settings), n_actions)
     if n_actions < 1 or sizes["d"] < 1:
         raise _RefusedError("history_observations", "there must be a feature and an action")
-    for name in _FINITE:
-        if not np.isfinite(state[name]).all():
+    for name in (*_FINITE, "lessons"):
+        if name in state and not np.isfinite(state[name]).all():
             raise _RefusedError(name, "must be finite")
     if np.isinf(state["mdp_action_values"]).any():
         raise _RefusedError("mdp_action_values", "must not be infinite")
@@ -99,14 +103,15 @@ def _check(state: State, n_actions: int, settings: Settings) -> None:
 def _expected(state: State, settings: Settings) -> dict[str, tuple[str, str]]:
     """Return the arrays that there must be, with what they must be."""
     expected = dict(_LEARNER)
-    if "locked" in state:
-        expected |= _LOCKED
+    expected |= {name: what for name, what in _WHERE_IT_IS_SO.items() if name in state}
     plans = settings.imagination is not None
     if settings.max_transitions is not None:
         expected |= _BOUNDED_EPISODES if plans else _BOUNDED
     if plans:
         expected |= _PLAN
-        for name, size in zip(_PLANNED_TREES, "TUV", strict=True):
+        if "plan_helped" in state:
+            expected["plan_helped"] = ("i", "H")
+        for name, size in zip(_PLANNED_TREES, "TUVW", strict=True):
             if name == "policy" or f"plan_{name}_feature" in state:
                 expected |= {
                     f"plan_{name}_{field}": ("f" if field == "threshold" else "i", size)
@@ -149,6 +154,7 @@ def _check_numbers(state: State, n_leaves: int, n_actions: int) -> None:
         "locked": (0, n_leaves - 1),
         "plan_proved": (0, n_episodes - 1),
         "plan_tried": (0, n_episodes - 1),
+        "plan_helped": (0, n_episodes - 1),
         "plan_planned_at": (0, most),
         "plan_demonstrations": (0, n_episodes),
         "plan_outdated": (0, n_episodes),

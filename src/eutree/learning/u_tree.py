@@ -16,10 +16,12 @@ from numpy.typing import NDArray
 from eutree.arrays import Booleans, Floats, Int32s, Integers
 from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
+from eutree.learning.confidence import Confidence, doubt
 from eutree.learning.foresight import Foresight
 from eutree.learning.forgetting import Forgetting, LeafReservoirs, RecentEpisodes
 from eutree.learning.history import TERMINAL, History
 from eutree.learning.settings import Settings
+from eutree.learning.teaching import refined
 from eutree.mdp import TabularMDP
 from eutree.policies import LeafStatistics, TreePolicy
 from eutree.schema import EnvironmentSpec, Schema
@@ -85,13 +87,17 @@ class UTree:
         self._foresight = self._new_foresight(informed=inherited is not None)
         self._steps: list[tuple[Floats, int, float]] = []
         self._leaves: list[int] = []
+        self._shown: list[bool] = []
+        self._lessons = np.empty((0, tree.n_features))  # where something was shown of late
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return all that the learner knows, between two episodes; ``from_state`` takes it back."""
         tree = {name: getattr(self.tree, name) for name in _TREE_ARRAYS}
         history = {f"history_{k}": v for k, v in self.history.state().items()}
         mdp = {f"mdp_{k}": v for k, v in self.mdp.state().items()}
-        own = {"tested_at": self._tested_at, "inherited": self._inherited}
+        own: dict[str, NDArray[Any]] = {"tested_at": self._tested_at, "inherited": self._inherited}
+        if len(self._lessons):
+            own["lessons"] = self._lessons
         if self._locked:
             own["locked"] = np.array(sorted(self._locked))
         plan = {} if self._foresight is None else self._foresight.state()
@@ -112,6 +118,7 @@ class UTree:
         learner.mdp.observe_batch(history.left, history.actions, history.rewards, history.entered)
         learner.mdp.restore(_part(state, "mdp_"))
         learner._tested_at = np.array(state["tested_at"])
+        learner._lessons = np.array(state.get("lessons", learner._lessons))
         if learner._foresight is not None:
             learner._foresight.restore(_part(state, "plan_"))
         return learner
@@ -125,6 +132,7 @@ class UTree:
                 episode.rewards,
                 self.tree.leaf_index(episode.observations),
                 terminated=episode.terminated,
+                demonstrated=True,
             )
             self.history.forget()
         self._count_again()
@@ -139,6 +147,7 @@ class UTree:
         of its own between episodes.
         """
         self._steps.clear()
+        self._shown.clear()
         self._before = self.mdp.state()
         self._generator = generator
         self._first = observation
@@ -156,10 +165,32 @@ class UTree:
             return int(self._generator.integers(self.n_actions))
         return self._greedy(self._leaves[-1])
 
+    def unsure(self, observation: Floats, confidence: Confidence) -> str:
+        """Return why the learner would rather be shown what to do at ``observation``, or "".
+
+        See :mod:`eutree.learning.confidence`. Nothing of the learner changes.
+        """
+        leaf = self.tree.leaf_of(observation.tolist())
+        if leaf in self._locked:
+            return ""
+        rows = self.history.rows_leaving(leaf)
+        returns, actions = self.targets(rows), self.history.actions[rows]
+        best = self._greedy(leaf)
+        return doubt(returns, actions.astype(np.int64), best, self.n_actions, confidence)
+
     def observe(
-        self, action: int, reward: float, observation: Floats, *, terminated: bool, truncated: bool
+        self,
+        action: int,
+        reward: float,
+        observation: Floats,
+        *,
+        terminated: bool,
+        truncated: bool,
+        shown: bool = False,
     ) -> None:
         """Take one transition from the present observation; store the episode at its end.
+
+        ``shown`` marks the action as somebody else's: a demonstration.
 
         Updates Pr, R and Q by prioritized sweeping. A truncated episode is not a terminal one:
         its last transition enters the leaf of the last observation.
@@ -169,6 +200,7 @@ class UTree:
         self.mdp.observe(self._leaves[-1], action, reward, entered, self.settings.backups)
         self._steps.append((observation, action, reward))
         self._leaves.append(leaf)
+        self._shown.append(shown)
         if terminated or truncated:
             self._end_episode(terminated=terminated)
 
@@ -191,6 +223,7 @@ class UTree:
         """
         if self._steps:
             raise InvalidArgumentError("expand must be called between episodes, not within one")
+        self._learn_from_shown()
         if self._foresight is not None:
             if self._foresight.think(self.history, generator):
                 self._replace_tree(*self._foresight.policy())
@@ -326,10 +359,12 @@ class UTree:
             leaves,
             terminated=terminated,
             generator=self._generator,
+            demonstrated=np.array(self._shown, dtype=np.bool_),
         )
+        self._remember_lessons()
         self._steps.clear()
         if self._foresight is not None:
-            self._foresight.end_episode(self.history.n_episodes - 1)
+            self._foresight.end_episode(self.history.n_episodes - 1, shown=any(self._shown))
         if not stored.all():
             entered = np.append(leaves[1:-1], TERMINAL if terminated else leaves[-1])
             self._uncount(leaves[:-1], actions, rewards, entered, stored)
@@ -369,6 +404,36 @@ class UTree:
         )
         mdp.observe_batch(history.left, history.actions, history.rewards, history.entered)
         return mdp
+
+    def _remember_lessons(self) -> None:
+        """Remember where in the episode somebody showed what to do, until the next expansion."""
+        observations = [self._first, *(step[0] for step in self._steps[:-1])]
+        seen = zip(observations, self._shown, strict=True)
+        shown = [observation for observation, is_shown in seen if is_shown]
+        if shown:
+            self._lessons = np.concatenate([self._lessons, shown])
+
+    def _learn_from_shown(self) -> None:
+        """Refine the leaves in which something was shown since the last time."""
+        lessons, self._lessons = self._lessons, self._lessons[:0]
+        history = self.history
+        rows = history.demonstrated
+        lately = set(self.tree.leaf_index(lessons).tolist()) - self._locked
+        leaves = np.array(sorted(lately & set(history.left[rows].tolist())), dtype=np.int64)
+        if not leaves.size:
+            return
+        tree, actions = refined(
+            self.tree,
+            self.greedy_actions().astype(np.int64),
+            history.observations[rows],
+            history.actions[rows].astype(np.int64),
+            self.n_actions,
+            leaves=leaves,
+        )
+        if self._foresight is None:
+            self._replace_tree(tree, actions)
+        else:
+            self._foresight.teach(tree, actions)
 
     def _new_foresight(self, *, informed: bool) -> Foresight | None:
         imagination = self.settings.imagination

@@ -12,12 +12,14 @@ from eutree.data import Demonstrations
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import evaluate
 from eutree.interaction import GuardedEnv
+from eutree.interaction.requests import Controller
 from eutree.learning import LEARNERS, Settings, UTree, c_u_tree, eu_tree, eu_tree_dt
 from eutree.learning.expert_tree import fit_expert_tree
 from eutree.learning.presets import preset as preset_settings
 from eutree.learning.settings import described
-from eutree.policies import TreePolicy
+from eutree.policies import Policy, TreePolicy
 from eutree.schema import Schema
+from eutree.training.asking import Asking, questions_for
 from eutree.training.callback import CallbackLike, CallbackListener
 from eutree.training.offline import OfflineRun
 from eutree.training.polishing import PolishReport, polish
@@ -51,6 +53,8 @@ def learn(
     checkpoint_seconds: float | None = None,
     tensorboard: str | Path | None = None,
     callback: CallbackLike | None = None,
+    ask: Policy | Controller | None = None,
+    asking: Asking | None = None,
     stop: Callable[[], bool] = lambda: False,
     on_progress: Progress | None = None,
 ) -> LearningResult:
@@ -87,6 +91,9 @@ def learn(
         callback: Follows the run and may end it, as in SB3: a function of ``(locals, globals)``
             called after each step, an ``eutree.callbacks.BaseCallback``, or a list of them. Not
             for offline learning, which takes no steps.
+        ask: Who acts for a stretch where the learner is unsure: a policy, or a controller such as
+            a person in a browser (``eutree.interaction.browser.AskInBrowser``). Nobody by default.
+        asking: How often and for how long somebody may be asked.
         stop: Asked before every step; True ends the run at its last finished episode.
         on_progress: Called after each episode and each evaluation, or each expansion offline.
 
@@ -98,12 +105,11 @@ def learn(
     """
     check_integer("evaluation_episodes", evaluation_episodes, low=1)
     check_integer("polish_steps", polish_steps, low=0)
-    if env is None and polish_steps:
-        raise InvalidArgumentError(
-            f"polish_steps must be 0 without an environment to run them in, got {polish_steps}"
-        )
+    if env is None:
+        _check_acts_nowhere(polish_steps, ask)
     if checkpoint_seconds is not None:
         check_number("checkpoint_seconds", checkpoint_seconds, low=0.0)
+    asking = asking or Asking()
     clock = SavingClock(checkpoint_seconds)
     schedule = Schedule(episodes=episodes, evaluate_every=evaluate_every, seed=seed)
     chosen = preset_settings(preset) if settings is None else settings
@@ -128,7 +134,14 @@ def learn(
         guarded = GuardedEnv(env, strict=strict, history=history)
         start = _start(name, guarded.schema, chosen, demonstrations, expert)
         evaluator = _evaluator(env, evaluation_episodes)
-        run = LearningRun(start, guarded, schedule, evaluator, stop=stop)
+        run = LearningRun(
+            start,
+            guarded,
+            schedule,
+            evaluator,
+            stop=stop,
+            questions=questions_for(ask, asking, out),
+        )
         environment = str(guarded.spec or guarded.name)
     every = described(chosen)
     config = ConfigDocument(
@@ -141,6 +154,7 @@ def learn(
         history=history,
         seed=schedule.seed,
         demonstrations="" if demonstrations is None else demonstrations.digest,
+        asking="" if ask is None else repr(asking),
     )
     listener = None if callback is None else _listener(callback, run, env)
     if out is None:
@@ -179,6 +193,16 @@ def _polished(
     if env is None or not steps or isinstance(run, OfflineRun) or run.stopped:
         return run.policy(), None
     return polish(run.policy(), run.learner.history, env, steps=steps, seed=seed)
+
+
+def _check_acts_nowhere(polish_steps: int, ask: Policy | Controller | None) -> None:
+    """Raise InvalidArgumentError for what needs an environment to act in."""
+    if polish_steps:
+        raise InvalidArgumentError(
+            f"polish_steps must be 0 without an environment to run them in, got {polish_steps}"
+        )
+    if ask is not None:
+        raise InvalidArgumentError("ask must be None without an environment: nothing is acted in")
 
 
 def _evaluator(env: gymnasium.Env[Any, Any], episodes: int) -> Evaluator:

@@ -81,6 +81,8 @@ def values_of(event: Mapping[str, Any], episodes: GatheredEpisodes) -> Values:
     """Return what one event of a run says, under SB3's names."""
     if event["event"] == "record":
         return dict(event["values"])
+    if event["event"] == "request":
+        return {}
     if event["event"] == "evaluation":
         return {
             "eval/mean_ep_length": event.get("mean_length"),
@@ -103,7 +105,7 @@ def progress_to_csv(events: Sequence[Mapping[str, Any]], episodes: GatheredEpiso
     iterations = 0
     for event in events:
         pending |= values_of(event, episodes)
-        if event["event"] == "record":
+        if event["event"] in ("record", "request"):
             continue
         iterations += event["event"] == "expansion"
         time: Values = {

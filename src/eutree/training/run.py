@@ -17,8 +17,10 @@ from eutree.arrays import Floats
 from eutree.evaluation import CurvePoint, Evaluation
 from eutree.interaction import GuardedEnv, episode_seed
 from eutree.interaction.episode import success_of
+from eutree.interaction.requests import Request, StepAnswer
 from eutree.learning import UTree
 from eutree.policies import TreePolicy
+from eutree.training.asking import Questions
 from eutree.training.progress import GatheredEpisodes
 from eutree.validation import check_integer, check_seed
 
@@ -87,6 +89,7 @@ class LearningRun:
         schedule: How long, and when to evaluate.
         evaluator: How to evaluate a frozen policy.
         stop: Asked before every step; True ends the run at the last finished episode.
+        questions: Asks somebody to act where the learner is unsure; None asks nobody.
 
     Attributes:
         learner: The learner.
@@ -113,6 +116,7 @@ class LearningRun:
         evaluator: Evaluator,
         *,
         stop: Callable[[], bool] = lambda: False,
+        questions: Questions | None = None,
     ) -> None:
         self.learner = learner
         self.schedule = schedule
@@ -130,6 +134,9 @@ class LearningRun:
         self._env = env
         self._evaluator = evaluator
         self._stop = stop
+        self._questions = questions
+        self._observations: list[Floats] = []  # of the present episode
+        self._requests: list[dict[str, Any]] = []  # of the present episode
 
     @property
     def finished(self) -> bool:
@@ -185,6 +192,7 @@ class LearningRun:
         seed = episode_seed(self.schedule.seed, self.episode, TRAINING_STREAM)
         observation = self._env.reset(seed)
         self.learner.begin_episode(observation, self._generator(EXPLORATION_STREAM))
+        self._observations, self._requests = [observation], []
         try:
             while not self.stopped and self._act():
                 pass
@@ -196,31 +204,83 @@ class LearningRun:
             self._forget_episode()
 
     def _act(self) -> bool:
-        """Take one step; return whether the episode goes on."""
+        """Take one step, or let somebody act for a stretch; return whether the episode goes on."""
         if self._stop():
             self.stopped = True
             return False
-        action = self.learner.act()
-        observation, reward, terminated, truncated, info = self._env.step(action)
+        reason = self._reason_to_ask()
+        if not (reason and self._ask(reason)):
+            self._step(self.learner.act(), shown=False)
+        ended = self._steps_of_episode == 0  # which finishing an episode leaves behind
+        if ended:
+            self.events += self._requests
+            self._requests = []
+            self._note_what_was_recorded()
+        return not ended
+
+    def _step(self, action: int, *, shown: bool) -> StepAnswer:
+        """Take a step in the environment; let the learner and the listener know."""
+        answer = self._env.step(action)
+        observation, reward, terminated, truncated, info = answer
         self.learner.observe(
-            action, reward, observation, terminated=terminated, truncated=truncated
+            action, reward, observation, terminated=terminated, truncated=truncated, shown=shown
         )
+        self._observations.append(observation)
         self._steps_of_episode += 1
         self._return += reward
-        ended = terminated or truncated
-        if ended:
+        if terminated or truncated:
             self._finish_episode(info)
         if self.listener is not None:
             step = Step(action, reward, observation, terminated, truncated, info)
             self.stopped = not self.listener.step_taken(step)
-        if ended:
-            self._note_what_was_recorded()
-        return not ended
+        return answer
+
+    def _reason_to_ask(self) -> str:
+        """Return why somebody is to be asked now, or ""."""
+        if self._questions is None:
+            return ""
+        return self._questions.reason(
+            self.learner, self._observations[-1], self._n_requests, len(self._requests)
+        )
+
+    @property
+    def _n_requests(self) -> int:
+        """Requests of the run so far."""
+        asked = [event for event in self.events if event["event"] == "request"]
+        return len(asked) + len(self._requests)
+
+    def _ask(self, reason: str) -> bool:
+        """Let somebody act for a stretch; return whether they took a step."""
+        questions = self._questions
+        if questions is None:
+            return False
+        steps = self.num_timesteps
+        request = Request(
+            number=self._n_requests + 1,
+            of=questions.asking.max_requests,
+            episode=self.episode,
+            step=self._steps_of_episode,
+            reason=reason,
+            observations=np.array(self._observations),
+            max_steps=questions.asking.max_steps,
+        )
+        facts = questions.ask(
+            request,
+            self._observations,
+            self._env,
+            self.learner,
+            lambda action: self._step(action, shown=True),
+            lambda: self.stopped,
+        )
+        here = {"event": "request", "episode": request.episode, "steps": steps}
+        self._requests.append(here | facts)
+        return bool(facts["n_shown"])
 
     def _forget_episode(self) -> None:
         """Be as before the episode, unless it was finished."""
         self.learner.abort_episode()
         self._steps_of_episode, self._return = 0, 0.0
+        self._requests = []
         self.recorded.clear()
 
     def _finish_episode(self, info: dict[str, Any]) -> None:

@@ -5,6 +5,7 @@
     curve.csv          the frozen evaluations so far
     progress.csv       the same and the gathering phases, under the names of Stable-Baselines3
     events.jsonl       one line for each thing that happened
+    answers.jsonl      what was shown where the learner asked
     expert.json        the expert tree
     policy.json        the final policy
     .lock              held by the process that writes here
@@ -61,6 +62,7 @@ class ConfigDocument(Document, frozen=True, kw_only=True):
     history: int
     seed: int
     demonstrations: str
+    asking: str = ""
 
 
 class SavingClock:

@@ -13,6 +13,7 @@ const GLYPHS = {
   space: "Space", left: "←", right: "→", up: "↑", down: "↓", enter: "Enter", escape: "Esc",
   tab: "Tab", delete: "Del", backspace: "⌫",
 };
+const STRETCH = ["asked", "countdown", "playing", "paused"];
 const CONTROLS = {
   pause: "pause, go on", end: "end the episode", redo: "same start again", discard: "discard",
   finish: "finish", slower: "slower", faster: "faster", mode: "other mode", wait: "one step without a key",
@@ -129,7 +130,7 @@ function runs() { return view.state === "playing" || view.state === "countdown";
 function actionKeys() { return (view.actions || []).flatMap((a) => a.keys.flatMap((k) => k.split("+"))); }
 function used(key) {
   return actionKeys().includes(key) || Object.values(view.controls || {}).includes(key)
-    || (!runs() && (key === "enter" || key === "space"));
+    || (!runs() && view.state !== "waiting" && (key === "enter" || key === "space"));
 }
 
 function press(key, source) {
@@ -241,10 +242,15 @@ function show() {
   banner(watching ? "Somebody else is acting. You are watching." : "");
   $("take").hidden = !watching;
   $("environment").textContent = view.environment;
-  $("saved").textContent = `${view.saved} of ${view.target}`;
-  $("progress").setAttribute("aria-label", `${view.saved} of ${view.target} demonstrations saved`);
+  $("heading").textContent = view.asks ? "Learner" : "Recorder";
+  $("episodes-section").hidden = Boolean(view.asks);
+  $("progress").hidden = Boolean(view.asks && !view.saved);
+  $("saved").textContent = view.asks ? `request ${view.saved} of ${view.target}` : `${view.saved} of ${view.target}`;
+  $("progress").setAttribute("aria-label", view.asks ? $("saved").textContent
+    : `${view.saved} of ${view.target} demonstrations saved`);
   $("fill").style.width = `${Math.min(100, 100 * view.saved / view.target)}%`;
-  document.title = `${view.saved} of ${view.target} – eutree recorder`;
+  document.title = view.asks ? `${STRETCH.includes(view.state) ? "Please show – " : ""}eutree learner`
+    : `${view.saved} of ${view.target} – eutree recorder`;
   rebuild("keys", [view.actions, view.controls, view.state === "opening", binding, view.turn_based], showKeys);
   rebuild("pads", [view.actions, view.turn_based, view.controls], showPads);
   rebuild("buttons", [view.state, watching, view.saved >= view.target, view.controls, lastKept()], showButtons);
@@ -294,7 +300,7 @@ function showKeys() {
     if (!keyFor(name) || (name === "wait" && !view.turn_based)) return;
     const row = document.createElement("tr");
     row.className = place ? "control" : "control divide";
-    row.append(cell(CONTROLS[name]), cell(kbd(keyFor(name))));
+    row.append(cell(view.asks && name === "finish" ? "hand back" : CONTROLS[name]), cell(kbd(keyFor(name))));
     rows.push(row);
   });
   words($("keys"), ...rows);
@@ -327,7 +333,12 @@ function lightPads() {
 
 function showButtons() {
   const enough = view.saved >= view.target;
-  const list = {
+  const list = view.asks ? {
+    asked: [["start", "Show it", "enter"], ["finish", "Not now"]],
+    countdown: [["pause", "Pause"], ["finish", "Hand back"]],
+    playing: [["pause", "Pause"], ["finish", "Hand back"]],
+    paused: [["start", "Go on", "enter"], ["finish", "Hand back"]],
+  }[view.state] || [] : {
     opening: [["start", "Start", "enter"], ["finish", "Leave"]],
     countdown: [["pause", "Pause"], ["discard", "Discard"]],
     playing: [["pause", "Pause"], ["end", "End here"], ["redo", "Same start again"], ["discard", "Discard"]],
@@ -412,7 +423,13 @@ function showVeil() {
   const last = (view.episodes || []).at(-1);
   const enough = view.saved >= view.target;
   const left = view.target - view.saved;
-  const shown = {
+  const within = `Please answer within ${view.countdown} s; else learning goes on without you.`;
+  const shown = (view.asks && {
+    waiting: ["", "The learner practises", "It asks you here when it is unsure. Leave this page open."],
+    asked: ["", "How would you go on?", `${view.message} ${within}`],
+    paused: ["", "Paused", `${view.message || "All keys are released."} ${within}`],
+    finished: ["", "Learning has ended", "Thank you. You can close this page."],
+  }[view.state]) || {
     opening: ["", "Show how it is done", view.saved
       ? `${view.saved} of ${view.target} are saved; this goes on with the next.`
       : "Act as you would have the machine act. Failures may stay: they are part of the data."],

@@ -26,6 +26,7 @@ from eutree.interaction.browser.wire import (
     encode_picture,
     view_fields,
 )
+from eutree.interaction.engine import Engine
 from eutree.interaction.events import Away, Event, Frame, KeyDown, KeyUp, Seen, Tick
 from eutree.interaction.recorder import Recorder
 from eutree.interaction.signals import orderly_end
@@ -64,7 +65,7 @@ class PageServer:
 
     def __init__(
         self,
-        recorder: Recorder,
+        recorder: Engine,
         *,
         host: str = "127.0.0.1",
         port: int | None = None,
@@ -216,7 +217,7 @@ class PageServer:
             self._viewers.remove(viewer)
         if viewer is not None and viewer is self._driver:
             self._driver = None
-            self._add(Away(LEFT))
+            self._add(Away(LEFT, gone=True))
         for other in self._viewers:
             other.show({"role": self._role(other)})
 

@@ -1,0 +1,189 @@
+"""A session in which a learner asks a person to act for a stretch.
+
+The same engine as a recording: keys, pace, pictures, pauses. But nothing is reset and nothing is
+stored here: an episode is under way already, and each step goes to the learner. States::
+
+    waiting -> asked -> countdown -> playing -> waiting ...
+                  |         ^          |
+                  |         +- paused -+      no answer in time, or the page closed: waiting
+"""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
+
+import gymnasium
+
+from eutree.data import Episode
+from eutree.interaction.events import Away, Command, Event, Frame, Tick, View
+from eutree.interaction.guard import GuardedEnv
+from eutree.interaction.keys import KeyMap, parse_keys
+from eutree.interaction.requests import HANDED_BACK, Request, Stretch
+from eutree.interaction.session import FAILED, FINISHED, PAUSED, REVIEW, Session
+from eutree.interaction.settings import SessionSettings
+from eutree.interaction.trial import Answer, Trial
+
+WAITING, ASKED = "waiting", "asked"
+GRACE_SECONDS = 5.0  # for a page that was closed or reloaded to come back
+_COMMANDS = ("start", "pause", "finish", "slower", "faster", "speed", "mode", "wait", "toggle",
+             "turn_based", "bind")  # fmt: skip
+_SHOWN = ("pause", "finish", "slower", "faster", "mode", "wait")
+
+
+class AskSession(Session):
+    """A person's desk while a learner learns.
+
+    Args:
+        env: The environment that is learned in, made with ``render_mode="rgb_array"``.
+        keys: What the keys mean; None for the environment's own, else a suggestion.
+        settings: Pace, countdown and so on; targets and seeds mean nothing here.
+        patience: Seconds in which a request, or a pause, must be answered.
+
+    Attributes:
+        said: How the last stretch was left: ``HANDED_BACK`` by the person or for want of an
+            answer, empty while it is under way.
+    """
+
+    def __init__(
+        self,
+        env: GuardedEnv,
+        *,
+        keys: KeyMap | None = None,
+        settings: SessionSettings | None = None,
+        patience: float = 60.0,
+    ) -> None:
+        super().__init__(env, keys=keys, settings=settings)
+        self.state = WAITING
+        self.said = HANDED_BACK
+        self._patience = patience
+        self._deadline = 0.0
+        self._request: Request | None = None
+        self._stretch: Stretch | None = None
+
+    def ask(self, request: Request, stretch: Stretch, now: float) -> None:
+        """Show the situation and wait for the person."""
+        self._request, self._stretch, self.said = request, stretch, ""
+        self.state, self._message = ASKED, request.reason
+        self._trial = Trial.unused()
+        self._deadline = now + self._patience
+        self._pictures.expect()
+
+    def _take(self, event: Event, now: float) -> None:
+        if isinstance(event, Command) and event.name not in _COMMANDS:
+            return
+        super()._take(event, now)
+        if isinstance(event, Away) and event.gone and not self.said:
+            self._deadline = min(self._deadline, now + GRACE_SECONDS)
+
+    def _obey(self, command: Command, now: float) -> None:
+        if command.name in _COMMANDS:
+            super()._obey(command, now)
+
+    def _obey_start(self, now: float) -> None:
+        if self.state == ASKED and self._request is not None:
+            extras = {"keys": list(self.keys.keys)}
+            self._trial = Trial(self._request.observations[-1], 0, extras, self._held)
+            self._action, self._toggled, self._turn = self.keys.idle or 0, None, None
+            self.pace.finish()
+            self._count_down(now, 0.0 if self.pace.turn_based else self.settings.countdown)
+        else:
+            super()._obey_start(now)
+
+    def _obey_finish(self, now: float) -> None:
+        self._hand_back()
+
+    def _pause(self, now: float) -> None:
+        super()._pause(now)
+        self._deadline = now + self._patience
+
+    def _advance(self, now: float) -> None:
+        if self.state in (ASKED, PAUSED) and now >= self._deadline:
+            self._hand_back()
+        super()._advance(now)
+        if self.state == REVIEW:  # the last step's movement has been shown
+            self._hand_back()
+
+    def _answer(self, action: int) -> Answer:
+        if self._stretch is None or self._trial is None:
+            return super()._answer(action)
+        answer = self._stretch.step(action)
+        self._trial.is_over = self._stretch.is_over
+        return answer
+
+    def _keep(self, episode: Episode) -> None:
+        """Nothing is stored here: the learner has it."""
+
+    def _hand_back(self) -> None:
+        if self.said:
+            return
+        self.said, self.state, self._message = HANDED_BACK, WAITING, ""
+        self._held.clear()
+        self._stretch = None
+
+    def _break(self, reason: str) -> None:
+        self.state, self._message, self.said = FAILED, reason, HANDED_BACK
+
+    def _picture(self, now: float) -> Frame | None:
+        # While the learner practises the environment is its own, and not to be touched.
+        return None if self.state == WAITING else super()._picture(now)
+
+    def _view(self, now: float) -> View:
+        view = super()._view(now)
+        request = self._request
+        left = max(self._deadline - now, 0.0)
+        return replace(
+            view,
+            saved=0 if request is None else request.number,
+            target=self.settings.target if request is None else request.of,
+            countdown=int(left + 1) if self.state in (ASKED, PAUSED) else view.countdown,
+            controls={name: key for name, key in view.controls.items() if name in _SHOWN},
+        )
+
+
+class Desk:
+    """Where requests wait for a session to take them up: the engine of a page or a window.
+
+    Args:
+        env: The environment that is learned in, made with ``render_mode="rgb_array"``.
+        keys: What the keys mean, as text or as a map; None for the environment's own.
+        settings: Pace, countdown and so on.
+        patience: Seconds in which a request must be answered.
+    """
+
+    def __init__(
+        self,
+        env: gymnasium.Env[Any, Any],
+        *,
+        keys: str | KeyMap | None = None,
+        settings: SessionSettings | None = None,
+        patience: float = 60.0,
+    ) -> None:
+        guarded = GuardedEnv(env)
+        if isinstance(keys, str):
+            keys = parse_keys(keys, guarded.schema)
+        self._asks = AskSession(guarded, keys=keys, settings=settings, patience=patience)
+        self.session: Session = self._asks
+        self._next: tuple[Request, Stretch] | None = None
+        self._finished = False
+
+    @property
+    def is_open(self) -> bool:
+        """Whether a request waits or is being answered."""
+        return self._next is not None or not self._asks.said
+
+    def put(self, request: Request, stretch: Stretch) -> None:
+        """Lay a request on the desk; the next tick takes it up."""
+        self._next = (request, stretch)
+
+    def finish(self) -> None:
+        """Let the next tick be the last one."""
+        self._finished = True
+
+    def tick(self, now: float, events: Iterable[Event] = ()) -> Tick:
+        """Take up what lies there; let the session act."""
+        if self._finished:
+            self.session.state = FINISHED
+        if self._next is not None:
+            self._asks.ask(*self._next, now)
+            self._next = None
+        return self.session.tick(now, events)
