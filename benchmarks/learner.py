@@ -1,17 +1,23 @@
 """What learning and deciding cost: the learner's own time per step, memory, prediction, import.
 
-    python benchmarks/learner.py [--steps 100000] [--preset default] [--offline 1000000]
+    python benchmarks/learner.py [PART ...] [--steps 1000000] [--offline 1000000]
 
-The learner's own cost is the CPU time of a learning run minus that of the same environment steps
-replayed without a learner, in the same process. Everything else is a ratio to scikit-learn or
-Gymnasium in the same run.
+prints all rows of docs/results/learner-speed.md, each part in a process of its own; PART may also
+be ``profile``: what expansion spends its time on, up to 100,000 steps. The learner's own cost is
+the CPU time of a learning run minus that of the same environment steps replayed without a learner,
+in the same process. Everything else is CPU time, or a ratio in the same run.
 """
 
 import argparse
+import cProfile
+import os
+import pstats
 import resource
 import subprocess
 import sys
+import tempfile
 import time
+from contextlib import nullcontext
 from dataclasses import replace
 from statistics import median
 
@@ -22,17 +28,33 @@ from sklearn.tree import DecisionTreeClassifier
 import eutree
 from eutree.data import Demonstrations, Episode
 from eutree.interaction import GuardedEnv, describe, episode_seed
-from eutree.learning import c_u_tree, preset
-from eutree.learning.presets import PRESETS
+from eutree.learning import DEFAULT, Settings, c_u_tree
+from eutree.splitting import Maximal, Naive
 from eutree.training.run import EXPANSION_STREAM, EXPLORATION_STREAM, TRAINING_STREAM, generator_of
 
+SPLITS = {
+    "maximal": replace(DEFAULT, imagination=None, significance=Maximal()),
+    "naive": replace(DEFAULT, imagination=None, significance=Naive()),
+}
+MARKS = (10_000, 100_000, 1_000_000)
+PLANNED = 10_000  # steps with planning
+FIRST_SPLIT = """
+import resource, numpy
+from eutree.splitting import best_split
+x = numpy.random.default_rng(0).random((500, 4))
+assert best_split(x, 1.0 * (x[:, 1] > 0.3)).feature == 1
+usage = resource.getrusage(resource.RUSAGE_SELF)
+print(usage.ru_utime + usage.ru_stime)
+"""
 
-def learner_cost(name: str, steps: int, marks: list[int]) -> list[tuple[int, float, int]]:
-    """Return (steps, microseconds a step since the last mark, leaves) at each mark."""
+
+def learner_cost(
+    settings: Settings, steps: int, marks: tuple[int, ...], profile: cProfile.Profile | None = None
+) -> list[tuple[int, float, int, float]]:
+    """Return (steps, microseconds a step so far, leaves, bytes a transition) at each mark."""
     env = GuardedEnv(gymnasium.make("eutree/Evasion2-v0", disable_env_checker=True))
-    settings = replace(preset(name))
     learner = c_u_tree(env.schema, settings)
-    rows, spent, taken, total, episode = [], 0.0, 0, 0, 0
+    rows, spent, total, episode, left = [], 0.0, 0, 0, [mark for mark in marks if mark <= steps]
     while total < steps:
         seed = episode_seed(0, episode, TRAINING_STREAM)
         actions = []
@@ -47,22 +69,31 @@ def learner_cost(name: str, steps: int, marks: list[int]) -> list[tuple[int, flo
             ended = terminated or truncated
         episode += 1
         if episode % settings.gathering_episodes == 0:
-            learner.expand(generator_of(0, EXPANSION_STREAM, episode))
+            with profile or nullcontext():
+                learner.expand(generator_of(0, EXPANSION_STREAM, episode))
         spent += time.thread_time() - start
         start = time.thread_time()
         env.reset(seed)
         for action in actions:
             env.step(action)
         spent -= time.thread_time() - start
-        total, taken = total + len(actions), taken + len(actions)
-        if marks and total >= marks[0]:
-            rows.append((marks.pop(0), 1e6 * spent / taken, learner.tree.n_leaves))
-            spent, taken = 0.0, 0
-    print(
-        f"| memory per stored transition, d = 3 | {learner.history.n_bytes_per_transition:.0f} "
-        "bytes | <= 120 bytes |"
-    )
+        total += len(actions)
+        if left and total >= left[0]:
+            memory = learner.history.n_bytes_per_transition
+            rows.append((left.pop(0), 1e6 * spent / total, learner.tree.n_leaves, memory))
     return rows
+
+
+def first_split() -> tuple[float, float]:
+    """Return the CPU seconds of a process's first split, without and with a cache of kernels."""
+    with tempfile.TemporaryDirectory() as folder:
+        environment = os.environ | {"NUMBA_CACHE_DIR": folder}
+        run = [sys.executable, "-c", FIRST_SPLIT]
+        cold, warm = (
+            float(subprocess.run(run, env=environment, capture_output=True, check=True).stdout)
+            for _ in range(2)
+        )
+    return cold, warm
 
 
 def paired(ours, theirs, repeats: int = 9) -> float:
@@ -87,8 +118,8 @@ def prediction() -> tuple[float, float]:
     grown = eutree.C45Classifier(min_objects=150).fit(rows, labels)
     tree, actions = grown.to_decision_tree()
     ours = eutree.TreePolicy(tree, actions, eutree.Schema.anonymous(3, 2))
-    print(f"| leaves in the prediction rows: eutree, scikit-learn | {ours.n_leaves}, "
-          f"{theirs.get_n_leaves()} | |")  # fmt: skip
+    row("leaves in the prediction rows: eutree, scikit-learn",
+        f"{ours.n_leaves}, {theirs.get_n_leaves()}", "")  # fmt: skip
     one, many = rows[:1], generator.random((1_000_000, 3))
     first = rows[0]
     single = paired(
@@ -154,38 +185,93 @@ def many_episodes(n_transitions: int) -> Demonstrations:
     return Demonstrations(tuple(episodes), describe(env))
 
 
+def print_splits(name: str, steps: int) -> None:
+    settings = SPLITS[name]
+    learner_cost(settings, 3_000, ())
+    rows = learner_cost(settings, steps, MARKS)
+    for mark, cost, leaves, _ in rows:
+        row(
+            f"learner's own cost a step, splits without planning, {name} test, {mark:,} steps, "
+            f"{leaves:,} leaves",
+            f"{cost:.1f} us",
+            "<= 20 us",
+        )
+    row("memory per stored transition, d = 3", f"{rows[-1][3]:.0f} bytes", "<= 120 bytes")
+
+
+def print_profile() -> None:
+    settings = SPLITS["maximal"]
+    learner_cost(settings, 3_000, ())
+    profile = cProfile.Profile(time.thread_time)
+    ((_, cost, _, _),) = learner_cost(settings, 100_000, (100_000,), profile)
+    print(f"{cost:.1f} us a step in all, the profiler included; expansion:")
+    pstats.Stats(profile).sort_stats("tottime").print_stats(12)
+
+
+def print_planning() -> None:
+    learner_cost(DEFAULT, 1_000, ())
+    (_, cost, leaves, _), = learner_cost(DEFAULT, PLANNED, (PLANNED,))  # fmt: skip
+    row(f"learner's own cost a step, `default` preset with planning, {PLANNED:,} steps, "
+        f"{leaves} leaves", f"{cost:.0f} us", "<= 20 us")  # fmt: skip
+
+
+def print_prediction() -> None:
+    single, many = prediction()
+    row("predict one observation / scikit-learn", f"1/{1 / single:.0f}", "<= 1/20")
+    row("predict 10^6 observations, about 30 leaves / scikit-learn", f"{many:.2f}", "<= 0.5")
+
+
+def print_first_use() -> None:
+    row("import eutree / import gymnasium", f"{import_ratio():.2f}", "<= 1.5")
+    cold, warm = first_split()
+    row("first split of a process, kernels compiled", f"{cold:.1f} s", "<= 15 s")
+    row("first split of a process, kernels cached", f"{warm:.1f} s", "<= 2 s")
+
+
+def print_offline(name: str, n_transitions: int) -> None:
+    recorded = many_episodes(n_transitions)
+    start = time.thread_time()
+    result = eutree.learn(None, demonstrations=recorded, learner="c-u-tree", settings=SPLITS[name])
+    spent = time.thread_time() - start
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9
+    row(
+        f"offline learning from {recorded.n_transitions:,} transitions, {name} test, "
+        f"{result.policy.n_leaves:,} leaves",
+        f"{spent:.0f} s, {peak:.2f} GB",
+        "<= 60 s, <= 1.5 GB",
+    )
+
+
+def row(what: str, measured: str, target: str) -> None:
+    print(f"| {what} | {measured} | {target} |", flush=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--steps", type=int, default=100_000)
-    parser.add_argument("--preset", default="default", choices=sorted(PRESETS))
-    parser.add_argument("--offline", type=int, default=0)
+    parser.add_argument("--steps", type=int, default=1_000_000)
+    parser.add_argument("--offline", type=int, default=1_000_000)
+    parser.add_argument("parts", nargs="*", help="of: " + ", ".join(PARTS))
     arguments = parser.parse_args()
-    print("# What learning and deciding cost\n")
-    print(f"Made by `python benchmarks/learner.py --steps {arguments.steps} --preset "
-          f"{arguments.preset} --offline {arguments.offline}`.\n")  # fmt: skip
-    print("| what | measured | target |")
-    print("|---|---|---|")
-    learner_cost(arguments.preset, 3_000, [])
-    marks = [mark for mark in (10_000, 30_000, 100_000, 300_000, 1_000_000)
-             if mark <= arguments.steps]  # fmt: skip
-    for mark, cost, leaves in learner_cost(arguments.preset, arguments.steps, marks):
-        print(f"| learner's own cost a step up to {mark:,} steps, {leaves} leaves | {cost:.1f} us "
-              "| <= 20 us |")  # fmt: skip
-    single, many = prediction()
-    print(f"| predict one observation / scikit-learn | 1/{1 / single:.0f} | <= 1/20 |")
-    print(f"| predict 10^6 observations, 30 leaves / scikit-learn | {many:.2f} | <= 0.5 |")
-    print(f"| import eutree / import gymnasium | {import_ratio():.2f} | <= 1.5 |")
-    if arguments.offline:
-        recorded = many_episodes(arguments.offline)
-        start = time.thread_time()
-        result = eutree.learn(
-            None, demonstrations=recorded, learner="c-u-tree", preset=arguments.preset
-        )
-        spent = time.thread_time() - start
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
-        print(f"| offline learning from {recorded.n_transitions:,} transitions, "
-              f"{result.policy.n_leaves} leaves | {spent:.0f} s CPU, peak {peak:.2f} GiB | "
-              "<= 60 s, <= 1.5 GB |")  # fmt: skip
+    if len(arguments.parts) == 1:
+        PARTS[arguments.parts[0]](arguments)
+        return
+    print("| what | measured | target |\n|---|---|---|", flush=True)
+    sizes = ["--steps", str(arguments.steps), "--offline", str(arguments.offline)]
+    for part in arguments.parts or ROWS:
+        subprocess.run([sys.executable, __file__, part, *sizes], check=True)
+
+
+PARTS = {
+    "profile": lambda _: print_profile(),
+    "maximal": lambda arguments: print_splits("maximal", arguments.steps),
+    "naive": lambda arguments: print_splits("naive", arguments.steps),
+    "planning": lambda _: print_planning(),
+    "prediction": lambda _: print_prediction(),
+    "first-use": lambda _: print_first_use(),
+    "offline-maximal": lambda arguments: print_offline("maximal", arguments.offline),
+    "offline-naive": lambda arguments: print_offline("naive", arguments.offline),
+}
+ROWS = [part for part in PARTS if part != "profile"]
 
 
 if __name__ == "__main__":
