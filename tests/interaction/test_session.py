@@ -427,3 +427,34 @@ def test_whatever_happens_the_record_is_whole(script) -> None:
         assert np.array_equal(seen, episode.observations)
         assert np.all(np.diff(episode.steps["time"]) >= 0)
         assert np.all(episode.steps["frame"] <= episode.steps["picture"])
+
+
+class Late(Person):
+    """Somebody whose machine is busy: each tick comes a little later than it should."""
+
+    def play(self, seconds):
+        jitter = np.random.default_rng(0)
+        end = self.now + seconds
+        while self.now < end:
+            due = self.session.due(self.now)
+            self.now = max(due, self.now + 0.001) + jitter.exponential(0.004)
+            self.tick(self._next_seen)
+
+
+def test_a_busy_machine_loses_no_decisions() -> None:
+    """Thirty decisions a second stay thirty when each comes four milliseconds late on average."""
+    person = Late(Corridor(length=10**6, limit=10**6), fps=30.0)
+    person.tap("enter").until("playing").press("left")
+    before = person.view.step
+    person.play(20.0)
+    assert person.view.step - before == pytest.approx(600, abs=3)
+
+
+def test_a_busy_machine_shows_thirty_pictures_a_second() -> None:
+    """In Evasion, which moves between its decisions."""
+    env = gymnasium.make("eutree/Evasion2-v0", render_mode="rgb_array")
+    person = Late(env)
+    person.tap("enter").until("playing")
+    before = len(person.frames)
+    person.play(10.0)
+    assert len(person.frames) - before >= 290

@@ -112,6 +112,25 @@ def test_each_screen_can_be_drawn(person) -> None:
     assert len(set(pictures)) == 6
 
 
+def test_an_older_episode_is_discarded_and_kept(person, tmp_path) -> None:
+    for _ in range(2):
+        person.tap(pygame.K_RETURN).until("playing")
+        person.down(pygame.K_RIGHT).until("review").up(pygame.K_RIGHT).rest()
+    kept = lambda: [e.kept for e in Demonstrations.load(tmp_path / "demos").episodes]  # noqa: E731
+    person.tap(pygame.K_k)  # nothing is chosen yet
+    assert kept() == [True, True]
+    person.tap(pygame.K_TAB).tap(pygame.K_TAB).tap(pygame.K_k)  # the last, the one before
+    assert kept() == [False, True]
+    assert [e.kept for e in person.view.episodes] == [False, True]
+    person.tap(pygame.K_k)
+    assert kept() == [True, True]
+    box = next(box for box, row in person.window._screen._rows if row == 1)
+    person.post(pygame.MOUSEBUTTONDOWN, pos=box.center, button=1).tap(pygame.K_k)
+    assert kept() == [True, False]
+    person.tap(pygame.K_RETURN).until("playing").tap(pygame.K_TAB).tap(pygame.K_k)
+    assert kept() == [True, False]  # while an episode runs these keys do nothing
+
+
 @pytest.mark.promise(26)
 def test_losing_the_focus_pauses(person) -> None:
     person.tap(pygame.K_RETURN).until("playing").down(pygame.K_RIGHT).rest(0.2)

@@ -33,9 +33,12 @@ class Pace:
         return self.interval > 2.0 * FRAME_SECONDS
 
     def begin(self, now: float) -> None:
-        """Start the interval that follows a step; a small delay does not add up."""
+        """Start the interval that follows a step; delays do not add up.
+
+        What is late by less than an interval is made up for, at most half an interval at once.
+        """
         late = now - self.due(now)
-        kept = late if 0.0 <= late < self.interval / 2.0 else 0.0
+        kept = min(late, self.interval / 2.0) if 0.0 <= late < self.interval else 0.0
         self._began, self._stopped_at = now - kept, None
 
     def stop(self, now: float) -> None:

@@ -10,10 +10,12 @@ from eutree.interaction.engine import Engine
 from eutree.interaction.events import Away, Command, Event, KeyDown, KeyUp, Seen, Tick
 from eutree.interaction.keys import NAMED_KEYS
 from eutree.interaction.recorder import Recorder
+from eutree.interaction.session import COUNTDOWN, PLAYING
 from eutree.interaction.signals import orderly_end
 
 LOST = "The window lost the focus."
 TICK_SECONDS = 1.0 / 60.0
+CHOOSE, CHANGE = "tab", "k"  # of the list of episodes
 STICK = 0.5  # how far a stick must be pushed to count as an arrow key
 
 _NAMES = {"return": "enter", "enter": "enter", "=": "+", "[+]": "+", "[-]": "-"}
@@ -159,11 +161,39 @@ class Window:
         if event.type == pygame.WINDOWFOCUSLOST:
             self._gamepad.release()
             return [Away(LOST)]
+        if event.type == pygame.MOUSEBUTTONDOWN:
+            row = self._screen.episode_at(event.pos)
+            return [] if row is None else self._choose(row)
         if event.type in (pygame.KEYDOWN, pygame.KEYUP):
             key = key_name(pygame.key.name(event.key))
+            if event.type == pygame.KEYDOWN and key in (CHOOSE, CHANGE) and not self._runs():
+                return self._choose_older() if key == CHOOSE else self._change()
             kind = KeyDown if event.type == pygame.KEYDOWN else KeyUp
             return [kind(key, self._frame)] if key else []
         return self._gamepad_meaning(event)
+
+    def _runs(self) -> bool:
+        """Whether an episode runs, so that keys act."""
+        return self.recorder.session.state in (COUNTDOWN, PLAYING)
+
+    def _choose(self, row: int) -> list[Event]:
+        """Mark an episode of the list as the one that can be changed."""
+        if not self._runs():
+            self._screen.chosen = row
+        return []
+
+    def _choose_older(self) -> list[Event]:
+        """Mark the episode before the marked one; after the first comes the last again."""
+        count = len(self.recorder.session.episodes)
+        before = count if self._screen.chosen is None else self._screen.chosen
+        return self._choose((before - 1) % count) if count else []
+
+    def _change(self) -> list[Event]:
+        """Discard the marked episode, or keep it again."""
+        chosen, episodes = self._screen.chosen, self.recorder.session.episodes
+        if chosen is None or chosen >= len(episodes):
+            return []
+        return [Command("drop" if episodes[chosen].kept else "keep", float(chosen))]
 
     def _gamepad_meaning(self, event: Any) -> list[Event]:
         pygame, meant = self._pygame, list[Event]()

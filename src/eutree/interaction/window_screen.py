@@ -48,7 +48,7 @@ ENDINGS = {
     "truncated": "Time is over",
 }
 FACES = "dejavusans,notosans,liberationsans,segoeui,helveticaneue,arial"
-_ROWS = 9  # of the list of episodes
+_PAGE = 8  # episodes of the list
 
 
 class Screen:
@@ -64,15 +64,24 @@ class Screen:
         self._fonts: dict[tuple[int, bool], Any] = {}
         self._faces: dict[bool, str | None] = {}
         self._picture: Any = None
-        self._shown: View | None = None
+        self._shown: tuple[View, int | None] | None = None
+        self.chosen: int | None = None  # place in the list of the episode that can be changed
+        self._rows: list[tuple[Any, int]] = []  # where the episodes of the list are drawn
+
+    def episode_at(self, position: tuple[int, int]) -> int | None:
+        """Return the place in the list of the episode drawn at a point of the window."""
+        return next((row for box, row in self._rows if box.collidepoint(position)), None)
 
     def draw(self, tick: Tick) -> None:
         """Draw a view if anything has changed since the last one."""
-        if tick.frame is None and tick.view == self._shown:
+        if tick.view.state in (PLAYING, COUNTDOWN):
+            self.chosen = None
+        shown = (tick.view, self.chosen)
+        if tick.frame is None and shown == self._shown:
             return
         if tick.frame is not None:
             self._picture = self._scaled(tick.frame)
-        self._shown = tick.view
+        self._shown = shown
         self._surface.fill(GROUND)
         self._header(tick.view)
         self._stage(tick.view)
@@ -142,7 +151,26 @@ class Screen:
         top = self._panel("Keys", 64, key_lines(view))
         if view.numbers is not None:
             top = self._panel("What the agent senses", top, [(n, v, INK) for n, v in view.numbers])
-        self._panel("Episodes", top, episode_lines(view.episodes[-_ROWS:]))
+        self._episodes(view, top)
+
+    def _episodes(self, view: View, top: int) -> None:
+        """Draw the list of episodes, the last first, and the marked one in any case."""
+        count = len(view.episodes)
+        first = max(0, count - _PAGE)
+        if self.chosen is not None:
+            first = min(first, self.chosen)
+        last = min(first + _PAGE, count)
+        shown = view.episodes[first:last]
+        self._panel("Episodes", top, episode_lines(shown))
+        self._rows = []
+        for place, row in enumerate(range(last - 1, first - 1, -1)):
+            box = self._pygame.Rect(SIDE + 8, top + 32 + 22 * place, SIDE_WIDTH - 16, 22)
+            self._rows.append((box, row))
+            if row == self.chosen:
+                self._pygame.draw.rect(self._surface, ACCENT, box, 2, border_radius=6)
+        if shown and view.state not in (PLAYING, COUNTDOWN):
+            hint = "Tab or a click: choose      K: discard or keep"
+            self._text(hint, (SIDE + 16, top + 52 + 22 * len(shown)), color=SOFT, size=13)
 
     def _panel(self, title: str, top: int, lines: list[tuple[str, str, Any]]) -> int:
         height = 46 + 22 * len(lines)
