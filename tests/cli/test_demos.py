@@ -65,6 +65,26 @@ def test_replay_and_stats(folder, recorded, ask, capsys):
         assert capsys.readouterr().out.count("\n") >= 1
 
 
+def test_replay_in_a_window_takes_the_recorded_steps(folder, ask, monkeypatch, recorded):
+    from eutree.envs.evasion import EvasionEnv
+
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    taken, modes, own = [], [], EvasionEnv.step
+
+    def step(env, action):
+        taken.append(action)
+        modes.append(env.render_mode)
+        return own(env, action)
+
+    monkeypatch.setattr(EvasionEnv, "step", step)
+    ask("trim", folder, 1, "--steps", 2)
+    taken.clear()
+    modes.clear()
+    assert len(ask("replay", folder, 1, "--window")["steps"]) == 2
+    assert taken == recorded.episodes[1].actions[:2].tolist()
+    assert modes == ["human", "human"]
+
+
 def test_stats_as_a_page_has_the_same_figures(folder, ask, tmp_path):
     ask("drop", folder, 1)
     page = tmp_path / "demos.html"

@@ -1,19 +1,15 @@
 """What a session says is to be stored is in the folder, whatever happens to the process."""
 
-import json
 import os
-import re
 import signal
 import subprocess
 import sys
 import textwrap
 import time
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
-from websockets.sync.client import connect
 
 from eutree.data import Demonstrations
 from eutree.errors import EnvironmentFault, FileError, InvalidArgumentError
@@ -176,62 +172,3 @@ def test_kill_9_loses_at_most_the_step_in_flight(tmp_path, patience) -> None:
     for episode in stored:
         seen = [env.reset(seed=episode.seed)[0], *(env.step(a)[0] for a in episode.actions)]
         assert np.array_equal(seen, episode.observations)
-
-
-def heed_interrupts() -> None:
-    """Undo what a shell does to a job in the background: let it ignore SIGINT."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-
-
-@contextmanager
-def killed_after(process):
-    """Kill the process at the end, so that a failing test does not wait for it for ever."""
-    try:
-        yield
-    finally:
-        process.kill()
-
-
-@pytest.mark.promise(12)
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_a_signal_ends_the_recorder_in_order(tmp_path, number, code) -> None:
-    """CartPole draws with SDL, which would take SIGTERM for itself."""
-    command = [sys.executable, "-m", "eutree", "record", "CartPole-v1", "--port", "0", "--fps", "9"]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
-    with (
-        subprocess.Popen(
-            [*command, "--out", str(tmp_path / "demos")],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            env=environment,
-            preexec_fn=heed_interrupts,
-        ) as process,
-        killed_after(process),
-    ):
-        words = process.stderr.readline()
-        port, token = re.search(r"open http://127.0.0.1:(\d+)/#(\S+)", words).groups()
-        with connect(
-            f"ws://127.0.0.1:{port}/socket",
-            origin=f"http://127.0.0.1:{port}",
-            subprotocols=["eutree", f"token.{token}"],
-        ) as page:
-            page.send('{"type": "hello", "client": "page-one"}')
-            page.send('{"type": "do", "name": "start"}')
-            step, frame = 0, 0
-            while step < 3:
-                message = page.recv(timeout=20.0)
-                if isinstance(message, bytes):
-                    frame = int.from_bytes(message[:4], "big")
-                    page.send(f'{{"type": "drawn", "frame": {frame}}}')
-                else:
-                    step = json.loads(message).get("step", step)
-            began = time.monotonic()
-            process.send_signal(number)
-            assert process.wait(20.0) == code
-            assert time.monotonic() - began < 5.0  # two seconds on a quiet machine
-        assert "Traceback" not in process.stderr.read()
-    (episode,) = Demonstrations.load(tmp_path / "demos").episodes
-    assert episode.ending == "interrupted"
-    assert len(episode) >= 3
-    assert not list((tmp_path / "demos").glob("*.journal"))
