@@ -98,9 +98,8 @@ def main() -> None:
         browser.close()
         recorder.wait(30)
         run(folder, "demos", "check", "my-demos")
-        run(folder, "demos", "stats", "my-demos", "--html", "my-demos.html")
-        run(folder, *named.split()[1:])
-        run(folder, "show", "expert.json")
+        for line in named.splitlines():
+            run(folder, *line.split()[1:])
         run(folder, "evaluate", "expert.json", "--episodes", "1000")
     print(f"in all {(time.monotonic() - began) / 60:.1f} minutes")
 

@@ -161,5 +161,7 @@ def _record_in_browser(
                 "THIS-MACHINE"
             )
 
-    command = f"eutree fit {out} --out expert.json"
+    steps = (f"demos stats {out} --html demos.html", f"fit {out} --out expert.json",
+             "show expert.json")  # fmt: skip
+    command = "\n".join(f"eutree {step}" for step in steps)
     record_in_browser(recorder, host=host, port=port, details={"command": command}, on_ready=ready)

@@ -254,7 +254,7 @@ function show() {
   rebuild("keys", [view.actions, view.controls, view.state === "opening", binding, view.turn_based], showKeys);
   rebuild("pads", [view.actions, view.turn_based, view.controls], showPads);
   rebuild("buttons", [view.state, watching, view.saved >= view.target, view.controls, lastKept()], showButtons);
-  rebuild("episodes", [view.episodes, watching], showEpisodes);
+  rebuild("episodes", [view.episodes, watching, isOver()], showEpisodes);
   rebuild("numbers", view.numbers, showNumbers);
   showPace(watching);
   showVeil();
@@ -267,6 +267,8 @@ function show() {
   }
 }
 let deaf = 0;
+
+function isOver() { return view.state === "finished" || view.state === "failed"; }
 
 function lastKept() {
   const last = (view.episodes || []).at(-1);
@@ -385,7 +387,7 @@ function showEpisodes() {
     use.type = "button";
     use.textContent = episode.kept ? "Discard" : "Keep";
     use.setAttribute("aria-label", `${use.textContent} episode ${episode.number}`);
-    use.disabled = !acts();
+    use.disabled = !acts() || isOver();
     use.addEventListener("click", () => act(episode.kept ? "drop" : "keep", index));
     row.append(cell(String(episode.number)), result, cell(String(episode.length), "right"),
       cell(String(Math.round(episode.total * 100) / 100), "right"), cell(use));
