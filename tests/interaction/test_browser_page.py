@@ -102,6 +102,7 @@ def test_a_person_records_redoes_discards_leaves_and_comes_back(chromium, tmp_pa
         assert person.page.locator("#title").is_visible()
         person.rest().down("Enter").until(state="finished")  # which ends the session
         assert person.data("saved") == "3"
+        assert person.page.locator("#episodes button").first.is_disabled()  # nobody listens now
         assert person.messages == []
 
     stored = Demonstrations.load(tmp_path / "demos")
