@@ -123,7 +123,7 @@ def picture_a_request() -> None:
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=QUIET.split())
         page = Page.__new__(Page)
-        page.page = browser.new_page(viewport={"width": 1180, "height": 700}, color_scheme="light")
+        page.page = browser.new_page(viewport={"width": 1180, "height": 830}, color_scheme="light")
         page.page.goto(asker.server.url)
         page.until("waiting")
         learner.start()

@@ -131,6 +131,20 @@ def test_an_older_episode_is_discarded_and_kept(person, tmp_path) -> None:
     assert kept() == [True, False]  # while an episode runs these keys do nothing
 
 
+def test_a_long_list_stays_in_the_window_and_shows_the_chosen_one(person) -> None:
+    person.tap(pygame.K_RETURN).until("playing")
+    person.down(pygame.K_RIGHT).until("review").up(pygame.K_RIGHT).rest(0.1)
+    session = person.recorder.session
+    session.episodes += session.episodes * 29
+    session._numbers = list(range(30))
+    for _ in range(30):
+        person.tap(pygame.K_TAB)
+        rows = person.window._screen._rows
+        assert max(box.bottom for box, _ in rows) <= 640
+        assert person.window._screen.chosen in [row for _, row in rows]
+    assert person.window._screen.chosen == 0
+
+
 @pytest.mark.promise(26)
 def test_losing_the_focus_pauses(person) -> None:
     person.tap(pygame.K_RETURN).until("playing").down(pygame.K_RIGHT).rest(0.2)

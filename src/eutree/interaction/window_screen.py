@@ -48,7 +48,6 @@ ENDINGS = {
     "truncated": "Time is over",
 }
 FACES = "dejavusans,notosans,liberationsans,segoeui,helveticaneue,arial"
-_PAGE = 8  # episodes of the list
 
 
 class Screen:
@@ -155,11 +154,11 @@ class Screen:
 
     def _episodes(self, view: View, top: int) -> None:
         """Draw the list of episodes, the last first, and the marked one in any case."""
-        count = len(view.episodes)
-        first = max(0, count - _PAGE)
+        count, room = len(view.episodes), max((SIZE[1] - top - 76) // 22, 1)
+        first = max(0, count - room)
         if self.chosen is not None:
             first = min(first, self.chosen)
-        last = min(first + _PAGE, count)
+        last = min(first + room, count)
         shown = view.episodes[first:last]
         self._panel("Episodes", top, episode_lines(shown))
         self._rows = []
@@ -169,7 +168,7 @@ class Screen:
             if row == self.chosen:
                 self._pygame.draw.rect(self._surface, ACCENT, box, 2, border_radius=6)
         if shown and view.state not in (PLAYING, COUNTDOWN):
-            hint = "Tab or a click: choose      K: discard or keep"
+            hint = "Tab: choose     K: discard, keep"
             self._text(hint, (SIDE + 16, top + 52 + 22 * len(shown)), color=SOFT, size=13)
 
     def _panel(self, title: str, top: int, lines: list[tuple[str, str, Any]]) -> int:
