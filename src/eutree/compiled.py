@@ -6,7 +6,6 @@ in the environment the same functions run as plain Python, slowly but with equal
 """
 
 import os
-import pickle
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -16,9 +15,9 @@ ENABLED = os.environ.get("EUTREE_JIT", "1") != "0"
 
 if ENABLED:
     import numba
-    from numba.core.caching import FunctionCache
+    from numba.core import caching
 
-    class _Cache(FunctionCache):  # type: ignore[misc]  # numba has no types
+    class _Cache(caching.FunctionCache):  # type: ignore[misc]  # numba has no types
         """Numba's cache on disk, without its failure on what another version left behind.
 
         The index of a kernel's cache names the classes of its arguments. Numba reads it before it
@@ -29,7 +28,7 @@ if ENABLED:
             """Return the compiled code, or None where there is none that can be used."""
             try:
                 return super().load_overload(sig, target_context)
-            except (AttributeError, ImportError, EOFError, pickle.UnpicklingError):
+            except (AttributeError, ImportError, EOFError, caching.pickle.UnpicklingError):
                 self.flush()
                 return None
 

@@ -1,11 +1,19 @@
 """All reading and writing of files: atomic, versioned, checked, without pickle."""
 
 from eutree.files.arrays import read_archive, read_arrays, write_archive, write_arrays
-from eutree.files.atomic import check_new_folder, make_folder, read_bytes, write_bytes, write_text
+from eutree.files.atomic import (
+    append_text,
+    check_new_folder,
+    make_folder,
+    read_bytes,
+    write_bytes,
+    write_text,
+)
 from eutree.files.documents import Document, read_document, write_document
 
 __all__ = [
     "Document",
+    "append_text",
     "check_new_folder",
     "make_folder",
     "read_archive",

@@ -17,8 +17,7 @@ import numpy as np
 
 from eutree.arrays import Floats
 from eutree.errors import FormatError
-from eutree.files import write_text
-from eutree.files.atomic import read_bytes, reported
+from eutree.files import append_text, read_bytes, write_text
 from eutree.interaction import GuardedEnv
 from eutree.interaction.requests import (
     DECLINED,
@@ -103,8 +102,7 @@ class Answers:
         """Remember an answer; it survives the death of the process."""
         self._known[answer.episode, answer.step] = answer
         if self._path is not None:
-            with reported("write", self._path), self._path.open("a", encoding="utf-8") as file:
-                file.write(f"{_encoded(answer)}\n")
+            append_text(self._path, f"{_encoded(answer)}\n")
 
 
 class Questions:
