@@ -129,7 +129,7 @@ in tuning. Means with 95 % intervals over runs, of 1,000 fresh episodes with the
 *Lowest* is the lowest of the frozen evaluations (100 episodes, every 20 episodes of learning), each
 averaged over the runs; *for good* is the mean number of episodes until the success rate stays at
 95 % or more for five evaluations in a row (runs that do not get there count with all episodes).
-Every run is in the folder `default`. Measured at commit b960a37.
+Every run is in the folder `default`.
 
 | case | runs | success % | return | leaves | compressed | lowest % | for good | steps | CPU s |
 |---|---|---|---|---|---|---|---|---|---|
