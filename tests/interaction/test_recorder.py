@@ -159,8 +159,9 @@ def test_kill_9_loses_at_most_the_step_in_flight(tmp_path, patience) -> None:
         first = process.stdout.readline()
         time.sleep(patience)
         process.send_signal(signal.SIGKILL)
-        said = (first + process.stdout.read()).rstrip("\n").splitlines()
-    finished, steps = map(int, said[-1].split()) if said[-1].count(" ") else (0, 0)
+        said = first + process.stdout.read()
+    whole = said[: said.rindex("\n")].splitlines()  # the kill may cut the last line
+    finished, steps = map(int, whole[-1].split())
     stored = Demonstrations.load(tmp_path / "demos").episodes
     done = [episode for episode in stored if episode.ending != "interrupted"]
     assert len(done) >= finished
