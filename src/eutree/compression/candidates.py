@@ -2,11 +2,14 @@
 
 from dataclasses import replace
 
+import numpy as np
+
 from eutree.arrays import Floats
 from eutree.c45 import C45Settings, grow
 from eutree.compression.costs import Costs
 from eutree.compression.pruning import Prunings, without_unreached
 from eutree.policies import TreePolicy
+from eutree.trees.grafting import graft
 from eutree.trees.merging import merge
 
 # Where some decisions may change: release 8 pruned ever more, in case less is enough.
@@ -17,6 +20,19 @@ def merged(policy: TreePolicy) -> TreePolicy:
     """Return the policy with equal siblings joined: the same decision everywhere."""
     tree, actions = merge(policy.tree, policy.actions)
     return replace(policy, tree=tree, actions=actions, leaves=None, locked=())
+
+
+def with_locks(candidate: TreePolicy, policy: TreePolicy) -> TreePolicy:
+    """Return the candidate with the locked leaves of ``policy`` in it: their boxes and actions."""
+    if not policy.locked:
+        return candidate
+    n_actions = policy.schema.n_actions
+    marks = {leaf: n_actions + leaf for leaf in policy.locked}  # one label each: never joined
+    tree, labels, _ = graft(policy.tree, marks, candidate.tree, candidate.actions)
+    tree, labels = merge(tree, labels)
+    actions = np.concatenate([np.arange(n_actions), policy.actions])[labels]
+    locked = tuple(np.flatnonzero(labels >= n_actions).tolist())
+    return replace(policy, tree=tree, actions=actions, leaves=None, locked=locked)
 
 
 def by_c45(policy: TreePolicy, rows: Floats, settings: C45Settings) -> TreePolicy:

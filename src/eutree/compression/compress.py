@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from eutree.arrays import Floats
 from eutree.c45 import C45Settings
-from eutree.compression.candidates import Ladder, by_c45, lossless, merged
+from eutree.compression.candidates import Ladder, by_c45, lossless, merged, with_locks
 from eutree.compression.costs import WEIGHTS, Costs
 from eutree.compression.racing import Arena, Demand, Verdict, meet, race
 from eutree.compression.report import CompressionReport
@@ -55,6 +55,8 @@ def compress(
 ) -> tuple[TreePolicy, CompressionReport]:
     """Return a policy with fewer leaves that decides the same, and what changed.
 
+    Locked leaves stay in every mode: where they are, what they do, and locked.
+
     Args:
         policy: The policy to compress.
         observations: Recorded observations, shape [N, d], in the features of the policy's tree.
@@ -74,7 +76,7 @@ def compress(
         seed: Seed of the episodes.
 
     Returns:
-        The compressed policy, never larger than the exact merge, and a report.
+        The compressed policy, never larger than the exact merge (``mode="merge"``), and a report.
     """
     check_choice("mode", mode, MODES)
     check_choice("weights", weights, WEIGHTS)
@@ -121,6 +123,7 @@ def _smallest(policy: TreePolicy, rows: Floats, mode: str) -> tuple[TreePolicy, 
         candidates = lossless(policy, rows)
     if rows.size and mode in ("auto", "paper"):
         candidates["paper"] = by_c45(policy, rows, C45Settings.unpruned())
+    candidates = {name: with_locks(tree, policy) for name, tree in candidates.items()}
     wanted = policy.actions[policy.tree.leaf_index(rows)]
     best = "merge"
     for name, candidate in candidates.items():
@@ -132,9 +135,11 @@ def _smallest(policy: TreePolicy, rows: Floats, mode: str) -> tuple[TreePolicy, 
 
 def _within(policy: TreePolicy, costs: Costs, share: float) -> tuple[TreePolicy, str]:
     """Return the smallest tree that costs at most a share of the worst."""
+    exact = with_locks(merged(policy), policy)
     if not costs.rows.size:
-        return merged(policy), "merge"
-    return Ladder(policy, costs).within(share), "budget"
+        return exact, "merge"
+    found = with_locks(Ladder(policy, costs).within(share), policy)
+    return (found, "budget") if found.n_leaves <= exact.n_leaves else (exact, "merge")
 
 
 def _by_return(
@@ -144,10 +149,11 @@ def _by_return(
 
     What is rounded is rounded before it runs, so that the tree that is returned has run.
     """
-    exact = merged(policy)
+    exact = with_locks(merged(policy), policy)
     rungs: list[TreePolicy] = []
     if costs.rows.size:
-        rungs = [r for r in Ladder(policy, costs).rungs() if r.n_leaves < exact.n_leaves]
+        found = [with_locks(rung, policy) for rung in Ladder(policy, costs).rungs()]
+        rungs = sorted((r for r in found if r.n_leaves < exact.n_leaves), key=lambda r: r.n_leaves)
     if round_thresholds:
         rungs = [rounded(rung, costs.rows) for rung in rungs]
     winner = race(policy, rungs, arena, demand)

@@ -2,7 +2,8 @@
 
 Between the recorded values on both sides of a test, any threshold decides them alike. Of all
 numbers there with the fewest significant digits the one nearest to the old threshold is taken.
-A threshold also stays between those of the tests above it, so that no leaf becomes empty.
+A threshold also stays between those of the tests above it, so that no leaf becomes empty, and
+one that bounds a locked leaf stays as it is.
 """
 
 from dataclasses import replace
@@ -11,6 +12,7 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
 import numpy as np
 
 from eutree.arrays import Floats, Integers
+from eutree.compression.pruning import node_totals
 from eutree.policies import TreePolicy
 from eutree.trees import DecisionTree
 from eutree.trees.boxes import node_boxes
@@ -22,6 +24,9 @@ def rounded(policy: TreePolicy, rows: Floats) -> TreePolicy:
     """Return the policy with short thresholds; each recorded observation keeps its leaf."""
     tree = policy.tree
     threshold = np.array(tree.threshold)
+    held = (
+        node_totals(tree, np.isin(np.arange(tree.n_leaves), policy.locked).astype(np.float64)) > 0
+    )
     members: dict[int, Integers] = {0: np.arange(len(rows))}
     for node in np.flatnonzero(tree.feature != tree.NO_FEATURE).tolist():  # parents first
         feature, cut = int(tree.feature[node]), float(tree.threshold[node])
@@ -29,6 +34,8 @@ def rounded(policy: TreePolicy, rows: Floats) -> TreePolicy:
         values = rows[mine, feature]
         members[int(tree.left[node])] = mine[values <= cut]
         members[int(tree.right[node])] = mine[values > cut]
+        if held[node]:
+            continue
         low, high = _free(tree, threshold, node)
         least = values[values <= cut].max(initial=-np.inf)
         below = values[values > cut].min(initial=np.inf)
