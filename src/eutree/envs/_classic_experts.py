@@ -4,37 +4,13 @@ Each task has a plain one, well below what can be earned, and a better one. Mean
 of 200 episodes with the seeds 0 to 199 (``python benchmarks/experts.py``).
 """
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from eutree.arrays import Floats, Integers
+from eutree.envs._scripted import Rule, RulePolicy
 from eutree.errors import InvalidArgumentError
-
-Rule = Callable[[Floats], Integers]  # [..., d] -> [...]
-
-
-class RulePolicy:
-    """Acts by a written rule.
-
-    Args:
-        rule: The rule, from observations [..., d] to actions [...].
-    """
-
-    def __init__(self, rule: Rule) -> None:
-        self._rule = rule
-
-    def predict(
-        self,
-        observation: ArrayLike,
-        state: Any = None,
-        episode_start: ArrayLike | None = None,
-        deterministic: bool = True,
-    ) -> tuple[Any, Any]:
-        """Return the action for one observation, or those of a batch."""
-        return self._rule(np.asarray(observation, dtype=np.float64)), state
 
 
 def follow_the_fall(env: Any) -> RulePolicy:

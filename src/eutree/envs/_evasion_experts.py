@@ -5,10 +5,10 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from numpy.typing import ArrayLike
 
-from eutree.arrays import Floats, frozen
+from eutree.arrays import Floats, Integers, frozen
 from eutree.envs._dynamics import GO, STOP, EvasionParameters, EvasionState, reflect
+from eutree.envs._scripted import ScriptedPolicy
 from eutree.envs.evasion import EvasionEnv
 from eutree.errors import InvalidArgumentError
 from eutree.validation import check_number
@@ -19,7 +19,7 @@ END_ZONE = 2.5
 GATE_SLACK = 0.25
 
 
-class GatePolicy:
+class GatePolicy(ScriptedPolicy):
     """Waits at the gate of each crossing while its opponent is near.
 
     The gate of a crossing is the last step before its collision band; where bands are close, a
@@ -40,24 +40,17 @@ class GatePolicy:
         self._gate_end = frozen(edge)  # [N]
         self._gate_begin = frozen(edge - GATE_SLACK - parameters.agent_step)  # [N]
 
-    def predict(
-        self,
-        observation: ArrayLike,
-        state: Any = None,
-        episode_start: ArrayLike | None = None,
-        deterministic: bool = True,
-    ) -> tuple[Any, Any]:
-        """Return the action for one observation, or those of a batch."""
-        observations = np.asarray(observation, dtype=np.float64)  # [..., d]
+    def decide(self, observations: Floats) -> Integers:
+        """Return ``STOP`` at the gate of a crossing whose opponent is near, else ``GO``."""
         position = observations[..., :1]
         opponents = observations[..., 1 : 1 + self._count]
         at_gate = (position >= self._gate_begin) & (position < self._gate_end)  # [..., N]
         waits = (at_gate & (np.abs(opponents) < self.distance)).any(axis=-1)
         in_reach = (np.abs(position - self._crossing) < self._reach).any(axis=-1)
-        return np.where(waits & ~in_reach, STOP, GO), state
+        return np.where(waits & ~in_reach, STOP, GO)
 
 
-class LookAheadPolicy:
+class LookAheadPolicy(ScriptedPolicy):
     """Plans with perfect information: directions too, everybody without noise, to the goal.
 
     At each step the best sequence of actions is found by going backward through all pairs of
@@ -73,20 +66,14 @@ class LookAheadPolicy:
         self._env = env
         self.margin = margin
 
-    def predict(
-        self,
-        observation: ArrayLike,
-        state: Any = None,
-        episode_start: ArrayLike | None = None,
-        deterministic: bool = True,
-    ) -> tuple[Any, Any]:
+    def decide(self, observations: Floats) -> Integers:
         """Return the action for the environment's present state; the observation is not used."""
-        if np.ndim(observation) != 1:
+        if observations.ndim != 1:
             raise InvalidArgumentError(
                 "the look-ahead expert acts in one environment, whose state it reads; "
-                f"got a batch of observations of shape {np.shape(observation)}"
+                f"got a batch of observations of shape {observations.shape}"
             )
-        return np.array(plan(self._env.parameters, self._env.state, self.margin)), state
+        return np.array(plan(self._env.parameters, self._env.state, self.margin))
 
 
 def plan(parameters: EvasionParameters, state: EvasionState, margin: float) -> int:

@@ -7,7 +7,6 @@ A policy has SB3's ``predict``; ``eutree.record`` takes the expert itself:
 from collections.abc import Mapping
 
 from eutree.envs._classic_experts import (
-    RulePolicy,
     balance,
     brake_upright,
     follow_the_fall,
@@ -19,6 +18,7 @@ from eutree.envs._classic_experts import (
 )
 from eutree.envs._evasion_experts import GatePolicy, LookAheadPolicy, look_ahead, wait_at_crossing
 from eutree.envs._imperfect import CarelessPolicy, Expert, LatePolicy, careless, late
+from eutree.envs._scripted import RulePolicy
 from eutree.errors import UnknownNameError
 
 __all__ = [
