@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from eutree.errors import FormatError, InvalidArgumentError
+from eutree.errors import FileError, FormatError, InvalidArgumentError
 from eutree.files import arrays as archives
 from eutree.files.arrays import decode_archive, encode_archive, read_archive, write_archive
 from eutree.files.documents import Document
@@ -142,6 +142,30 @@ def test_attacks_are_refused_before_memory_is_taken(name, tmp_path):
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert peak < 10_000_000
+
+
+@pytest.mark.promise(2)
+def test_however_high_the_cap_a_file_takes_no_more_than_twice_its_own_size(tmp_path):
+    """A checkpoint may hold 4 GiB; a small file that declares so much must not get them."""
+    path, huge = tmp_path / "a.npz", 4 * 2**30
+    write_archive(path, Note(), {"x": np.zeros(2**20)})
+    bomb = zipped([("x.npy", bytes(2**28))], zipfile.ZIP_DEFLATED)
+    shape = npy(GOOD_HEADER.replace("(1,)", "(500000000,)"), bytes(8))
+    tracemalloc.start()
+    read_archive(path, Note, limit=huge)
+    for content in (bomb, zipped([("document.json", b"{}"), ("x.npy", shape)])):
+        with pytest.raises(FormatError):
+            decode_archive(content, Note, path, limit=huge)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 2.1 * path.stat().st_size
+
+
+def test_what_could_not_be_read_is_not_written(tmp_path):
+    path = tmp_path / "a.npz"
+    with pytest.raises(FileError, match=r"bytes are more than the 1,000 allowed"):
+        write_archive(path, Note(), {"x": np.zeros(1000)}, limit=1000)
+    assert not path.exists()
 
 
 @pytest.mark.promise(2)

@@ -23,7 +23,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from eutree.errors import FormatError, InvalidArgumentError
+from eutree.errors import FileError, FormatError, InvalidArgumentError
 from eutree.files import atomic
 from eutree.files.documents import (
     MAX_DOCUMENT,
@@ -65,9 +65,18 @@ _Document = TypeVar("_Document", bound=Document)
 Array = NDArray[Any]
 
 
-def write_archive(path: str | Path, document: Document, arrays: Mapping[str, Array]) -> None:
-    """Write document and arrays to one file, atomically; equal content gives equal bytes."""
-    atomic.write_bytes(path, encode_archive(arrays, document))
+def write_archive(
+    path: str | Path, document: Document, arrays: Mapping[str, Array], *, limit: int = MAX_ARCHIVE
+) -> None:
+    """Write document and arrays to one file, atomically; equal content gives equal bytes.
+
+    Raises:
+        FileError: It cannot be written, or would be larger than ``limit``.
+    """
+    data = encode_archive(arrays, document)
+    if len(data) > limit:  # never write what could not be read
+        raise FileError("write", path, f"{len(data):,} bytes are more than the {limit:,} allowed")
+    atomic.write_bytes(path, data)
 
 
 def write_arrays(path: str | Path, arrays: Mapping[str, Array]) -> None:

@@ -28,7 +28,7 @@ from eutree.training.run import LearningRun
 
 CHECKPOINT = "checkpoint.npz"
 _EVENTS = "run_events"
-MAX_CHECKPOINT = 4 * 2**30  # bytes
+MAX_CHECKPOINT = 4 * 2**30  # bytes; a run of some ten million steps and more
 
 
 class PointDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -59,7 +59,7 @@ def write_checkpoint(path: Path, run: LearningRun | OfflineRun) -> None:
     )
     events = np.frombuffer(events_to_text(run.events).encode(), dtype=np.uint8)
     arrays = run.learner.state() | run.gathered.state() | {_EVENTS: events}
-    write_archive(path, document, arrays)
+    write_archive(path, document, arrays, limit=MAX_CHECKPOINT)
 
 
 def events_to_text(events: Sequence[Mapping[str, Any]]) -> str:
