@@ -85,5 +85,5 @@ def test_page_without_an_environment_says_what_is_missing(
         assert run(["show", str(tmp_path / "policy.json"), "--html", str(html)]) == 0
         captured = capsys.readouterr()
         assert message in captured.err
-        assert captured.out == f"wrote {html}\n"
+        assert captured.out == f"written to {html}\n"
         assert html.exists()

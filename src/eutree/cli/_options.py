@@ -5,6 +5,7 @@ import json
 import os
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar
 
 import click
@@ -12,6 +13,20 @@ import click
 from eutree.schema import EnvironmentSpec
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
+
+
+def count_option(
+    flag: str, default: int, text: str, *, least: int = 1
+) -> Callable[[_Command], _Command]:
+    """Return an option that takes a whole number of at least ``least``."""
+    return click.option(
+        flag, type=click.IntRange(min=least), default=default, show_default=True, help=text
+    )
+
+
+def path_option(*names: str, text: str, required: bool = False) -> Callable[[_Command], _Command]:
+    """Return an option that takes a file or a folder, passed on as a path."""
+    return click.option(*names, type=click.Path(path_type=Path), required=required, help=text)
 
 
 def json_option(command: _Command) -> _Command:
@@ -22,10 +37,7 @@ def json_option(command: _Command) -> _Command:
 
 def seed_option(command: _Command) -> _Command:
     """Add ``--seed``."""
-    text = "Seed; the same seed gives the same bytes."
-    return click.option(
-        "--seed", type=click.IntRange(min=0), default=0, show_default=True, help=text
-    )(command)
+    return count_option("--seed", 0, "Seed; the same seed gives the same bytes.", least=0)(command)
 
 
 def env_arg_option(command: _Command) -> _Command:

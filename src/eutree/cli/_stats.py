@@ -35,7 +35,7 @@ def show(
         page = demonstrations_page(demonstrations, title=title, numbers=numbers, figures=figures)
         write_text(html, page)
         values["path"] = str(html)
-        lines.append(f"wrote {html}")
+        lines.append(f"written to {html}")
     Output(as_json=json).result(values, "\n".join(lines))
 
 

@@ -5,7 +5,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from eutree.cli._options import env_arg_option, json_option, override, seed_option
+from eutree.cli._options import (
+    count_option,
+    env_arg_option,
+    json_option,
+    override,
+    path_option,
+    seed_option,
+)
 from eutree.cli._output import Output
 from eutree.errors import InvalidArgumentError
 
@@ -17,10 +24,12 @@ if TYPE_CHECKING:
 
 @click.command(epilog="Example: eutree compress runs/a --out small.json --round")
 @click.argument("source", type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path), required=True, help="File to write.")
-@click.option("--demos", type=click.Path(path_type=Path),
-              help="Demonstrations whose observations to keep the decisions on; needed where "
-              "SOURCE is a policy file instead of a run folder.")  # fmt: skip
+@path_option("--out", text="File to write.", required=True)
+@path_option(
+    "--demos",
+    text="Demonstrations whose observations to keep the decisions on; needed where "
+    "SOURCE is a policy file instead of a run folder.",
+)
 @click.option("--mode", default="auto", show_default=True,
               help="auto, merge (same decision everywhere), lossless, or paper.")  # fmt: skip
 @click.option("--max-disagreement", type=float, metavar="SHARE",
@@ -34,8 +43,7 @@ if TYPE_CHECKING:
               "not lower by more than this.")  # fmt: skip
 @click.option("--confidence", type=float, default=0.95, show_default=True,
               help="Of the decision about the margin.")  # fmt: skip
-@click.option("--episodes", type=click.IntRange(min=2), default=1000, show_default=True,
-              help="Episodes of each evaluation.")  # fmt: skip
+@count_option("--episodes", 1000, "Episodes of each evaluation.", least=2)
 @click.option("--evaluate", "evaluates", is_flag=True,
               help="Evaluate before and after in the policy's environment.")  # fmt: skip
 @click.option("--round", "round_thresholds", is_flag=True,

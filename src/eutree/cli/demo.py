@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from eutree.cli._options import env_arg_option, json_option, seed_option
+from eutree.cli._options import count_option, env_arg_option, json_option, seed_option
 from eutree.cli._output import Output
 from eutree.schema import EnvironmentSpec
 
@@ -15,10 +15,8 @@ from eutree.schema import EnvironmentSpec
 @click.option("--expert", help="A scripted demonstrator of the environment; by default its first.")
 @click.option("--out", type=click.Path(path_type=Path), default="demo-report", show_default=True,
               help="Folder to write.")  # fmt: skip
-@click.option("--episodes", type=click.IntRange(min=1), default=200, show_default=True,
-              help="Episodes of each learning run.")  # fmt: skip
-@click.option("--runs", type=click.IntRange(min=2), default=3, show_default=True,
-              help="Learning runs of each learner.")  # fmt: skip
+@count_option("--episodes", 200, "Episodes of each learning run.")
+@count_option("--runs", 3, "Learning runs of each learner.", least=2)
 @env_arg_option
 @seed_option
 @json_option

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from eutree.cli._options import env_arg_option, json_option
+from eutree.cli._options import env_arg_option, json_option, path_option
 from eutree.cli._output import Output
 from eutree.errors import InvalidArgumentError
 
@@ -174,7 +174,7 @@ def check(
 
 @demos.command(epilog="Example: eutree demos merge monday/ tuesday/ --out demos/")
 @click.argument("folders", type=click.Path(path_type=Path), nargs=-1, required=True)
-@click.option("--out", type=click.Path(path_type=Path), required=True, help="A new folder.")
+@path_option("--out", text="A new folder.", required=True)
 @json_option
 def merge(folders: tuple[Path, ...], out: Path, as_json: bool) -> None:
     """Put the episodes of several FOLDERS of one environment into a new folder."""
@@ -192,7 +192,7 @@ def merge(folders: tuple[Path, ...], out: Path, as_json: bool) -> None:
 
 @demos.command(epilog="Example: eutree demos stats demos/ --html demos.html")
 @_folder
-@click.option("--html", type=click.Path(path_type=Path), help="Write the summary as a page, too.")
+@path_option("--html", text="Write the summary as a page, too.")
 @json_option
 def stats(folder: Path, html: Path | None, as_json: bool) -> None:
     """Say what FOLDER covers, where it contradicts itself, and whether more would help."""
@@ -207,7 +207,7 @@ def stats(folder: Path, html: Path | None, as_json: bool) -> None:
     "import", epilog="Example: eutree demos import minari:eutree/evasion2/human-v0 --out demos/"
 )
 @click.argument("source")
-@click.option("--out", type=click.Path(path_type=Path), required=True, help="A new folder.")
+@path_option("--out", text="A new folder.", required=True)
 @click.option("--env", "environment", help="The environment, where the source names none.")
 @env_arg_option
 @json_option

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from eutree.cli._options import env_arg_option, json_option, seed_option
+from eutree.cli._options import count_option, env_arg_option, json_option, path_option, seed_option
 from eutree.cli._output import Output
 from eutree.errors import InvalidArgumentError
 from eutree.schema import EnvironmentSpec
@@ -19,21 +19,16 @@ EXAMPLE = "eutree distill eutree/Evasion2-v0 --expert gate --max-leaves 8 --out 
 
 @click.command(epilog=f"Example: {EXAMPLE}")
 @click.argument("environment")
-@click.option("--out", type=click.Path(path_type=Path), required=True, help="File to write.")
+@path_option("--out", text="File to write.", required=True)
 @click.option("--expert", help="The teacher: a scripted expert, for example gate.")
-@click.option("--policy", type=click.Path(path_type=Path), help="The teacher: a policy file.")
-@click.option("--demos", type=click.Path(path_type=Path),
-              help="What the teacher showed already, in place of its first episodes.")  # fmt: skip
+@path_option("--policy", text="The teacher: a policy file.")
+@path_option("--demos", text="What the teacher showed already, in place of its first episodes.")
 @click.option("--method", default="dagger", show_default=True, help="dagger, viper or cloning.")
 @click.option("--learner", default="c4.5", show_default=True, help="c4.5 or cart.")
-@click.option("--max-leaves", type=click.IntRange(min=1), default=32, show_default=True,
-              help="Most leaves of the tree.")  # fmt: skip
-@click.option("--iterations", type=click.IntRange(min=1), default=10, show_default=True,
-              help="How many trees are fitted; the best is written.")  # fmt: skip
-@click.option("--episodes", type=click.IntRange(min=1), default=10, show_default=True,
-              help="Episodes gathered before each tree.")  # fmt: skip
-@click.option("--validation-episodes", type=click.IntRange(min=2), default=50, show_default=True,
-              help="Episodes that judge each tree.")  # fmt: skip
+@count_option("--max-leaves", 32, "Most leaves of the tree.")
+@count_option("--iterations", 10, "How many trees are fitted; the best is written.")
+@count_option("--episodes", 10, "Episodes gathered before each tree.")
+@count_option("--validation-episodes", 50, "Episodes that judge each tree.", least=2)
 @env_arg_option
 @seed_option
 @json_option

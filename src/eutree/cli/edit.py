@@ -6,7 +6,14 @@ from typing import Any
 
 import click
 
-from eutree.cli._options import env_arg_option, json_option, override, seed_option
+from eutree.cli._options import (
+    count_option,
+    env_arg_option,
+    json_option,
+    override,
+    path_option,
+    seed_option,
+)
 from eutree.cli._output import Output
 from eutree.errors import InvalidArgumentError
 
@@ -25,11 +32,14 @@ from eutree.errors import InvalidArgumentError
               help="Node below which nothing stays locked; repeatable.")  # fmt: skip
 @click.option("--enforce", "rules", multiple=True, metavar="PROPERTY",
               help="Make true, and lock: 'always ACTION when CONDITIONS'; repeatable.")  # fmt: skip
-@click.option("--out", type=click.Path(path_type=Path),
-              help="File to write; without it the tree is shown with its numbers.")  # fmt: skip
-@click.option("--episodes", type=click.IntRange(min=0), default=100, show_default=True,
-              help="Episodes of the evaluation before and after, where the policy's file "
-              "names its environment; 0 for none.")  # fmt: skip
+@path_option("--out", text="File to write; without it the tree is shown with its numbers.")
+@count_option(
+    "--episodes",
+    100,
+    "Episodes of the evaluation before and after, where the policy's file "
+    "names its environment; 0 for none.",
+    least=0,
+)
 @env_arg_option
 @seed_option
 @json_option

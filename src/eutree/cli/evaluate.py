@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from eutree.cli._options import env_arg_option, json_option, override, seed_option
+from eutree.cli._options import count_option, env_arg_option, json_option, override, seed_option
 from eutree.cli._output import Output
 from eutree.errors import InvalidArgumentError
 from eutree.schema import EnvironmentSpec
@@ -33,8 +33,7 @@ def check_fits(policy: "TreePolicy", path: Path, spec: EnvironmentSpec) -> None:
 @click.command(epilog="Example: eutree evaluate runs/a/policy.json --episodes 1000")
 @click.argument("policy", type=click.Path(path_type=Path))
 @click.argument("environment", required=False)
-@click.option("--episodes", type=click.IntRange(min=1), default=100, show_default=True,
-              help="How many episodes.")  # fmt: skip
+@count_option("--episodes", 100, "How many episodes.")
 @env_arg_option
 @seed_option
 @json_option

@@ -75,7 +75,7 @@ def export(
         write_bytes(path, entry)
     written = [str(path) for path in files]
     values = {"format": name, "path": str(out), "files": written, "bytes": len(data)}
-    output.result(values | {"n_leaves": loaded.n_leaves}, f"wrote {', '.join(written)}")
+    output.result(values | {"n_leaves": loaded.n_leaves}, f"written to {', '.join(written)}")
 
 
 def _format_of(out: Path | None) -> str:

@@ -4,15 +4,14 @@ from pathlib import Path
 
 import click
 
-from eutree.cli._options import json_option
+from eutree.cli._options import count_option, json_option, path_option
 from eutree.cli._output import Output
 
 
 @click.command(epilog="Example: eutree fit demos/ --out expert.json")
 @click.argument("demonstrations", type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path), required=True, help="File to write.")
-@click.option("--min-objects", type=click.IntRange(min=1), default=2, show_default=True,
-              help="C4.5's m: the fewest transitions on a side of a test.")  # fmt: skip
+@path_option("--out", text="File to write.", required=True)
+@count_option("--min-objects", 2, "C4.5's m: the fewest transitions on a side of a test.")
 @click.option("--confidence", type=float, default=0.25, show_default=True,
               help="C4.5's CF: the smaller, the more is pruned.")  # fmt: skip
 @click.option("--no-pruning", is_flag=True, help="Keep the unpruned tree.")

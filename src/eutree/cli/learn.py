@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from eutree.cli._asking import asked, render_mode
-from eutree.cli._options import env_arg_option, json_option, override, seed_option
+from eutree.cli._options import (
+    count_option,
+    env_arg_option,
+    json_option,
+    override,
+    path_option,
+    seed_option,
+)
 from eutree.cli._output import Output
 from eutree.errors import InvalidArgumentError
 from eutree.schema import EnvironmentSpec
@@ -20,32 +27,26 @@ if TYPE_CHECKING:
 
 @click.command(epilog="Example: eutree learn eutree/Evasion2-v0 --demos demos/ --out runs/a")
 @click.argument("environment", required=False)
-@click.option("--demos", type=click.Path(path_type=Path), help="Demonstrations to start from.")
-@click.option("--expert", type=click.Path(path_type=Path),
-              help="Policy file to start from, instead of the expert tree of --demos.")  # fmt: skip
-@click.option("--out", type=click.Path(path_type=Path), required=True, help="Run folder to write.")
+@path_option("--demos", text="Demonstrations to start from.")
+@path_option("--expert", text="Policy file to start from, instead of the expert tree of --demos.")
+@path_option("--out", text="Run folder to write.", required=True)
 @click.option("--learner", help="c-u-tree, eu-tree-dt or eu-tree; by default eu-tree if there "
               "are demonstrations, else c-u-tree.")  # fmt: skip
 @click.option("--preset", default="default", show_default=True,
               help="default (recommended) or paper (literal).")  # fmt: skip
-@click.option("--episodes", type=click.IntRange(min=0), default=400, show_default=True,
-              help="Episodes of experience.")  # fmt: skip
-@click.option("--evaluate-every", type=click.IntRange(min=1), default=20, show_default=True,
-              help="Episodes between two frozen evaluations.")  # fmt: skip
-@click.option("--evaluation-episodes", type=click.IntRange(min=1), default=100, show_default=True,
-              help="Episodes of each frozen evaluation.")  # fmt: skip
-@click.option("--history", type=click.IntRange(min=0), default=0, show_default=True,
-              help="Previous observations that become features too.")  # fmt: skip
-@click.option("--polish-steps", type=click.IntRange(min=0), default=0, show_default=True,
-              help="Environment steps spent at the end on races of improved trees.")  # fmt: skip
+@count_option("--episodes", 400, "Episodes of experience.", least=0)
+@count_option("--evaluate-every", 20, "Episodes between two frozen evaluations.")
+@count_option("--evaluation-episodes", 100, "Episodes of each frozen evaluation.")
+@count_option("--history", 0, "Previous observations that become features too.", least=0)
+@count_option(
+    "--polish-steps", 0, "Environment steps spent at the end on races of improved trees.", least=0
+)
 @click.option("--max-transitions", type=click.IntRange(min=1),
               help="Most transitions to remember; by default all.")  # fmt: skip
 @click.option("--ask", help="Ask for a demonstration where the learner is unsure: web, window, or "
               "a scripted expert.")  # fmt: skip
-@click.option("--ask-requests", type=click.IntRange(min=1), default=20, show_default=True,
-              help="Most requests of --ask.")  # fmt: skip
-@click.option("--ask-steps", type=click.IntRange(min=1), default=20, show_default=True,
-              help="Most steps shown for one request.")  # fmt: skip
+@count_option("--ask-requests", 20, "Most requests of --ask.")
+@count_option("--ask-steps", 20, "Most steps shown for one request.")
 @click.option("--keys", help="What a person's keys mean: left=0,right=1,none=0.")
 @click.option("--port", type=click.IntRange(0, 65535), help="Port of the page of --ask web.")
 @click.option("--offline", is_flag=True, help="Learn from the demonstrations alone.")
@@ -53,8 +54,7 @@ if TYPE_CHECKING:
 @click.option("--checkpoint-seconds", type=click.FloatRange(min=0),
               help="Time between two checkpoints; 0 for one after every episode. By default "
               "saving takes at most a twentieth of the time.")  # fmt: skip
-@click.option("--tensorboard", type=click.Path(path_type=Path),
-              help="Folder for a log that TensorBoard shows; one for each run.")  # fmt: skip
+@path_option("--tensorboard", text="Folder for a log that TensorBoard shows; one for each run.")
 @click.option("--strict", is_flag=True, help="Refuse observations outside the space's bounds.")
 @env_arg_option
 @seed_option

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from eutree.cli._options import env_arg_option, json_option, seed_option
+from eutree.cli._options import count_option, env_arg_option, json_option, path_option, seed_option
 from eutree.cli._output import Output
 from eutree.errors import InvalidArgumentError
 from eutree.schema import EnvironmentSpec
@@ -17,10 +17,8 @@ if TYPE_CHECKING:
 
 @click.command(epilog="Example: eutree record eutree/Evasion2-v0 --web --out demos/")
 @click.argument("environment")
-@click.option("--out", type=click.Path(path_type=Path), required=True,
-              help="Folder to write; a person continues one that exists.")  # fmt: skip
-@click.option("--episodes", type=click.IntRange(min=1), default=15, show_default=True,
-              help="How many episodes.")  # fmt: skip
+@path_option("--out", text="Folder to write; a person continues one that exists.", required=True)
+@count_option("--episodes", 15, "How many episodes.")
 @click.option("--web", is_flag=True, help="A person records in a browser (the default).")
 @click.option("--window", is_flag=True, help="A person records in a window of this desktop.")
 @click.option("--keys", help="What the keys mean: left=0,right=1,none=0 (numbers or names).")

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from eutree.cli._options import json_option, seed_option
+from eutree.cli._options import count_option, json_option, seed_option
 from eutree.cli._output import Output
 from eutree.errors import MissingExtraError
 
@@ -19,10 +19,8 @@ from eutree.errors import MissingExtraError
               help="Folder of results; finished runs are never done again.")  # fmt: skip
 @click.option("--preset", "presets", multiple=True, default=("paper", "default"),
               show_default=True, help="Settings to compare. May be repeated.")  # fmt: skip
-@click.option("--runs", type=click.IntRange(min=2), default=15, show_default=True,
-              help="Runs of each learner.")  # fmt: skip
-@click.option("--episodes", type=click.IntRange(min=1), default=400, show_default=True,
-              help="Episodes of each run.")  # fmt: skip
+@count_option("--runs", 15, "Runs of each learner.", least=2)
+@count_option("--episodes", 400, "Episodes of each run.")
 @click.option("--smoke", is_flag=True, help="A few tiny runs, to see that everything works.")
 @click.option("--n-jobs", type=int, default=1, show_default=True, help="Processes; -1 for all.")
 @click.option("--backend", type=click.Choice(["loky", "dask", "ray"]), default="loky",

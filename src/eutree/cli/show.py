@@ -5,7 +5,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from eutree.cli._options import env_arg_option, json_option, override, seed_option
+from eutree.cli._options import (
+    count_option,
+    env_arg_option,
+    json_option,
+    override,
+    path_option,
+    seed_option,
+)
 from eutree.cli._output import Output
 
 if TYPE_CHECKING:
@@ -17,10 +24,8 @@ if TYPE_CHECKING:
 @click.argument("policy", type=click.Path(dir_okay=False, path_type=Path))
 @click.option("--html", type=click.Path(dir_okay=False, path_type=Path),
               help="Write a page on which the policy can be watched and questioned.")  # fmt: skip
-@click.option("--episodes", type=click.IntRange(min=0), default=10, show_default=True,
-              help="How many episodes the page plays.")  # fmt: skip
-@click.option("--demos", type=click.Path(path_type=Path),
-              help="Demonstrations whose steps the page shows in their leaves.")  # fmt: skip
+@count_option("--episodes", 10, "How many episodes the page plays.", least=0)
+@path_option("--demos", text="Demonstrations whose steps the page shows in their leaves.")
 @env_arg_option
 @seed_option
 @json_option
@@ -56,7 +61,7 @@ def show(
     content, n_episodes = _page(output, loaded, policy.name, episodes, demos, env_arguments, seed)
     write_text(html, content)
     values |= {"path": str(html), "episodes": n_episodes, "bytes": len(content.encode())}
-    output.result(values, f"wrote {html}")
+    output.result(values, f"written to {html}")
 
 
 def _page(

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from eutree.cli._options import json_option
+from eutree.cli._options import json_option, path_option
 from eutree.cli._output import Output
 
 if TYPE_CHECKING:
@@ -22,10 +22,8 @@ EXIT_REFUTED = 1
 @click.option("--property", "questions", required=True, multiple=True,
               help="What to prove, for example 'always stop when -2 <= opponent_1 <= 2', "
               "'monotone go in position' or 'no dead leaves'. May be repeated.")  # fmt: skip
-@click.option("--demos", type=click.Path(path_type=Path),
-              help="Demonstrations, for dead leaves.")  # fmt: skip
-@click.option("--run", "run_folder", type=click.Path(path_type=Path),
-              help="Run folder whose observations count, for dead leaves.")  # fmt: skip
+@path_option("--demos", text="Demonstrations, for dead leaves.")
+@path_option("--run", "run_folder", text="Run folder whose observations count, for dead leaves.")
 @click.option("--everywhere", is_flag=True,
               help="Ask for all numbers, not only those within the features' bounds.")  # fmt: skip
 @json_option

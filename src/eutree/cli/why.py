@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from eutree.cli._options import json_option
+from eutree.cli._options import json_option, path_option
 from eutree.cli._output import Output
 from eutree.errors import InvalidArgumentError
 
@@ -13,8 +13,7 @@ from eutree.errors import InvalidArgumentError
 @click.argument("policy", type=click.Path(path_type=Path))
 @click.option("--observation", required=True, metavar="X,Y,...",
               help="The observation, a number for each feature.")  # fmt: skip
-@click.option("--demos", type=click.Path(path_type=Path),
-              help="Demonstrations whose steps in the same leaf to name.")  # fmt: skip
+@path_option("--demos", text="Demonstrations whose steps in the same leaf to name.")
 @json_option
 def why(policy: Path, observation: str, demos: Path | None, as_json: bool) -> None:
     """Say why POLICY decides as it does for an observation, and what would change it."""
