@@ -132,11 +132,9 @@ def test_the_full_scale_is_the_paper_s_protocol():
 )
 def test_verdicts_follow_from_the_interval(interval, verdict):
     estimate = Estimate(sum(interval) / 2, Interval(*interval), 15)
-    claim = judged(
-        "x/y", "s", paper="< 0.5", preset="paper", estimate=estimate, high=0.5, rule="below"
-    )
+    claim = judged("x/y", "s", paper="< 0.5", estimate=estimate, high=0.5, rule="below")
     assert claim.holds == verdict
-    near = close_to("x/z", "s", number=0.25, preset="paper", estimate=estimate, tolerance=0.25)
+    near = close_to("x/z", "s", number=0.25, estimate=estimate, tolerance=0.25)
     assert near.holds == verdict
     assert f"**{verdict}**" in claims_to_markdown([claim])
 

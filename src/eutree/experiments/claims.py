@@ -17,23 +17,23 @@ class Claim:
         id: Names the claim for ever, for example ``"figure-2/half-the-trials"``.
         sentence: What the paper says.
         paper: The paper's number, as text.
-        preset: Settings under which ours was found.
         ours: Our number.
         interval: Its 95 % interval.
         holds: ``"holds"``, ``"does not hold"`` or ``"cannot be told"``.
         rule: What had to be true of our number.
         unit: Unit of our number, for people to read.
+        preset: Settings under which ours was found.
     """
 
     id: str
     sentence: str
     paper: str
-    preset: str
     ours: float
     interval: tuple[float, float]
     holds: str
     rule: str
     unit: str = ""
+    preset: str = ""
 
 
 def judged(
@@ -41,7 +41,6 @@ def judged(
     sentence: str,
     *,
     paper: str,
-    preset: str,
     estimate: Estimate,
     low: float = -np.inf,
     high: float = np.inf,
@@ -61,7 +60,14 @@ def judged(
     else:
         verdict = OPEN
     return Claim(
-        name, sentence, paper, preset, float(estimate.value), (lower, upper), verdict, rule, unit
+        id=name,
+        sentence=sentence,
+        paper=paper,
+        ours=float(estimate.value),
+        interval=(lower, upper),
+        holds=verdict,
+        rule=rule,
+        unit=unit,
     )
 
 
@@ -70,7 +76,6 @@ def close_to(
     sentence: str,
     *,
     number: float,
-    preset: str,
     estimate: Estimate,
     tolerance: float,
     unit: str = "",
@@ -80,7 +85,6 @@ def close_to(
         name,
         sentence,
         paper=f"{number:g}",
-        preset=preset,
         estimate=estimate,
         low=number - tolerance,
         high=number + tolerance,

@@ -1,6 +1,6 @@
 """The look of the figures: matplotlib without a window, one colour a learner, shaded intervals."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from eutree.arrays import Floats
 from eutree.errors import MissingExtraError
 from eutree.evaluation.intervals import mean_interval
+from eutree.experiments.experiment import Records
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,22 +28,32 @@ COLOURS = {
 }
 
 
-def panels(names: Sequence[str], title: str) -> "tuple[Figure, list[Axes]]":
-    """Return a figure with a panel side by side for each preset."""
+def side_by_side(
+    title: str, records: Mapping[str, Records], panel: "Callable[[Axes, Records], None]"
+) -> "Figure":
+    """Return a figure with a panel for each preset, from its records.
+
+    Args:
+        title: Of the figure.
+        records: Those of each preset; what does not depend on it has one panel without a name.
+        panel: Draws some records on some axes.
+    """
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
     except ImportError:
         raise MissingExtraError("matplotlib", "plot") from None
-    figure = Figure(figsize=(5.2 * len(names), 3.8), layout="constrained")
+    figure = Figure(figsize=(5.2 * len(records), 3.8), layout="constrained")
     FigureCanvasAgg(figure)
-    figure.suptitle(title, fontsize=12)
-    axes = list(np.atleast_1d(figure.subplots(1, len(names), sharey=True)))
-    for axis, name in zip(axes, names, strict=True):
-        axis.set_title(f"preset {name}" if name else "", fontsize=10)
+    figure.suptitle(title, fontsize=11)
+    axes = np.atleast_1d(figure.subplots(1, len(records), sharey=True))
+    for axis, (name, group) in zip(axes, records.items(), strict=True):
+        is_of_preset = any(record.spec.preset for record in group)
+        axis.set_title(f"preset {name}" if is_of_preset else "", fontsize=10)
         axis.grid(alpha=0.25, linewidth=0.6)
         axis.spines[["top", "right"]].set_visible(False)
-    return figure, axes
+        panel(axis, group)
+    return figure
 
 
 def curve(axis: "Axes", x: Sequence[float], runs: Floats, name: str, *, style: str = "-") -> None:

@@ -8,7 +8,7 @@ from eutree.experiments.claims import Claim
 from eutree.experiments.runs import RunRecord, RunSpec
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.axes import Axes
 
 Records = Sequence[RunRecord]
 
@@ -73,14 +73,14 @@ class Experiment:
         title: What it shows.
         specs: The runs that it needs, at a scale and under a preset.
         judge: The claims, from its records under a preset.
-        draw: The figure, from its records under each preset; None where there is none.
+        draw: Draws the panel of a preset from its records; None where there is no figure.
     """
 
     id: str
     title: str
     specs: Callable[[Scale, str], list[RunSpec]]
-    judge: Callable[[Records, str], list[Claim]]
-    draw: "Callable[[dict[str, Records]], Figure] | None" = None
+    judge: Callable[[Records], list[Claim]]
+    draw: "Callable[[Axes, Records], None] | None" = None
 
 
 def by_learner(records: Records) -> dict[str, list[RunRecord]]:

@@ -1,5 +1,7 @@
 """Two claims made in the text alone: the expert tree is perfect, compression halves the tree."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from eutree.evaluation.bootstrap import bootstrap
@@ -13,14 +15,10 @@ LEARNERS = ("c-u-tree", "eu-tree")
 
 def expert_specs(scale: Scale, preset: str) -> list[RunSpec]:
     """Return the expert trees of both domains in their own domain."""
-    return [
-        scale.spec(environment, "expert", preset, run)
-        for environment in DOMAINS
-        for run in range(scale.runs)
-    ]
+    return _in_both_domains(("expert",), scale, preset)
 
 
-def judge_expert(records: Records, preset: str) -> list[Claim]:
+def judge_expert(records: Records) -> list[Claim]:
     """Return the claim that expert trees complete all trials without collisions."""
     return [
         judged(
@@ -28,7 +26,6 @@ def judge_expert(records: Records, preset: str) -> list[Claim]:
             f"The expert tree performs perfectly in {name}, completing all trials without "
             "collisions.",
             paper="1",
-            preset=preset,
             estimate=bootstrap(
                 [r.final.success for r in records if r.spec.environment == environment]
             ),
@@ -41,15 +38,19 @@ def judge_expert(records: Records, preset: str) -> list[Claim]:
 
 def compression_specs(scale: Scale, preset: str) -> list[RunSpec]:
     """Return the learned trees that are compressed: those of Figures 2 and 3."""
+    return _in_both_domains(LEARNERS, scale, preset)
+
+
+def _in_both_domains(learners: Sequence[str], scale: Scale, preset: str) -> list[RunSpec]:
     return [
         scale.spec(environment, learner, preset, run)
         for environment in DOMAINS
-        for learner in LEARNERS
+        for learner in learners
         for run in range(scale.runs)
     ]
 
 
-def judge_compression(records: Records, preset: str) -> list[Claim]:
+def judge_compression(records: Records) -> list[Claim]:
     """Return the claims about tree compression, over all learned trees."""
     pairs = [(r.final, r.compressed) for r in records if r.compressed is not None]
     ratio = [after.n_leaves / before.n_leaves for before, after in pairs]
@@ -60,7 +61,6 @@ def judge_compression(records: Records, preset: str) -> list[Claim]:
             "compression/less-than-half",
             "The number of states is systematically reduced to less than half the size.",
             paper="< 0.5",
-            preset=preset,
             estimate=bootstrap(ratio),
             high=0.5,
             rule="leaves after over leaves before, mean over trees, below a half",
@@ -69,7 +69,6 @@ def judge_compression(records: Records, preset: str) -> list[Claim]:
             "compression/no-loss",
             "... without loss of performance.",
             paper="0",
-            preset=preset,
             estimate=bootstrap(change),
             low=-0.02,
             rule="change of success, mean over trees, above -0.02",
@@ -78,7 +77,6 @@ def judge_compression(records: Records, preset: str) -> list[Claim]:
             "compression/never-larger",
             "At worst it maintains the same number of states.",
             paper="1",
-            preset=preset,
             estimate=bootstrap(grown),
             low=1.0,
             rule="share of trees that did not grow, all",
@@ -87,7 +85,6 @@ def judge_compression(records: Records, preset: str) -> list[Claim]:
             "compression/same-mapping",
             "The observation-action mapping is maintained on the recorded observations.",
             paper="1",
-            preset=preset,
             estimate=bootstrap(np.array([r.agreement for r in records if r.agreement is not None])),
             low=1.0,
             rule="share of recorded observations with the same action, all",

@@ -15,7 +15,7 @@ from eutree.experiments.experiment import Experiment, Records, Scale, by_learner
 from eutree.experiments.runs import RunRecord, RunSpec
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.axes import Axes
 
 LEARNERS = ("c-u-tree", "eu-tree-dt", "eu-tree")
 LEVEL = 0.9  # success rate that "learned" stands for
@@ -31,7 +31,7 @@ def specs(environment: str, scale: Scale, preset: str) -> list[RunSpec]:
     ]
 
 
-def judge(name: str, records: Records, preset: str) -> list[Claim]:
+def judge(name: str, records: Records) -> list[Claim]:
     """Return the paper's claims about one of the two figures."""
     groups = by_learner(records)
     c_u_tree, without, eu_tree = (success(groups[learner]) for learner in LEARNERS)
@@ -41,7 +41,6 @@ def judge(name: str, records: Records, preset: str) -> list[Claim]:
             f"{name}/half-the-trials",
             "The EU-Tree methods reduce the learning time by over 50 %.",
             paper="< 0.5",
-            preset=preset,
             estimate=_ratio_of_trials(groups, horizon),
             high=0.5,
             rule=f"trials to {LEVEL:.0%} success, EU-Tree over C. U-Tree, below a half",
@@ -51,7 +50,6 @@ def judge(name: str, records: Records, preset: str) -> list[Claim]:
             "The performance of the EU-Tree with and without the demonstrations' transitions is "
             "very similar.",
             paper="0",
-            preset=preset,
             estimate=bootstrap((eu_tree - without).mean(axis=1)),
             low=-SIMILAR,
             high=SIMILAR,
@@ -62,7 +60,6 @@ def judge(name: str, records: Records, preset: str) -> list[Claim]:
             "The teaching-based methods are significantly better than the C. U-Tree at every "
             "evaluation.",
             paper="> 0",
-            preset=preset,
             estimate=_smallest_lead(eu_tree, c_u_tree),
             low=0.0,
             rule="smallest lead of the mean success over all evaluations, above zero",
@@ -71,7 +68,6 @@ def judge(name: str, records: Records, preset: str) -> list[Claim]:
             f"{name}/c-u-tree-learns",
             "The C. U-Tree too learns the correct policy, one that avoids all collisions.",
             paper="1",
-            preset=preset,
             estimate=bootstrap([record.final.success for record in groups["c-u-tree"]]),
             low=0.95,
             rule=f"success of its final policy after {horizon} episodes, at least 95 %",
@@ -80,7 +76,6 @@ def judge(name: str, records: Records, preset: str) -> list[Claim]:
             f"{name}/eu-tree-learns",
             "The EU-Tree reaches the optimal policy.",
             paper="1",
-            preset=preset,
             estimate=bootstrap([record.final.success for record in groups["eu-tree"]]),
             low=0.95,
             rule=f"success of its final policy after {horizon} episodes, at least 95 %",
@@ -115,15 +110,16 @@ def _smallest_lead(first: Floats, second: Floats) -> Estimate:
     return bootstrap_rows(lambda rows: lead[rows].mean(axis=1).min(axis=1), len(lead))
 
 
-def draw(title: str, records: dict[str, Records]) -> "Figure":
-    """Return the learning curves, one panel a preset, with intervals over runs shaded."""
-    figure, axes = drawing.panels(list(records), title)
-    for axis, group in zip(axes, records.values(), strict=True):
-        for learner, runs in by_learner(group).items():
-            episodes = [point.episode for point in runs[0].curve]
-            drawing.curve(axis, episodes, 100 * success(runs), drawing.LABELS[learner])
-        drawing.label(axis, "Episodes", "Success (%)", limits=(0, 102))
-    return figure
+def draw(axes: "Axes", records: Records) -> None:
+    """Draw the learning curves, with intervals over runs shaded."""
+    for learner, runs in by_learner(records).items():
+        learning_curve(axes, runs, drawing.LABELS[learner])
+    drawing.label(axes, "Episodes", "Success (%)", limits=(0, 102))
+
+
+def learning_curve(axes: "Axes", runs: list[RunRecord], name: str) -> None:
+    """Draw the success of some runs over the episodes."""
+    drawing.curve(axes, [point.episode for point in runs[0].curve], 100 * success(runs), name)
 
 
 def _experiment(name: str, environment: str, title: str) -> Experiment:
@@ -132,7 +128,7 @@ def _experiment(name: str, environment: str, title: str) -> Experiment:
         title=title,
         specs=partial(specs, environment),
         judge=partial(judge, name),
-        draw=partial(draw, title),
+        draw=draw,
     )
 
 

@@ -11,11 +11,11 @@ from eutree.evaluation.survival import kaplan_meier
 from eutree.experiments import drawing
 from eutree.experiments.claims import Claim, judged
 from eutree.experiments.experiment import Experiment, Records, Scale, by_learner, by_speed
-from eutree.experiments.figure_2_3 import LEVEL, durations, success
+from eutree.experiments.figure_2_3 import LEVEL, durations, learning_curve, success
 from eutree.experiments.runs import DEMONSTRATED_SPEED, RunRecord, RunSpec
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.axes import Axes
 
 ENVIRONMENT = "eutree/Evasion2-v0"
 NEAR = 0.5  # m/s from the demonstrated speed that Figure 5 draws dark and solid
@@ -23,25 +23,24 @@ NEAR = 0.5  # m/s from the demonstrated speed that Figure 5 draws dark and solid
 
 def expert_specs(scale: Scale, preset: str) -> list[RunSpec]:
     """Return the expert trees of 3.2 m/s at every speed; they learn nothing."""
-    return [
-        scale.spec(ENVIRONMENT, "expert", preset, run, speed)
-        for speed in scale.speeds
-        for run in range(scale.runs)
-    ]
+    return _at_every_speed("expert", scale, preset)
 
 
 def learning_specs(scale: Scale, preset: str) -> list[RunSpec]:
     """Return EU-Tree runs at every speed, and C. U-Tree runs at the demonstrated one."""
-    eu_tree = [
-        scale.spec(ENVIRONMENT, "eu-tree", preset, run, speed)
+    c_u_tree = [scale.spec(ENVIRONMENT, "c-u-tree", preset, run) for run in range(scale.runs)]
+    return _at_every_speed("eu-tree", scale, preset) + c_u_tree
+
+
+def _at_every_speed(learner: str, scale: Scale, preset: str) -> list[RunSpec]:
+    return [
+        scale.spec(ENVIRONMENT, learner, preset, run, speed)
         for speed in scale.speeds
         for run in range(scale.runs)
     ]
-    c_u_tree = [scale.spec(ENVIRONMENT, "c-u-tree", preset, run) for run in range(scale.runs)]
-    return eu_tree + c_u_tree
 
 
-def judge_4a(records: Records, preset: str) -> list[Claim]:
+def judge_4a(records: Records) -> list[Claim]:
     """Return the claims about the fixed expert tree."""
     speeds = by_speed(records)
     slower = [
@@ -54,7 +53,6 @@ def judge_4a(records: Records, preset: str) -> list[Claim]:
             "figure-4a/slower-opponents",
             "With slower opponents the fixed policy performs well.",
             paper="about 1",
-            preset=preset,
             estimate=bootstrap(slower),
             low=0.95,
             rule="mean success at 2.2 to 3.2 m/s, at least 95 %",
@@ -63,7 +61,6 @@ def judge_4a(records: Records, preset: str) -> list[Claim]:
             "figure-4a/half-at-the-fastest",
             "With faster opponents it quickly drops to an approximate success rate of 50 %.",
             paper="0.5",
-            preset=preset,
             estimate=bootstrap(fastest),
             low=0.4,
             high=0.65,
@@ -72,7 +69,7 @@ def judge_4a(records: Records, preset: str) -> list[Claim]:
     ]
 
 
-def judge_4b(records: Records, preset: str) -> list[Claim]:
+def judge_4b(records: Records) -> list[Claim]:
     """Return the claim that learning time follows the expert's quality."""
     speeds = by_speed(by_learner(records)["eu-tree"])
     quality, time = [], []
@@ -84,7 +81,6 @@ def judge_4b(records: Records, preset: str) -> list[Claim]:
             "figure-4b/time-follows-quality",
             "Strong expert policy performance leads to short learning times.",
             paper="< 0",
-            preset=preset,
             estimate=spearman(quality, time),
             high=0.0,
             rule="rank correlation over speeds of expert success and learning time, below zero",
@@ -92,7 +88,7 @@ def judge_4b(records: Records, preset: str) -> list[Claim]:
     ]
 
 
-def judge_5(records: Records, preset: str) -> list[Claim]:
+def judge_5(records: Records) -> list[Claim]:
     """Return the claims about the learning curves at all speeds."""
     groups = by_learner(records)
     speeds = by_speed(groups["eu-tree"])
@@ -106,7 +102,6 @@ def judge_5(records: Records, preset: str) -> list[Claim]:
             "figure-5/no-worse-than-c-u-tree",
             "In the worst case the performance is no worse than that of the C. U-Tree.",
             paper=">= 0",
-            preset=preset,
             estimate=bootstrap(means[worst] - plain),
             low=-0.02,
             rule=f"mean success along the curve at the worst speed ({worst:g} m/s) minus that of "
@@ -116,7 +111,6 @@ def judge_5(records: Records, preset: str) -> list[Claim]:
             "figure-5/scales-with-quality",
             "Performance scales with the quality of the expert policy.",
             paper="> 0",
-            preset=preset,
             estimate=bootstrap(near - far),
             low=0.0,
             rule="mean success along the curve within 0.5 m/s of 3.2 minus further away, above "
@@ -131,53 +125,44 @@ def _trials(runs: list[RunRecord]) -> float:
     return kaplan_meier(durations(runs)).restricted_mean(horizon)
 
 
-def draw_4a(records: dict[str, Records]) -> "Figure":
-    """Return the expert trees' success at every speed."""
-    figure, axes = drawing.panels([""], "Figure 4(a): the expert tree of 3.2 m/s")
-    speeds = by_speed(next(iter(records.values())))
+def draw_4a(axes: "Axes", records: Records) -> None:
+    """Draw the expert trees' success at every speed."""
+    speeds = by_speed(records)
     values = _matrix({v: [100 * r.final.success for r in runs] for v, runs in speeds.items()})
-    drawing.curve(axes[0], list(speeds), values, "Expert tree", style="o-")
-    axes[0].axvline(DEMONSTRATED_SPEED, color="#999999", linestyle=":", linewidth=1)
-    drawing.label(axes[0], "Opponent speed (m/s)", "Success (%)", limits=(0, 102))
-    return figure
+    drawing.curve(axes, list(speeds), values, "Expert tree", style="o-")
+    axes.axvline(DEMONSTRATED_SPEED, color="#999999", linestyle=":", linewidth=1)
+    drawing.label(axes, "Opponent speed (m/s)", "Success (%)", limits=(0, 102))
 
 
-def draw_4b(records: dict[str, Records]) -> "Figure":
-    """Return the episodes to learn at every speed."""
-    figure, axes = drawing.panels(list(records), "Figure 4(b): episodes to learn")
-    for axis, group in zip(axes, records.values(), strict=True):
-        speeds = by_speed(by_learner(group)["eu-tree"])
-        axis.bar(
-            list(speeds),
-            [_trials(runs) for runs in speeds.values()],
-            width=0.07,
-            color=["#e0a070" if v == DEMONSTRATED_SPEED else "#a8480c" for v in speeds],
-            label=f"EU-Tree to {LEVEL:.0%}",
+def draw_4b(axes: "Axes", records: Records) -> None:
+    """Draw the episodes to learn at every speed."""
+    speeds = by_speed(by_learner(records)["eu-tree"])
+    axes.bar(
+        list(speeds),
+        [_trials(runs) for runs in speeds.values()],
+        width=0.07,
+        color=["#e0a070" if v == DEMONSTRATED_SPEED else "#a8480c" for v in speeds],
+        label=f"EU-Tree to {LEVEL:.0%}",
+    )
+    drawing.label(axes, "Opponent speed (m/s)", "Episodes")
+
+
+def draw_5(axes: "Axes", records: Records) -> None:
+    """Draw the learning curves at all speeds: near ones dark and solid, far ones dashed."""
+    groups = by_learner(records)
+    for speed, runs in by_speed(groups["eu-tree"]).items():
+        near = abs(speed - DEMONSTRATED_SPEED) <= NEAR + 1e-9
+        axes.plot(
+            [point.episode for point in runs[0].curve],
+            100 * success(runs).mean(axis=0),
+            "-" if near else "--",
+            color="#a8480c" if near else "#d9a98a",
+            linewidth=1.2,
         )
-        drawing.label(axis, "Opponent speed (m/s)", "Episodes")
-    return figure
-
-
-def draw_5(records: dict[str, Records]) -> "Figure":
-    """Return the learning curves at all speeds: near ones dark and solid, far ones dashed."""
-    figure, axes = drawing.panels(list(records), "Figure 5: learning at all speeds")
-    for axis, group in zip(axes, records.values(), strict=True):
-        groups = by_learner(group)
-        for speed, runs in by_speed(groups["eu-tree"]).items():
-            near = abs(speed - DEMONSTRATED_SPEED) <= NEAR + 1e-9
-            axis.plot(
-                [point.episode for point in runs[0].curve],
-                100 * success(runs).mean(axis=0),
-                "-" if near else "--",
-                color="#a8480c" if near else "#d9a98a",
-                linewidth=1.2,
-            )
-        episodes = [point.episode for point in groups["c-u-tree"][0].curve]
-        drawing.curve(axis, episodes, 100 * success(groups["c-u-tree"]), "C. U-Tree")
-        axis.plot([], [], "-", color="#a8480c", label="EU-Tree, 2.7 to 3.7 m/s")
-        axis.plot([], [], "--", color="#d9a98a", label="EU-Tree, further away")
-        drawing.label(axis, "Episodes", "Success (%)", limits=(0, 102))
-    return figure
+    learning_curve(axes, groups["c-u-tree"], "C. U-Tree")
+    axes.plot([], [], "-", color="#a8480c", label="EU-Tree, 2.7 to 3.7 m/s")
+    axes.plot([], [], "--", color="#d9a98a", label="EU-Tree, further away")
+    drawing.label(axes, "Episodes", "Success (%)", limits=(0, 102))
 
 
 def _matrix(values: dict[float, list[float]]) -> Floats:

@@ -12,12 +12,13 @@ A folder of results holds
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from html import escape
 from io import BytesIO
 from pathlib import Path
 
 from eutree.experiments.claims import Claim
+from eutree.experiments.drawing import side_by_side
 from eutree.experiments.experiment import Experiment, Records, Scale
 from eutree.experiments.results import Results
 from eutree.experiments.runs import RunSpec
@@ -67,10 +68,10 @@ def reproduce(
     )
     records = {key: results.load(specs) for key, specs in needed.items()}
     claims = tuple(
-        claim
+        replace(claim, preset=preset)
         for experiment in experiments
         for preset in _distinct(needed, experiment, presets)
-        for claim in experiment.judge(records[experiment.id, preset], preset)
+        for claim in experiment.judge(records[experiment.id, preset])
     )
     figures = {}
     for experiment in experiments:
@@ -139,7 +140,7 @@ def _draw(experiment: Experiment, records: dict[str, Records], folder: Path) -> 
         raise TypeError(f"{experiment.id} has no figure")
     # A fixed salt and no date make the same figure the same bytes.
     with mpl.rc_context({"svg.hashsalt": experiment.id, "svg.fonttype": "path"}):
-        figure = experiment.draw(records)
+        figure = side_by_side(experiment.title, records, experiment.draw)
         svg, png = BytesIO(), BytesIO()
         figure.savefig(svg, format="svg", metadata={"Date": None})
         figure.savefig(png, format="png", dpi=150, metadata={"Software": None})

@@ -24,7 +24,7 @@ NEAR_STATES = {"Expert tree": 2, "C. U-Tree": 50, "EU-Tree": 10}
 NEAR_REWARD = 5.0
 
 
-def judge(records: Records, preset: str) -> list[Claim]:
+def judge(records: Records) -> list[Claim]:
     """Return Table 2's six numbers, and the order of its rows."""
     rows = table(records)
     claims = []
@@ -35,7 +35,6 @@ def judge(records: Records, preset: str) -> list[Claim]:
                 f"table-2/{key}/states",
                 f"{name}: number of states.",
                 number=states,
-                preset=preset,
                 estimate=bootstrap([p.n_leaves for p in rows[name]]),
                 tolerance=NEAR_STATES[name],
             )
@@ -45,7 +44,6 @@ def judge(records: Records, preset: str) -> list[Claim]:
                 f"table-2/{key}/reward",
                 f"{name}: average reward per trial.",
                 number=reward,
-                preset=preset,
                 estimate=bootstrap([p.mean_return for p in rows[name]]),
                 tolerance=NEAR_REWARD,
             )
@@ -57,12 +55,11 @@ def judge(records: Records, preset: str) -> list[Claim]:
     )
     return [
         *claims,
-        *_orders(rows, preset),
+        *_orders(rows),
         judged(
             "table-2/far-more-states-at-the-end",
             "The same, with all policies taken after equally many episodes.",
             paper="5.6",
-            preset=preset,
             estimate=at_the_end,
             low=2.0,
             rule="states of the C. U-Tree over those of the EU-Tree at the end, at least 2",
@@ -96,7 +93,7 @@ def _expert(record: RunRecord) -> Performance:
     return record.expert
 
 
-def _orders(rows: dict[str, list[Performance]], preset: str) -> list[Claim]:
+def _orders(rows: dict[str, list[Performance]]) -> list[Claim]:
     states = {name: _states(row) for name, row in rows.items()}
     reward = {name: np.array([p.mean_return for p in row]) for name, row in rows.items()}
     return [
@@ -104,7 +101,6 @@ def _orders(rows: dict[str, list[Performance]], preset: str) -> list[Claim]:
             "table-2/far-more-states",
             "The C. U-Tree generates a far greater number of states than the EU-Tree.",
             paper="5.6",
-            preset=preset,
             estimate=_ratio(states["C. U-Tree"], states["EU-Tree"]),
             low=2.0,
             rule="states of the C. U-Tree over those of the EU-Tree, at least 2",
@@ -113,7 +109,6 @@ def _orders(rows: dict[str, list[Performance]], preset: str) -> list[Claim]:
             "table-2/poorer-performance",
             "More states result in poorer overall performance of the C. U-Tree.",
             paper="30",
-            preset=preset,
             estimate=bootstrap(reward["EU-Tree"] - reward["C. U-Tree"]),
             low=0.0,
             rule="reward of the EU-Tree minus that of the C. U-Tree, above zero",
@@ -122,7 +117,6 @@ def _orders(rows: dict[str, list[Performance]], preset: str) -> list[Claim]:
             "table-2/expert-best-by-a-small-margin",
             "The expert tree has the best performance by a small margin.",
             paper="2",
-            preset=preset,
             estimate=bootstrap(reward["Expert tree"] - reward["EU-Tree"]),
             low=0.0,
             high=5.0,
@@ -132,7 +126,6 @@ def _orders(rows: dict[str, list[Performance]], preset: str) -> list[Claim]:
             "table-2/expert-smallest",
             "The expert tree has the smallest number of states.",
             paper="21",
-            preset=preset,
             estimate=bootstrap((states["EU-Tree"] - states["Expert tree"]).astype(np.float64)),
             low=0.0,
             rule="states of the EU-Tree minus those of the expert tree, above zero",
