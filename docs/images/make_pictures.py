@@ -8,13 +8,27 @@ import tempfile
 from pathlib import Path
 
 import gymnasium
-from playwright.sync_api import sync_playwright
+from playwright.sync_api import Page, sync_playwright
 
 import eutree
 from eutree.report import policy_page, watch
 
 HERE = Path(__file__).parent
 SIZES = {"show-page": (1280, 800), "show-page-phone": (390, 844)}
+
+
+def _rules(page: Page, path: Path) -> None:
+    """Picture the rules after a threshold was moved and a leaf was locked."""
+    page.goto(path.as_uri())
+    page.wait_for_selector("body[data-ready]")
+    page.click("#rules-fold summary")
+    rules = page.locator("#rule-list")
+    rules.locator("input").first.fill("19.5")
+    rules.locator("input").first.press("Enter")
+    rules.locator(".lock").last.click()
+    page.evaluate("document.getElementById('rules').scrollIntoView()")
+    rules.evaluate("list => list.scrollTop = 0")
+    page.screenshot(path=str(HERE / "show-page-rules.png"))
 
 
 def main() -> None:
@@ -44,6 +58,7 @@ def main() -> None:
                 page.click("#forward")
             page.evaluate("scrollTo(0, 0)")
             page.screenshot(path=str(HERE / f"{name}.png"))
+        _rules(browser.new_page(viewport={"width": 1280, "height": 800}), path)
         browser.close()
 
 
