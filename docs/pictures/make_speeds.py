@@ -25,12 +25,13 @@ NAMES = ("figure-4b", "figure-5")
 INTRODUCTION = """# The default learner at other opponent speeds
 
 Figures 4(b) and 5 of the paper with the `default` preset: 15 demonstrations at 3.2 m/s, then 400
-episodes at each of 21 speeds, 15 runs each; 1,000 fresh episodes at the end; 95 % bootstrap
+episodes at each of 21 speeds, 15 runs each; 1,000 fresh episodes at the end; 95\u00a0% bootstrap
 intervals over runs. Made by `eutree reproduce figure-5 --preset default --out results` and
 `python docs/pictures/make_speeds.py --results results`.
 
 """
 
+NO_BREAK = "\u00a0"  # a space at which no line ends
 SHARE = 0.96  # of what the grid reaches
 
 GRID = """The bar is what value iteration reaches on a grid of what the learner too can see:
@@ -126,7 +127,8 @@ def beside_the_grid(speeds: dict[float, list[RunRecord]], grid: dict[float, dict
 
 def _number(found: Estimate, digits: int) -> str:
     low, high = found.interval
-    return f"{found.value:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]"
+    text = f"{found.value:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]"
+    return text.replace(" ", NO_BREAK)
 
 
 if __name__ == "__main__":

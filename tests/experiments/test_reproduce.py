@@ -50,6 +50,8 @@ def test_an_experiment_runs_in_small_and_judges_its_claims(folder, name):
     assert all(claim.holds in page for claim in found.claims)
     if EXPERIMENTS[name].draw is not None:
         assert (folder / f"{name}.svg").stat().st_size > 5_000
+        assert '<img src="data:image/svg+xml;base64,' in page
+        assert "style=" not in page.split("<body>")[1], "the page's own policy refuses it: black"
         assert (folder / f"{name}.png").read_bytes().startswith(b"\x89PNG")
 
 

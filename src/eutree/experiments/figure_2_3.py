@@ -114,7 +114,7 @@ def draw(axes: "Axes", records: Records) -> None:
     """Draw the learning curves, with intervals over runs shaded."""
     for learner, runs in by_learner(records).items():
         learning_curve(axes, runs, drawing.LABELS[learner])
-    drawing.label(axes, "Episodes", "Success (%)", limits=(0, 102))
+    drawing.label(axes, "Episodes", "Success (%)", limits=(-2, 102))
 
 
 def learning_curve(axes: "Axes", runs: list[RunRecord], name: str) -> None:

@@ -131,7 +131,7 @@ def draw_4a(axes: "Axes", records: Records) -> None:
     values = _matrix({v: [100 * r.final.success for r in runs] for v, runs in speeds.items()})
     drawing.curve(axes, list(speeds), values, "Expert tree", style="o-")
     axes.axvline(DEMONSTRATED_SPEED, color="#999999", linestyle=":", linewidth=1)
-    drawing.label(axes, "Opponent speed (m/s)", "Success (%)", limits=(0, 102))
+    drawing.label(axes, "Opponent speed (m/s)", "Success (%)", limits=(-2, 102))
 
 
 def draw_4b(axes: "Axes", records: Records) -> None:
@@ -162,7 +162,7 @@ def draw_5(axes: "Axes", records: Records) -> None:
     learning_curve(axes, groups["c-u-tree"], "C. U-Tree")
     axes.plot([], [], "-", color="#a8480c", label="EU-Tree, 2.7 to 3.7 m/s")
     axes.plot([], [], "--", color="#d9a98a", label="EU-Tree, further away")
-    drawing.label(axes, "Episodes", "Success (%)", limits=(0, 102))
+    drawing.label(axes, "Episodes", "Success (%)", limits=(-2, 102))
 
 
 def _matrix(values: dict[float, list[float]]) -> Floats:

@@ -10,6 +10,7 @@ A folder of results holds
     report.html       all of it on one page
 """
 
+import base64
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -23,7 +24,7 @@ from eutree.experiments.experiment import Experiment, Records, Scale
 from eutree.experiments.results import Results
 from eutree.experiments.runs import RunSpec
 from eutree.files import write_bytes, write_text
-from eutree.report.html import base_style, page
+from eutree.report.html import asset, base_style, page
 
 PRESETS = ("paper", "default")
 
@@ -184,18 +185,24 @@ def _page(
     sections = []
     for experiment in experiments:
         mine = [c for c in claims if c.id.split("/")[0] == experiment.id]
-        svg = figures.get(experiment.id, "")
-        drawn = f'<div class="scrolls">{svg[svg.find("<svg") :]}</div>' if svg else ""
-        sections.append(
-            f"<section><h2>{escape(experiment.title)}</h2>{drawn}{_table(mine)}</section>"
-        )
+        title = escape(experiment.title)
+        drawn = _figure(figures[experiment.id], title) if experiment.id in figures else ""
+        sections.append(f"<section><h2>{title}</h2>{drawn}{_table(mine)}</section>")
     verdicts = [claim.holds for claim in claims]
-    counts = ", ".join(f"{verdicts.count(v)} {v}" for v in dict.fromkeys(verdicts))
+    counts = ", ".join(f"{v}: {verdicts.count(v)}" for v in dict.fromkeys(verdicts))
     body = (
         "<main><header><h1>The paper's results, reproduced</h1>"
-        f"<p>{len(claims)} verdicts: {escape(counts)}.</p></header>{''.join(sections)}</main>"
+        f"<p>{len(claims)} verdicts. {escape(counts.capitalize())}.</p></header>"
+        f"{''.join(sections)}</main>"
     )
-    return page(title="The paper's results, reproduced", body=body, style=base_style())
+    style = base_style() + asset("run.css")
+    return page(title="The paper's results, reproduced", body=body, style=style)
+
+
+def _figure(svg: str, title: str) -> str:
+    """Return the figure as an image: a style within the page itself would be refused by it."""
+    data = base64.b64encode(svg.encode()).decode("ascii")
+    return f'<div class="scrolls"><img src="data:image/svg+xml;base64,{data}" alt="{title}"></div>'
 
 
 def _table(claims: Sequence[Claim]) -> str:
@@ -205,11 +212,11 @@ def _table(claims: Sequence[Claim]) -> str:
     )
     rows = "".join(
         f'<tr><th scope="row">{escape(c.sentence)}</th><td>{escape(c.paper)}</td>'
-        f"<td>{escape(c.preset)}</td><td>{escape(number_text(c))}</td>"
+        f'<td>{escape(c.preset)}</td><td class="number">{escape(number_text(c))}</td>'
         f"<td><strong>{escape(c.holds)}</strong></td><td>{escape(c.rule)}</td></tr>"
         for c in claims
     )
     return (
-        f'<div class="scrolls"><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>'
-        "</div>"
+        '<div class="scrolls"><table class="claims">'
+        f"<thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
     )
