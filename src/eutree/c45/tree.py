@@ -19,6 +19,7 @@ from eutree.arrays import Floats, Int32s, Integers, frozen
 from eutree.c45 import _kernels_prediction
 from eutree.errors import InvalidArgumentError
 from eutree.trees import DecisionTree
+from eutree.trees.tree import longest_path
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,10 +84,7 @@ class C45Tree:
     @cached_property
     def depth(self) -> int:
         """Number of tests on the longest path."""
-        depths = np.zeros(self.n_nodes, dtype=np.int64)
-        for node in range(1, self.n_nodes):
-            depths[node] = depths[self.parent[node]] + 1
-        return int(depths.max())
+        return longest_path(self.parent)
 
     @cached_property
     def probability(self) -> Floats:

@@ -6,22 +6,9 @@ import numpy as np
 
 from eutree.arrays import Floats
 from eutree.trees import DecisionTree
+from eutree.trees.boxes import node_boxes
 
 EXTREMES = (math.nan, math.inf, -math.inf, -0.0, 0.0, 5e-324, -5e-324, 1.8e308 / 2, -1.8e308 / 2)
-
-
-def node_boxes(tree: DecisionTree) -> tuple[Floats, Floats]:
-    """Return the lower (open) and upper (closed) ends of each node's box, two arrays [M, d]."""
-    low = np.full((tree.n_nodes, tree.n_features), -np.inf)
-    high = np.full((tree.n_nodes, tree.n_features), np.inf)
-    for node in np.flatnonzero(tree.feature != tree.NO_FEATURE):
-        left, right = tree.left[node], tree.right[node]
-        feature, threshold = tree.feature[node], tree.threshold[node]
-        for child in (left, right):
-            low[child], high[child] = low[node], high[node]
-        high[left, feature] = min(high[left, feature], threshold)
-        low[right, feature] = max(low[right, feature], threshold)
-    return low, high
 
 
 def probes(tree: DecisionTree, *, n_random: int = 0, seed: int = 0) -> Floats:

@@ -11,7 +11,7 @@ from eutree.export._blocks import block_roots
 from eutree.export._c_numbers import Number, Numbers, Scale, in_integers, numbers
 from eutree.export._identifiers import C_WORDS, check_identifier, identifiers
 from eutree.policies import TreePolicy
-from eutree.trees.text import Syntax, condition, nested, printable
+from eutree.trees.text import Syntax, condition, labelled, nested, printable
 
 _SAFE = re.compile(r"[A-Za-z0-9 _.,:;()\[\]{}<>=+*/%&|^~!#'@$-]")
 _NO_FAST_MATH = [
@@ -84,10 +84,9 @@ def _heading(policy: TreePolicy, kind: Numbers) -> list[str]:
     made_for = f" for {printable(policy.environment.id)}" if policy.environment else ""
     lines = [f"A decision tree with {policy.n_leaves} leaves{made_for}.", "", "Observation:"]
     for index, feature in enumerate(policy.schema.features):
-        unit = f" [{printable(feature.unit)}]" if feature.unit else ""
         bounds = f", {feature.low!r} to {feature.high!r}"
         scale = f", times {kind.scales[index]!r}, as an integer" if kind.scales else ""
-        lines.append(f"  [{index}] {printable(feature.name)}{unit}{bounds}{scale}")
+        lines.append(f"  [{index}] {labelled(feature)}{bounds}{scale}")
     lines += ["", "Action:"]
     lines += [f"  {index} {printable(name)}" for index, name in enumerate(policy.schema.actions)]
     if kind.number == "int32":

@@ -3,7 +3,7 @@
 from eutree.export._blocks import block_roots
 from eutree.export._identifiers import PYTHON_WORDS, check_identifier
 from eutree.policies import TreePolicy
-from eutree.trees.text import Syntax, nested, printable
+from eutree.trees.text import Syntax, labelled, nested, printable
 
 
 def to_python(policy: TreePolicy, *, name: str = "decide") -> str:
@@ -41,9 +41,7 @@ def _function(policy: TreePolicy, name: str, root: int, cut: frozenset[int]) -> 
 
     def test(node: int) -> str:
         feature, threshold = int(tree.feature[node]), float(tree.threshold[node])
-        unit = schema.features[feature].unit
-        words = printable(schema.features[feature].name) + (f" [{printable(unit)}]" if unit else "")
-        return f"observation[{feature}] <= {threshold!r}:  # {words}"
+        return f"observation[{feature}] <= {threshold!r}:  # {labelled(schema.features[feature])}"
 
     def leaf(node: int) -> str:
         if tree.leaf[node] == tree.NO_LEAF:

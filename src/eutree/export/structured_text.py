@@ -3,7 +3,7 @@
 from eutree.export._blocks import block_roots
 from eutree.export._identifiers import STRUCTURED_TEXT_WORDS, check_identifier, identifiers
 from eutree.policies import TreePolicy
-from eutree.trees.text import Syntax, nested, printable
+from eutree.trees.text import Syntax, labelled, nested, printable
 
 
 def to_structured_text(policy: TreePolicy, *, name: str = "decide") -> str:
@@ -66,9 +66,7 @@ def _function(
         leaf=leaf,
     )
     variables = [
-        f"    {variable} : LREAL; (* {printable(feature.name)}"
-        + (f" [{printable(feature.unit)}]" if feature.unit else "")
-        + " *)"
+        f"    {variable} : LREAL; (* {labelled(feature)} *)"
         for variable, feature in zip(inputs, schema.features, strict=True)
     ]
     body = nested(tree, syntax, root=root, cut=cut)

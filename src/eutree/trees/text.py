@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-from eutree.schema import Schema
+from eutree.schema import Feature, Schema
 from eutree.trees.tree import DecisionTree
 
 # Fine in every kind of text: letters, digits, single blanks, and signs that end nothing.
@@ -43,6 +43,11 @@ def condition(schema: Schema, feature: int, threshold: float) -> str:
     """Return one test in words, for example ``opponent_1 <= 8.25 m``; the number is exact."""
     name, unit = schema.features[feature].name, schema.features[feature].unit
     return f"{printable(name)} <= {threshold!r}" + (f" {printable(unit)}" if unit else "")
+
+
+def labelled(feature: Feature) -> str:
+    """Return a feature's name with its unit, for example ``opponent_1 [m]``."""
+    return printable(feature.name) + (f" [{printable(feature.unit)}]" if feature.unit else "")
 
 
 @dataclass(frozen=True)

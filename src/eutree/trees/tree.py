@@ -94,10 +94,7 @@ class DecisionTree:
     @cached_property
     def depth(self) -> int:
         """Number of tests on the longest path."""
-        depths = np.zeros(self.n_nodes, dtype=np.int64)
-        for node in range(1, self.n_nodes):
-            depths[node] = depths[self.parent[node]] + 1
-        return int(depths.max())
+        return longest_path(self.parent)
 
     @cached_property
     def _walk(self) -> tuple[list[int], list[float], list[int], list[int], list[int]]:
@@ -245,3 +242,15 @@ def _first_problem(tree: DecisionTree) -> str:
     if not np.array_equal(np.sort(tree.leaf[~inner]), np.arange(n_nodes // 2 + 1)):
         return "leaves must be numbered 0, 1, 2, ... without gaps"
     return ""
+
+
+def longest_path(parent: Int32s) -> int:
+    """Return the number of tests above the deepest node; children have larger numbers.
+
+    Args:
+        parent: Parent of each node, shape [M]; not read at the root, node 0.
+    """
+    depths = np.zeros(parent.size, dtype=np.int64)
+    for node in range(1, parent.size):
+        depths[node] = depths[parent[node]] + 1
+    return int(depths.max())
