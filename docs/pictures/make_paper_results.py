@@ -8,14 +8,17 @@ Runs that the folder lacks are done first (about an hour on one core for all of 
 
 import argparse
 import shutil
+from collections import Counter
 from pathlib import Path
 
+from eutree.experiments.claims import FAILS, HOLDS, OPEN
 from eutree.experiments.experiment import FULL
 from eutree.experiments.registry import EXPERIMENTS
 from eutree.experiments.reproduce import claims_to_markdown, reproduce
 from eutree.experiments.results import Results
 
 DOCS = Path(__file__).resolve().parents[1]
+VERDICTS = (HOLDS, FAILS, OPEN)
 READINGS = ("paper", "paper-d")
 PRESETS = {
     "figure-2": (*READINGS, "default"),
@@ -84,15 +87,14 @@ def _sections(page: str) -> list[tuple[str, str]]:
 
 
 def _counts(body: str) -> str:
-    """Return how many claims have which verdict, by preset."""
+    """Return how many claims have which verdict, a row each preset."""
     rows = [line.split(" | ") for line in body.splitlines() if line.startswith("| `")]
-    verdicts = [(row[3], row[5].strip("*")) for row in rows]
-    counts = []
-    for preset in dict.fromkeys(preset for preset, _ in verdicts):
-        mine = [verdict for p, verdict in verdicts if p == preset]
-        listing = ", ".join(f"{mine.count(v)} {v}" for v in dict.fromkeys(mine))
-        counts.append(f"`{preset}`: {listing}.")
-    return " ".join(counts)
+    found = Counter((row[3], row[5].strip("*")) for row in rows)
+    lines = [f"| preset | {' | '.join(VERDICTS)} |", "|---" * (len(VERDICTS) + 1) + "|"]
+    for preset in dict.fromkeys(preset for preset, _ in found):
+        numbers = " | ".join(str(found[preset, verdict]) for verdict in VERDICTS)
+        lines.append(f"| `{preset}` | {numbers} |")
+    return "\n".join(lines)
 
 
 def _points(folder: Path, names: tuple[str, ...]) -> str:
