@@ -3,22 +3,22 @@
     python benchmarks/learner.py [PART ...] [--steps 1000000] [--offline 1000000]
 
 prints all rows of docs/results/learner-speed.md, each part in a process of its own; PART may also
-be ``profile``: what expansion spends its time on, up to 100,000 steps. The learner's own cost is
-the CPU time of a learning run minus that of the same environment steps replayed without a learner,
-in the same process. Everything else is CPU time, or a ratio in the same run.
+be ``profile-maximal`` or ``profile-naive``: what the learner's own cost goes into, part by part. The
+learner's own cost is the CPU time of a learning run minus that of the same environment steps
+replayed without a learner, in the same process. Everything else is CPU time, or a ratio in the same
+run.
 """
 
 import argparse
-import cProfile
 import os
-import pstats
 import resource
 import subprocess
 import sys
 import tempfile
 import time
-from contextlib import nullcontext
+from collections import Counter
 from dataclasses import replace
+from functools import wraps
 from statistics import median
 
 import gymnasium
@@ -28,8 +28,9 @@ from sklearn.tree import DecisionTreeClassifier
 import eutree
 from eutree.data import Demonstrations, Episode
 from eutree.interaction import GuardedEnv, describe, episode_seed
-from eutree.learning import DEFAULT, Settings, c_u_tree
-from eutree.splitting import Maximal, Naive
+from eutree.learning import DEFAULT, Settings, UTree, c_u_tree
+from eutree.mdp import TabularMDP
+from eutree.splitting import KolmogorovSmirnov, Maximal, Naive
 from eutree.training.run import EXPANSION_STREAM, EXPLORATION_STREAM, TRAINING_STREAM, generator_of
 
 SPLITS = {
@@ -37,6 +38,12 @@ SPLITS = {
     "naive": replace(DEFAULT, imagination=None, significance=Naive()),
 }
 MARKS = (10_000, 100_000, 1_000_000)
+CLOCKED = (
+    (UTree, "begin_episode"), (UTree, "act"), (UTree, "observe"), (UTree, "_end_episode"),
+    (UTree, "expand"), (UTree, "_due"), (UTree, "_sample"), (KolmogorovSmirnov, "best"),
+    (Maximal, "p_value"), (Naive, "p_value"), (UTree, "_split"), (UTree, "_grow_tree"),
+    (TabularMDP, "solve"),
+)  # fmt: skip
 PLANNED = 10_000  # steps with planning
 FIRST_SPLIT = """
 import resource, numpy
@@ -49,9 +56,12 @@ print(usage.ru_utime + usage.ru_stime)
 
 
 def learner_cost(
-    settings: Settings, steps: int, marks: tuple[int, ...], profile: cProfile.Profile | None = None
-) -> list[tuple[int, float, int, float]]:
-    """Return (steps, microseconds a step so far, leaves, bytes a transition) at each mark."""
+    settings: Settings, steps: int, marks: tuple[int, ...], parts: Counter[str] | None = None
+) -> list[tuple[int, float, int, float, Counter[str]]]:
+    """Return what learning has cost at each mark.
+
+    That is (steps, microseconds a step so far, leaves, bytes a transition, seconds by part).
+    """
     env = GuardedEnv(gymnasium.make("eutree/Evasion2-v0", disable_env_checker=True))
     learner = c_u_tree(env.schema, settings)
     rows, spent, total, episode, left = [], 0.0, 0, 0, [mark for mark in marks if mark <= steps]
@@ -69,8 +79,7 @@ def learner_cost(
             ended = terminated or truncated
         episode += 1
         if episode % settings.gathering_episodes == 0:
-            with profile or nullcontext():
-                learner.expand(generator_of(0, EXPANSION_STREAM, episode))
+            learner.expand(generator_of(0, EXPANSION_STREAM, episode))
         spent += time.thread_time() - start
         start = time.thread_time()
         env.reset(seed)
@@ -79,9 +88,24 @@ def learner_cost(
         spent -= time.thread_time() - start
         total += len(actions)
         if left and total >= left[0]:
-            memory = learner.history.n_bytes_per_transition
-            rows.append((left.pop(0), 1e6 * spent / total, learner.tree.n_leaves, memory))
+            memory, cost = learner.history.n_bytes_per_transition, 1e6 * spent / total
+            rows.append((left.pop(0), cost, learner.tree.n_leaves, memory, Counter(parts or {})))
     return rows
+
+
+def clocked(owner: type, name: str, seconds: Counter[str]) -> None:
+    """Let every call of a method add its CPU time to its part, the calls inside it included."""
+    method = getattr(owner, name)
+
+    @wraps(method)
+    def timed(*arguments, **options):
+        start = time.thread_time()
+        try:
+            return method(*arguments, **options)
+        finally:
+            seconds[f"{owner.__name__}.{name}"] += time.thread_time() - start
+
+    setattr(owner, name, timed)
 
 
 def first_split() -> tuple[float, float]:
@@ -189,7 +213,7 @@ def print_splits(name: str, steps: int) -> None:
     settings = SPLITS[name]
     learner_cost(settings, 3_000, ())
     rows = learner_cost(settings, steps, MARKS)
-    for mark, cost, leaves, _ in rows:
+    for mark, cost, leaves, *_ in rows:
         row(
             f"learner's own cost a step, splits without planning, {name} test, {mark:,} steps, "
             f"{leaves:,} leaves",
@@ -199,18 +223,26 @@ def print_splits(name: str, steps: int) -> None:
     row("memory per stored transition, d = 3", f"{rows[-1][3]:.0f} bytes", "<= 120 bytes")
 
 
-def print_profile() -> None:
-    settings = SPLITS["maximal"]
+def print_profile(name: str, steps: int) -> None:
+    """Print microseconds a step of each part, between a mark and the one before it."""
+    settings, seconds = SPLITS[name], Counter()
     learner_cost(settings, 3_000, ())
-    profile = cProfile.Profile(time.thread_time)
-    ((_, cost, _, _),) = learner_cost(settings, 100_000, (100_000,), profile)
-    print(f"{cost:.1f} us a step in all, the profiler included; expansion:")
-    pstats.Stats(profile).sort_stats("tottime").print_stats(12)
+    for owner, method in CLOCKED:
+        clocked(owner, method, seconds)
+    rows = learner_cost(settings, steps, MARKS, seconds)
+    print("| part | " + " | ".join(f"to {row[0]:,}" for row in rows) + " |")
+    for owner, method in CLOCKED:
+        part, cells, before = f"{owner.__name__}.{method}", [], (0, Counter())
+        for mark, *_, by_part in rows:
+            spent = by_part[part] - before[1][part]
+            cells.append(f"{1e6 * spent / (mark - before[0]):.2f}")
+            before = (mark, by_part)
+        print(f"| `{part}` | " + " | ".join(cells) + " |")
 
 
 def print_planning() -> None:
     learner_cost(DEFAULT, 1_000, ())
-    (_, cost, leaves, _), = learner_cost(DEFAULT, PLANNED, (PLANNED,))  # fmt: skip
+    (_, cost, leaves, _, _), = learner_cost(DEFAULT, PLANNED, (PLANNED,))  # fmt: skip
     row(f"learner's own cost a step, `default` preset with planning, {PLANNED:,} steps, "
         f"{leaves} leaves", f"{cost:.0f} us", "<= 20 us")  # fmt: skip
 
@@ -262,7 +294,8 @@ def main() -> None:
 
 
 PARTS = {
-    "profile": lambda _: print_profile(),
+    "profile-maximal": lambda arguments: print_profile("maximal", arguments.steps),
+    "profile-naive": lambda arguments: print_profile("naive", arguments.steps),
     "maximal": lambda arguments: print_splits("maximal", arguments.steps),
     "naive": lambda arguments: print_splits("naive", arguments.steps),
     "planning": lambda _: print_planning(),
@@ -271,7 +304,7 @@ PARTS = {
     "offline-maximal": lambda arguments: print_offline("maximal", arguments.offline),
     "offline-naive": lambda arguments: print_offline("naive", arguments.offline),
 }
-ROWS = [part for part in PARTS if part != "profile"]
+ROWS = [part for part in PARTS if not part.startswith("profile")]
 
 
 if __name__ == "__main__":

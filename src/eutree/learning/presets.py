@@ -30,6 +30,7 @@ DEFAULT = replace(
     PAPER,
     splitter=KolmogorovSmirnov(score="scaled", compare="action", min_leaf=10),
     solve_each_split=False,
+    solve_growth=1.1,
     retest_growth=1.5,
     untried_value=None,
     imagination=Imagination(),

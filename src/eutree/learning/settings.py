@@ -29,6 +29,9 @@ class Settings:
         gate: Whether a significant split is worth a leaf.
         solve_each_split: Solve the MDP after every split, as Table 1 says, instead of once at the
             end of an expansion.
+        solve_growth: Solve the MDP exactly only in an expansion to which the history has grown to
+            this many times its size at the last exact solution; those between leave it to
+            prioritized sweeping, from the leaves they split. 1 solves in every expansion.
         retest_growth: A leaf is tested again only when it holds this many times the transitions
             that it held at its last test; 1 tests every leaf in every expansion.
         untried_value: Q of an action never tried in a leaf; None leaves it out of the maximum.
@@ -47,6 +50,7 @@ class Settings:
     significance: Significance = Naive()
     gate: Gate = AlwaysOpen()
     solve_each_split: bool = False
+    solve_growth: float = 1.0
     retest_growth: float = 1.0
     untried_value: float | None = None
     backups: int = 5
@@ -57,6 +61,7 @@ class Settings:
         check_number("discount", self.discount, low=0.0, high=1.0)
         check_number("exploration", self.exploration, low=0.0, high=1.0)
         check_integer("gathering_episodes", self.gathering_episodes, low=1)
+        check_number("solve_growth", self.solve_growth, low=1.0)
         check_number("retest_growth", self.retest_growth, low=1.0)
         check_integer("backups", self.backups, low=0)
         if self.untried_value is not None:

@@ -105,6 +105,8 @@ def _expected(state: State, settings: Settings) -> dict[str, tuple[str, str]]:
     expected = dict(_LEARNER)
     expected |= {name: what for name, what in _WHERE_IT_IS_SO.items() if name in state}
     plans = settings.imagination is not None
+    if settings.solve_growth > 1.0 and not plans:
+        expected["solved_at"] = ("i", "1")
     if settings.max_transitions is not None:
         expected |= _BOUNDED_EPISODES if plans else _BOUNDED
     if plans:
@@ -151,6 +153,7 @@ def _check_numbers(state: State, n_leaves: int, n_actions: int) -> None:
         "history_bounds": (1, WHOLE),
         "mdp_queue": (0, n_leaves - 1),
         "tested_at": (0, most),
+        "solved_at": (0, int(state["history_n_seen"][0])),
         "locked": (0, n_leaves - 1),
         "plan_proved": (0, n_episodes - 1),
         "plan_tried": (0, n_episodes - 1),

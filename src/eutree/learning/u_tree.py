@@ -21,6 +21,7 @@ from eutree.learning.foresight import Foresight
 from eutree.learning.forgetting import Forgetting, LeafReservoirs, RecentEpisodes
 from eutree.learning.history import TERMINAL, History
 from eutree.learning.settings import Settings
+from eutree.learning.solving import Solving
 from eutree.learning.teaching import refined
 from eutree.mdp import TabularMDP
 from eutree.policies import LeafStatistics, TreePolicy
@@ -79,6 +80,7 @@ class UTree:
             settings.discount,
             untried=settings.untried_value,
         )
+        self._solving = Solving(settings.solve_growth)
         self.n_actions = n_actions
         none = np.zeros(tree.n_leaves, dtype=np.int64)
         self._inherited = np.array(none if inherited is None else inherited)  # [L]
@@ -100,7 +102,9 @@ class UTree:
             own["lessons"] = self._lessons
         if self._locked:
             own["locked"] = np.array(sorted(self._locked))
-        plan = {} if self._foresight is None else self._foresight.state()
+        if self._foresight is None:
+            return {**tree, **history, **mdp, **own, **self._solving.state()}
+        plan = self._foresight.state()
         return {**tree, **history, **mdp, **own, **{f"plan_{k}": v for k, v in plan.items()}}
 
     @classmethod
@@ -119,6 +123,8 @@ class UTree:
         learner.mdp.restore(_part(state, "mdp_"))
         learner._tested_at = np.array(state["tested_at"])
         learner._lessons = np.array(state.get("lessons", learner._lessons))
+        if "solved_at" in state:
+            learner._solving.solved_at = int(state["solved_at"][0])
         if learner._foresight is not None:
             learner._foresight.restore(_part(state, "plan_"))
         return learner
@@ -136,7 +142,7 @@ class UTree:
             )
             self.history.forget()
         self._count_again()
-        self.mdp.solve()
+        self._solving.solve(self.mdp, self.history)
         if self._foresight is not None:
             self._foresight.add_demonstrations(self.history.n_episodes)
 
@@ -148,7 +154,9 @@ class UTree:
         """
         self._steps.clear()
         self._shown.clear()
-        self._before = self.mdp.state()
+        self.mdp.savepoint()
+        if self.settings.max_transitions is not None:
+            self._rewards_before = self.mdp.reward_sums.copy()
         self._generator = generator
         self._first = observation
         if self._foresight is not None:
@@ -212,7 +220,7 @@ class UTree:
         actions = [action for _, action, _ in self._steps]
         rewards = [reward for _, _, reward in self._steps]
         self.mdp.forget_batch(states, actions, rewards, entered)
-        self.mdp.restore(self._before)
+        self.mdp.rollback()
         self._steps.clear()
 
     def expand(self, generator: np.random.Generator) -> tuple[LeafSplit, ...]:
@@ -234,9 +242,10 @@ class UTree:
             if split is not None:
                 made.append(self._split(leaf, split))
                 if self.settings.solve_each_split:
-                    self.mdp.solve()
+                    self._solving.solve(self.mdp, self.history)
         self._grow_tree(made)
-        self.mdp.solve()
+        halves = [leaf for one in made for leaf in (one.leaf, one.new_leaf)]
+        self._solving.after_splits(self.mdp, self.history, halves)
         return tuple(made)
 
     def greedy_actions(self) -> Int32s:
@@ -377,7 +386,7 @@ class UTree:
         out = ~stored
         self.mdp.forget_batch(left[out], actions[out], rewards[out], entered[out])
         state = self.mdp.state()
-        state["reward_sums"] = self._before["reward_sums"]  # to the bit: as if never added
+        state["reward_sums"] = self._rewards_before  # to the bit: as if never added
         np.add.at(state["reward_sums"], (left[stored], actions[stored]), rewards[stored])
         self.mdp.restore(state)
 
@@ -415,6 +424,8 @@ class UTree:
 
     def _learn_from_shown(self) -> None:
         """Refine the leaves in which something was shown since the last time."""
+        if not len(self._lessons):
+            return
         lessons, self._lessons = self._lessons, self._lessons[:0]
         history = self.history
         rows = history.demonstrated
@@ -453,7 +464,7 @@ class UTree:
         self._tested_at = np.zeros(tree.n_leaves, dtype=np.int64)
         self.history.relabel(tree)
         self.mdp = self._counted()
-        self.mdp.solve()
+        self._solving.solve(self.mdp, self.history)
 
     def _statistics(self) -> LeafStatistics:
         """Return visits, Q and its standard error for each leaf and action."""

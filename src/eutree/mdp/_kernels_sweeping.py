@@ -21,11 +21,13 @@ from eutree.mdp._kernels import (
     link,
 )
 
-QUEUED = 1  # entry of the counters behind USED
+QUEUED, TOUCHED = 1, 2  # entries of the counters behind USED
 ORDER, PLACE = 0, 1  # rows of the heap: state in each slot, slot of each state
+LIST, LISTED = 0, 1  # rows of the touched states: each of them, and whether a state is one
 DISCOUNT, THRESHOLD, UNTRIED, HORIZON = 0, 1, 2, 3  # entries of the settings
 
 NO_PLACE = -1
+NO_SAVEPOINT = -1  # of TOUCHED
 SOON = 1e300  # before all changes, but after the state that was just left
 BAD_TRANSITION = -3
 
@@ -148,16 +150,72 @@ def back_up(
 
 
 @compiled
+def _save(
+    counters: Integers,  # [3]
+    reward_sums: Floats,  # [S, A]
+    values: Floats,  # [S]
+    action_values: Floats,  # [S, A]
+    priority: Floats,  # [S]
+    touched: Int32s,  # [2, S]
+    saved: Floats,  # [S, 2 + 2 A]
+    state: int,
+) -> None:
+    """Keep what a state holds, before its first change after a savepoint."""
+    if counters[TOUCHED] == NO_SAVEPOINT or touched[LISTED, state]:
+        return
+    touched[LIST, counters[TOUCHED]] = state
+    touched[LISTED, state] = 1
+    counters[TOUCHED] += 1
+    n_actions = action_values.shape[1]
+    saved[state, 0] = values[state]
+    saved[state, 1] = priority[state]
+    for a in range(n_actions):
+        saved[state, 2 + a] = action_values[state, a]
+        saved[state, 2 + n_actions + a] = reward_sums[state, a]
+
+
+@compiled
+def roll_back(
+    counters: Integers,  # [3]
+    reward_sums: Floats,  # [S, A]
+    values: Floats,  # [S]
+    action_values: Floats,  # [S, A]
+    heap: Int32s,  # [2, S]
+    priority: Floats,  # [S]
+    touched: Int32s,  # [2, S]
+    saved: Floats,  # [S, 2 + 2 A]
+    queue: Int32s,  # [n] the slots of the heap at the savepoint
+) -> None:
+    """Give every state that was touched since the savepoint what it held, and the queue too."""
+    n_actions = action_values.shape[1]
+    for i in range(counters[TOUCHED]):
+        state = touched[LIST, i]
+        values[state] = saved[state, 0]
+        priority[state] = saved[state, 1]
+        for a in range(n_actions):
+            action_values[state, a] = saved[state, 2 + a]
+            reward_sums[state, a] = saved[state, 2 + n_actions + a]
+    for slot in range(counters[QUEUED]):
+        heap[PLACE, heap[ORDER, slot]] = NO_PLACE
+    for slot in range(queue.size):
+        heap[ORDER, slot] = queue[slot]
+        heap[PLACE, queue[slot]] = slot
+    counters[QUEUED] = queue.size
+
+
+@compiled
 def sweep(
     table: Int32s,  # [S (A + 1), 3]
     pool: Int32s,  # [K, 2]
-    counters: Integers,  # [2]
+    counters: Integers,  # [3]
     visits: Integers,  # [S, A]
     reward_sums: Floats,  # [S, A]
     values: Floats,  # [S]
     action_values: Floats,  # [S, A]
     heap: Int32s,  # [2, S]
     priority: Floats,  # [S]
+    touched: Int32s,  # [2, S]
+    saved: Floats,  # [S, 2 + 2 A]
     settings: Floats,  # [4]
     budget: int,
 ) -> int:
@@ -166,6 +224,7 @@ def sweep(
     backups = 0
     while backups < budget and counters[QUEUED] > 0:
         state = pop(heap, priority, counters)
+        _save(counters, reward_sums, values, action_values, priority, touched, saved, state)
         change = back_up(table, pool, visits, reward_sums, values, action_values, settings, state)
         backups += 1
         if change <= settings[THRESHOLD]:
@@ -175,6 +234,9 @@ def sweep(
             before, action = pool[k, KEY] // n_actions, pool[k, KEY] % n_actions
             share = pool[k, COUNT] / visits[before, action]
             if before != state and share * change > settings[THRESHOLD]:
+                _save(
+                    counters, reward_sums, values, action_values, priority, touched, saved, before
+                )
                 push(heap, priority, counters, before, share * change)
     return backups
 
@@ -183,13 +245,15 @@ def sweep(
 def observe(
     table: Int32s,  # [S (A + 1), 3]
     pool: Int32s,  # [K, 2]
-    counters: Integers,  # [2]
+    counters: Integers,  # [3]
     visits: Integers,  # [S, A]
     reward_sums: Floats,  # [S, A]
     values: Floats,  # [S]
     action_values: Floats,  # [S, A]
     heap: Int32s,  # [2, S]
     priority: Floats,  # [S]
+    touched: Int32s,  # [2, S]
+    saved: Floats,  # [S, 2 + 2 A]
     settings: Floats,  # [4]
     n_states: int,
     state: int,
@@ -211,6 +275,7 @@ def observe(
     if not has_room(table, pool, counters, n_actions, pair, next_state):
         return NO_ROOM
     link(table, pool, counters, n_actions, pair, next_state)
+    _save(counters, reward_sums, values, action_values, priority, touched, saved, state)
     visits[state, action] += 1
     reward_sums[state, action] += reward
     push(heap, priority, counters, state, np.inf if budget > 0 else SOON)
@@ -224,6 +289,8 @@ def observe(
         action_values,
         heap,
         priority,
+        touched,
+        saved,
         settings,
         budget,
     )

@@ -75,7 +75,8 @@ class TabularMDP:
         self._settings[_sweeping.UNTRIED] = np.nan if untried is None else untried
         self._settings[_sweeping.HORIZON] = self.horizon
         self._n_states = 0
-        self._counters = np.zeros(2, np.int64)
+        self._counters = np.zeros(3, np.int64)
+        self._counters[_sweeping.TOUCHED] = _sweeping.NO_SAVEPOINT
         self._pool = np.zeros((_FIRST_POOL, 2), np.int32)  # [K, 2]
         self._reserve(n_states)
         self._n_states = n_states
@@ -143,6 +144,7 @@ class TabularMDP:
 
     @values.setter
     def values(self, values: ArrayLike) -> None:
+        self._drop_savepoint()
         self._values[: self._n_states] = values
 
     @property
@@ -224,6 +226,7 @@ class TabularMDP:
         self, states: ArrayLike, actions: ArrayLike, rewards: ArrayLike, next_states: ArrayLike
     ) -> None:
         """Count many transitions, in order; no backups, and nothing is queued."""
+        self._drop_savepoint()
         rows = self._check_rows(states, actions, rewards, next_states)
         row = 0
         while True:
@@ -265,6 +268,7 @@ class TabularMDP:
 
         Reward sums are left alone: give every state that lost or won rows to ``set_rewards``.
         """
+        self._drop_savepoint()
         old = self._check_rows(states, actions, None, next_states)
         new = self._check_rows(new_states, actions, None, new_next_states)
         row, status = 0, _kernels.NO_ROOM
@@ -288,6 +292,7 @@ class TabularMDP:
             actions: Action of each row.
             rewards: Reward of each row.
         """
+        self._drop_savepoint()
         rows = self._check_rows(states, actions, rewards, states)
         self._reward_sums[np.asarray(leaves, dtype=np.int64)] = 0.0
         np.add.at(self._reward_sums, (rows[0], rows[1]), rows[2])
@@ -298,6 +303,7 @@ class TabularMDP:
         Args:
             value: Its V until it is backed up or solved, such as its parent's.
         """
+        self._drop_savepoint()
         state = self._n_states
         if state == len(self._visits):
             self._reserve(2 * state)
@@ -307,6 +313,7 @@ class TabularMDP:
 
     def queue(self, states: ArrayLike | None = None) -> None:
         """Put states (all of them if None) on top of the queue of prioritized sweeping."""
+        self._drop_savepoint()
         chosen = range(self._n_states) if states is None else np.asarray(states).tolist()
         for state in chosen:
             state = check_integer("states", state, high=self._n_states - 1)
@@ -329,7 +336,7 @@ class TabularMDP:
             untried=self.untried,
             horizon=self.horizon,
         )
-        self._values[: self._n_states] = solution.values
+        self.values = solution.values
         self._action_values[: self._n_states] = solution.action_values
         self._heap[_sweeping.PLACE] = _sweeping.NO_PLACE
         self._counters[_sweeping.QUEUED] = 0
@@ -346,8 +353,31 @@ class TabularMDP:
             "priority": self._priority[: self._n_states].copy(),
         }
 
+    def savepoint(self) -> None:
+        """Let ``rollback`` come back to here, until anything but ``observe`` or ``sweep`` is done.
+
+        Nothing is copied now but the queue: what a state holds is saved before its first change.
+        """
+        self._drop_savepoint()
+        self._queue = self._heap[_sweeping.ORDER, : self._counters[_sweeping.QUEUED]].copy()
+        self._counters[_sweeping.TOUCHED] = 0
+
+    def rollback(self) -> None:
+        """Take back V, Q, the queue and reward sums as they were at the savepoint, to the bit.
+
+        Counts are taken back by ``forget_batch`` before.
+        """
+        if self._counters[_sweeping.TOUCHED] == _sweeping.NO_SAVEPOINT:
+            raise InvalidArgumentError("rollback needs a savepoint that still holds")
+        _sweeping.roll_back(
+            self._counters, self._reward_sums, self._values, self._action_values, self._heap,
+            self._priority, self._touched, self._saved, self._queue,
+        )  # fmt: skip
+        self._drop_savepoint()
+
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Take back what ``state()`` returned, for an MDP that holds the same counts."""
+        self._drop_savepoint()
         queue = state["queue"]
         self._values[: self._n_states] = state["values"]
         self._action_values[: self._n_states] = state["action_values"]
@@ -357,6 +387,12 @@ class TabularMDP:
         self._heap[_sweeping.ORDER, : queue.size] = queue
         self._heap[_sweeping.PLACE, queue] = np.arange(queue.size)
         self._counters[_sweeping.QUEUED] = queue.size
+
+    def _drop_savepoint(self) -> None:
+        """Save no more."""
+        last = self._touched[_sweeping.LIST, : max(self._counters[_sweeping.TOUCHED], 0)]
+        self._touched[_sweeping.LISTED, last] = 0
+        self._counters[_sweeping.TOUCHED] = _sweeping.NO_SAVEPOINT
 
     @property
     def _n_rows(self) -> int:
@@ -397,6 +433,8 @@ class TabularMDP:
         unknown = self._settings[_sweeping.UNTRIED]
         self._action_values = _grown(self, "_action_values", shape, np.float64, unknown)
         self._priority = _grown(self, "_priority", shape[:1], np.float64, 0.0)
+        self._touched = np.zeros((2, n_states), np.int32)
+        self._saved = np.empty((n_states, 2 + 2 * self.n_actions))
         heap = np.full((2, n_states), _sweeping.NO_PLACE, np.int32)
         if self._n_states:
             heap[:, : self._n_states] = self._heap[:, : self._n_states]
@@ -416,7 +454,8 @@ class TabularMDP:
         """Keep the arrays in the order in which the kernels take them."""
         self._arrays: tuple[Any, ...] = (
             self._table, self._pool, self._counters, self._visits, self._reward_sums,
-            self._values, self._action_values, self._heap, self._priority, self._settings,
+            self._values, self._action_values, self._heap, self._priority,
+            self._touched, self._saved, self._settings,
         )  # fmt: skip
 
 
