@@ -161,8 +161,6 @@ def _save(
     state: int,
 ) -> None:
     """Keep what a state holds, before its first change after a savepoint."""
-    if counters[TOUCHED] == NO_SAVEPOINT or touched[LISTED, state]:
-        return
     touched[LIST, counters[TOUCHED]] = state
     touched[LISTED, state] = 1
     counters[TOUCHED] += 1
@@ -221,23 +219,30 @@ def sweep(
 ) -> int:
     """Back up the states of highest priority; return how many backups were done."""
     n_actions = visits.shape[1]
+    saving = counters[TOUCHED] != NO_SAVEPOINT
+    tried = visits.ravel()  # [S A]
     backups = 0
     while backups < budget and counters[QUEUED] > 0:
         state = pop(heap, priority, counters)
-        _save(counters, reward_sums, values, action_values, priority, touched, saved, state)
+        if saving and not touched[LISTED, state]:
+            _save(counters, reward_sums, values, action_values, priority, touched, saved, state)
         change = back_up(table, pool, visits, reward_sums, values, action_values, settings, state)
         backups += 1
         if change <= settings[THRESHOLD]:
             continue
         row = state * (n_actions + 1) + n_actions
         for k in range(table[row, START], table[row, START] + table[row, SIZE]):
-            before, action = pool[k, KEY] // n_actions, pool[k, KEY] % n_actions
-            share = pool[k, COUNT] / visits[before, action]
-            if before != state and share * change > settings[THRESHOLD]:
+            before = np.uint32(pool[k, KEY]) // np.uint32(n_actions)  # unsigned: half the time
+            value = pool[k, COUNT] / tried[pool[k, KEY]] * change
+            if before == state or not value > settings[THRESHOLD]:
+                continue
+            if heap[PLACE, before] != NO_PLACE and not value > priority[before]:
+                continue  # as push would find, without the cost of the call
+            if saving and not touched[LISTED, before]:
                 _save(
                     counters, reward_sums, values, action_values, priority, touched, saved, before
                 )
-                push(heap, priority, counters, before, share * change)
+            push(heap, priority, counters, before, value)
     return backups
 
 
@@ -275,7 +280,8 @@ def observe(
     if not has_room(table, pool, counters, n_actions, pair, next_state):
         return NO_ROOM
     link(table, pool, counters, n_actions, pair, next_state)
-    _save(counters, reward_sums, values, action_values, priority, touched, saved, state)
+    if counters[TOUCHED] != NO_SAVEPOINT and not touched[LISTED, state]:
+        _save(counters, reward_sums, values, action_values, priority, touched, saved, state)
     visits[state, action] += 1
     reward_sums[state, action] += reward
     push(heap, priority, counters, state, np.inf if budget > 0 else SOON)

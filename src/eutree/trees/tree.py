@@ -11,15 +11,19 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from eutree.arrays import Floats, Int32s, Unsigned, frozen
 from eutree.errors import InvalidArgumentError
 from eutree.trees import _kernels
 from eutree.validation import check_integer, check_number
+
+_Scalar = TypeVar("_Scalar", bound=np.generic)
+
+_ARRAYS = ("feature", "threshold", "left", "right", "leaf")
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,35 +181,40 @@ class DecisionTree:
         return self.split_each([(leaf, feature, threshold)])
 
     def split_each(self, cuts: Sequence[tuple[int, int, float]]) -> "DecisionTree":
-        """Return the tree after one ``split(leaf, feature, threshold)`` after another."""
-        n_nodes, n_leaves, n_new = self.n_nodes, self.n_leaves, 2 * len(cuts)
-        arrays = {
-            "feature": np.append(self.feature, [self.NO_FEATURE] * n_new),
-            "threshold": np.append(self.threshold, [np.nan] * n_new),
-            "left": np.append(self.left, [self.NO_NODE] * n_new),
-            "right": np.append(self.right, [self.NO_NODE] * n_new),
-            "leaf": np.append(self.leaf, [self.NO_LEAF] * n_new),
-        }
-        node_of_leaf = self.node_of_leaf.tolist()
-        for leaf, feature, threshold in cuts:
-            check_integer("leaf", leaf, low=0, high=n_leaves - 1)
+        """Return the tree after one ``split(leaf, feature, threshold)`` after another.
+
+        What the cuts leave as it is, is copied instead of checked and derived anew, and the lists
+        of ``leaf_of`` go over to the new tree: a learner's thousands of leaves grow by a few at a
+        time.
+        """
+        for i, (leaf, feature, threshold) in enumerate(cuts):
+            check_integer("leaf", leaf, low=0, high=self.n_leaves + i - 1)
             check_integer("feature", feature, low=0, high=self.n_features - 1)
             check_number("threshold", threshold)
-            node = node_of_leaf[leaf]
-            arrays["feature"][node], arrays["threshold"][node] = feature, threshold
-            arrays["left"][node], arrays["right"][node] = n_nodes, n_nodes + 1
-            arrays["leaf"][node] = self.NO_LEAF
-            arrays["leaf"][n_nodes : n_nodes + 2] = leaf, n_leaves
-            node_of_leaf[leaf] = n_nodes
-            node_of_leaf.append(n_nodes + 1)
-            n_nodes, n_leaves = n_nodes + 2, n_leaves + 1
-        return DecisionTree(self.n_features, **arrays)
+        if not cuts:
+            return self
+        fields = {name: _lengthened(getattr(self, name), 2 * len(cuts)) for name in _ARRAYS}
+        node_of_leaf = _lengthened(self.node_of_leaf, len(cuts))
+        walk = self.__dict__.pop("_walk", None)
+        if walk is not None:
+            for values in walk:
+                values += [0] * (2 * len(cuts))
+            _cut(walk, node_of_leaf.copy(), cuts)
+        _cut(tuple(fields.values()), node_of_leaf, cuts)
+        tree = object.__new__(DecisionTree)
+        tree.__dict__["n_features"] = self.n_features
+        for name, array in (*fields.items(), ("node_of_leaf", node_of_leaf)):
+            array.setflags(write=False)
+            tree.__dict__[name] = array
+        if walk is not None:
+            tree.__dict__["_walk"] = walk
+        return tree
 
     def equals(self, other: "DecisionTree") -> bool:
         """Return whether all arrays are equal, bit for bit (NaN equals NaN)."""
         return self.n_features == other.n_features and all(
             getattr(self, name).tobytes() == getattr(other, name).tobytes()
-            for name in ("feature", "threshold", "left", "right", "leaf")
+            for name in _ARRAYS
         )
 
     def _check(self) -> None:
@@ -213,6 +222,28 @@ class DecisionTree:
         problem = _first_problem(self)
         if problem:
             raise InvalidArgumentError(f"not a decision tree: {problem}")
+
+
+def _lengthened(array: NDArray[_Scalar], n_new: int) -> NDArray[_Scalar]:
+    """Return a copy with so many zeros behind it."""
+    return np.concatenate([array, np.zeros(n_new, array.dtype)])
+
+
+def _cut(
+    columns: Sequence[Any], node_of_leaf: Int32s, cuts: Sequence[tuple[int, int, float]]
+) -> None:
+    """Write cuts into the five columns of a tree, arrays or lists, which have room behind."""
+    features, thresholds, left, right, leaves = columns
+    n_leaves = len(node_of_leaf) - len(cuts)
+    for leaf, feature, threshold in cuts:
+        node, child = int(node_of_leaf[leaf]), 2 * n_leaves - 1
+        features[node], thresholds[node] = int(feature), float(threshold)
+        left[node], right[node], leaves[node] = child, child + 1, DecisionTree.NO_LEAF
+        for new, number in ((child, int(leaf)), (child + 1, n_leaves)):
+            features[new], thresholds[new] = DecisionTree.NO_FEATURE, np.nan
+            left[new] = right[new] = DecisionTree.NO_NODE
+            leaves[new], node_of_leaf[number] = number, new
+        n_leaves += 1
 
 
 def _first_problem(tree: DecisionTree) -> str:
