@@ -188,16 +188,16 @@ class History:
         entered = np.array(leaves[1:])
         if terminated and steps:
             entered[-1] = TERMINAL
-        new = {
+        new: dict[str, Any] = {
             "observations": observations[:-1],
             "next_observations": observations[1:],
             "actions": actions,
             "rewards": rewards,
-            "episodes": np.full(steps, self.n_episodes),
+            "episodes": self.n_episodes,
             "continues": np.arange(steps) > 0,
             "left": leaves[:-1],
             "entered": entered,
-            "demonstrated": np.broadcast_to(demonstrated, steps),
+            "demonstrated": demonstrated,
         }
         stored = np.ones(steps, dtype=np.bool_)
         if self._forgetting is not None:
@@ -208,7 +208,8 @@ class History:
         first, last = self.size, self.size + int(stored.sum())
         self._reserve(last)
         for name, values in new.items():
-            self._columns[name][first:last] = values if last - first == steps else values[stored]
+            whole = last - first == steps or np.ndim(values) == 0
+            self._columns[name][first:last] = values if whole else values[stored]
         self._append_to_lists(first, last)
         self.size = last
         self.n_seen += steps

@@ -361,8 +361,9 @@ class UTree:
         leaves = np.array(self._leaves, dtype=np.int32)
         actions = np.array([step[1] for step in self._steps], dtype=np.int64)
         rewards = np.array([step[2] for step in self._steps])
+        observations = np.concatenate([self._first, *(step[0] for step in self._steps)])
         stored = self.history.append_episode(
-            np.array([self._first, *(step[0] for step in self._steps)]),
+            observations.reshape(len(leaves), -1),
             actions,
             rewards,
             leaves,
@@ -416,11 +417,12 @@ class UTree:
 
     def _remember_lessons(self) -> None:
         """Remember where in the episode somebody showed what to do, until the next expansion."""
+        if not any(self._shown):
+            return
         observations = [self._first, *(step[0] for step in self._steps[:-1])]
         seen = zip(observations, self._shown, strict=True)
         shown = [observation for observation, is_shown in seen if is_shown]
-        if shown:
-            self._lessons = np.concatenate([self._lessons, shown])
+        self._lessons = np.concatenate([self._lessons, shown])
 
     def _learn_from_shown(self) -> None:
         """Refine the leaves in which something was shown since the last time."""

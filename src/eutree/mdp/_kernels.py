@@ -190,6 +190,8 @@ def relabel_rows(
     for i in range(first, actions.shape[0]):
         old = states[i] * n_actions + actions[i]
         new = new_states[i] * n_actions + actions[i]
+        if new == old and new_next_states[i] == next_states[i]:
+            continue
         if not has_room(table, pool, counters, n_actions, new, new_next_states[i]):
             return i, NO_ROOM
         if not _unlink(table, pool, n_actions, old, next_states[i]):

@@ -266,7 +266,7 @@ class TabularMDP:
     ) -> None:
         """Move the counts of transitions from their old labels to new ones, as after a split.
 
-        Reward sums are left alone: give every state that lost or won rows to ``set_rewards``.
+        A row whose labels stay is passed over. Reward sums are left alone: give every state that lost or won rows to ``set_rewards``.
         """
         self._drop_savepoint()
         old = self._check_rows(states, actions, None, next_states)
@@ -471,7 +471,7 @@ def _grown(owner: object, name: str, shape: tuple[int, ...], dtype: Any, fill: f
 def _labels(name: str, value: ArrayLike, low: int, stop: int) -> Int32s:
     """Return the value as a new int32 vector with entries in low..stop - 1, or raise."""
     array = np.asarray(value)
-    if array.ndim != 1 or (array.size and not np.issubdtype(array.dtype, np.integer)):
+    if array.ndim != 1 or (array.size and array.dtype.kind not in "iu"):
         raise InvalidArgumentError(
             f"{name} must be a vector of integers, got shape {array.shape} of {array.dtype}"
         )
