@@ -109,3 +109,19 @@ class NaiveQueue:
         state = min(self.priorities, key=lambda s: (-self.priorities[s], s))
         del self.priorities[state]
         return state
+
+
+def sweep(mdp, queue, back_up, budget, threshold):
+    """Back up as prioritized sweeping says, with a plain queue; return how many backups."""
+    backups = 0
+    while backups < budget and queue.priorities:
+        state = queue.pop()
+        change = back_up(state)
+        backups += 1
+        if change <= threshold:
+            continue
+        for before, action, count in zip(*mdp.predecessors(state), strict=True):
+            value = count / mdp.visits[before, action] * change
+            if before != state and value > threshold:
+                queue.push(int(before), value)
+    return backups

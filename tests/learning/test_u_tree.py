@@ -14,7 +14,7 @@ from eutree.mdp import TabularMDP
 from eutree.trees import DecisionTree
 from tests import naive_learning
 
-PRESETS = {"paper": PAPER, "default": DEFAULT}
+PRESETS = {"paper": PAPER, "default": DEFAULT, "splits": replace(DEFAULT, imagination=None)}
 
 
 class Walk:

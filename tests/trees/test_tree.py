@@ -163,3 +163,27 @@ def test_splits_that_cannot_be_are_refused(arguments, message):
 def test_observations_of_another_shape_are_refused():
     with pytest.raises(InvalidArgumentError, match=r"shape \(N, 2\), got \(2,\)"):
         DecisionTree.single_leaf(2).leaf_index([0.0, 1.0])
+
+
+@given(tree=trees(), data=st.data(), asked_before=st.booleans())
+def test_what_a_split_hands_on_equals_what_a_tree_works_out_for_itself(tree, data, asked_before):
+    leaves = st.integers(0, tree.n_leaves - 1)
+    one_each = data.draw(st.lists(leaves, max_size=5, unique=True))
+    cuts = [(leaf, data.draw(st.integers(0, tree.n_features - 1)), 0.5) for leaf in one_each]
+    points = np.random.default_rng(0).normal(size=(20, tree.n_features))
+    before = tree.leaf_index(points).tolist()
+    if asked_before:
+        assert [tree.leaf_of(point) for point in points.tolist()] == before
+    grown = tree.split_each(cuts)
+    rebuilt = replace(grown)  # checked, and nothing derived yet
+    assert grown.equals(rebuilt)
+    assert grown.node_of_leaf.tolist() == rebuilt.node_of_leaf.tolist()
+    assert grown.node_of_leaf.dtype == rebuilt.node_of_leaf.dtype
+    assert [grown.leaf_of(point) for point in points.tolist()] == [
+        rebuilt.leaf_of(point) for point in points.tolist()
+    ]
+    for mine, theirs in zip(grown._walk, rebuilt._walk, strict=True):
+        assert np.array_equal(mine, theirs, equal_nan=True)
+        assert [type(value) for value in mine] == [type(value) for value in theirs]
+    assert not grown.threshold.flags.writeable
+    assert [tree.leaf_of(point) for point in points.tolist()] == before

@@ -220,7 +220,6 @@ def sweep(
     """Back up the states of highest priority; return how many backups were done."""
     n_actions = visits.shape[1]
     saving = counters[TOUCHED] != NO_SAVEPOINT
-    tried = visits.ravel()  # [S A]
     backups = 0
     while backups < budget and counters[QUEUED] > 0:
         state = pop(heap, priority, counters)
@@ -233,7 +232,7 @@ def sweep(
         row = state * (n_actions + 1) + n_actions
         for k in range(table[row, START], table[row, START] + table[row, SIZE]):
             before = np.uint32(pool[k, KEY]) // np.uint32(n_actions)  # unsigned: half the time
-            value = pool[k, COUNT] / tried[pool[k, KEY]] * change
+            value = pool[k, COUNT] / visits[before, pool[k, KEY] - before * n_actions] * change
             if before == state or not value > settings[THRESHOLD]:
                 continue
             if heap[PLACE, before] != NO_PLACE and not value > priority[before]:

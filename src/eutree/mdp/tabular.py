@@ -266,7 +266,8 @@ class TabularMDP:
     ) -> None:
         """Move the counts of transitions from their old labels to new ones, as after a split.
 
-        A row whose labels stay is passed over. Reward sums are left alone: give every state that lost or won rows to ``set_rewards``.
+        A row whose labels stay is passed over. Reward sums are left alone: give every state that
+        lost or won rows to ``set_rewards``.
         """
         self._drop_savepoint()
         old = self._check_rows(states, actions, None, next_states)

@@ -15,6 +15,7 @@ minimum side is at least that.
 """
 
 import math
+from bisect import bisect_right
 from functools import lru_cache
 
 import numpy as np
@@ -23,15 +24,17 @@ from eutree.splitting._maximal_ks_table import SIZES, TAILS, VALUES, VALUES_SHAR
 from eutree.validation import check_integer, check_number
 
 _SHARE = 0.1
+_LOG_SIZES: list[float] = np.log(SIZES).tolist()
+_LOG_TAILS = np.log((1.0, *TAILS))
 
 
 @lru_cache(maxsize=4096)
 def quantiles(n: int, min_side: int = 1) -> tuple[float, ...]:
     """Return the values of max K that noise exceeds with the probabilities ``TAILS``."""
     table = VALUES_SHARE_10 if min_side >= _SHARE * n else VALUES
-    logs = np.log(SIZES)
+    logs = _LOG_SIZES
     at = math.log(min(max(n, SIZES[0]), SIZES[-1]))
-    low = min(int(np.searchsorted(logs, at, side="right")), len(SIZES) - 1) - 1
+    low = min(bisect_right(logs, at), len(SIZES) - 1) - 1
     part = (at - logs[low]) / (logs[low + 1] - logs[low])
     return tuple(float(a + part * (b - a)) for a, b in zip(table[low], table[low + 1], strict=True))
 
@@ -52,7 +55,7 @@ def maximal_p(scaled_statistic: float, n: int, *, min_side: int = 1) -> float:
     if square > squares[-1]:
         ratio = square / squares[-1]
         return TAILS[-1] * ratio * math.exp(-2.0 * (square - squares[-1]))
-    return math.exp(float(np.interp(square, squares, np.log((1.0, *TAILS)))))
+    return math.exp(float(np.interp(square, squares, _LOG_TAILS)))
 
 
 def critical_value(n: int, alpha: float, *, min_side: int = 1) -> float:
@@ -67,8 +70,7 @@ def critical_value(n: int, alpha: float, *, min_side: int = 1) -> float:
 def _critical_value(n: int, alpha: float, min_side: int) -> float:
     squares = [0.0] + [value * value for value in quantiles(n, min_side)]
     if alpha >= TAILS[-1]:
-        logs = -np.log((1.0, *TAILS))
-        return math.sqrt(float(np.interp(-math.log(alpha), logs, squares)))
+        return math.sqrt(float(np.interp(-math.log(alpha), -_LOG_TAILS, squares)))
     # p is decreasing beyond the table (its K exceeds 1), so a fixed point iteration converges.
     square = last = squares[-1]
     for _ in range(60):

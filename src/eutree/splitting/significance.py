@@ -37,13 +37,18 @@ class Significance(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Naive:
-    """The two-sample test of the cut as if it had been chosen in advance (the paper)."""
+class _AtLevel:
+    """A test that has its level and nothing else."""
 
     alpha: float = 0.01
 
     def __post_init__(self) -> None:
         _check_level(self.alpha)
+
+
+@dataclass(frozen=True, slots=True)
+class Naive(_AtLevel):
+    """The two-sample test of the cut as if it had been chosen in advance (the paper)."""
 
     def p_value(
         self,
@@ -57,16 +62,11 @@ class Naive:
 
 
 @dataclass(frozen=True, slots=True)
-class Maximal:
+class Maximal(_AtLevel):
     """The tabulated law of the maximum over cuts, corrected over attributes and actions.
 
     Conservative under ties: rare events among equal returns are not seen.
     """
-
-    alpha: float = 0.01
-
-    def __post_init__(self) -> None:
-        _check_level(self.alpha)
 
     def p_value(
         self,
