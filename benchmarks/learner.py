@@ -3,10 +3,10 @@
     python benchmarks/learner.py [PART ...] [--steps 1000000] [--offline 1000000]
 
 prints all rows of docs/results/learner-speed.md, each part in a process of its own; PART may also
-be ``profile-maximal`` or ``profile-naive``: what the learner's own cost goes into, part by part. The
-learner's own cost is the CPU time of a learning run minus that of the same environment steps
-replayed without a learner, in the same process. Everything else is CPU time, or a ratio in the same
-run.
+be ``profile-maximal`` or ``profile-naive``: what the learner's own cost goes into, part by part.
+The learner's own cost is the CPU time of a learning run minus that of the same environment steps
+replayed without a learner, in the same process. Everything else is CPU time, or a ratio in the
+same run.
 """
 
 import argparse

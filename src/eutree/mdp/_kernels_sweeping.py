@@ -231,8 +231,8 @@ def sweep(
             continue
         row = state * (n_actions + 1) + n_actions
         for k in range(table[row, START], table[row, START] + table[row, SIZE]):
-            before = np.uint32(pool[k, KEY]) // np.uint32(n_actions)  # unsigned: half the time
-            value = pool[k, COUNT] / visits[before, pool[k, KEY] - before * n_actions] * change
+            before, action = pool[k, KEY] // n_actions, pool[k, KEY] % n_actions
+            value = pool[k, COUNT] / visits[before, action] * change
             if before == state or not value > settings[THRESHOLD]:
                 continue
             if heap[PLACE, before] != NO_PLACE and not value > priority[before]:

@@ -213,8 +213,7 @@ class DecisionTree:
     def equals(self, other: "DecisionTree") -> bool:
         """Return whether all arrays are equal, bit for bit (NaN equals NaN)."""
         return self.n_features == other.n_features and all(
-            getattr(self, name).tobytes() == getattr(other, name).tobytes()
-            for name in _ARRAYS
+            getattr(self, name).tobytes() == getattr(other, name).tobytes() for name in _ARRAYS
         )
 
     def _check(self) -> None:
