@@ -5,7 +5,8 @@ import pytest
 from scipy.optimize import minimize
 
 from eutree.imagination import _kernels_ends
-from eutree.imagination.ends import MOST_ROWS, grow_ends
+from eutree.imagination import ends as ends_module
+from eutree.imagination.ends import FEW, MOST_ROWS, PRICE, grow_ends
 from tests import naive_imagination
 
 
@@ -56,6 +57,60 @@ def test_the_fit_is_the_least_penalised_deviance(squares):
     assert ours == pytest.approx(best.fun, abs=2e-3)
     odds = X @ out[:2] + X**2 @ out[2:4] + out[4]
     assert odds == pytest.approx(Z @ best.x, abs=0.1)
+
+
+def test_the_step_is_newtons():
+    generator = np.random.default_rng(6)
+    Z = np.column_stack([np.ones(200), generator.normal(size=(200, 3)) * 4.0])
+    y = generator.random(200) < 0.3
+    weights = generator.normal(size=4)
+    H, step = np.zeros((4, 4)), np.zeros(4)
+    ours = _kernels_ends.newton_step(Z, y, weights, H, step)
+    odds = Z @ weights
+    p = 1 / (1 + np.exp(-odds))
+    ridge = np.diag([0.0, *[_kernels_ends.RIDGE] * 3])
+    assert ours == pytest.approx(
+        2 * (np.logaddexp(0, odds) - odds * y).sum() + weights @ ridge @ weights, rel=1e-6
+    )
+    hessian = Z.T @ (Z * (p * (1 - p))[:, None]) + ridge
+    gradient = Z.T @ (p - y) + ridge @ weights
+    assert step == pytest.approx(np.linalg.solve(hessian, gradient), rel=1e-4)
+
+
+def test_what_is_not_described_could_not_have_been_shorter(monkeypatch):
+    """The naive twin describes both sides of every test, by every boundary."""
+
+    def described(X, y, rows):
+        d, mine = X.shape[1], y[rows]
+        constant = ends_module._described(X, y, rows)
+        if not FEW <= mine.sum() <= mine.size - FEW:
+            return constant
+        found = [(constant.cost, constant.line)]
+        for squares, parameters in ((False, d + 1), (True, 2 * d + 1)):
+            line = np.empty(2 * d + 1)
+            fit = _kernels_ends.fit_log_odds(X[rows], mine, squares, line)
+            found.append((fit + PRICE * parameters, line))
+        cost, line = min(found, key=lambda item: item[0])
+        return ends_module._Leaf(rows, float(cost), line)
+
+    def best_test(X, y, leaf):
+        found = []
+        for feature, threshold in ends_module._tests(X, y, leaf.rows):
+            below = X[leaf.rows, feature] <= threshold
+            if below.any() and not below.all():
+                sides = described(X, y, leaf.rows[below]), described(X, y, leaf.rows[~below])
+                found.append((feature, threshold, *sides))
+        return min(found, key=lambda item: item[2].cost + item[3].cost, default=None)
+
+    for seed in range(6):
+        X, y = two_balls(700, seed)
+        fast = grow_ends(X, y)
+        with monkeypatch.context() as patch:
+            patch.setattr(ends_module, "_best_test", best_test)
+            slow = grow_ends(X, y)
+        assert fast.feature.tolist() == slow.feature.tolist()
+        assert np.array_equal(fast.threshold, slow.threshold)
+        assert np.array_equal(fast.lines, slow.lines)
 
 
 def test_a_few_ends_describe_two_balls():

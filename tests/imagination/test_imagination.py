@@ -376,6 +376,21 @@ def test_fewer_episodes_are_imagined_where_they_are_long():
     assert Imagination()._affordable(data) == 1000
 
 
+def test_the_explorer_is_imagined_in_fewer_episodes(monkeypatch):
+    asked = []
+
+    class Counting(Rehearsal):
+        def __init__(self, model, n_episodes, discount, generator):
+            asked.append(n_episodes)
+            super().__init__(model, n_episodes, discount, generator)
+
+    monkeypatch.setattr("eutree.imagination.planner.Rehearsal", Counting)
+    plan, data = Plan(single_action(GO)), walks(30, 4)
+    for choices in ({"n_episodes": 60, "n_explorer_episodes": 20}, {"n_episodes": 60}):
+        Imagination(**choices).plan(plan, data, np.random.default_rng(0))
+    assert asked == [60, 20, 60, 60]
+
+
 def test_planning_waits_until_the_history_has_grown():
     imagination = Imagination(growth=1.5)
     plan = Plan(single_action(GO), planned_at=100)

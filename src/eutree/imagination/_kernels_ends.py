@@ -14,25 +14,54 @@ from eutree.imagination._kernels_regression import TINY, solve_positive
 CERTAIN = 18.0  # log-odds beyond which a row cannot pull a fit
 RIDGE = 1e-5
 MOST_STEPS = 60
+MOST_ODDS = 1e300  # product of 1 + exp(-|log-odds|), whose logarithm is taken now and then
 DECREASE = 1e-3  # of the penalised deviance below which a fit is done
 
 
 @compiled
-def deviance(Z: Floats, y: Booleans, weights: Floats) -> float:
-    """Return minus twice the log-likelihood of the weights, with the ridge on all but the first."""
+def newton_step(
+    Z: Floats,  # [n, q]
+    y: Booleans,  # [n]
+    weights: Floats,  # [q]
+    H: Floats,  # [q, q] scratch
+    step: Floats,  # [q] out
+) -> float:
+    """Write Newton's step from some weights; return their penalised deviance.
+
+    Twice the negative log-likelihood, with the ridge on all weights but the first.
+    """
     n, q = Z.shape
-    total = 0.0
+    H[:] = 0.0
+    step[:] = 0.0
+    total, odds = 0.0, 1.0
     for i in range(n):
         eta = 0.0
         for k in range(q):
             eta += weights[k] * Z[i, k]
         against = -eta if y[i] else eta
-        if against > CERTAIN:
+        if against < -CERTAIN:
+            continue
+        small = math.exp(-abs(eta))
+        if against > 0.0:
             total += against
-        elif against > -CERTAIN:
-            total += math.log1p(math.exp(against))
+        odds *= 1.0 + small
+        if odds > MOST_ODDS:
+            total += math.log(odds)
+            odds = 1.0
+        p = (1.0 if eta > 0.0 else small) / (1.0 + small)
+        pull, curvature = p - y[i], p * (1.0 - p)
+        for k in range(q):
+            step[k] += pull * Z[i, k]
+            scaled = curvature * Z[i, k]
+            for m in range(k + 1):
+                H[k, m] += scaled * Z[i, m]
+    total += math.log(odds)
+    H[0, 0] += TINY
     for k in range(1, q):
+        H[k, k] += RIDGE
+        step[k] += RIDGE * weights[k]
         total += 0.5 * RIDGE * weights[k] * weights[k]
+    solve_positive(H, step, q)
     return 2.0 * total
 
 
@@ -63,36 +92,16 @@ def fit_log_odds(
             Z[i, 1 + j] = z
             if squares:
                 Z[i, 1 + d + j] = z * z
-    weights, step, rival = np.zeros(q), np.zeros(q), np.zeros(q)
+    weights, rival = np.zeros(q), np.zeros(q)
+    step, ahead, H = np.zeros(q), np.zeros(q), np.zeros((q, q))
     weights[0] = math.log(n_true / (n - n_true))
-    H = np.zeros((q, q))
-    now = deviance(Z, y, weights)
+    now = newton_step(Z, y, weights, H, step)
     for _ in range(MOST_STEPS):
-        H[:] = 0.0
-        step[:] = 0.0
-        for i in range(n):
-            eta = 0.0
-            for k in range(q):
-                eta += weights[k] * Z[i, k]
-            if (eta < -CERTAIN and not y[i]) or (eta > CERTAIN and y[i]):
-                continue
-            p = 1.0 / (1.0 + math.exp(min(-eta, 40.0)))
-            pull, curvature = p - y[i], p * (1.0 - p)
-            for k in range(q):
-                step[k] += pull * Z[i, k]
-                scaled = curvature * Z[i, k]
-                for m in range(k + 1):
-                    H[k, m] += scaled * Z[i, m]
-        H[0, 0] += TINY
-        for k in range(1, q):
-            H[k, k] += RIDGE
-            step[k] += RIDGE * weights[k]
-        solve_positive(H, step, q)
         share, before = 1.0, now
         while share > 1e-3:
             for k in range(q):
                 rival[k] = weights[k] - share * step[k]
-            now = deviance(Z, y, rival)
+            now = newton_step(Z, y, rival, H, ahead)
             if now < before:
                 break
             share *= 0.5
@@ -100,6 +109,7 @@ def fit_log_odds(
             now = before
             break
         weights[:] = rival
+        step[:] = ahead
         if before - now < DECREASE:
             break
     out[:] = 0.0

@@ -112,9 +112,11 @@ def _described(X: Floats, y: Booleans, rows: Integers) -> _Leaf:
     if min(n_ends, n - n_ends) >= FEW:
         places = np.ascontiguousarray(X[rows])
         for squares in (False, True):
+            price = PRICE * (2 * d + 1 if squares else d + 1)
+            if price >= cost:
+                break
             fit = np.empty(2 * d + 1)
             deviance = _kernels_ends.fit_log_odds(places, mine, squares, fit)
-            price = PRICE * (2 * d + 1 if squares else d + 1)
             if deviance + price < cost:
                 cost, line = deviance + price, fit
     return _Leaf(rows, float(cost), line)
@@ -128,10 +130,15 @@ def _best_test(X: Floats, y: Booleans, leaf: _Leaf) -> tuple[int, float, _Leaf, 
         below = X[leaf.rows, feature] <= threshold
         if below.all() or not below.any():
             continue
-        sides = _described(X, y, leaf.rows[below]), _described(X, y, leaf.rows[~below])
-        if sides[0].cost + sides[1].cost < least:
-            least = sides[0].cost + sides[1].cost
-            found = (feature, threshold, *sides)
+        sides = leaf.rows[below], leaf.rows[~below]
+        first = int(sides[1].size < sides[0].size)  # the smaller one is described at less cost
+        near = _described(X, y, sides[first])
+        if near.cost + PRICE >= least:  # no description is shorter than a constant's price
+            continue
+        far = _described(X, y, sides[1 - first])
+        if near.cost + far.cost < least:
+            least = near.cost + far.cost
+            found = (feature, threshold, *((far, near) if first else (near, far)))
     return found
 
 

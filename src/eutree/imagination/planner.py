@@ -89,6 +89,8 @@ class Imagination:
         n_episodes: Imagined episodes that judge each change, at most.
         n_steps: Steps of these episodes together, about: fewer episodes where they are long, so
             that planning costs as much whatever their length; at least 100 episodes.
+        n_explorer_episodes: The same for the explorer, at most: what it does need not be good, it
+            has to be different where that may pay.
         improvement: How trees are improved.
         explorer_share: Share of the gathered episodes in which the explorer acts.
         pessimism: Share of what is unknown that counts as fatal in the candidate's world model.
@@ -102,6 +104,7 @@ class Imagination:
 
     n_episodes: int = 1000
     n_steps: int = 50_000
+    n_explorer_episodes: int = 300
     improvement: Improvement = Improvement()
     explorer_share: float = 0.3
     pessimism: float = 0.98
@@ -115,6 +118,7 @@ class Imagination:
     def __post_init__(self) -> None:
         check_integer("n_episodes", self.n_episodes, low=8)
         check_integer("n_steps", self.n_steps, low=1)
+        check_integer("n_explorer_episodes", self.n_explorer_episodes, low=8)
         check_number("explorer_share", self.explorer_share, low=0.0, high=1.0)
         for name in ("pessimism", "optimism"):
             check_number(
@@ -135,11 +139,10 @@ class Imagination:
         plan = _without_outdated(plan, data.episode_returns)
         known = data.since(plan.outdated).recent(self.max_transitions)
         n_episodes = self._affordable(known)
-        rehearsals = [
-            Rehearsal(model, n_episodes, self.discount, generator)
-            for model in fit_world_models(known, (self.pessimism, self.optimism))
-        ]
-        sober, hopeful = rehearsals
+        n_explorer_episodes = min(n_episodes, self.n_explorer_episodes)
+        pessimist, optimist = fit_world_models(known, (self.pessimism, self.optimism))
+        sober = Rehearsal(pessimist, n_episodes, self.discount, generator)
+        hopeful = Rehearsal(optimist, n_explorer_episodes, self.discount, generator)
         scale = max(float(np.abs(known.episode_returns).mean()), 1e-9)
         if plan.candidate is not None and self._deserves(plan, plan.candidate, data, sober):
             proved = plan.tried[-self.memory :]
