@@ -107,10 +107,10 @@ class Imagination:
     n_explorer_episodes: int = 300
     improvement: Improvement = Improvement()
     explorer_share: float = 0.3
-    pessimism: float = 0.98
+    pessimism: float = 0.99
     optimism: float = 0.4
-    min_trial: int = 20
-    memory: int = 30
+    min_trial: int = 30
+    memory: int = 60
     growth: float = 1.06
     max_transitions: int = 50_000
     discount: float = 1.0
@@ -164,7 +164,7 @@ class Imagination:
         """Return whether imagination prefers the candidate and reality does not object."""
         returns = data.episode_returns  # [E]
         tried = returns[list(plan.tried[-self.memory :])]
-        known = plan.proved[-6 * self.memory :] or _others(plan, returns.size)
+        known = plan.proved[-3 * self.memory :] or _others(plan, returns.size)
         proved = returns[list(known)]
         if tried.size < _SHORTEST_TRIAL or not proved.size:
             return False
