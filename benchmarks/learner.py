@@ -3,10 +3,10 @@
     python benchmarks/learner.py [PART ...] [--steps 1000000] [--offline 1000000]
 
 prints all rows of docs/results/learner-speed.md, each part in a process of its own; PART may also
-be ``profile-maximal`` or ``profile-naive``: what the learner's own cost goes into, part by part.
-The learner's own cost is the CPU time of a learning run minus that of the same environment steps
-replayed without a learner, in the same process. Everything else is CPU time, or a ratio in the
-same run.
+be ``profile-maximal`` or ``profile-naive``: what the learner's own cost goes into, part by part, or
+``sorting``: how much of the search of a leaf is sorting. The learner's own cost is the CPU time of
+a learning run minus that of the same environment steps replayed without a learner, in the same
+process. Everything else is CPU time, or a ratio in the same run.
 """
 
 import argparse
@@ -31,6 +31,8 @@ from eutree.interaction import GuardedEnv, describe, episode_seed
 from eutree.learning import DEFAULT, Settings, UTree, c_u_tree
 from eutree.mdp import TabularMDP
 from eutree.splitting import KolmogorovSmirnov, Maximal, Naive
+from eutree.splitting._kernels import best_of_sample
+from eutree.splitting._kernels_sorting import sorted_labels
 from eutree.training.run import EXPANSION_STREAM, EXPLORATION_STREAM, TRAINING_STREAM, generator_of
 
 SPLITS = {
@@ -240,6 +242,27 @@ def print_profile(name: str, steps: int) -> None:
         print(f"| `{part}` | " + " | ".join(cells) + " |")
 
 
+def print_sorting() -> None:
+    """Print the share of a leaf's search that sorting its three attributes takes."""
+    generator = np.random.default_rng(0)
+    for n in (50, 100, 1_000, 10_000, 100_000):
+        x, rows = generator.random((n, 3)), np.arange(n)
+        returns, differs = x[:, 0].round(1) + generator.random(n), x[:, 0] > 0
+        search = repeated(100_000 // n, best_of_sample, x, returns, rows, 10, False, 0.0, 0, 192)
+        sort, call = (
+            repeated(100_000 // n, sorted_labels, returns[:m], rows[:m], rows[:m].copy(),
+                     rows[:m].copy(), rows[:m].copy(), differs[:m])
+            for m in (n, 1)
+        )  # fmt: skip
+        share = 3 * (paired(sort, search) - paired(call, search))
+        row(f"three sorts / search of {n:,} tuples", f"{share:.2f}", "")
+
+
+def repeated(times: int, function, *arguments):
+    """Return a function that calls another so many times."""
+    return lambda: [function(*arguments) for _ in range(times)]
+
+
 def print_planning() -> None:
     learner_cost(DEFAULT, 1_000, ())
     (_, cost, leaves, _, _), = learner_cost(DEFAULT, PLANNED, (PLANNED,))  # fmt: skip
@@ -295,6 +318,7 @@ def main() -> None:
 
 PARTS = {
     "profile-maximal": lambda arguments: print_profile("maximal", arguments.steps),
+    "sorting": lambda _: print_sorting(),
     "profile-naive": lambda arguments: print_profile("naive", arguments.steps),
     "maximal": lambda arguments: print_splits("maximal", arguments.steps),
     "naive": lambda arguments: print_splits("naive", arguments.steps),
@@ -304,7 +328,7 @@ PARTS = {
     "offline-maximal": lambda arguments: print_offline("maximal", arguments.offline),
     "offline-naive": lambda arguments: print_offline("naive", arguments.offline),
 }
-ROWS = [part for part in PARTS if not part.startswith("profile")]
+ROWS = [part for part in PARTS if part != "sorting" and not part.startswith("profile")]
 
 
 if __name__ == "__main__":
