@@ -48,7 +48,7 @@ class Task:
 TASKS = {
     "CartPole": Task("CartPole-v1", "fall", 499.0, 4, 50_000, 60),
     "MountainCar": Task("MountainCar-v0", "push", -103.0, 6, 100_000, 200),
-    "Acrobot": Task("Acrobot-v1", "both", -80.0, 8, 100_000, 100),
+    "Acrobot": Task("Acrobot-v1", "both", -80.0, 8, 100_000, 60),
     "LunarLander": Task("LunarLander-v3", "brake", 150.0, 34, 1_000_000, 20),
 }
 

@@ -65,6 +65,25 @@ class Improvement:
             policy = packed(nested(rehearsal.policy))
         return policy
 
+    def shrink(self, rehearsal: Rehearsal, policy: ActionTree, scale: float) -> ActionTree:
+        """Return a policy of at most ``max_leaves``: collapsed where that costs least, improved.
+
+        Arguments are those of ``improve``.
+        """
+        rehearsal.reshuffle()
+        rehearsal.rehearse(policy)
+        while n_leaves(rehearsal.policy) > self.max_leaves:
+            policy = rehearsal.policy
+            most, chosen = -np.inf, policy
+            for node in np.flatnonzero(policy.feature >= 0).tolist():
+                for goes_left in (True, False):
+                    rival, _ = collapsed(policy, node, goes_left=goes_left)
+                    gain = rehearsal.gain(rival, hopeless=most)
+                    if gain.mean > most and n_leaves(rival) > 1:
+                        most, chosen = gain.mean, rival
+            rehearsal.rehearse(chosen)
+        return self.improve(rehearsal, rehearsal.policy, scale)
+
     def _carve(self, rehearsal: Rehearsal, price: float) -> None:
         """Carve the most promising boxes, one for each leaf, that stand the test."""
         base = rehearsal.policy

@@ -87,11 +87,19 @@ class Transitions:
 
     def horizon(self) -> int:
         """Return the longest truncated episode's length, or twice the longest's if none was cut."""
-        begin, end = np.flatnonzero(self.first), np.flatnonzero(self.last)
-        lengths = end - begin + 1
+        end = np.flatnonzero(self.last)
+        lengths = self._lengths()
         cut = ~self.terminated[end]
         longest = lengths[cut].max() if cut.any() else 2 * lengths.max()
         return int(longest)
+
+    def longest(self) -> int:
+        """Return the longest episode's length."""
+        return int(self._lengths().max())
+
+    def _lengths(self) -> Integers:
+        """Return the number of steps of each episode, shape [E]."""
+        return np.flatnonzero(self.last) - np.flatnonzero(self.first) + 1
 
     def recent(self, limit: int) -> "Transitions":
         """Return the last episodes that hold at most ``limit`` transitions, at least one."""

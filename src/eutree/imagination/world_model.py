@@ -56,6 +56,19 @@ class ModelTree(NamedTuple):
     n_rows: Integers  # [M] number of residuals
     residuals: Floats  # [K]
 
+    def predict(self, X: Floats) -> Floats:
+        """Return the fit at each row of X [N, p], within the range of what its leaf has seen."""
+        node = np.zeros(X.shape[0], dtype=np.int64)
+        while (inner := self.feature[node] >= 0).any():
+            rows = np.flatnonzero(inner)
+            at = node[rows]
+            below = X[rows, self.feature[at]] <= self.threshold[at]
+            node[rows] = np.where(below, self.left[at], self.right[at])
+        lines = self.coefficients[node]
+        value = (lines[:, :-1] * X).sum(axis=1) + lines[:, -1]
+        clipped: Floats = np.clip(value, self.low[node], self.high[node])
+        return clipped
+
 
 @dataclass(frozen=True, eq=False)
 class WorldModel:
@@ -148,6 +161,19 @@ def fit_world_models(
         world = _unrolled(trees, data.n_actions)
         models.append(WorldModel(trees, world, starts, data.horizon(), data.n_actions))
     return tuple(models)
+
+
+def fit_model_tree(X: Floats, y: Floats, *, max_leaves: int, min_leaf: int) -> ModelTree:
+    """Fit one tree with a line at each leaf.
+
+    Args:
+        X: Inputs, shape [N, p].
+        y: What to predict, shape [N].
+        max_leaves: Most leaves.
+        min_leaf: Fewest rows of a leaf.
+    """
+    growth = _Growth(min_leaf=min_leaf, max_leaves=max_leaves, floor=GOOD_ENOUGH)
+    return _grow(_Design.of(X), y, np.arange(y.size), growth)
 
 
 def _as_tree(ends: Ends, n_actions: int) -> ModelTree:

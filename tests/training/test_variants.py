@@ -1,0 +1,46 @@
+"""Variants: within their limits, all kinds; advantages tell which of two ways gained more."""
+
+import numpy as np
+
+from eutree.imagination import Transitions
+from eutree.imagination.action_trees import n_leaves, packed
+from eutree.training.variants import LAMBDA, Advantages, Variation, _add_what_follows
+
+TREE = packed((0, 0.5, 0, (1, 0.3, 1, 2)))
+
+
+def test_variants_differ_and_keep_the_limit_of_leaves():
+    visited = np.random.default_rng(0).random((200, 2))
+    variation = Variation(3, 4, np.random.default_rng(1))
+    made = [variation.of(TREE, visited) for _ in range(300)]
+    kept = [tree for tree in made if tree is not None]
+    assert {n_leaves(tree) for tree in kept} == {2, 3, 4}
+    assert len({(*tree.feature, *tree.threshold, *tree.action) for tree in kept}) > 100
+    again = Variation(3, 4, np.random.default_rng(1)).of(TREE, visited)
+    assert all(np.array_equal(*pair) for pair in zip(again, made[0], strict=True))
+
+
+def test_nothing_is_left_of_a_tree_that_cannot_vary():
+    visited = np.zeros((5, 2))
+    tree = Variation(2, 2, np.random.default_rng(0)).of(packed((0, 0.5, 0, 1)), visited)
+    assert tree is None or n_leaves(tree) == 2
+
+
+def test_gains_add_up_what_follows_within_an_episode():
+    gains = np.array([1.0, 2.0, 3.0, 4.0])
+    _add_what_follows(gains, np.array([False, True, False, True]))
+    assert np.allclose(gains, [1 + LAMBDA * 2, 2, 3 + LAMBDA * 4, 4])
+
+
+def test_recorded_steps_speak_for_the_action_that_gained_more():
+    rng = np.random.default_rng(2)
+    n = 4000
+    place, action = rng.random((n, 1)), rng.integers(0, 2, n)
+    # Single steps: action 1 pays where the place is above 0.6, else action 0 does.
+    reward = np.where((place[:, 0] > 0.6) == (action == 1), 1.0, 0.0) + rng.normal(0, 0.3, n)
+    data = Transitions(place, action, reward, place, np.ones(n, dtype=bool), np.arange(n), 2)
+    known = Advantages.of(data, rng)
+    never, right, wrong = np.zeros(n, int), known.observations[:, 0] > 0.6, place[:, 0] < -1
+    assert known.speak_for(never, right.astype(int)) > 5
+    assert known.speak_for(right.astype(int), never) < -5
+    assert known.speak_for(never, wrong.astype(int)) == 0.0
