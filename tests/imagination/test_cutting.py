@@ -1,0 +1,28 @@
+"""Trees cut to a limit of leaves in imagination, and model trees that predict."""
+
+import numpy as np
+
+from eutree.imagination.action_trees import n_leaves, packed
+from eutree.imagination.improvement import Improvement
+from eutree.imagination.world_model import fit_model_tree
+from tests.imagination.test_imagination import GO, STAY, mean_return, rehearsal_of, walks
+
+# Waits before the pit while it is open; all other tests do harm or nothing.
+WAITS = (0, 3.1, (0, 1.0, GO, (1, 0.9, GO, STAY)), (0, 4.9, (1, 0.0, STAY, GO), GO))
+
+
+def test_a_tree_is_cut_where_that_costs_least():
+    data = walks(400, 0)
+    tree = packed(WAITS)
+    small = Improvement(max_leaves=4, deviations=500)
+    cut = small.shrink(rehearsal_of(data), tree, 100.0)
+    assert n_leaves(tree) > 4 >= n_leaves(cut) > 1
+    assert mean_return(cut) >= mean_return(tree) - 1.0
+
+
+def test_a_model_tree_predicts_within_what_its_leaves_have_seen():
+    X = np.random.default_rng(0).random((2000, 2))
+    y = np.where(X[:, 0] < 0.5, 3.0 * X[:, 1], 1.0 - X[:, 0])
+    tree = fit_model_tree(X, y, max_leaves=8, min_leaf=10)
+    assert np.abs(tree.predict(X) - y).mean() < 0.05
+    assert tree.predict(np.array([[0.2, 100.0]])).max() <= 3.0 + 1e-9
