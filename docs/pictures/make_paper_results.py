@@ -25,8 +25,8 @@ PRESETS = {
     "figure-3": (*READINGS, "default"),
     "table-2": (*READINGS, "default"),
     "figure-4a": ("paper",),
-    "figure-4b": ("paper",),
-    "figure-5": ("paper",),
+    "figure-4b": ("paper", "default"),
+    "figure-5": ("paper", "default"),
     "expert": ("paper",),
     "compression": (*READINGS, "default"),
 }
@@ -39,10 +39,10 @@ INTRODUCTION = """# The paper's claims, with a verdict each
 100 evaluation episodes every 20 episodes; intervals are 95 % bootstrap intervals over runs. `paper`
 and `paper-d` are the two readings of the paper's split rule, `default` is the learner that we
 recommend ([the paper preset](../decisions/paper-preset.md),
-[how the default learner works](../learning.md), [protocol](../reproducing.md)). What the
-`default` preset makes of Figures 4(b) and 5 is on [a page of its own](speeds.md), and so are
-[other cases](default-learner.md). `paper-points.csv` holds every evaluation of every run of Figures
-2 and 3.
+[how the default learner works](../learning.md), [protocol](../reproducing.md)). How the `default`
+preset does at each opponent speed, beside value iteration on a grid, is on
+[a page of its own](speeds.md), and so are [other cases](default-learner.md). `paper-points.csv`
+holds every evaluation of every run of Figures 2 and 3.
 
 Made by `python docs/pictures/make_paper_results.py --results results`, which is `eutree reproduce`
 for each experiment.
