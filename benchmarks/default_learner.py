@@ -70,6 +70,7 @@ CASES = {
     "3-demonstrations": replace(GATE, demonstrations=3, episodes=600),
     "careless": replace(GATE, expert=careless(GATE.expert, 0.2), episodes=600),
     "always-go": replace(GATE, expert=always_go, episodes=600),
+    "15-leaves": replace(GATE, settings=imagining(improvement=replace(IMPROVEMENT, max_leaves=15))),
     "paper": replace(GATE, settings=PAPER),
     "without-pessimism": replace(GATE, settings=imagining(pessimism=0.5)),
     "without-explorer": replace(GATE, settings=imagining(explorer_share=0.0)),
@@ -81,7 +82,6 @@ TRIED = {  # and not taken; measured on seeds from 1000
     "short-trials": replace(GATE, settings=imagining(min_trial=20, memory=30)),
     "seldom-planned": replace(GATE, settings=imagining(growth=1.15)),
     "dear-leaves": replace(GATE, settings=imagining(improvement=replace(IMPROVEMENT, price=0.004))),
-    "16-leaves": replace(GATE, settings=imagining(improvement=replace(IMPROVEMENT, max_leaves=16))),
 }
 
 
