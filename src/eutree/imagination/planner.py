@@ -19,9 +19,9 @@ from eutree.imagination.transitions import Transitions
 from eutree.imagination.world_model import fit_world_models
 from eutree.validation import check_integer, check_number
 
+FEWEST_IMAGINED = 100  # episodes
 _SHORTEST_TRIAL = 5  # episodes
 _FEW_OWN = 10  # episodes
-_FEWEST_IMAGINED = 100  # episodes
 _CLEARLY = 3.0  # standard errors
 
 
@@ -143,7 +143,7 @@ class Imagination:
         pessimist, optimist = fit_world_models(known, (self.pessimism, self.optimism))
         sober = Rehearsal(pessimist, n_episodes, self.discount, generator)
         hopeful = Rehearsal(optimist, n_explorer_episodes, self.discount, generator)
-        scale = max(float(np.abs(known.episode_returns).mean()), 1e-9)
+        scale = known.typical_return
         if plan.candidate is not None and self._deserves(plan, plan.candidate, data, sober):
             proved = plan.tried[-self.memory :]
             plan = replace(plan, policy=plan.candidate, candidate=None, proved=proved, tried=())
@@ -154,9 +154,8 @@ class Imagination:
 
     def _affordable(self, data: Transitions) -> int:
         """Return how many episodes to imagine, were they as long as the stored ones."""
-        length = data.rewards.size / np.count_nonzero(data.first)
-        fewest = min(_FEWEST_IMAGINED, self.n_episodes)
-        return int(np.clip(self.n_steps / length, fewest, self.n_episodes))
+        fewest = min(FEWEST_IMAGINED, self.n_episodes)
+        return int(np.clip(self.n_steps / data.mean_length, fewest, self.n_episodes))
 
     def _deserves(
         self, plan: Plan, candidate: ActionTree, data: Transitions, sober: Rehearsal

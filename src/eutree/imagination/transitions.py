@@ -85,6 +85,16 @@ class Transitions:
         """Return of each episode, shape [E]."""
         return self.returns_to_go[self.first]
 
+    @property
+    def typical_return(self) -> float:
+        """The mean size of a return, above 0: what prices are shares of."""
+        return max(float(np.abs(self.episode_returns).mean()), 1e-9)
+
+    @property
+    def mean_length(self) -> float:
+        """Mean number of steps of an episode."""
+        return float(self._lengths().mean())
+
     def horizon(self) -> int:
         """Return the longest truncated episode's length, or twice the longest's if none was cut."""
         end = np.flatnonzero(self.last)

@@ -23,6 +23,7 @@ from eutree.errors import InvalidArgumentError
 from eutree.imagination import ActionTree, Transitions, fit_world_models
 from eutree.imagination.action_trees import from_decision_tree, to_decision_tree
 from eutree.imagination.improvement import Improvement
+from eutree.imagination.planner import FEWEST_IMAGINED
 from eutree.imagination.rehearsal import Rehearsal
 from eutree.imagination.world_model import MAX_LEAVES, WorldModel
 from eutree.learning.foresight import transitions_of
@@ -40,7 +41,6 @@ ROUND_SHARE = 0.25  # of the steps, for a round
 DEARER = (1.0, 6.0)  # prices of a leaf at which each imagination proposes
 MOST_RUNGS = 12  # prunings that race
 MOST_KNOWN = 50_000  # transitions that models are fitted to
-FEWEST_IMAGINED = 100  # episodes
 RECENT = 300  # episodes whose advantages are known
 NEWS = 0.05  # share of steps after which they are fitted anew
 VARIANTS = 10  # of which one is tried
@@ -125,7 +125,7 @@ def polish(
     data = transitions_of(history, policy.schema.n_actions)
     if not data.rewards.size:
         raise InvalidArgumentError("history must hold transitions, got none")
-    worth = price * max(float(np.abs(data.episode_returns).mean()), 1e-9)
+    worth = price * data.typical_return
     trials = Trials(env, policy.history, seed=seed, worth=worth, longest=data.longest())
     generator = np.random.default_rng(np.random.SeedSequence((seed, PROPOSING_STREAM)))
     polishing = _Polishing(
@@ -160,7 +160,7 @@ class _Polishing:
         self.tried = self.won = 0
         self._trials = trials
         self._data = data
-        self._scale = max(float(np.abs(data.episode_returns).mean()), 1e-9)
+        self._scale = data.typical_return
         self._improvement = improvement
         self._n_steps = n_steps
         self._steps = steps
@@ -295,8 +295,7 @@ class _Polishing:
             yield model if way.noise else model.without_noise()
 
     def _rehearsal(self, model: WorldModel) -> Rehearsal:
-        length = self._data.rewards.size / np.count_nonzero(self._data.first)
-        n_episodes = max(int(self._n_steps / length), FEWEST_IMAGINED)
+        n_episodes = max(int(self._n_steps / self._data.mean_length), FEWEST_IMAGINED)
         return Rehearsal(model, n_episodes, 1.0, self._generator)
 
     def _prefers(self, model: WorldModel, policy: TreePolicy, rival: TreePolicy) -> bool:
