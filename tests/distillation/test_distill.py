@@ -13,6 +13,7 @@ from eutree.distillation.fitting import LEARNERS, Labelled, fit
 from eutree.distillation.stakes import stakes_of, weights
 from eutree.envs.experts import late
 from eutree.errors import InvalidArgumentError, MissingExtraError, UnknownNameError
+from eutree.interaction import GuardedEnv
 from eutree.policies import LeafStatistics
 from eutree.schema import Feature, Schema
 from tests.naive_distillation import naive_dagger
@@ -178,7 +179,7 @@ def test_a_teacher_with_a_memory_is_asked_in_order():
     teacher = late(eutree.experts.push_along, 3)(env)
     demonstrations = eutree.record(env, teacher, episodes=1, seed=2)
     episode = demonstrations.episodes[0]
-    assert np.array_equal(actions_on(teacher, episode), episode.actions)
+    assert np.array_equal(actions_on(teacher, episode, GuardedEnv(env)), episode.actions)
 
 
 def test_what_is_refused():

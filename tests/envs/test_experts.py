@@ -129,7 +129,7 @@ def test_careless_acts_at_random_at_its_rate() -> None:
 class Echo:
     """A policy whose action is the observation's first number."""
 
-    def predict(self, observation: Any, state: Any = None, *_: Any) -> tuple[Any, Any]:
+    def predict(self, observation: Any, state: Any = None, **_: Any) -> tuple[Any, Any]:
         return np.asarray(observation)[..., 0].astype(np.int64), state
 
 

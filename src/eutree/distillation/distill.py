@@ -22,6 +22,7 @@ from eutree.distillation.stakes import ActionValues, Stakes, stakes_of, weights
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import Evaluation, evaluate
 from eutree.interaction import GuardedEnv, episode_seed, record, run_episode
+from eutree.interaction.acting import Actor
 from eutree.interaction.record import Controller, as_policy
 from eutree.policies import Policy, TreePolicy
 from eutree.schema import Schema
@@ -145,7 +146,7 @@ class _School:
             self.steps += len(episode)
             self.labels += len(episode)
             self._observations.append(episode.observations[:-1])
-            self._actions.append(actions_on(self._teacher, episode))
+            self._actions.append(actions_on(self._teacher, episode, self._env))
 
     def data(self) -> Labelled:
         """Return all of it, weighted."""
@@ -156,17 +157,13 @@ class _School:
         return Labelled(observations, np.concatenate(self._actions), stakes)
 
 
-def actions_on(teacher: Policy, episode: Episode) -> Integers:
+def actions_on(teacher: Policy, episode: Episode, env: GuardedEnv) -> Integers:
     """Return what the teacher would have done at each step of an episode of another's, shape [T].
 
     It is asked step by step, so that a teacher with a memory has the one it would have.
     """
-    actions = np.empty(len(episode), dtype=np.int64)
-    state, first = None, True
-    for step, observation in enumerate(episode.observations[:-1]):
-        action, state = teacher.predict(observation, state, np.array(first), True)
-        actions[step], first = int(action), False
-    return actions
+    actor = Actor(teacher, env)
+    return np.array([actor.act(row) for row in episode.observations[:-1]], dtype=np.int64)
 
 
 def _round(data: Labelled, tree: TreePolicy, result: Evaluation) -> Round:

@@ -24,6 +24,7 @@ class CarelessPolicy:
     def __init__(
         self, policy: Any, n_actions: int, probability: float, generator: np.random.Generator
     ) -> None:
+        self.reads_features = bool(getattr(policy, "reads_features", False))
         self._policy = policy
         self._n_actions = n_actions
         self._probability = probability
@@ -37,7 +38,9 @@ class CarelessPolicy:
         deterministic: bool = True,
     ) -> tuple[Any, Any]:
         """Return the policy's action, or a random one, for one observation or each of a batch."""
-        actions, state = self._policy.predict(observation, state, episode_start, deterministic)
+        actions, state = self._policy.predict(
+            observation, state=state, episode_start=episode_start, deterministic=deterministic
+        )
         shape = np.shape(actions)
         is_random = self._generator.random(shape) < self._probability
         return np.where(
@@ -57,6 +60,7 @@ class LatePolicy:
     """
 
     def __init__(self, policy: Any, steps: int) -> None:
+        self.reads_features = bool(getattr(policy, "reads_features", False))
         self._policy = policy
         self._steps = steps
 
@@ -69,7 +73,9 @@ class LatePolicy:
     ) -> tuple[Any, Any]:
         """Return the action decided ``steps`` steps ago, for one observation or each of a batch."""
         inner, pending = (None, None) if state is None else state
-        chosen, inner = self._policy.predict(observation, inner, episode_start, deterministic)
+        chosen, inner = self._policy.predict(
+            observation, state=inner, episode_start=episode_start, deterministic=deterministic
+        )
         chosen = np.asarray(chosen)
         if pending is None:
             pending = np.broadcast_to(chosen, (self._steps, *chosen.shape))  # [steps, ...]

@@ -13,7 +13,13 @@ Rule = Callable[[Floats], Integers]  # [..., d] -> [...]
 
 
 class ScriptedPolicy(ABC):
-    """SB3's ``predict`` around a decision that needs no memory."""
+    """SB3's ``predict`` around a decision that needs no memory.
+
+    Attributes:
+        reads_features: It gets the vector of the environment's features, whatever its space.
+    """
+
+    reads_features = True
 
     @abstractmethod
     def decide(self, observations: Floats) -> Integers:

@@ -40,7 +40,9 @@ def run_batch(policy: Policy, vector: Any, seeds: Sequence[int]) -> Evaluation |
             endings[copy] = ending_of(own, terminated=bool(terminated[copy]))
         if lengths.all():
             break
-        actions, state = policy.predict(observations, state, starts, True)
+        actions, state = policy.predict(
+            observations, state=state, episode_start=starts, deterministic=True
+        )
     return Evaluation(
         returns=_sums(np.array(rewards), lengths),
         lengths=lengths,
@@ -54,7 +56,9 @@ def _first_actions(policy: Policy, observations: Floats) -> tuple[Integers, Any]
     """Return the policy's first decisions, or None if it takes single observations only."""
     starts = np.ones(len(observations), dtype=bool)
     try:
-        actions, state = policy.predict(observations, None, starts, True)
+        actions, state = policy.predict(
+            observations, state=None, episode_start=starts, deterministic=True
+        )
     except Exception:
         # What is really wrong with the policy, if anything, will show on a single observation.
         return None

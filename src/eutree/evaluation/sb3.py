@@ -7,6 +7,7 @@ import gymnasium
 import numpy as np
 
 from eutree.interaction import GuardedEnv
+from eutree.interaction.acting import Actor
 from eutree.policies import Policy
 from eutree.validation import check_integer
 
@@ -45,15 +46,17 @@ def evaluate_policy(
         AssertionError: The mean return is not above ``reward_threshold``.
     """
     guarded = GuardedEnv(env)
+    actor = Actor(model, guarded, deterministic=deterministic)
     episode_rewards: list[float] = []
     episode_lengths: list[int] = []
     for _ in range(check_integer("n_eval_episodes", n_eval_episodes, low=1)):
-        observation, state, start = guarded.reset(), None, True
+        observation = guarded.reset()
+        actor.start()
         total, length, ended = 0.0, 0, False
         while not ended:
-            action, state = model.predict(observation, state, np.array(start), deterministic)
-            observation, reward, terminated, truncated, info = guarded.step(int(action))
-            total, length, start = total + reward, length + 1, False
+            action = actor.act(observation)
+            observation, reward, terminated, truncated, info = guarded.step(action)
+            total, length = total + reward, length + 1
             ended = terminated or truncated
             if callback is not None:
                 callback(locals(), globals())

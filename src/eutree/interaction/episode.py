@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from eutree.data import Episode
+from eutree.interaction.acting import Actor
 from eutree.interaction.guard import GuardedEnv
 from eutree.policies import Policy
 
@@ -17,10 +18,9 @@ def run_episode(env: GuardedEnv, policy: Policy, seed: int | None = None) -> Epi
     """
     observation = env.reset(seed)
     observations, actions, rewards = [observation], [], []
-    state, first = None, True
+    actor = Actor(policy, env)
     while True:
-        chosen, state = policy.predict(observation, state, np.array(first), True)
-        action, first = int(chosen), False
+        action = actor.act(observation)
         observation, reward, terminated, truncated, info = env.step(action)
         observations.append(observation)
         actions.append(action)

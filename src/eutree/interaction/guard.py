@@ -13,7 +13,7 @@ import numpy as np
 
 from eutree.arrays import Floats
 from eutree.errors import EnvironmentFault, InvalidArgumentError
-from eutree.interaction.spaces import describe, encoder, spec_of
+from eutree.interaction.spaces import decoder, describe, encoder, spec_of
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.validation import check_integer
 
@@ -63,6 +63,7 @@ class GuardedEnv:
         self.episode = -1
         self.step_number = 0
         self._encode = encoder(env.observation_space)
+        self._decode = decoder(env.observation_space)
         self._strict = strict
         self._warned = False
         self._limit = check_integer("max_episode_steps", max_episode_steps, low=1)
@@ -112,6 +113,14 @@ class GuardedEnv:
                 "wrap the environment with gymnasium.wrappers.TimeLimit"
             )
         return self._remember(observation), reward, terminated, truncated, answer[4]
+
+    def own_observation(self, features: Floats) -> Any:
+        """Return the environment's own observation, an element of its space.
+
+        Args:
+            features: What ``reset`` or ``step`` returned, shape [d]; its history is left out.
+        """
+        return self._decode(features[: len(self._bounds)])
 
     def _remember(self, observation: Floats) -> Floats:
         """Return the observation followed by its predecessors, the latest first."""

@@ -8,10 +8,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
-import numpy as np
-
 from eutree.arrays import Floats
 from eutree.errors import InvalidArgumentError
+from eutree.interaction.acting import Actor
 from eutree.interaction.guard import GuardedEnv
 from eutree.policies import Policy
 
@@ -103,21 +102,17 @@ class ScriptedController:
 
     def show(self, request: Request, stretch: Stretch) -> str:
         """Act until the stretch is over."""
-        action, state = 0, None
-        for number, observation in enumerate(request.observations):
-            action, state = self._decide(observation, state, number == 0)
+        actor, action = Actor(self._policy, stretch.env), 0
+        for observation in request.observations:
+            action = actor.act(observation)
         while True:
             observation = stretch.step(action)[0]
             if stretch.is_over:
                 return HANDED_BACK
-            action, state = self._decide(observation, state, False)
+            action = actor.act(observation)
 
     def close(self) -> None:
         """Do nothing."""
-
-    def _decide(self, observation: Floats, state: Any, first: bool) -> tuple[int, Any]:
-        chosen, state = self._policy.predict(observation, state, np.array(first), True)
-        return int(chosen), state
 
 
 def controller_of(asked: Policy | Controller) -> Controller:

@@ -17,6 +17,7 @@ from eutree.errors import UnsupportedSpaceError
 from eutree.schema import EnvironmentSpec, Feature, Schema
 
 Encoder = Callable[[Any], Floats]
+Decoder = Callable[[Floats], Any]
 
 # Names and units of the observations of Gymnasium's own tasks, which do not say them themselves.
 _KNOWN_FEATURES: dict[str, tuple[tuple[str, str], ...]] = {
@@ -102,6 +103,35 @@ def encoder(space: spaces.Space[Any]) -> Encoder:
     if isinstance(space, spaces.Discrete):
         return lambda observation: np.array([observation], dtype=np.float64)
     return _vector
+
+
+def decoder(space: spaces.Space[Any]) -> Decoder:
+    """Return the inverse of :func:`encoder`: from a float64 vector to an observation of ``space``.
+
+    What was encoded comes back in the dtypes of the space; integers beyond 2**53 are rounded.
+    """
+    if isinstance(space, spaces.Dict):
+        keys, parts = list(space.spaces), spaces.Tuple(space.spaces.values())
+        entries = decoder(parts)
+        return lambda vector: dict(zip(keys, entries(vector), strict=True))
+    if isinstance(space, spaces.Tuple):
+        decoders = [decoder(part) for part in space.spaces]
+        ends = np.cumsum([_size(part) for part in space.spaces])[:-1]
+        return lambda vector: tuple(
+            decode(piece) for decode, piece in zip(decoders, np.split(vector, ends), strict=True)
+        )
+    if isinstance(space, spaces.Discrete):
+        return lambda vector: np.int64(vector[0])
+    return lambda vector: vector.astype(space.dtype)
+
+
+def _size(space: spaces.Space[Any]) -> int:
+    """Return the number of entries of the encoded space."""
+    if isinstance(space, spaces.Dict):
+        return sum(_size(part) for part in space.spaces.values())
+    if isinstance(space, spaces.Tuple):
+        return sum(_size(part) for part in space.spaces)
+    return 1 if isinstance(space, spaces.Discrete) else int(np.prod(space.shape or ()))
 
 
 def _vector(observation: Any) -> Floats:

@@ -6,7 +6,12 @@ from numpy.typing import ArrayLike
 
 
 class Policy(Protocol):
-    """Anything with SB3's ``predict``; every evaluator and recorder accepts it."""
+    """Anything with SB3's ``predict``; every evaluator and recorder accepts it.
+
+    It is called by keyword, with the environment's own observation. A policy that says
+    ``reads_features = True`` gets the vector of the environment's features instead, as trees do:
+    the same for a Box, a vector of float64 for Discrete, MultiDiscrete, Dict and Tuple spaces.
+    """
 
     def predict(
         self,

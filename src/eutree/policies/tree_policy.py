@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -35,6 +35,8 @@ class TreePolicy(Displayed):
         leaves: Visits and values of each leaf, where they are known.
         locked: Leaves that neither learning nor an edit may change, in order.
     """
+
+    reads_features: ClassVar[bool] = True
 
     tree: DecisionTree
     actions: Integers  # [L]

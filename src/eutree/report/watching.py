@@ -110,6 +110,8 @@ def watch_if_possible(
 class _Camera:
     """Passes ``predict`` on to a policy and takes a picture before each decision."""
 
+    reads_features = True
+
     def __init__(self, guarded: GuardedEnv, policy: TreePolicy) -> None:
         self._guarded, self._policy = guarded, policy
         self.frames: list[bytes] = []

@@ -42,6 +42,8 @@ class TrainingModel:
         logger: Takes what callbacks record.
     """
 
+    reads_features = True
+
     def __init__(self, run: LearningRun, env: gymnasium.Env[Any, Any]) -> None:
         self.run = run
         self.env = env

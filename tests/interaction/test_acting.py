@@ -1,0 +1,152 @@
+"""A policy that is not ours gets the environment's own observation, by SB3's keywords."""
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium import spaces
+
+import eutree
+from eutree.envs import experts
+from eutree.errors import InvalidArgumentError
+from eutree.evaluation import evaluate_policy
+from eutree.interaction import GuardedEnv
+from eutree.interaction.acting import Actor
+from eutree.interaction.requests import Request, ScriptedController, Stretch
+from eutree.interaction.spaces import decoder, encoder
+from eutree.policies import TreePolicy
+from eutree.schema import Schema
+from eutree.trees import DecisionTree
+
+SPACES = {
+    "discrete": spaces.Discrete(5, start=-2),
+    "box": spaces.Box(-1, 1, (3,), np.float32),
+    "integers": spaces.Box(-9, 9, (2,), np.int16),
+    "several": spaces.MultiDiscrete([3, 2]),
+    "bits": spaces.MultiBinary(3),
+    "tuple": spaces.Tuple([spaces.Discrete(3), spaces.Box(0, 1, (2,), np.float32)]),
+    "dict": spaces.Dict(
+        {
+            "speed": spaces.Box(0, 9, (1,), np.float64),
+            "at": spaces.Dict({"floor": spaces.Discrete(4), "doors": spaces.MultiBinary(2)}),
+        }
+    ),
+}
+
+
+class Wander(gymnasium.Env[Any, Any]):
+    """Five steps of random elements of any space."""
+
+    action_space = spaces.Discrete(2)
+
+    def __init__(self, space: spaces.Space[Any]) -> None:
+        self.observation_space = space
+        self.shown: list[Any] = []
+
+    def _show(self) -> Any:
+        self.shown.append(self.observation_space.sample())
+        return self.shown[-1]
+
+    def reset(self, *, seed: int | None = None, options: Any = None) -> tuple[Any, dict[str, Any]]:
+        super().reset(seed=seed)
+        self.observation_space.seed(seed)
+        self.count = 0
+        return self._show(), {}
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        self.count += 1
+        return self._show(), 1.0, self.count == 5, False, {}
+
+
+class Model:
+    """Stands for a model of SB3: takes its keywords only, and its own observation space only."""
+
+    def __init__(self, space: spaces.Space[Any]) -> None:
+        self.space = space
+        self.seen: list[Any] = []
+
+    def predict(
+        self, observation: Any, *, state: Any, episode_start: Any, deterministic: bool
+    ) -> tuple[Any, Any]:
+        assert self.space.contains(observation), observation
+        self.seen.append(observation)
+        number = 0 if episode_start else state + 1
+        assert (state is None) == bool(episode_start)
+        return np.array(number % 2), number
+
+
+def same(one: Any, other: Any) -> bool:
+    if isinstance(one, dict):
+        return list(one) == list(other) and all(same(one[key], other[key]) for key in one)
+    if isinstance(one, tuple):
+        return all(same(a, b) for a, b in zip(one, other, strict=True))
+    one, other = np.asarray(one), np.asarray(other)
+    return one.dtype == other.dtype and np.array_equal(one, other)
+
+
+@pytest.mark.parametrize("name", SPACES)
+def test_decoding_is_the_inverse_of_encoding(name: str) -> None:
+    space = SPACES[name]
+    space.seed(5)
+    for _ in range(30):
+        sample = space.sample()
+        assert same(decoder(space)(encoder(space)(sample)), sample)
+
+
+@pytest.mark.parametrize("name", SPACES)
+def test_record_evaluate_and_distill_give_the_environments_own_observation(name: str) -> None:
+    """An SB3 model on a Discrete or Dict space crashed all three: it got the flat vector."""
+    env, model = Wander(SPACES[name]), Model(SPACES[name])
+    demonstrations = eutree.record(env, model, episodes=2, seed=1)
+    decisions = [shown for k, shown in enumerate(env.shown) if k % 6 != 5]  # not the last of each
+    assert len(model.seen) == 10
+    assert all(same(a, b) for a, b in zip(model.seen, decisions, strict=True))
+    assert demonstrations.actions.tolist() == [0, 1, 0, 1, 0] * 2
+    assert eutree.evaluate(model, env, episodes=2).mean_return == 5.0
+    assert evaluate_policy(model, env, 2) == (5.0, 0.0)  # type: ignore[arg-type]
+    tree, _ = eutree.distill(model, env, iterations=2, episodes=1, validation_episodes=2)
+    assert eutree.evaluate(tree, env, episodes=2).mean_return == 5.0
+
+
+def test_a_model_that_is_asked_gets_its_own_observation_too() -> None:
+    space = SPACES["dict"]
+    env, model = GuardedEnv(Wander(space), history=1), Model(space)
+    first = env.reset(0)
+    request = Request(1, 1, 0, 0, "", np.array([first]), 2)
+    stretch = Stretch(env, lambda action, n: (env.step(action), n == 2))
+    ScriptedController(model).show(request, stretch)
+    assert len(model.seen) == 2
+
+
+class Positions:
+    """A tree policy's twin without a flag: sees what a user's own policy sees."""
+
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic=True
+    ) -> tuple[Any, Any]:
+        assert set(observation) == {"at", "speed"}
+        return 0, None
+
+
+def test_trees_rules_and_what_wraps_them_get_features() -> None:
+    env = Wander(SPACES["dict"])
+    features = GuardedEnv(env).schema.n_features
+    tree = TreePolicy(DecisionTree.single_leaf(features), [1], Schema.anonymous(features, 2))
+    rule = experts.RulePolicy(lambda o: (o[..., 0] > 5.0).astype(int))
+    for policy in (tree, rule):
+        for expert in (policy, experts.late(lambda _, p=policy: p, 1)(env)):
+            assert eutree.record(env, expert, episodes=1).n_transitions == 5
+    clumsy = experts.careless(lambda _: Positions(), 0.5)(env)
+    assert eutree.record(env, clumsy, episodes=1).n_transitions == 5
+
+
+@pytest.mark.parametrize("answer", [0.5, [0, 1], None, "left", np.nan])
+def test_what_is_no_action_is_refused(answer: Any) -> None:
+    class Wrong:
+        def predict(self, observation: Any, **_: Any) -> tuple[Any, Any]:
+            return answer, None
+
+    env = GuardedEnv(Wander(SPACES["discrete"]))
+    with pytest.raises(InvalidArgumentError, match=r"policy\.predict must return one action"):
+        Actor(Wrong(), env).act(env.reset(0))
