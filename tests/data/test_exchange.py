@@ -70,6 +70,29 @@ def test_npz_keeps_what_it_has_room_for(tmp_path_factory, demos):
         assert replace(b, ending="").equals(plain)
 
 
+def test_rewards_that_no_source_has_stay_unknown(tmp_path):
+    """They became zeros, from which `learn --offline` then learned."""
+    path = tmp_path / "log.csv"
+    path.write_text("episode,action,x\n0,1,0.5\n0,0,1.5\n0,,2.5\n")
+    demos = Demonstrations.from_csv(path)
+    assert not demos.has_rewards
+    demos.save(tmp_path / "demos")
+    assert same(Demonstrations.load(tmp_path / "demos"), demos)
+    demos.to_csv(tmp_path / "again.csv")
+    assert not Demonstrations.from_csv(tmp_path / "again.csv").has_rewards
+    demos.to_npz(tmp_path / "again.npz")
+    assert not Demonstrations.from_npz(tmp_path / "again.npz").has_rewards
+    log = {"observations": [[0.0], [1.0]], "actions": [0, 1], "starts": [1, 0]}
+    assert not Demonstrations.from_arrays(**log).has_rewards
+    assert Demonstrations.from_arrays(**log, rewards=[0.0, 0.0]).has_rewards
+    path.write_text("episode,action,reward,x\n0,1,2.0,0.5\n0,0,,1.5\n0,,,2.5\n")
+    with pytest.raises(FormatError, match="line 3: reward must be there for every action"):
+        Demonstrations.from_csv(path)
+    unknown = demos.episodes[0]
+    with pytest.raises(InvalidArgumentError, match="without rewards must have zeros"):
+        replace(unknown, rewards=np.ones(len(unknown)))
+
+
 def test_npz_of_other_libraries_is_read(tmp_path):
     path = tmp_path / "demos.npz"
     episodes = [three_episodes().episodes[k] for k in (0, 1)]

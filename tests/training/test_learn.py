@@ -218,6 +218,25 @@ def test_learning_offline_needs_demonstrations():
         eutree.learn(None)
 
 
+@pytest.mark.parametrize("alone", [True, False])
+def test_demonstrations_without_rewards_are_not_learned_from(env, demonstrations, alone):
+    """A log without a reward column was learned from as if every action had earned 0."""
+    episodes = tuple(
+        dataclasses.replace(e, rewards=np.zeros(len(e)), has_rewards=False)
+        for e in demonstrations.episodes
+    )
+    log = dataclasses.replace(demonstrations, episodes=episodes)
+    message = "rewards .* of episode 0 are not known; .* eutree fit"
+    with pytest.raises(InvalidArgumentError, match=message):
+        eutree.learn(None if alone else env, demonstrations=log, **SHORT)
+    silent = tuple(dataclasses.replace(e, has_rewards=True) for e in episodes)
+    log = dataclasses.replace(demonstrations, episodes=silent)
+    if alone:
+        with pytest.raises(InvalidArgumentError, match="all of theirs are 0; .* eutree fit"):
+            eutree.learn(None, demonstrations=log)
+    eutree.fit_expert_tree(log)
+
+
 def test_settings_of_one_s_own(env, demonstrations):
     mine = dataclasses.replace(PAPER, discount=1.0, gathering_episodes=5)
     result = eutree.learn(env, demonstrations=demonstrations, settings=mine, **SHORT)

@@ -119,17 +119,19 @@ def replay(folder: Path, number: int, window: bool, as_json: bool) -> None:
             "step": step,
             "observation": dict(zip(names, episode.observations[step].tolist(), strict=True)),
             "action": opened.schema.actions[int(episode.actions[step])],
-            "reward": float(episode.rewards[step]),
+            "reward": float(episode.rewards[step]) if episode.has_rewards else None,
         }
         for step in range(len(episode))
     ]
     lines = [
         f"{step['step']:5}  "
         + ", ".join(f"{name} {value:.6g}" for name, value in _items(step["observation"]))
-        + f"  -> {step['action']}  reward {step['reward']:g}"
+        + f"  -> {step['action']}"
+        + (f"  reward {step['reward']:g}" if episode.has_rewards else "")
         for step in steps
     ]
-    result = f"{episode.ending or 'no ending recorded'}, return {episode.undiscounted_return:g}"
+    earned = f"return {episode.undiscounted_return:g}" if episode.has_rewards else "no rewards"
+    result = f"{episode.ending or 'no ending recorded'}, {earned}"
     values = {"episode": number, "ending": episode.ending, "steps": steps}
     Output(as_json=as_json).result(values, "\n".join([*lines, result]))
 
@@ -362,7 +364,7 @@ def _table(rows: "list[EpisodeSummary]", title: str) -> Any:
             "kept" if row.kept else "discarded",
             escape(row.ending),
             str(row.length),
-            f"{row.undiscounted_return:g}",
+            "" if row.undiscounted_return is None else f"{row.undiscounted_return:g}",
             "" if row.seed is None else str(row.seed),
             escape(row.comment),
         )

@@ -1,7 +1,7 @@
 """What was recorded: episodes, demonstrations, the learner's transition history."""
 
-from eutree.data.demonstrations import Demonstrations
+from eutree.data.demonstrations import Demonstrations, check_rewards
 from eutree.data.episode import Episode
 from eutree.data.files import DemonstrationFolder, RunningEpisode
 
-__all__ = ["DemonstrationFolder", "Demonstrations", "Episode", "RunningEpisode"]
+__all__ = ["DemonstrationFolder", "Demonstrations", "Episode", "RunningEpisode", "check_rewards"]

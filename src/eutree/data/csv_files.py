@@ -4,7 +4,8 @@ The columns ``episode`` and ``action`` are required, ``step``, ``action_name``, 
 ``terminated``, ``truncated``, ``seed``, ``ending``, ``is_success`` and ``kept`` are known; every
 other column is a feature, its unit in brackets: ``position [m]``. The last row of an episode has
 no action: it is what the last action led to. In a log without such rows the last action of each
-episode is dropped, because what it led to is not known. Actions are indices, or names.
+episode is dropped, because what it led to is not known. Actions are indices, or names. An episode
+has a reward for each action, or none at all.
 """
 
 import csv
@@ -62,6 +63,7 @@ def _lines(number: int, episode: Episode, schema: Schema) -> list[list[str]]:
         middle = ["", "", ""]
         if step < len(episode):
             action = int(episode.actions[step])
-            middle = [str(action), schema.actions[action], repr(float(episode.rewards[step]))]
+            reward = repr(float(episode.rewards[step])) if episode.has_rewards else ""
+            middle = [str(action), schema.actions[action], reward]
         lines.append([str(number), str(step), *middle, *ends, *tail, *map(repr, observation)])
     return lines

@@ -115,10 +115,19 @@ class CsvReader:
                 reason = "the episode ended on an earlier line"
                 raise FormatError(self._path, f"line {line}", reason)
             group.actions.append(self._code(row, line))
-            group.rewards.append(self._number(row, "reward", line) if row.get("reward") else 0.0)
+            self._add_reward(group, line, row)
         if row["action"] or not group.actions:
             flags = (self._truth(row, name, line) for name in ("terminated", "truncated"))
             group.ends = (group.ends[-1], (next(flags) is True, next(flags) is True))
+
+    def _add_reward(self, group: "_EpisodeRows", line: int, row: _Row) -> None:
+        """Add the reward of a row: an episode has one for each action, or none."""
+        known = bool(row.get("reward"))
+        if group.rewards and known != group.has_rewards:
+            reason = "reward must be there for every action of an episode, or for none"
+            raise FormatError(self._path, f"line {line}", reason)
+        group.has_rewards = known
+        group.rewards.append(self._number(row, "reward", line) if known else 0.0)
 
     def _code(self, row: _Row, line: int) -> int:
         code = self._codes.setdefault(row["action"], len(self._codes))
@@ -161,6 +170,7 @@ class CsvReader:
                 ending=row.get("ending", ""),
                 is_success=self._truth(row, "is_success", line),
                 kept=self._truth(row, "kept", line) is not False,
+                has_rewards=group.has_rewards,
             )
         except InvalidArgumentError as error:
             raise FormatError(self._path, f"line {line}", str(error)) from None
@@ -204,12 +214,14 @@ class CsvReader:
 class _EpisodeRows:
     """The rows of one episode so far."""
 
-    __slots__ = ("actions", "ends", "last_line", "last_row", "observations", "rewards")
+    __slots__ = ("actions", "ends", "has_rewards", "last_line", "last_row", "observations",
+                 "rewards")  # fmt: skip
 
     def __init__(self) -> None:
         self.observations = array("d")
         self.actions = array("q")
         self.rewards = array("d")
+        self.has_rewards = True
         # Terminated and truncated after the last action but one, and after the last.
         self.ends = ((False, False), (False, False))
         self.last_line = 0

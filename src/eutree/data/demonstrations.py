@@ -68,6 +68,11 @@ class Demonstrations(Displayed):
         return iter(self.kept)
 
     @property
+    def has_rewards(self) -> bool:
+        """Whether the rewards of all kept episodes are known."""
+        return all(episode.has_rewards for episode in self.kept)
+
+    @property
     def n_transitions(self) -> int:
         """Number of transitions in the kept episodes."""
         return sum(map(len, self.kept))
@@ -148,7 +153,8 @@ class Demonstrations(Displayed):
             observations: What was sensed before each action, shape [N, d].
             actions: The actions, shape [N].
             starts: Whether each row is the first of an episode, shape [N].
-            rewards: What each action earned, shape [N]; zeros if not known.
+            rewards: What each action earned, shape [N]; if not known, the episodes can be imitated
+                but not learned from by reinforcement.
             next_observations: What was sensed after each action, shape [N, d]; if not known, the
                 last action of each episode is dropped, because what it led to is not known.
             terminated: Whether the task ended after each row, shape [N].
@@ -231,6 +237,27 @@ class Demonstrations(Displayed):
 
         content = MinariContent(self.episodes, self.schema, self.environment, self.expert)
         write_minari(dataset_id, content, env=env)
+
+
+def check_rewards(demonstrations: Demonstrations, *, alone: bool = False) -> None:
+    """Raise InvalidArgumentError unless there is something to learn from by reinforcement.
+
+    Args:
+        demonstrations: What is to be learned from.
+        alone: Nothing else is learned from; then rewards that are all 0 say nothing.
+    """
+    without = "a tree that imitates them needs none: eutree fit"
+    for number, episode in enumerate(demonstrations.episodes):
+        if episode.kept and not episode.has_rewards:
+            raise InvalidArgumentError(
+                f"demonstrations must have rewards to be learned from by reinforcement, but those "
+                f"of episode {number} are not known; {without}"
+            )
+    if alone and not any(episode.rewards.any() for episode in demonstrations.kept):
+        raise InvalidArgumentError(
+            f"demonstrations must have rewards to be learned from by reinforcement, but all of "
+            f"theirs are 0; {without}"
+        )
 
 
 def _blamed(

@@ -18,13 +18,15 @@ class Episode:
     Attributes:
         observations: What was sensed, from the reset observation to the last one.
         actions: Action taken at each observation but the last.
-        rewards: Reward received for each action.
+        rewards: Reward received for each action; zeros where none are known.
         terminated: Whether the task itself ended the episode (value 0 follows).
         truncated: Whether a limit outside the task cut it short (its value goes on).
         seed: Seed given to ``reset``; None if unknown.
         ending: Why it ended, in the environment's words ("goal", "collision", "time limit"),
             or "stopped" where a person ended it (then neither terminated nor truncated).
         is_success: ``info["is_success"]`` of the last step; None where none was reported.
+        has_rewards: Whether the rewards are known. A log without them can be imitated, but there is
+            nothing in it to learn from by reinforcement.
         kept: Whether learners use it; a person who discards an episode does not delete it.
         comment: What the person wrote about it.
         steps: Further arrays with one row for each action, by name: of a recording its
@@ -45,6 +47,7 @@ class Episode:
     comment: str = ""
     steps: Mapping[str, NDArray[Any]] = field(default_factory=dict)  # each [T, ...]
     extras: Mapping[str, Any] = field(default_factory=dict)
+    has_rewards: bool = True
 
     def __post_init__(self) -> None:
         for name, dtype in (("observations", np.float64), ("rewards", np.float64)):
@@ -75,6 +78,8 @@ class Episode:
         object.__setattr__(self, "extras", dict(self.extras))
         if self.terminated and self.truncated:
             raise InvalidArgumentError("an episode must not be both terminated and truncated")
+        if not self.has_rewards and self.rewards.any():
+            raise InvalidArgumentError("an episode without rewards must have zeros in their place")
 
     def __len__(self) -> int:
         """Return the number of steps T."""
@@ -82,7 +87,7 @@ class Episode:
 
     @property
     def undiscounted_return(self) -> float:
-        """Sum of the rewards."""
+        """Sum of the rewards; 0 where none are known."""
         return float(self.rewards.sum())
 
     def equals(self, other: "Episode") -> bool:
@@ -93,7 +98,8 @@ class Episode:
             (self.rewards, other.rewards),
             *((self.steps[name], other.steps.get(name, np.empty(0))) for name in self.steps),
         )
-        plain = ("terminated", "truncated", "seed", "ending", "is_success", "kept", "comment")
+        plain = ("terminated", "truncated", "seed", "ending", "is_success", "kept", "comment",
+                 "has_rewards")  # fmt: skip
         return (
             all(getattr(self, name) == getattr(other, name) for name in plain)
             and self.extras == other.extras

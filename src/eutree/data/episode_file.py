@@ -16,11 +16,11 @@ from eutree.validation import check_finite
 _STEPS = "steps_"
 
 
-class EpisodeDocument(Document, frozen=True, kw_only=True):
+class EpisodeDocument(Document, frozen=True, kw_only=True, omit_defaults=True):
     """What an episode's file says beside its arrays."""
 
     FORMAT: ClassVar[str] = "eutree/episode"
-    VERSION: ClassVar[int] = 1
+    VERSION: ClassVar[int] = 2
 
     seed: int | None
     ending: str
@@ -30,6 +30,7 @@ class EpisodeDocument(Document, frozen=True, kw_only=True):
     kept: bool
     comment: str
     extras: dict[str, Any]
+    has_rewards: bool = True
 
 
 def episode_to_bytes(episode: Episode) -> bytes:
@@ -63,6 +64,7 @@ def episode_document(episode: Episode) -> EpisodeDocument:
         kept=episode.kept,
         comment=episode.comment,
         extras=plain_json(episode.extras, "extras"),
+        has_rewards=episode.has_rewards,
     )
 
 
@@ -113,6 +115,7 @@ def episode_from_document(
             comment=document.comment,
             steps=steps,
             extras=document.extras,
+            has_rewards=document.has_rewards,
         )
     except InvalidArgumentError as error:
         raise FormatError(path, "", str(error)) from None

@@ -59,7 +59,10 @@ def read_npz(path: str | Path) -> tuple[tuple[Episode, ...], int]:
 
 
 def write_npz(path: str | Path, episodes: tuple[Episode, ...], n_features: int) -> None:
-    """Write the episodes as rows; what the rows cannot hold (seeds, comments) is left out."""
+    """Write the episodes as rows; what the rows cannot hold (seeds, comments) is left out.
+
+    So are the rewards, if those of one episode are not known.
+    """
     rows = rows_of(episodes, n_features)
     lengths = [len(episode) for episode in episodes if len(episode)]
     dones = np.zeros(len(rows["actions"]), dtype=bool)
@@ -73,6 +76,8 @@ def write_npz(path: str | Path, episodes: tuple[Episode, ...], n_features: int) 
         "terminations": rows["terminated"],
         "truncations": rows["truncated"],
     }
+    if not all(episode.has_rewards for episode in episodes):
+        del arrays["rews"]
     write_arrays(path, arrays | {"episode_starts": rows["starts"]})
 
 

@@ -5,6 +5,7 @@ is in no row; where the log does not hold it apart, that action is dropped rathe
 invented successor. Nothing is ever shifted.
 """
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -35,7 +36,7 @@ def episodes_from_rows(
         observations: What was sensed before each action, shape [N, d].
         actions: The actions, shape [N].
         starts: Whether each row is the first of an episode, shape [N]; the first must be.
-        rewards: What each action earned, shape [N]; zeros if not known.
+        rewards: What each action earned, shape [N]; if not known, the episodes have none.
         next_observations: What was sensed after each action, shape [N, d]; if not known, the
             last action of each episode is dropped.
         terminated: Whether the task ended after each row, shape [N].
@@ -59,7 +60,8 @@ def episodes_from_rows(
     begins = np.flatnonzero(first)
     spans = zip(begins.tolist(), [*begins[1:].tolist(), n], strict=True) if n else ()
     made = (_episode(before, after, chosen, earned, ends, slice(*span)) for span in spans)
-    return tuple(episode for episode in made if len(episode))
+    known = rewards is not None
+    return tuple(replace(episode, has_rewards=known) for episode in made if len(episode))
 
 
 def starts_from_ends(ends: ArrayLike) -> Booleans:

@@ -30,7 +30,7 @@ class EpisodeSummary:
         number: Its number, from 0.
         kept: Whether learners use it.
         length: Number of steps.
-        undiscounted_return: Sum of its rewards.
+        undiscounted_return: Sum of its rewards; None where they are not known.
         ending: Why it ended.
         is_success: Whether the environment called it a success; None where it did not say.
         seed: Seed given to reset; None if unknown.
@@ -40,7 +40,7 @@ class EpisodeSummary:
     number: int
     kept: bool
     length: int
-    undiscounted_return: float
+    undiscounted_return: float | None
     ending: str
     is_success: bool | None
     seed: int | None
@@ -138,7 +138,7 @@ def summarize_episode(number: int, episode: Episode) -> EpisodeSummary:
         number=number,
         kept=episode.kept,
         length=len(episode),
-        undiscounted_return=episode.undiscounted_return,
+        undiscounted_return=episode.undiscounted_return if episode.has_rewards else None,
         ending=episode.ending,
         is_success=episode.is_success,
         seed=episode.seed,

@@ -279,7 +279,8 @@ def _card(
         badges.append("recovered")
     mood = "" if episode.is_success is None else " good" if episode.is_success else " bad"
     shown = "".join(f'<span class="badge">{escape(badge)}</span>' for badge in badges)
-    facts = f"{len(episode)} steps, return {episode.undiscounted_return:.4g}"
+    earned = f"return {episode.undiscounted_return:.4g}" if episode.has_rewards else "no rewards"
+    facts = f"{len(episode)} steps, {earned}"
     label = f"episode {number}: {result}, {facts}"
     drawing = (
         time_chart(episode, schema, *ends, marked, label)

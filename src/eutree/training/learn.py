@@ -8,7 +8,7 @@ from typing import Any
 
 import gymnasium
 
-from eutree.data import Demonstrations
+from eutree.data import Demonstrations, check_rewards
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import evaluate
 from eutree.interaction import GuardedEnv
@@ -285,6 +285,8 @@ def _start(
     for what, given in (("demonstrations", demonstrations), ("expert", expert)):
         if given is not None:
             _check_same(what, given.schema, schema)
+    if name in ("offline", "eu-tree"):
+        check_rewards(_needed(demonstrations, name), alone=name == "offline")
     if name == "offline":
         start = c_u_tree(schema, settings) if expert is None else eu_tree_dt(expert, settings)
         start.add_demonstrations(_needed(demonstrations, name).kept)
