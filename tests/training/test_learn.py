@@ -226,13 +226,13 @@ def test_demonstrations_without_rewards_are_not_learned_from(env, demonstrations
         for e in demonstrations.episodes
     )
     log = dataclasses.replace(demonstrations, episodes=episodes)
-    message = "rewards .* of episode 0 are not known; .* eutree fit"
+    message = r"rewards .* of episode 0 are not known; .* eutree fit"
     with pytest.raises(InvalidArgumentError, match=message):
         eutree.learn(None if alone else env, demonstrations=log, **SHORT)
     silent = tuple(dataclasses.replace(e, has_rewards=True) for e in episodes)
     log = dataclasses.replace(demonstrations, episodes=silent)
     if alone:
-        with pytest.raises(InvalidArgumentError, match="all of theirs are 0; .* eutree fit"):
+        with pytest.raises(InvalidArgumentError, match=r"all of theirs are 0; .* eutree fit"):
             eutree.learn(None, demonstrations=log)
     eutree.fit_expert_tree(log)
 
