@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+Float32s = NDArray[np.float32]
 Integers = NDArray[np.int64]
 Int32s = NDArray[np.int32]
 Uint32s = NDArray[np.uint32]

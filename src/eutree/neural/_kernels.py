@@ -1,0 +1,210 @@
+"""Compiled loops of small networks: two hidden layers of rectified linear units.
+
+No linear algebra library is called. All sums are taken in an order of their own, so the same seed
+gives the same bytes whatever library, number of threads or width of vectors a machine has, and the
+zeros that a rectifier leaves, more than half of a hidden layer, are skipped.
+
+Weights are 32-bit numbers: learning is limited by memory, and a step needs a direction only. The
+tests run the same loops on 64-bit numbers, where gradients can be held against differences.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from eutree.arrays import Float32s
+from eutree.compiled import compiled
+
+DECAY_OF_MEAN, DECAY_OF_SQUARE = 0.9, 0.999  # Adam's beta_1, beta_2
+SMALL = 1e-8  # Adam's epsilon
+
+
+class Network(NamedTuple):
+    """A perceptron p -> h -> h -> q; the matrices are views of one vector of all weights."""
+
+    w1: Float32s  # [p, h]
+    b1: Float32s  # [h]
+    w2: Float32s  # [h, h]
+    b2: Float32s  # [h]
+    w3: Float32s  # [h, q]
+    b3: Float32s  # [q]
+    weights: Float32s  # [P] all of the above
+
+
+class Activations(NamedTuple):
+    """What the layers of a network put out for each row of a batch."""
+
+    hidden1: Float32s  # [n, h]
+    hidden2: Float32s  # [n, h]
+    out: Float32s  # [n, q]
+
+
+@compiled
+def add_product(a: Float32s, b: Float32s, out: Float32s) -> None:
+    """Add the matrix product of a [n, p] and b [p, q] to out [n, q].
+
+    Rows of b are added to a row of out, four at a time, so that the inner loop runs along memory
+    and needs no sum to be reordered. Those whose factor is 0 are left out.
+    """
+    n, p = a.shape
+    q = b.shape[1]
+    active = np.empty(p + 1, np.int64)
+    for i in range(n):
+        # active[:m] holds, ascending, the columns k <= the present one with a[i, k] != 0.
+        m = 0
+        for k in range(p):
+            active[m] = k
+            m += a[i, k] != 0
+        row = out[i]
+        t = 0
+        while t + 4 <= m:
+            k0, k1, k2, k3 = active[t], active[t + 1], active[t + 2], active[t + 3]
+            x0, x1, x2, x3 = a[i, k0], a[i, k1], a[i, k2], a[i, k3]
+            b0, b1, b2, b3 = b[k0], b[k1], b[k2], b[k3]
+            for j in range(q):
+                row[j] += ((x0 * b0[j] + x1 * b1[j]) + x2 * b2[j]) + x3 * b3[j]
+            t += 4
+        while t < m:
+            k0 = active[t]
+            x0, b0 = a[i, k0], b[k0]
+            for j in range(q):
+                row[j] += x0 * b0[j]
+            t += 1
+
+
+@compiled
+def layer(x: Float32s, w: Float32s, b: Float32s, rectified: bool, out: Float32s) -> None:
+    """Write x w + b, and 0 in place of what is negative if it is rectified."""
+    for i in range(x.shape[0]):
+        out[i] = b
+    add_product(x, w, out)
+    if rectified:
+        for i in range(out.shape[0]):
+            for j in range(out.shape[1]):
+                out[i, j] = max(out[i, j], 0)
+
+
+@compiled
+def forward(network: Network, x: Float32s, at: Activations) -> None:
+    """Write what each layer puts out for the rows of x [n, p]."""
+    layer(x, network.w1, network.b1, True, at.hidden1)
+    layer(at.hidden1, network.w2, network.b2, True, at.hidden2)
+    layer(at.hidden2, network.w3, network.b3, False, at.out)
+
+
+@compiled
+def layer_gradient(
+    x: Float32s,  # [n, p] what went in
+    error: Float32s,  # [n, q] derivative of the loss by what came out, before rectifying
+    of_w: Float32s,  # [p, q] out
+    of_b: Float32s,  # [q] out
+) -> None:
+    """Write the derivatives of the loss by a layer's weights: x^T error and its column sums."""
+    of_w[:] = 0
+    add_product(np.ascontiguousarray(x.T), error, of_w)
+    of_b[:] = 0
+    for i in range(error.shape[0]):
+        for j in range(error.shape[1]):
+            of_b[j] += error[i, j]
+
+
+@compiled
+def passed_back(error: Float32s, w: Float32s, hidden: Float32s) -> Float32s:
+    """Return the derivative of the loss by what a rectified layer took in, [n, h].
+
+    Args:
+        error: Derivative by what the next layer took in, [n, q].
+        w: Weights of the next layer, [h, q].
+        hidden: What the rectified layer put out, [n, h]; it passes nothing back where that is 0.
+    """
+    back = np.zeros_like(hidden)
+    add_product(error, np.ascontiguousarray(w.T), back)
+    for i in range(back.shape[0]):
+        for j in range(back.shape[1]):
+            if hidden[i, j] <= 0:
+                back[i, j] = 0
+    return back
+
+
+@compiled
+def backward(
+    network: Network, x: Float32s, at: Activations, error: Float32s, gradient: Network
+) -> None:
+    """Write the gradient of a loss by all weights (Rumelhart, Hinton and Williams 1986).
+
+    Args:
+        network: The network.
+        x: Inputs, [n, p].
+        at: What ``forward`` wrote for them.
+        error: Derivative of the loss by each output, [n, q].
+        gradient: Out, laid out like the network.
+    """
+    layer_gradient(at.hidden2, error, gradient.w3, gradient.b3)
+    error2 = passed_back(error, network.w3, at.hidden2)
+    layer_gradient(at.hidden1, error2, gradient.w2, gradient.b2)
+    error1 = passed_back(error2, network.w2, at.hidden1)
+    layer_gradient(x, error1, gradient.w1, gradient.b1)
+
+
+@compiled
+def adam_step(
+    weights: Float32s,
+    gradient: Float32s,
+    mean: Float32s,
+    square: Float32s,
+    number: int,
+    rate: float,
+) -> None:
+    """Take one step of Adam (Kingma and Ba 2015, Algorithm 1) in place; the first has number 1.
+
+    ``mean`` and ``square`` are decaying averages of the gradient and of its squares. Both start at
+    0 and are too small by 1 - beta^number, which is divided out.
+    """
+    scale = rate * np.sqrt(1.0 - DECAY_OF_SQUARE**number) / (1.0 - DECAY_OF_MEAN**number)
+    scale32 = weights.dtype.type(scale)
+    keep1, keep2 = weights.dtype.type(DECAY_OF_MEAN), weights.dtype.type(DECAY_OF_SQUARE)
+    new1, new2 = weights.dtype.type(1 - DECAY_OF_MEAN), weights.dtype.type(1 - DECAY_OF_SQUARE)
+    small = weights.dtype.type(SMALL)
+    for i in range(weights.size):
+        slope = gradient[i]
+        mean[i] = keep1 * mean[i] + new1 * slope
+        square[i] = keep2 * square[i] + new2 * slope * slope
+        weights[i] -= scale32 * mean[i] / (np.sqrt(square[i]) + small)
+
+
+@compiled
+def limit_norm(gradient: Float32s, limit: float) -> None:
+    """Scale a gradient down, in place, to a Euclidean norm of at most ``limit``."""
+    total = 0.0
+    for i in range(gradient.size):
+        total += float(gradient[i]) * float(gradient[i])
+    norm = np.sqrt(total)
+    if norm > limit:
+        gradient *= gradient.dtype.type(limit / norm)
+
+
+@compiled
+def move_towards(weights: Float32s, goal: Float32s, share: float) -> None:
+    """Move weights a share of the way to others, in place."""
+    part = weights.dtype.type(share)
+    for i in range(weights.size):
+        weights[i] += part * (goal[i] - weights[i])
+
+
+@compiled
+def room(network: Network, n: int) -> Activations:
+    """Return room for what the layers put out for n rows."""
+    h, q = network.w3.shape
+    return Activations(
+        np.empty((n, h), network.weights.dtype),
+        np.empty((n, h), network.weights.dtype),
+        np.empty((n, q), network.weights.dtype),
+    )
+
+
+@compiled
+def outputs(network: Network, x: Float32s) -> Float32s:
+    """Return what the network puts out for each row of x [n, p], shape [n, q]."""
+    at = room(network, x.shape[0])
+    forward(network, x, at)
+    return at.out

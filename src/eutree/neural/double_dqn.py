@@ -1,0 +1,246 @@
+"""Double DQN with demonstrations in its replay: a small network that learns to control first.
+
+Q(o, a) is a network of two hidden layers. Every step is kept and learned from again and again: Q
+of the action taken moves towards the rewards of the next n steps and the value of where they led,
+as the target network sees it (van Hasselt, Guez and Silver 2016; n-step returns as in Hessel et al.
+2018). The target follows softly (Lillicrap et al. 2016). What is handed on is a slow average of the
+weights (Polyak and Juditsky 1992), which acts more evenly than the last ones do.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from eutree.arrays import Float32s, Floats, Integers
+from eutree.neural import _kernels_double_dqn as kernels
+from eutree.neural._kernels_double_dqn import Experience, Learning, Rates
+from eutree.neural.network import Scaling, copied, network_of, outputs, random_network
+from eutree.validation import check_integer, check_number
+
+LARGEST_RETURN = 10.0  # what the largest discounted return of the demonstrations is scaled to
+CHUNK = 256  # updates between two chances to interrupt, about a third of a second
+SLOWEST = 0.1  # share of the rate that is left at the end
+
+
+@dataclass(frozen=True, kw_only=True)
+class DoubleDQNSettings:
+    """How the network learns.
+
+    Attributes:
+        hidden: Units of each of the two hidden layers.
+        discount: gamma, per step.
+        n_steps: Steps of a stretch n.
+        rate: Adam's step size at first; it falls linearly to a tenth.
+        batch: Stretches of one update.
+        updates_per_step: Updates for each step taken.
+        target: Share of the way that the target's weights move to the present ones, per update.
+        average: The same of the averaged weights.
+        error: Largest temporal difference that counts, in scaled rewards.
+        norm: Largest norm of a gradient.
+    """
+
+    hidden: int = 128
+    discount: float = 0.99
+    n_steps: int = 3
+    rate: float = 5e-4
+    batch: int = 128
+    updates_per_step: float = 0.5
+    target: float = 0.005
+    average: float = 0.0005
+    error: float = 2.0
+    norm: float = 10.0
+
+    def __post_init__(self) -> None:
+        for name in ("hidden", "n_steps", "batch"):
+            check_integer(name, getattr(self, name), low=1)
+        check_number("discount", self.discount, low=0.0, high=1.0)
+        for name in ("rate", "updates_per_step", "error", "norm"):
+            check_number(name, getattr(self, name), low=0.0, low_open=True)
+        for name in ("target", "average"):
+            check_number(name, getattr(self, name), low=0.0, high=1.0, low_open=True)
+
+
+class DoubleDQN:
+    """A network that learns the values of actions from stored episodes.
+
+    Args:
+        settings: How it learns.
+        scaling: Of the observations.
+        n_actions: Number of actions A.
+        reward_scale: What a reward is multiplied by, so that returns are of the size of ten.
+        updates: Updates that are planned; the rate falls over them.
+        generator: Source of the first weights.
+
+    Attributes:
+        updates: Updates so far.
+    """
+
+    def __init__(
+        self,
+        settings: DoubleDQNSettings,
+        scaling: Scaling,
+        n_actions: int,
+        *,
+        reward_scale: float,
+        updates: int,
+        generator: np.random.Generator,
+    ) -> None:
+        self.updates = 0
+        self._settings = settings
+        self._scaling = scaling
+        self._n_actions = n_actions
+        self._reward_scale = check_number("reward_scale", reward_scale, low=0.0, low_open=True)
+        self._planned = check_integer("updates", updates, low=1)
+        online = random_network(scaling.mean.size, settings.hidden, n_actions, generator)
+        none = np.zeros_like(online.weights)
+        self._learning = Learning(
+            online, copied(online), copied(online), copied(online), none, none.copy()
+        )
+        self._rates = Rates(settings.target, settings.average, settings.error, settings.norm)
+        self._n_rows = 0
+        self._experience = _empty(0, scaling.mean.size)
+
+    @property
+    def n_rows(self) -> int:
+        """Stretches stored so far: one for each step."""
+        return self._n_rows
+
+    def add(
+        self, observations: Floats, actions: Integers, rewards: Floats, *, terminated: bool
+    ) -> None:
+        """Store the steps of an episode.
+
+        Args:
+            observations: From the first to the last, shape [T + 1, d].
+            actions: Shape [T].
+            rewards: Shape [T].
+            terminated: Whether the task ended it; else its last observation has a value.
+        """
+        if not actions.size:
+            return
+        settings, scale = self._settings, self._reward_scale
+        new = stretches(rewards, settings.discount, settings.n_steps, terminated=terminated)
+        scaled = self._scaling(observations)
+        rows = Experience(
+            scaled[:-1],
+            actions,
+            (scale * new.earned).astype(np.float32),
+            scaled[new.end],
+            new.discounts.astype(np.float32),
+        )
+        end = self._n_rows + actions.size
+        if end > self._experience.actions.size:
+            self._experience = _lengthened(self._experience, max(end, 2 * self._n_rows))
+        for name in Experience._fields:
+            getattr(self._experience, name)[self._n_rows : end] = getattr(rows, name)
+        self._n_rows = end
+
+    def update(self, n: int, generator: np.random.Generator) -> None:
+        """Make n updates, on batches of all steps stored."""
+        for begin in range(0, n if self._n_rows else 0, CHUNK):
+            size = min(CHUNK, n - begin)
+            number = np.arange(self.updates, self.updates + size)
+            left = 1.0 - np.minimum(number / self._planned, 1.0) * (1.0 - SLOWEST)
+            rows = generator.integers(self._n_rows, size=(size, self._settings.batch))
+            kernels.update(
+                self._learning,
+                self._experience,
+                rows,
+                self._settings.rate * left,
+                self.updates,
+                self._rates,
+            )
+            self.updates += size
+
+    def act(self, observation: Floats) -> int:
+        """Return the action of the largest value at an observation [d], by the present weights."""
+        x = self._scaling(observation)[np.newaxis]
+        return int(kernels.greedy_action(self._learning.online, x))
+
+    def action_values(self, observations: Floats) -> Floats:
+        """Return Q of each action at observations [N, d], by the averaged weights, shape [N, A]."""
+        values = outputs(self._learning.average, self._scaling(observations))
+        return values / self._reward_scale
+
+    def state(self) -> dict[str, Float32s | Integers]:
+        """Return all weights; with the episodes added again, a learner goes on from there."""
+        of = self._learning
+        return {
+            "online": of.online.weights.copy(),
+            "target": of.target.weights.copy(),
+            "average": of.average.weights.copy(),
+            "mean": of.mean.copy(),
+            "square": of.square.copy(),
+            "updates": np.array([self.updates], dtype=np.int64),
+        }
+
+    def restore(self, state: Mapping[str, Float32s | Integers]) -> None:
+        """Take over what ``state`` returned."""
+        of, size = self._learning, (self._scaling.mean.size, self._settings.hidden)
+        for name in ("online", "target", "average"):
+            weights = np.asarray(state[name], dtype=np.float32)
+            getattr(of, name).weights[:] = network_of(weights, *size, self._n_actions).weights
+        of.mean[:], of.square[:] = state["mean"], state["square"]
+        self.updates = int(state["updates"][0])
+
+
+@dataclass(frozen=True, eq=False)
+class Stretches:
+    """The next n steps from each step of an episode.
+
+    Attributes:
+        earned: Discounted sum of their rewards.
+        end: Number of the observation they end at; the last one where the episode is shorter.
+        discounts: What the value there counts; 0 where the task ended.
+    """
+
+    earned: Floats  # [T]
+    end: Integers  # [T]
+    discounts: Floats  # [T]
+
+
+def stretches(rewards: Floats, discount: float, n_steps: int, *, terminated: bool) -> Stretches:
+    """Return the stretches of an episode with these rewards [T]; see ``DoubleDQN.add``."""
+    length = rewards.size
+    padded = np.concatenate([rewards, np.zeros(n_steps)])
+    earned = np.zeros(length)
+    for k in range(n_steps):
+        earned += discount**k * padded[k : k + length]
+    begin = np.arange(length)
+    end = np.minimum(begin + n_steps, length)
+    ended = (end == length) & terminated
+    return Stretches(earned, end, np.where(ended, 0.0, discount ** (end - begin).astype(float)))
+
+
+def reward_scale_of(rewards: Sequence[Floats], discount: float) -> float:
+    """Return the factor that makes the largest discounted return of some episodes ten.
+
+    Args:
+        rewards: Rewards of each episode, each of shape [T].
+        discount: gamma.
+    """
+    largest = 0.0
+    for of_episode in rewards:
+        value = 0.0
+        for reward in of_episode[::-1].tolist():
+            value = reward + discount * value
+            largest = max(largest, abs(value))
+    return LARGEST_RETURN / largest if largest > 0.0 else 1.0
+
+
+def _empty(n: int, d: int) -> Experience:
+    return Experience(
+        np.zeros((n, d), np.float32),
+        np.zeros(n, np.int64),
+        np.zeros(n, np.float32),
+        np.zeros((n, d), np.float32),
+        np.zeros(n, np.float32),
+    )
+
+
+def _lengthened(experience: Experience, n: int) -> Experience:
+    longer = _empty(n, experience.observations.shape[1])
+    for name in Experience._fields:
+        getattr(longer, name)[: experience.actions.size] = getattr(experience, name)
+    return longer
