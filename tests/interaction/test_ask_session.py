@@ -3,7 +3,7 @@
 import pytest
 
 from eutree.interaction.ask_session import ASKED, GRACE_SECONDS, WAITING, Desk
-from eutree.interaction.events import Away
+from eutree.interaction.events import Away, Present
 from eutree.interaction.settings import SessionSettings
 from tests.interaction.asking import Asked
 from tests.interaction.people import Person
@@ -94,6 +94,26 @@ def test_a_closed_page_is_awaited_for_a_moment_only(person, asked):
     assert person.view.state == "paused"
     person.wait(GRACE_SECONDS + 0.5)
     assert not person.desk.is_open
+
+
+def test_a_page_that_stays_closed_is_not_awaited_again(person, asked):
+    """It was awaited for the whole patience at every further request."""
+    person.tick(Away("closed", gone=True))
+    person.wait(GRACE_SECONDS + 1.0)
+    ask(person, asked)
+    assert not person.desk.is_open
+    person.tick(Present())
+    ask(person, Asked()).wait(20.0)
+    assert person.desk.is_open
+    person.wait(11.0)
+    assert not person.desk.is_open
+
+
+def test_who_comes_back_in_time_has_all_of_it(person, asked):
+    ask(person, asked).tick(Away("closed", gone=True))
+    person.wait(2.0).tick(Present())
+    person.wait(20.0)
+    assert person.desk.is_open
 
 
 def test_a_lost_focus_pauses_and_goes_on(person, asked):

@@ -1,11 +1,13 @@
 """A learner asks at the real page: a person shows a stretch, declines, and closes the tab."""
 
 import threading
+import time
 
 import gymnasium
 import pytest
 
 import eutree
+from eutree.interaction.ask_session import GRACE_SECONDS
 from eutree.interaction.browser import AskInBrowser
 from eutree.interaction.settings import SessionSettings
 from eutree.training import Asking
@@ -73,6 +75,16 @@ def test_the_page_says_goodbye(chromium):  # noqa: F811
     person.until(state="finished")
     assert person.page.locator("#title").inner_text() == "Learning has ended"
     assert person.page.locator("#banner").is_hidden()
+
+
+def test_a_page_that_was_never_opened_is_not_awaited():
+    """Three requests took three times the patience."""
+    run = Run(patience=60.0)
+    time.sleep(GRACE_SECONDS)
+    began = time.monotonic()
+    run.thread.start()
+    assert run.finish().history.demonstrated.sum() == 0
+    assert time.monotonic() - began < ENOUGH
 
 
 def test_nobody_at_the_page():

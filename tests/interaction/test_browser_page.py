@@ -187,6 +187,88 @@ def test_two_tabs_one_acts(chromium, tmp_path) -> None:
         second.page.get_by_role("button", name="Take over").click()
         second.until(role="acting", state="paused")
         first.until(role="watching")
+        assert "Another page is acting" in first.page.locator("#banner").inner_text()
+        second.page.close()
+        first.until(role="idle")  # nobody acts, and nobody is said to
+        assert "Nobody is acting" in first.page.locator("#banner").inner_text()
+        first.page.get_by_role("button", name="Act here").click()
+        first.until(role="acting")
+
+
+@pytest.mark.promise(26)
+def test_a_duplicated_tab_watches_and_a_reloaded_one_goes_on(chromium, tmp_path) -> None:
+    """A browser copies the tab's session storage, by which the page knows itself."""
+    with serving(tmp_path, Corridor(length=100, limit=10_000)) as served:
+        first = Person(chromium, served).until(state="opening", role="acting")
+        with first.context.expect_page() as opened:
+            first.page.evaluate("() => { window.open(location.href); }")
+        opened.value.locator("body[data-role=watching]").wait_for(timeout=PATIENCE)
+        assert first.data("role") == "acting"
+        first.page.reload()
+        first.until(role="acting")
+        opened.value.locator("body[data-role=watching]").wait_for(timeout=PATIENCE)
+
+
+def test_a_new_address_pasted_into_the_old_tab_connects(chromium, tmp_path) -> None:
+    """As one does after a crash: the address changes in its fragment only."""
+    with serving(tmp_path) as served:
+        page = chromium.new_context().new_page()
+        page.goto(f"http://127.0.0.1:{served.port}/#an-earlier-token")
+        page.get_by_text("does not know this address").wait_for(timeout=PATIENCE)
+        page.evaluate("(url) => { location.href = url; }", served.server.url)
+        page.locator("body[data-state=opening][data-connection=open]").wait_for(timeout=PATIENCE)
+        assert page.locator("#banner").is_hidden()
+
+
+def test_a_recorder_that_is_gone_is_told_from_one_that_refuses(chromium, tmp_path) -> None:
+    with serving(tmp_path) as served:
+        page = chromium.new_context().new_page()
+        page.goto(f"http://127.0.0.1:{served.port}/#an-earlier-token")
+        page.get_by_text("does not know this address").wait_for(timeout=PATIENCE)
+    page.get_by_text("The recorder does not answer").wait_for(timeout=PATIENCE)
+
+
+class Numbered(Corridor):
+    """Its keys are digits and a letter, as a person may choose them."""
+
+    def get_keys_to_action(self):
+        return {(ord("1"),): 0, (ord("p"),): 2}
+
+
+def test_a_key_that_changes_its_name_is_released(chromium, tmp_path) -> None:
+    """Press 1, press Shift, let go of 1: the keyboard reports !, and going went on."""
+    with serving(tmp_path, Numbered(length=100, limit=10_000)) as served:
+        person = Person(chromium, served).until(state="opening")
+        person.tap("Enter").until(state="playing")
+        for key in ("Digit1", "Shift"):
+            person.page.keyboard.down(key)
+        person.until(action=0)
+        person.page.keyboard.up("Digit1")  # with Shift held it is reported as !
+        person.until(action=1)
+        person.page.keyboard.up("Shift")
+
+
+@pytest.mark.parametrize("letter", ["\u0437", "\u03c0"])  # P's place in Russian and in Greek
+def test_other_layouts_keep_their_letter_keys(chromium, tmp_path, letter) -> None:
+    with serving(tmp_path, Numbered(length=100, limit=10_000)) as served:
+        person = Person(chromium, served).until(state="opening")
+        person.tap("Enter").until(state="playing")
+        event = {"key": letter, "code": "KeyP", "bubbles": True, "cancelable": True}
+        press = "(event) => document.body.dispatchEvent(new KeyboardEvent({}, event))"
+        person.page.evaluate(press.format("'keydown'"), event)
+        person.until(action=2)
+        person.page.evaluate(press.format("'keyup'"), event)
+        person.until(action=1)
+
+
+def test_what_ended_early_is_said_to_count(chromium, tmp_path) -> None:
+    with serving(tmp_path, Corridor(length=100, limit=10_000)) as served:
+        person = Person(chromium, served).until(state="opening")
+        person.tap("Enter").until(state="playing").rest(0.4).tap("e").until(state="review", saved=1)
+        person.page.get_by_text("1 of them ended early").wait_for(timeout=PATIENCE)
+        person.page.get_by_role("button", name="Discard episode 0").click()
+        person.until(saved=0)
+        person.page.locator("#early").wait_for(state="hidden", timeout=PATIENCE)
 
 
 def test_a_network_cut_pauses_and_the_page_comes_back_by_itself(chromium, tmp_path) -> None:

@@ -81,6 +81,22 @@ def test_an_episode_that_is_left_comes_back_interrupted(tmp_path) -> None:
     assert stored.episodes[1].steps["keys"].shape == (steps, 2)
 
 
+def test_two_recorders_in_one_folder_play_different_starts(tmp_path) -> None:
+    first, mine = person_in(tmp_path / "demos")
+    second, theirs = person_in(tmp_path / "demos")
+    first.tap("enter").tap("p").tap("e").wait(1.0)  # ended before its first step
+    for _ in range(2):
+        first.walk()
+        second.walk()
+    first.tap("r").until("playing").press("right").until("review")  # the same start on purpose
+    mine.close()
+    theirs.close()
+    episodes = Demonstrations.load(tmp_path / "demos").episodes
+    assert len({episode.seed for episode in episodes if episode.kept}) == 4
+    redone = [episode for episode in episodes if not episode.kept]
+    assert redone[0].seed in {episode.seed for episode in episodes if episode.kept}
+
+
 def test_another_environment_is_refused(tmp_path) -> None:
     person_in(tmp_path / "demos")[1].close()
 

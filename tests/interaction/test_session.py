@@ -134,6 +134,19 @@ def test_a_key_is_stored_with_what_was_on_screen_when_it_went_down() -> None:
     assert episode.steps["keys"][first].tolist() == [False, True]
 
 
+def test_a_picture_that_was_never_given_out_is_not_stored_as_seen() -> None:
+    person = Person()
+    person.tap("enter").until("playing").tick(KeyDown("right", 10**30))
+    person.wait(0.3).do("end")
+    episode = person.session.episodes[0]
+    assert np.all(episode.steps["edge_frame"][1:] <= episode.steps["picture"][1:])
+
+
+def test_half_an_episode_is_not_dropped() -> None:
+    person = Person().walk().do("drop", 0.5)
+    assert [row.kept for row in person.view.episodes] == [True]
+
+
 def test_both_keys_mean_their_combination() -> None:
     person = Person()
     person.tap("enter").until("playing").press("left").press("right").wait(0.35)

@@ -16,6 +16,7 @@ from eutree.interaction.recorder import Recorder
 from eutree.interaction.replay import replay
 from eutree.interaction.settings import SessionSettings
 from eutree.interaction.window import Gamepad, Window, key_name
+from eutree.interaction.window_screen import SIZE, fitting, words
 from tests.interaction.people import Corridor
 from tests.interaction.xvfb import display
 
@@ -125,7 +126,9 @@ def test_an_older_episode_is_discarded_and_kept(person, tmp_path) -> None:
     person.tap(pygame.K_k)
     assert kept() == [True, True]
     box = next(box for box, row in person.window._screen._rows if row == 1)
-    person.post(pygame.MOUSEBUTTONDOWN, pos=box.center, button=1).tap(pygame.K_k)
+    shown = pygame.display.get_surface().get_size()  # less than drawn, on a small desktop
+    at = [place * part / whole for place, part, whole in zip(box.center, shown, SIZE, strict=True)]
+    person.post(pygame.MOUSEBUTTONDOWN, pos=at, button=1).tap(pygame.K_k)
     assert kept() == [True, False]
     person.tap(pygame.K_RETURN).until("playing").tap(pygame.K_TAB).tap(pygame.K_k)
     assert kept() == [True, False]  # while an episode runs these keys do nothing
@@ -242,3 +245,32 @@ def test_real_keys_in_a_real_window(tmp_path) -> None:
     assert episode.ending in ("goal", "collision")
     assert episode.extras["viewer"] == "window"
     assert any(episode.actions == 1)
+
+
+def test_a_small_desktop_shows_the_whole_window(person) -> None:
+    """At 1024 x 600 the window of 1100 x 640 was cut off."""
+    assert fitting((1920, 1080)) == SIZE
+    width, height = fitting((1024, 600))
+    assert (width <= 942, height <= 552) == (True, True)
+    assert width / height == pytest.approx(SIZE[0] / SIZE[1], rel=0.01)
+    shown, desktop = pygame.display.get_surface().get_size(), pygame.display.get_desktop_sizes()[0]
+    assert all(part <= whole for part, whole in zip(shown, desktop, strict=True))
+
+
+def test_a_key_that_changes_its_name_is_released(person) -> None:
+    """Shift, or another layout, between down and up: the key let go is the key that was held."""
+    person.post(pygame.KEYDOWN, key=pygame.K_1, scancode=30)
+    assert person.view.held == ["1"]
+    person.post(pygame.KEYUP, key=pygame.K_EXCLAIM, scancode=30)
+    assert person.view.held == []
+
+
+def test_a_layout_without_latin_letters_keeps_its_keys() -> None:
+    assert key_name("з", pygame.KSCAN_P) == "p"
+    assert key_name("π", pygame.KSCAN_P) == "p"
+    assert key_name("z", pygame.KSCAN_Y) == "z"  # a German one: what is typed counts
+
+
+def test_the_window_says_which_episodes_ended_early(person) -> None:
+    person.tap(pygame.K_RETURN).until("playing").rest(0.3).tap(pygame.K_e).until("review")
+    assert any("1 of them ended early" in line for line in words(person.view)[1])

@@ -143,7 +143,7 @@ class DemonstrationFolder:
 
     def append(self, episode: Episode) -> int:
         """Write one more episode and return its number."""
-        number = self._next()
+        number = self.next_number()
         self.write(number, episode)
         return number
 
@@ -166,7 +166,7 @@ class DemonstrationFolder:
         extras: dict[str, Any] | None = None,
     ) -> "RunningEpisode":
         """Open the journal of a new episode; ``finish`` it when it is over."""
-        number = self._next()
+        number = self.next_number()
         path = self._journal_path(number)
         return RunningEpisode(
             self, number, EpisodeJournal(path, observation, seed=seed, extras=extras)
@@ -201,7 +201,8 @@ class DemonstrationFolder:
     def _journal_path(self, number: int) -> Path:
         return self.path / f"episode-{number:05d}.journal"
 
-    def _next(self) -> int:
+    def next_number(self) -> int:
+        """Return the number that the next episode will get, whoever starts it."""
         return max(self._numbers("npz") + self._numbers("journal"), default=-1) + 1
 
     def _numbers(self, kind: str) -> list[int]:

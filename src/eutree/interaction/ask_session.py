@@ -5,7 +5,7 @@ stored here: an episode is under way already, and each step goes to the learner.
 
     waiting -> asked -> countdown -> playing -> waiting ...
                   |         ^          |
-                  |         +- paused -+      no answer in time, or the page closed: waiting
+                  |         +- paused -+      no answer in time, or no page is open: waiting
 """
 
 from collections.abc import Iterable
@@ -15,7 +15,7 @@ from typing import Any
 import gymnasium
 
 from eutree.data import Episode
-from eutree.interaction.events import Away, Command, Event, Frame, Tick, View
+from eutree.interaction.events import Away, Command, Event, Frame, Present, Tick, View
 from eutree.interaction.guard import GuardedEnv
 from eutree.interaction.keys import KeyMap, parse_keys
 from eutree.interaction.requests import HANDED_BACK, Request, Stretch
@@ -57,6 +57,7 @@ class AskSession(Session):
         self.said = HANDED_BACK
         self._patience = patience
         self._deadline = 0.0
+        self._left: float | None = None  # when the last viewer left; None while one is there
         self._request: Request | None = None
         self._stretch: Stretch | None = None
 
@@ -65,15 +66,24 @@ class AskSession(Session):
         self._request, self._stretch, self.said = request, stretch, ""
         self.state, self._message = ASKED, request.reason
         self._trial = Trial.unused()
-        self._deadline = now + self._patience
+        self._deadline = self._latest(now)
         self._pictures.expect()
+
+    def _latest(self, now: float) -> float:
+        """Return until when an answer is awaited: briefly where nobody is there to give it."""
+        patience = now + self._patience
+        return patience if self._left is None else min(patience, self._left + GRACE_SECONDS)
 
     def _take(self, event: Event, now: float) -> None:
         if isinstance(event, Command) and event.name not in _COMMANDS:
             return
         super()._take(event, now)
-        if isinstance(event, Away) and event.gone and not self.said:
+        if isinstance(event, Away) and event.gone:
+            self._left = now
             self._deadline = min(self._deadline, now + GRACE_SECONDS)
+        elif isinstance(event, Present):
+            self._left = None
+            self._deadline = now + self._patience
 
     def _obey(self, command: Command, now: float) -> None:
         if command.name in _COMMANDS:
@@ -94,7 +104,7 @@ class AskSession(Session):
 
     def _pause(self, now: float) -> None:
         super()._pause(now)
-        self._deadline = now + self._patience
+        self._deadline = self._latest(now)
 
     def _advance(self, now: float) -> None:
         if self.state in (ASKED, PAUSED) and now >= self._deadline:

@@ -47,6 +47,11 @@ class Away:
 
 
 @dataclass(frozen=True)
+class Present:
+    """A viewer has come, or has come back."""
+
+
+@dataclass(frozen=True)
 class Command:
     """A button was pressed or a setting chosen: see ``Session.COMMANDS``."""
 
@@ -55,7 +60,7 @@ class Command:
     key: str = ""
 
 
-Event = KeyDown | KeyUp | Seen | Away | Command
+Event = KeyDown | KeyUp | Seen | Away | Present | Command
 
 # ---- out: what is to be stored
 

@@ -69,7 +69,11 @@ class Recorder:
         settings = settings or SessionSettings()
         first = max(settings.first, max(self._files, default=-1) + 1)
         self.session = Session(
-            guarded, keys=keys, settings=replace(settings, first=first), recorded=recorded
+            guarded,
+            keys=keys,
+            settings=replace(settings, first=first),
+            recorded=recorded,
+            free_start=self.folder.next_number,
         )
 
     def tick(self, now: float, events: Iterable[Event] = ()) -> Tick:

@@ -19,7 +19,7 @@ States::
                    +-------- paused      +--> finished
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import ClassVar
 
@@ -36,6 +36,7 @@ from eutree.interaction.events import (
     KeyDown,
     KeyUp,
     Output,
+    Present,
     Seen,
     Tick,
     View,
@@ -65,6 +66,8 @@ class Session:
         keys: What the keys mean; None for the environment's own keys, else a suggestion.
         settings: Everything else.
         recorded: Episodes recorded before, with their numbers, in order.
+        free_start: The least number of a start that nobody else has taken, asked before each new
+            one: two recorders may share a folder.
     """
 
     COMMANDS: ClassVar[tuple[str, ...]] = (
@@ -79,6 +82,7 @@ class Session:
         keys: KeyMap | None = None,
         settings: SessionSettings | None = None,
         recorded: Sequence[tuple[int, Episode]] = (),
+        free_start: Callable[[], int] = lambda: 0,
     ) -> None:
         if env.env.render_mode != "rgb_array":
             raise InvalidArgumentError(
@@ -94,6 +98,7 @@ class Session:
         self._numbers = [number for number, _ in recorded]
         self._trial: Trial | None = None
         self._start = self.settings.first  # number of the present start
+        self._free_start = free_start
         self._last: int | None = None  # place of this session's last episode in the list
         self._held: dict[str, None] = {}  # in the order in which the keys went down
         self._action = self.keys.idle or 0
@@ -167,7 +172,7 @@ class Session:
             self._pictures.saw(event.frame, now)
         elif isinstance(event, Away):
             self._leave(event.reason, now)
-        else:
+        elif not isinstance(event, Present):
             self._obey(event, now)
 
     def _key_down(self, event: KeyDown, now: float) -> None:
@@ -201,7 +206,8 @@ class Session:
     def _edge(self, key: str, now: float, frame: int, *, down: bool) -> None:
         self._pictures.saw(frame, now)
         if self._trial is not None:
-            self._trial.edge(key, now, max(frame, 0), down=down)
+            seen = min(max(frame, 0), self._pictures.given)  # no picture that was never given out
+            self._trial.edge(key, now, seen, down=down)
 
     def _leave(self, reason: str, now: float) -> None:
         for key in list(self._held):
@@ -229,7 +235,7 @@ class Session:
             self.pace.set_speed(now, float(value))
         elif name in ("toggle", "turn_based") and self.state not in (COUNTDOWN, PLAYING):
             self._set_mode(name, bool(value))
-        elif name in ("keep", "drop") and isinstance(value, int | float):
+        elif name in ("keep", "drop") and isinstance(value, int | float) and value == int(value):
             self._mark(int(value), kept=name == "keep", comment="")
         elif name == "bind" and self.state == OPENING and isinstance(value, int | float):
             self._bind(int(value), command.key)
@@ -259,14 +265,16 @@ class Session:
             self._begin(now)  # also when the target is reached: one more
 
     def _obey_redo(self, now: float) -> None:
+        start = self._start  # it is advanced when an episode is kept
         if self.state in (COUNTDOWN, PLAYING, PAUSED) and not self._has_ended():
             self._stop(now, kept=False, comment="redone")
         elif self.state in (PLAYING, REVIEW) and self._last is not None:
             self._mark(self._last, kept=False, comment="redone")
+            start -= 1
         else:
             return
-        self._start -= 1  # the same start again
-        self._begin(now)
+        self._start = start
+        self._begin(now, again=True)
 
     def _obey_discard(self, now: float) -> None:
         if self.state in (COUNTDOWN, PLAYING, PAUSED) and not self._has_ended():
@@ -322,8 +330,10 @@ class Session:
         self._pictures.expect()
         self._trial = Trial.unused()
 
-    def _begin(self, now: float) -> None:
-        """Reset for the next episode and count down."""
+    def _begin(self, now: float, *, again: bool = False) -> None:
+        """Reset for the next episode, or for the same one again, and count down."""
+        if not again:
+            self._start = max(self._start, self._free_start())
         self._trial = Trial.unused()
         observation = self.env.reset(self._seed())
         extras = {
@@ -421,8 +431,7 @@ class Session:
         if self._trial.n_steps:
             self._keep(replace(self._trial.stop(), kept=kept, comment=comment))
         else:
-            self._outputs.append(self._trial.abandoned())
-            self._start += 1
+            self._outputs.append(self._trial.abandoned())  # nothing was shown: the start is unused
             self._last = None
         self.pace.finish()
         self.state, self._review_began, self._message = REVIEW, now, ""

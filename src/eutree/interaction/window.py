@@ -19,6 +19,9 @@ CHOOSE, CHANGE = "tab", "k"  # of the list of episodes
 STICK = 0.5  # how far a stick must be pushed to count as an arrow key
 
 _NAMES = {"return": "enter", "enter": "enter", "=": "+", "[+]": "+", "[-]": "-"}
+_LETTERS = {4 + n: chr(ord("a") + n) for n in range(26)}  # scan codes: places on the keyboard
+_DIGITS = {30 + n: str((n + 1) % 10) for n in range(10)}
+_PLACES = {**_LETTERS, **_DIGITS, 45: "-", 46: "+", 55: "."}
 _HAT = (("left", "right"), ("down", "up"))  # by axis: negative, positive
 _STICK_KEYS = (("left", "right"), ("up", "down"))
 _PAUSE_BUTTONS, _FIRST_START_BUTTON = (6, 8), 7
@@ -115,6 +118,7 @@ class Window:
         ]
         self._gamepad = Gamepad(first)
         self._joysticks: dict[int, Any] = {}  # held, or pygame forgets them
+        self._down: dict[int, str] = {}  # names of the keys held, by their place on the keyboard
         self.is_closed = False
 
     def run(self) -> None:
@@ -165,12 +169,20 @@ class Window:
             row = self._screen.episode_at(event.pos)
             return [] if row is None else self._choose(row)
         if event.type in (pygame.KEYDOWN, pygame.KEYUP):
-            key = key_name(pygame.key.name(event.key))
+            key = self._key(event)
             if event.type == pygame.KEYDOWN and key in (CHOOSE, CHANGE) and not self._runs():
                 return self._choose_older() if key == CHOOSE else self._change()
             kind = KeyDown if event.type == pygame.KEYDOWN else KeyUp
             return [kind(key, self._frame)] if key else []
         return self._gamepad_meaning(event)
+
+    def _key(self, event: Any) -> str:
+        """Return the name of a key: on its way up the same as on its way down."""
+        place = getattr(event, "scancode", event.key)
+        if event.type == self._pygame.KEYUP and place in self._down:
+            return self._down.pop(place)
+        self._down[place] = key_name(self._pygame.key.name(event.key), place)
+        return self._down[place]
 
     def _runs(self) -> bool:
         """Whether an episode runs, so that keys act."""
@@ -220,7 +232,12 @@ class Window:
         return event
 
 
-def key_name(name: str) -> str:
-    """Return our name of the key that pygame calls ``name``; empty if it has none."""
+def key_name(name: str, place: int = 0) -> str:
+    """Return our name of the key that pygame calls ``name``; empty if it has none.
+
+    Where a layout types no Latin letters (Cyrillic, Greek), the key is named after its place.
+    """
     key = _NAMES.get(name, name)
+    if len(key) == 1 and not key.isascii():
+        key = _PLACES.get(place, key)
     return key if len(key) == 1 or key in NAMED_KEYS else ""

@@ -18,6 +18,7 @@ from eutree.interaction.session import (
 )
 
 SIZE = (1100, 640)
+FREE = 0.92  # of the desktop; the rest is for its bars and the window's title
 STAGE = (20, 64, 740, 494)  # left, top, width, height of the picture's place
 SIDE = 784  # left edge of the column beside it
 SIDE_WIDTH = 296
@@ -58,7 +59,10 @@ class Screen:
 
         self._pygame: Any = pygame
         pygame.font.init()
-        self._surface: Any = pygame.display.set_mode(SIZE)
+        self._window: Any = pygame.display.set_mode(fitting(pygame.display.get_desktop_sizes()[0]))
+        # What is drawn has always the same size; a smaller window shows it scaled down.
+        small = self._window.get_size() != SIZE
+        self._surface: Any = pygame.Surface(SIZE) if small else self._window
         pygame.display.set_caption("eutree recorder")
         self._fonts: dict[tuple[int, bool], Any] = {}
         self._faces: dict[bool, str | None] = {}
@@ -69,7 +73,9 @@ class Screen:
 
     def episode_at(self, position: tuple[int, int]) -> int | None:
         """Return the place in the list of the episode drawn at a point of the window."""
-        return next((row for box, row in self._rows if box.collidepoint(position)), None)
+        window = self._window.get_size()
+        point = [at * size / shown for at, size, shown in zip(position, SIZE, window, strict=True)]
+        return next((row for box, row in self._rows if box.collidepoint(point)), None)
 
     def draw(self, tick: Tick) -> None:
         """Draw a view if anything has changed since the last one."""
@@ -85,6 +91,9 @@ class Screen:
         self._header(tick.view)
         self._stage(tick.view)
         self._column(tick.view)
+        if self._surface is not self._window:
+            size = self._window.get_size()
+            self._pygame.transform.smoothscale(self._surface, size, self._window)
         self._pygame.display.flip()
 
     def _scaled(self, frame: Frame) -> Any:
@@ -210,6 +219,12 @@ class Screen:
         return self._fonts[(size, bold)]
 
 
+def fitting(desktop: tuple[int, int]) -> tuple[int, int]:
+    """Return the window's size on a desktop: smaller where it would be cut off."""
+    share = min(1.0, *(FREE * room / size for room, size in zip(desktop, SIZE, strict=True)))
+    return round(SIZE[0] * share), round(SIZE[1] * share)
+
+
 def mode_name(view: View) -> str:
     """Return how keys act at present."""
     if view.turn_based:
@@ -254,8 +269,9 @@ def words(view: View) -> tuple[str, list[str], Any]:
     saved = f"{view.saved} of {view.target} saved"
     enough = view.saved >= view.target
     finish = f"{keys.get('finish', '')}: finish"
+    early = ended_early(view.episodes)
     if view.state == OPENING:
-        return "Show how it is done", [f"Enter: start     {finish}"], INK
+        return "Show how it is done", [*early, f"Enter: start     {finish}"], INK
     if view.state == ASKED:
         within = f"Please answer within {view.countdown} s; else learning goes on without you."
         answer = f"Enter: show it     {keys.get('finish', '')}: not now, hand back"
@@ -270,10 +286,16 @@ def words(view: View) -> tuple[str, list[str], Any]:
         following = "Enter: finish" if enough else f"Enter: next     {finish}"
         redo = f"{keys.get('redo', '')}: same start again     {keys.get('discard', '')}: discard"
         color = INK if last is None or not last.kept else result_color(last)
-        return title, [saved, following, redo], color
+        return title, [saved, *early, following, redo], color
     if view.state == FINISHED:
         return saved, ["Everything is stored. Any key closes the window."], GOOD if enough else INK
     return "The recording has ended", [view.message, "What was recorded is stored."], BAD
+
+
+def ended_early(episodes: list[EpisodeView]) -> list[str]:
+    """Return a line on the kept episodes that a person or a crash ended, if there are any."""
+    early = [row for row in episodes if row.kept and row.result in ("stopped", "interrupted")]
+    return [f"{len(early)} of them ended early and count like the others."] if early else []
 
 
 def key_text(key: str) -> str:

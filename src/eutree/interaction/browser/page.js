@@ -9,6 +9,7 @@ const NAMES = {
   " ": "space", ArrowLeft: "left", ArrowRight: "right", ArrowUp: "up", ArrowDown: "down",
   Enter: "enter", Escape: "escape", Tab: "tab", Delete: "delete", Backspace: "backspace", "=": "+",
 };
+const PLACES = { Minus: "-", Equal: "+", Period: ".", NumpadAdd: "+", NumpadSubtract: "-" }; // of keys
 const GLYPHS = {
   space: "Space", left: "←", right: "→", up: "↑", down: "↓", enter: "Enter", escape: "Esc",
   tab: "Tab", delete: "Del", backspace: "⌫",
@@ -29,31 +30,52 @@ let newest = null; // a picture that waits to be drawn
 let drawing = false;
 let binding = null; // the action that waits for its key
 let retry = 0;
-const down = new Map(); // key -> "keyboard" or the pad that holds it
+let again = 0; // the timer of the next attempt to connect
+const down = new Map(); // key -> the key's place on the keyboard, or the pad, that holds it
 const sentAt = new Map(); // sequence -> when, until a picture answers
 
-function remembered(name, make) {
-  const old = sessionStorage.getItem(name);
-  const value = old || make();
-  sessionStorage.setItem(name, value);
-  return value;
+function newName() {
+  return Array.from(crypto.getRandomValues(new Uint8Array(12)), (b) => b.toString(16).padStart(2, "0")).join("");
 }
 
-if (location.hash.length > 1) {
+/* Takes the token out of the address; returns whether there was one. */
+function readToken() {
+  if (location.hash.length < 2) return false;
   sessionStorage.setItem("token", location.hash.slice(1));
   history.replaceState(null, "", location.pathname);
+  token = sessionStorage.getItem("token");
+  return true;
 }
-const token = sessionStorage.getItem("token") || "";
-const client = remembered("client", () =>
-  Array.from(crypto.getRandomValues(new Uint8Array(12)), (b) => b.toString(16).padStart(2, "0")).join(""));
+
+let token = sessionStorage.getItem("token") || "";
+readToken();
+let client = sessionStorage.getItem("client") || newName();
+sessionStorage.setItem("client", client);
+
+/* A duplicated tab has its original's name, by which it would take over: it asks the other tabs
+   and takes a new one. After a reload nobody answers. */
+const tabs = new BroadcastChannel("eutree");
+const me = newName();
+tabs.onmessage = ({ data }) => {
+  if (data.asks && data.client === client) tabs.postMessage({ taken: client, to: data.asks });
+  if (data.to === me && data.taken === client) {
+    client = newName();
+    sessionStorage.setItem("client", client);
+  }
+};
+const TAB_ANSWER = 120; // ms
 
 // ---- the socket
 
 function connect() {
+  clearTimeout(again);
   const scheme = location.protocol === "https:" ? "wss:" : "ws:";
-  socket = new WebSocket(`${scheme}//${location.host}/socket`, ["eutree", `token.${token}`]);
+  const opened = new WebSocket(`${scheme}//${location.host}/socket`, ["eutree", `token.${token}`]);
+  let wasOpen = false;
+  socket = opened;
   socket.binaryType = "arraybuffer";
   socket.onopen = () => {
+    wasOpen = true;
     retry = 0;
     sequence = 0;
     drawn = 0;
@@ -69,17 +91,39 @@ function connect() {
       receive(event.data);
     }
   };
-  socket.onclose = () => {
+  socket.onclose = async () => {
+    if (socket !== opened) return; // another address was pasted
     down.clear();
     if (view.state === "finished" || view.state === "failed") return;
     body.dataset.connection = "lost";
-    banner(token
-      ? "No connection to the recorder. Is it still running? Trying again …"
-      : "This address lacks the recorder's token. Open the whole address that eutree printed.");
     retry += 1;
-    if (token) setTimeout(connect, Math.min(250 * retry, 2000));
+    if (token) again = setTimeout(connect, Math.min(250 * retry, 2000));
+    const reason = await whyLost(wasOpen);
+    if (socket === opened && body.dataset.connection === "lost") banner(reason);
   };
 }
+
+async function whyLost(wasOpen) {
+  if (!token) return "This address lacks the recorder's token. Open the whole address that eutree printed.";
+  try {
+    const status = await (await fetch("/status", { cache: "no-store" })).text();
+    if (status === "full") return "Too many pages of this recorder are open. Close another one.";
+    if (wasOpen) return "The connection broke. Trying again …";
+    return "The recorder that runs here does not know this address: it is of an earlier one. Paste the address that eutree printed last.";
+  } catch {
+    return "The recorder does not answer. Is it still running? Start it again and paste its new address here.";
+  }
+}
+
+addEventListener("hashchange", () => {
+  if (!readToken()) return;
+  const old = socket;
+  view = {};
+  retry = 0;
+  banner("");
+  connect();
+  old?.close();
+});
 
 function send(message) {
   if (socket && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
@@ -133,6 +177,14 @@ function used(key) {
     || (!runs() && view.state !== "waiting" && (key === "enter" || key === "space"));
 }
 
+/* The name of a key as it is typed; where that means nothing here (Shift was pressed meanwhile, or
+   the layout is Cyrillic or Greek), that of its place on the keyboard. */
+function nameOf(event) {
+  const typed = NAMES[event.key] || event.key.toLowerCase();
+  const place = PLACES[event.code] || event.code.replace(/^(Key|Digit|Numpad(?=\d))/, "").toLowerCase();
+  return used(typed) || !used(place) ? typed : place;
+}
+
 function press(key, source) {
   if (down.has(key)) return;
   down.set(key, source);
@@ -161,8 +213,9 @@ function leave() {
 
 addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey) return;
-  const key = NAMES[event.key] || event.key.toLowerCase();
   if (binding !== null) {
+    if (["Shift", "AltGraph", "CapsLock"].includes(event.key)) return;
+    const key = NAMES[event.key] || event.key.toLowerCase();
     event.preventDefault();
     if (key !== "escape") act("bind", binding, key);
     binding = null;
@@ -170,16 +223,18 @@ addEventListener("keydown", (event) => {
     show();
     return;
   }
+  const key = nameOf(event);
   if (!acts() || !used(key)) return;
   const native = event.target.closest("button, select");
   if (native && (key === "enter" || key === "space" || native.tagName === "SELECT")
       && !(runs() && actionKeys().includes(key))) return;
   event.preventDefault();
-  if (!event.repeat) press(key, "keyboard");
+  if (!event.repeat) press(key, event.code || event.key);
 });
 addEventListener("keyup", (event) => {
-  const key = NAMES[event.key] || event.key.toLowerCase();
-  if (down.get(key) === "keyboard") { event.preventDefault(); release(key); }
+  for (const [key, source] of down) {
+    if (source === (event.code || event.key)) { event.preventDefault(); release(key); }
+  }
 });
 addEventListener("blur", leave);
 document.addEventListener("visibilitychange", () => { if (document.hidden) leave(); });
@@ -238,9 +293,12 @@ function show() {
     state: view.state, role: view.role || "", connection: "open", saved: view.saved, step: view.step,
     episodes: (view.episodes || []).length, action: view.action, speed: view.speed,
   });
-  const watching = view.role === "watching";
-  banner(watching ? "Somebody else is acting. You are watching." : "");
+  const watching = !acts();
+  const nobody = view.role === "idle";
+  banner(nobody ? "Nobody is acting. The page that did is closed."
+    : watching ? "Another page is acting. You are watching." : "");
   $("take").hidden = !watching;
+  $("take").textContent = nobody ? "Act here" : "Take over";
   $("environment").textContent = view.environment;
   $("heading").textContent = view.asks ? "Learner" : "Recorder";
   $("episodes-section").hidden = Boolean(view.asks);
@@ -396,6 +454,10 @@ function showEpisodes() {
   words($("episodes"), ...rows.reverse());
   $("episodes-table").hidden = rows.length === 0;
   $("none").hidden = rows.length > 0;
+  const early = view.episodes.filter((e) => e.kept && ["stopped", "interrupted"].includes(e.result));
+  $("early").hidden = early.length === 0;
+  $("early").textContent = `${early.length} of them ended early (stopped or interrupted) and count like `
+    + "the others. Discard those that you did not mean.";
 }
 
 function showNumbers() {
@@ -467,4 +529,5 @@ function sentence(episode) {
   return episode.kept ? text : `${text} — ${episode.comment || "discarded"}`;
 }
 
-connect();
+tabs.postMessage({ asks: me, client });
+setTimeout(connect, TAB_ANSWER);

@@ -27,7 +27,7 @@ from eutree.interaction.browser.wire import (
     view_fields,
 )
 from eutree.interaction.engine import Engine
-from eutree.interaction.events import Away, Event, Frame, KeyDown, KeyUp, Seen, Tick
+from eutree.interaction.events import Away, Event, Frame, KeyDown, KeyUp, Present, Seen, Tick
 from eutree.interaction.recorder import Recorder
 from eutree.interaction.signals import orderly_end
 
@@ -43,6 +43,10 @@ MAX_SOCKETS = 8
 PING_SECONDS = 5.0
 IDLE_SECONDS = 0.1  # between two ticks of a session that waits for nothing
 
+STATUS_PATH = "/status"  # what a page asks whose socket was refused
+FULL, READY = "full", "ready"
+
+UNOPENED = "No page is open."
 LEFT = "The page was closed or the connection was lost."
 HIDDEN = "The page was hidden or lost the focus."
 TAKEN = "Another page has taken over."
@@ -105,6 +109,7 @@ class PageServer:
             InvalidArgumentError: The port is taken, or the address is not this machine's.
         """
         server = await self._listen()
+        self._add(Away(UNOPENED, gone=True))
         try:
             if on_ready is not None:
                 on_ready(self)
@@ -162,6 +167,9 @@ class PageServer:
         if getattr(request, "method", "GET") != "GET":  # older versions of websockets refuse others
             refused = HTTPStatus.METHOD_NOT_ALLOWED
             return _response(refused, refused.phrase.encode(), safe_headers("", hosts[0]))
+        if path == STATUS_PATH:
+            status = FULL if self._n_sockets >= MAX_SOCKETS else READY
+            return _response(HTTPStatus.OK, status.encode(), safe_headers("", hosts[0]))
         if path == SOCKET_PATH:
             if self._n_sockets >= MAX_SOCKETS:
                 full = HTTPStatus.SERVICE_UNAVAILABLE
@@ -225,11 +233,14 @@ class PageServer:
         if self._driver is not None:
             self._add(Away(TAKEN))
         self._driver, self._sequence = viewer, 0
+        self._add(Present())
         for other in self._viewers:
             other.show({"role": self._role(other)})
 
     def _role(self, viewer: "Viewer") -> str:
-        return "acting" if viewer is self._driver else "watching"
+        if viewer is self._driver:
+            return "acting"
+        return "idle" if self._driver is None else "watching"
 
     # ---- messages
 
@@ -240,6 +251,9 @@ class PageServer:
             self._set_driver(viewer)
         if viewer is not self._driver:
             return  # who watches changes nothing
+        sent = 0 if self._picture is None else self._picture[0]
+        if isinstance(message, Drawn | Key) and message.frame > sent:
+            raise InvalidArgumentError("this picture was never sent")
         if isinstance(message, Drawn):
             self._add(Seen(message.frame))
         elif isinstance(message, Key):

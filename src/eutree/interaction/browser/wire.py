@@ -2,7 +2,7 @@
 
 import io
 import struct
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
@@ -14,6 +14,9 @@ from eutree.interaction.keys import check_key
 from eutree.interaction.session import Session
 
 MAX_MESSAGE = 2048  # bytes
+_INDEXED = ("bind", "keep", "drop")  # commands whose value is a place in a list
+
+Number = Annotated[int, msgspec.Meta(ge=0, lt=2**32)]  # of a picture or of a key
 HEADER = struct.Struct(">III")  # picture's number, last key's sequence number, size in bytes
 JPEG_QUALITY = 80
 
@@ -27,16 +30,16 @@ class Hello(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="hello"
 class Key(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="key"):
     """A key went down or up, over the picture ``frame``."""
 
-    sequence: int
+    sequence: Number
     key: str
     down: bool
-    frame: int
+    frame: Number
 
 
 class Drawn(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="drawn"):
     """A picture is on the screen."""
 
-    frame: int
+    frame: Number
 
 
 class Gone(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="gone"):
@@ -75,7 +78,17 @@ def decode(text: str | bytes) -> Message:
         raise InvalidArgumentError("client must have 8 to 64 characters")
     if isinstance(message, Do) and message.name not in Session.COMMANDS:
         raise UnknownNameError("command", message.name, Session.COMMANDS)
+    if isinstance(message, Do) and message.name in _INDEXED and not _is_index(message.value):
+        raise InvalidArgumentError(
+            f"{message.name} must have a whole number of at least 0, got {message.value!r}"
+        )
     return message
+
+
+def _is_index(value: float | bool | None) -> bool:
+    if value is None or isinstance(value, bool):
+        return False
+    return 0 <= value < 2**32 and value == int(value)
 
 
 def command_of(message: Do) -> Command:
