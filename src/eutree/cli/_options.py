@@ -54,14 +54,18 @@ def env_arg_option(command: _Command) -> _Command:
         callback=_parse_arguments,
         help="Argument of the environment, for example opponent_speed=4.2. May be repeated.",
     )
-    module = click.option(
+    return argument(import_option(command))
+
+
+def import_option(command: _Command) -> _Command:
+    """Add ``--import``, which is obeyed before the command begins."""
+    return click.option(
         "--import",
         metavar="MODULE",
         expose_value=False,
         callback=_import_module,
         help="Python module, installed or in this folder, that registers your environment.",
-    )
-    return argument(module(command))
+    )(command)
 
 
 def _import_module(context: click.Context, parameter: click.Parameter, name: str | None) -> None:

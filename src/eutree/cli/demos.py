@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from eutree.cli._options import env_arg_option, json_option, path_option
+from eutree.cli._options import env_arg_option, import_option, json_option, path_option
 from eutree.cli._output import Output
 from eutree.errors import InvalidArgumentError
+from eutree.wording import counted
 
 if TYPE_CHECKING:
     from eutree.data import DemonstrationFolder, Demonstrations, Episode
@@ -211,26 +212,48 @@ def stats(folder: Path, html: Path | None, as_json: bool) -> None:
 @click.argument("source")
 @path_option("--out", text="A new folder.", required=True)
 @click.option("--env", "environment", help="The environment, where the source names none.")
+@click.option("--episode-column", help="Column of a .csv that says which episode; else 'episode'.")
+@click.option("--action-column", help="Column with the actions, names or numbers; else 'action'.")
+@click.option("--reward-column", help="Column with the rewards (more is better); else 'reward'.")
+@click.option("--delimiter", default=",", show_default=True, help="What separates the values.")
 @env_arg_option
 @json_option
 def import_(
     source: str,
     out: Path,
     environment: str | None,
+    episode_column: str | None,
+    action_column: str | None,
+    reward_column: str | None,
+    delimiter: str,
     env_arguments: dict[str, Any],
     as_json: bool,
 ) -> None:
-    """Read demonstrations from SOURCE: minari:ID, or a file ending in .csv or .npz."""
+    """Read demonstrations from SOURCE: minari:ID, or a file ending in .csv or .npz.
+
+    A .csv has one row for each observation, in order. Two columns are required: "episode" (which
+    one; any text) and "action" (what was done there; names, or numbers from 0). "step",
+    "action_name", "reward", "terminated", "truncated", "seed", "ending", "is_success" and "kept"
+    are known; every other column is a feature, its unit in brackets: "level [m]". The last row of
+    an episode has an empty action: it is what the last action led to. Without such a row the last
+    action is left out.
+    """
     from eutree.data import Demonstrations
 
     kind = _kind("SOURCE", source)
+    named = {"episode": episode_column, "action": action_column, "reward": reward_column}
+    columns = {name: column for name, column in named.items() if column is not None}
+    if kind != "csv" and (columns or delimiter != ","):
+        raise InvalidArgumentError(f"columns and --delimiter are for a file .csv, got {source!r}")
     schema, spec = (None, None) if environment is None else _described(environment, env_arguments)
     if kind == "minari":
         loaded = Demonstrations.from_minari(source.removeprefix("minari:"))
         if schema is not None:
             loaded = replace(loaded, schema=schema, environment=spec)
     elif kind == "csv":
-        loaded = Demonstrations.from_csv(source, schema=schema, environment=spec)
+        loaded = Demonstrations.from_csv(
+            source, schema=schema, environment=spec, columns=columns, delimiter=delimiter
+        )
     else:
         loaded = Demonstrations.from_npz(source, schema=schema, environment=spec)
     if not loaded.episodes:
@@ -242,11 +265,13 @@ def import_(
 @demos.command(epilog="Example: eutree demos export demos/ minari:eutree/evasion2/human-v0")
 @_folder
 @click.argument("target")
+@import_option
 @json_option
 def export(folder: Path, target: str, as_json: bool) -> None:
     """Write the kept episodes of FOLDER to TARGET: minari:ID, or a file .csv or .npz.
 
-    A .csv file also holds the discarded episodes, marked.
+    A .csv file also holds the discarded episodes, marked. A Minari dataset names the environment if
+    it is registered, by Gymnasium itself or by the module of --import.
     """
     kind = _kind("TARGET", target)
     opened = _open(folder)
@@ -376,12 +401,22 @@ def _items(mapping: Any) -> list[tuple[str, Any]]:
 
 
 def _written(demonstrations: "Demonstrations", path: str, as_json: bool) -> None:
+    from eutree.data.rows import DROPPED
+
+    dropped = sum(DROPPED in episode.extras for episode in demonstrations.episodes)
+    said = ""
+    if dropped:
+        said = (
+            f"; the last action of {counted(dropped, 'episode')} is left out: nothing says what "
+            "it led to"
+        )
     Output(as_json=as_json).result(
         {
             "episodes": len(demonstrations),
             "n_transitions": demonstrations.n_transitions,
+            "dropped_actions": dropped,
             "path": path,
         },
-        f"{len(demonstrations)} episodes, {demonstrations.n_transitions} transitions, "
-        f"written to {path}",
+        f"{counted(len(demonstrations), 'episode')}, "
+        f"{counted(demonstrations.n_transitions, 'transition')}, written to {path}{said}",
     )

@@ -4,13 +4,14 @@ The columns ``episode`` and ``action`` are required, ``step``, ``action_name``, 
 ``terminated``, ``truncated``, ``seed``, ``ending``, ``is_success`` and ``kept`` are known; every
 other column is a feature, its unit in brackets: ``position [m]``. The last row of an episode has
 no action: it is what the last action led to. In a log without such rows the last action of each
-episode is dropped, because what it led to is not known. Actions are indices, or names. An episode
-has a reward for each action, or none at all.
+episode is dropped, because what it led to is not known; the episode's extras keep it, under
+``dropped_action``. Actions are indices, or names. An episode has a reward for each action, or none
+at all.
 """
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from eutree.data.csv_reader import KNOWN, CsvReader
@@ -41,14 +42,27 @@ def write_csv(path: str | Path, episodes: Sequence[Episode], schema: Schema) -> 
     write_text(path, buffer.getvalue())
 
 
-def read_csv(path: str | Path, schema: Schema | None = None) -> tuple[tuple[Episode, ...], Schema]:
+def read_csv(
+    path: str | Path,
+    schema: Schema | None = None,
+    *,
+    columns: Mapping[str, str] | None = None,
+    delimiter: str = ",",
+) -> tuple[tuple[Episode, ...], Schema]:
     """Read episodes, and the schema that the columns tell unless one is given.
 
+    Args:
+        path: The file.
+        schema: Names and units, if known.
+        columns: The table's own names of known columns: ``{"episode": "day"}``.
+        delimiter: The character between two values.
+
     Raises:
+        InvalidArgumentError: ``columns`` names an unknown column, or ``delimiter`` is none.
         FormatError: A column is missing, or a value is not what it must be; says which line.
         FileError: The file is missing or cannot be read.
     """
-    reader = CsvReader(path, schema)
+    reader = CsvReader(path, schema, columns=columns, delimiter=delimiter)
     return reader.episodes, reader.schema
 
 

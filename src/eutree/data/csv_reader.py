@@ -4,16 +4,17 @@ import csv
 import io
 import re
 from array import array
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 
 from eutree.data.episode import Episode
-from eutree.data.rows import MAX_NAMES
+from eutree.data.rows import DROPPED, MAX_NAMES
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.files import read_bytes
 from eutree.schema import Feature, Schema
+from eutree.validation import check_choice
 
 MAX_CSV = 32 * 2**20
 MAX_EPISODES = 100_000
@@ -31,6 +32,7 @@ KNOWN = (
     "is_success",
     "kept",
 )
+REQUIRED = ("episode", "action")
 _FEATURE = re.compile(r"(?P<name>.*?)(?: \[(?P<unit>[^\]]*)\])?", re.DOTALL)
 _INDEX = re.compile(r"[0-9]{1,5}")
 _SEED = re.compile(r"[0-9]{1,99}")
@@ -45,6 +47,8 @@ class CsvReader:
     Args:
         path: The file.
         schema: Names and units; made from the columns if None.
+        columns: The table's own names of known columns: ``{"episode": "day"}``.
+        delimiter: The character between two values.
 
     Attributes:
         episodes: The episodes, in the order in which they begin.
@@ -55,14 +59,23 @@ class CsvReader:
         FileError: The file is missing or cannot be read.
     """
 
-    def __init__(self, path: str | Path, schema: Schema | None) -> None:
+    def __init__(
+        self,
+        path: str | Path,
+        schema: Schema | None,
+        *,
+        columns: Mapping[str, str] | None = None,
+        delimiter: str = ",",
+    ) -> None:
         self._path = path
+        self._own_names = _checked_columns(columns or {})
+        self._delimiter = _checked_delimiter(delimiter)
         self._codes: dict[str, int] = {}  # of the texts in the column action
         self._names: dict[str, str] = {}  # what action_name says about them
         groups: dict[str, _EpisodeRows] = {}
         rows = self._rows()
-        columns = next(rows)[1]
-        self._features = [column for column in columns if column not in KNOWN]
+        header = next(rows)[1]
+        self._features = [column for column in header if column not in KNOWN]
         if schema is not None and schema.n_features != len(self._features):
             reason = f"expected {schema.n_features} features, got columns {self._features}"
             raise FormatError(path, "line 1", reason)
@@ -78,10 +91,10 @@ class CsvReader:
     def _rows(self) -> Iterator[tuple[int, _Row]]:
         """Yield the columns, then each row, with the number of its line."""
         content = io.BytesIO(read_bytes(self._path, limit=MAX_CSV))
-        reader = csv.reader(io.TextIOWrapper(content, "utf-8-sig", newline=""), strict=True)
+        text = io.TextIOWrapper(content, "utf-8-sig", newline="")
+        reader = csv.reader(text, strict=True, delimiter=self._delimiter)
         try:
-            columns = next(reader, [])
-            self._check_columns(columns)
+            columns = self._renamed(next(reader, []))
             yield 1, dict.fromkeys(columns, "")
             for values in reader:
                 if len(values) != len(columns):
@@ -94,12 +107,31 @@ class CsvReader:
             reason = "not UTF-8 text"
             raise FormatError(self._path, f"after line {reader.line_num}", reason) from None
 
-    def _check_columns(self, columns: list[str]) -> None:
-        for name in ("episode", "action"):
+    def _renamed(self, found: list[str]) -> list[str]:
+        """Return the table's columns under the names that we know them by."""
+        for name in self._own_names.values():
+            if name not in found:
+                raise FormatError(self._path, "line 1", f"there is no column {name!r} in {found}")
+        known = {own: name for name, own in self._own_names.items()}
+        columns = [known.get(column, column) for column in found]
+        self._check_columns(columns, found)
+        return columns
+
+    def _check_columns(self, columns: list[str], found: list[str]) -> None:
+        for name in REQUIRED:
             if name not in columns:
-                raise FormatError(self._path, "line 1", f"there is no column {name!r}")
+                reason = (
+                    f"there is no column {name!r} in {found}; required are 'episode' and 'action', "
+                    "or columns named by --episode-column and --action-column "
+                    "(in Python columns={'episode': ..., 'action': ...})"
+                )
+                if len(found) == 1 and any(mark in found[0] for mark in ";\t|"):
+                    reason += "; and what separates the values by --delimiter"
+                raise FormatError(self._path, "line 1", reason)
         if len(set(columns)) < len(columns):
-            raise FormatError(self._path, "line 1", "two columns have the same name")
+            twice = sorted({name for name in columns if columns.count(name) > 1})
+            reason = f"two columns have the same name: {', '.join(map(repr, twice))}"
+            raise FormatError(self._path, "line 1", reason)
         if not 1 <= len(set(columns) - set(KNOWN)) <= MAX_NAMES:
             raise FormatError(self._path, "line 1", "there is no column of a feature, or too many")
 
@@ -156,6 +188,7 @@ class CsvReader:
     def _episode(self, group: "_EpisodeRows") -> Episode:
         row, line = group.last_row, group.last_line
         dropped = bool(row["action"])  # what the last action led to is not in the table
+        extras = {DROPPED: self._index(group.actions[-1])} if dropped else {}
         count = len(group.actions) - dropped
         terminated, truncated = group.ends[0] if dropped else group.ends[1]
         actions = np.array([self._index(code) for code in group.actions[:count]], dtype=np.int64)
@@ -171,6 +204,7 @@ class CsvReader:
                 is_success=self._truth(row, "is_success", line),
                 kept=self._truth(row, "kept", line) is not False,
                 has_rewards=group.has_rewards,
+                extras=extras,
             )
         except InvalidArgumentError as error:
             raise FormatError(self._path, f"line {line}", str(error)) from None
@@ -192,7 +226,8 @@ class CsvReader:
         except ValueError:
             number = np.nan
         if not np.isfinite(number) or "_" in text:
-            reason = f"{column} must be a finite number, got {text!r}"
+            hint = ", with a decimal point" if re.fullmatch(r"\s*[-+]?\d+,\d+\s*", text) else ""
+            reason = f"{column} must be a finite number{hint}, got {text!r}"
             raise FormatError(self._path, f"line {line}", reason)
         return number
 
@@ -226,6 +261,20 @@ class _EpisodeRows:
         self.ends = ((False, False), (False, False))
         self.last_line = 0
         self.last_row: _Row = {}
+
+
+def _checked_columns(columns: Mapping[str, str]) -> dict[str, str]:
+    for name in columns:
+        check_choice("columns", name, KNOWN)
+    return dict(columns)
+
+
+def _checked_delimiter(delimiter: str) -> str:
+    if len(delimiter) != 1 or delimiter in '"\r\n':
+        raise InvalidArgumentError(
+            f"delimiter must be one character, no quote and no end of line, got {delimiter!r}"
+        )
+    return delimiter
 
 
 def _feature(column: str) -> Feature:

@@ -1,7 +1,7 @@
 """Episodes recorded under an expert's control, with what is needed to read and replay them."""
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -156,7 +156,8 @@ class Demonstrations(Displayed):
             rewards: What each action earned, shape [N]; if not known, the episodes can be imitated
                 but not learned from by reinforcement.
             next_observations: What was sensed after each action, shape [N, d]; if not known, the
-                last action of each episode is dropped, because what it led to is not known.
+                last action of each episode is dropped, because what it led to is not known, and
+                kept in the episode's ``extras["dropped_action"]``.
             terminated: Whether the task ended after each row, shape [N].
             truncated: Whether a limit cut the episode short after each row, shape [N].
             schema: Names and units; made up if not known.
@@ -206,11 +207,25 @@ class Demonstrations(Displayed):
         *,
         schema: Schema | None = None,
         environment: EnvironmentSpec | None = None,
+        columns: Mapping[str, str] | None = None,
+        delimiter: str = ",",
     ) -> "Demonstrations":
-        """Read a table with one row for each observation; see docs/formats."""
+        """Read a table with one row for each observation; see docs/formats.
+
+        Where no row holds what an episode's last action led to, that action is dropped, and kept
+        in the episode's ``extras["dropped_action"]``.
+
+        Args:
+            path: The file.
+            schema: Names and units; made of the columns if not known.
+            environment: How to make the environment again, if known.
+            columns: The table's own names of the columns that are known by others:
+                ``{"episode": "day", "action": "heater", "reward": "gain"}``.
+            delimiter: The character between two values.
+        """
         from eutree.data.csv_files import read_csv
 
-        episodes, found = read_csv(path, schema)
+        episodes, found = read_csv(path, schema, columns=columns, delimiter=delimiter)
         return _blamed(path, episodes, found, environment, Path(path).stem)
 
     def to_csv(self, path: str | Path) -> None:
@@ -231,7 +246,8 @@ class Demonstrations(Displayed):
 
         Args:
             dataset_id: Its id, ending in a version: ``eutree/evasion2/human-v0``.
-            env: A Gymnasium environment or spec to store with it, if any.
+            env: A Gymnasium environment or spec to store with it, for Minari's
+                ``recover_environment``; by default the registered one of ``environment``.
         """
         from eutree.data.minari_files import MinariContent, write_minari
 

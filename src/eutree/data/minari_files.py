@@ -6,6 +6,7 @@ is imported again to the bit. Other readers see an ordinary dataset. Discarded e
 episodes without a step, are not exported.
 """
 
+import copy
 import json
 import re
 import warnings
@@ -32,6 +33,7 @@ from eutree.files.schema_document import environment_from_document, schema_from_
 from eutree.schema import EnvironmentSpec, Feature, Schema
 
 KEY = "eutree"
+ENV_SPEC = "env_spec"  # Minari's own key, read by ``recover_environment``
 
 _ID = re.compile(r"(?:[-_\w]+/)*[-_\w]+-v\d+")
 _STEPS = "steps_"
@@ -82,7 +84,9 @@ def write_minari(dataset_id: str, content: MinariContent, *, env: Any = None) ->
     Args:
         dataset_id: Its id, ending in a version: ``eutree/evasion2/human-v0``.
         content: What to write.
-        env: A Gymnasium environment or spec to store, for ``recover_environment``.
+        env: A Gymnasium environment or spec to store, for ``recover_environment``; by default the
+            one that ``content.environment`` names. Where that is not registered, or cannot be
+            written as text, there is a warning and the dataset stores none.
 
     Raises:
         FileError: The dataset exists, or cannot be written.
@@ -96,6 +100,9 @@ def write_minari(dataset_id: str, content: MinariContent, *, env: Any = None) ->
     notes = [{KEY: encode_document(episode_document(episode)).decode()} for episode in episodes]
     header = demonstrations_document(content.schema, content.environment, content.expert)
     spaces = _spaces(content.schema)
+    metadata = {KEY: encode_document(header).decode()}
+    if env is None and content.environment is not None:
+        metadata |= _env_spec(content.environment, name)
     with _quiet():
         try:
             dataset = minari.create_dataset_from_buffers(
@@ -107,10 +114,31 @@ def write_minari(dataset_id: str, content: MinariContent, *, env: Any = None) ->
                 algorithm_name=content.expert,
                 jpeg_encoding=False,
             )
-            dataset.storage.update_metadata({KEY: encode_document(header).decode()})
+            dataset.storage.update_metadata(metadata)
             dataset.storage.update_episode_metadata(notes)
         except (OSError, ValueError, TypeError, AssertionError) as error:
             raise FileError("write", name, str(error) or type(error).__name__) from error
+
+
+def _env_spec(environment: EnvironmentSpec, name: str) -> dict[str, str]:
+    """Return what Minari makes the environment of: Gymnasium's spec with the arguments, as text.
+
+    Only what is registered is looked up. The environment is not made, as Minari itself would: an
+    environment may need its arguments, and its spaces need not be those of the features.
+    """
+    registry = import_module("gymnasium").registry  # comes with Minari; learners never see it
+    spec = copy.deepcopy(registry.get(environment.id))
+    try:
+        if spec is None:
+            raise ValueError(f"{environment.id} is not registered; import the module that does so")
+        arguments = dict(environment.arguments)
+        for field in ("max_episode_steps", "disable_env_checker"):  # gymnasium.make's own
+            setattr(spec, field, arguments.pop(field, getattr(spec, field)))
+        spec.kwargs.update(arguments)
+        return {ENV_SPEC: spec.to_json()}
+    except (TypeError, ValueError) as error:
+        warnings.warn(f"{name} stores no env_spec: {error}", stacklevel=4)
+        return {}
 
 
 def _minari() -> Any:

@@ -2,7 +2,7 @@
 
 A row holds an observation and the action taken there. What the last action of an episode led to
 is in no row; where the log does not hold it apart, that action is dropped rather than given an
-invented successor. Nothing is ever shifted.
+invented successor; the episode's extras keep it. Nothing is ever shifted.
 """
 
 from dataclasses import replace
@@ -18,6 +18,7 @@ from eutree.schema import Schema
 from eutree.validation import check_actions, check_observations, check_vector
 
 MAX_NAMES = 10_000
+DROPPED = "dropped_action"  # key of an episode's extras: the action whose successor is not known
 
 
 def episodes_from_rows(
@@ -154,4 +155,5 @@ def _episode(
         terminated=is_terminated and not cut_short,
         truncated=is_truncated and not is_terminated and not cut_short,
         ending="terminated" if is_terminated else "truncated" if is_truncated else "",
+        extras={DROPPED: int(actions[rows][-1])} if cut_short else {},
     )
