@@ -143,6 +143,35 @@ def test_merge_import_and_export(folder, recorded, ask, tmp_path, monkeypatch):
             assert ask("check", out)["equal"] == 3
 
 
+def test_a_plants_log_is_imported_by_its_own_columns(ask, tmp_path, capsys):
+    """The last action of each episode was dropped without a word, and columns had to be renamed."""
+    log, out = tmp_path / "plant.csv", tmp_path / "days"
+    log.write_text("day;room;heater;cost\nmon;19;on;-2\nmon;20;off;-1\ntue;18;on;-3\n")
+    how = ["--episode-column", "day", "--action-column", "heater", "--reward-column", "cost"]
+    arguments = ["import", log, "--out", out, *how, "--delimiter", ";"]
+    assert ask(*arguments) == {
+        "episodes": 2,
+        "n_transitions": 1,
+        "dropped_actions": 2,
+        "path": str(out),
+    }
+    assert Demonstrations.load(out).episodes[0].rewards.tolist() == [-2.0]
+    assert run(["demos", *map(str, arguments[:2]), "--out", str(tmp_path / "b"), *how,
+                "--delimiter", ";"]) == 0  # fmt: skip
+    said = " ".join(capsys.readouterr().out.split())
+    assert "2 episodes, 1 transition, written to" in said
+    assert "the last action of 2 episodes is left out" in said
+    error = ask("import", log, "--out", tmp_path / "c", code=2)
+    assert "--episode-column and --action-column" in error
+    assert "--delimiter" in error
+    assert run(["demos", "import", "--help"]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert 'Two columns are required: "episode"' in shown
+    assert "are for a file .csv" in ask(
+        "import", "minari:a/b-v0", "--out", out, "--delimiter", ";", code=2
+    )
+
+
 def test_mistakes_give_one_line_and_code_2(folder, ask, tmp_path):
     DemonstrationFolder.create(tmp_path / "empty", Schema.anonymous(2, 2))
     (tmp_path / "other").mkdir()

@@ -168,7 +168,7 @@ def test_csv_floats_read_back_to_the_bit(tmp_path_factory, demos):
 
 
 BAD_CSV = {
-    "": "line 1: there is no column 'episode'",
+    "": r"line 1: there is no column 'episode' in \[\]",
     "episode,x\n": "line 1: there is no column 'action'",
     "episode,action\n": "no column of a feature",
     "episode,action,x,x\n": "two columns have the same name",
@@ -207,6 +207,56 @@ def test_a_log_with_named_actions_is_read(tmp_path):
     named = replace(demos.schema, actions=("x", "y"))
     with pytest.raises(FormatError, match="action: must be one of x, y or its index, got 'up'"):
         Demonstrations.from_csv(path, schema=named)
+
+
+PLANT = (
+    "day;temperature [°C];heater;cost\n"
+    "mon;19.5;on;-2.0\nmon;20.5;off;-1.0\nmon;20.1;on;-2.5\ntue;18.0;on;-3.0\ntue;18.5;off;0\n"
+)
+
+
+def test_a_log_is_read_by_its_own_columns(tmp_path):
+    """A plant's log has no columns named episode and action, and separates values by ;."""
+    path = tmp_path / "plant.csv"
+    path.write_text(PLANT)
+    columns = {"episode": "day", "action": "heater", "reward": "cost"}
+    demos = Demonstrations.from_csv(path, columns=columns, delimiter=";")
+    assert demos.schema.feature_names == ("temperature",)
+    assert demos.schema.actions == ("on", "off")
+    assert [e.actions.tolist() for e in demos] == [[0, 1], [0]]
+    assert [e.rewards.tolist() for e in demos] == [[-2.0, -1.0], [-3.0]]
+    assert [e.observations.ravel().tolist() for e in demos] == [[19.5, 20.5, 20.1], [18.0, 18.5]]
+    # what was dropped is said and kept: nobody knows what it led to
+    assert [e.extras["dropped_action"] for e in demos] == [0, 1]
+
+
+def test_what_a_table_lacks_is_said_with_the_way_out(tmp_path):
+    path = tmp_path / "plant.csv"
+    path.write_text(PLANT)
+    with pytest.raises(FormatError, match=r"required are 'episode' and 'action'.*--episode-column"):
+        Demonstrations.from_csv(path, delimiter=";")
+    with pytest.raises(FormatError, match="and what separates the values by --delimiter"):
+        Demonstrations.from_csv(path)
+    with pytest.raises(FormatError, match=r"there is no column 'days' in \['day', "):
+        Demonstrations.from_csv(path, columns={"episode": "days"}, delimiter=";")
+    with pytest.raises(InvalidArgumentError, match=r"unknown columns 'episodes'.*'episode'"):
+        Demonstrations.from_csv(path, columns={"episodes": "day"}, delimiter=";")
+    with pytest.raises(InvalidArgumentError, match="delimiter must be one character"):
+        Demonstrations.from_csv(path, delimiter="::")
+    path.write_text("episode,action,day,x\n0,1,2,3\n")
+    with pytest.raises(FormatError, match="two columns have the same name: 'episode'"):
+        Demonstrations.from_csv(path, columns={"episode": "day"})
+    path.write_text("episode;action;x\n0;1;20,5\n")
+    with pytest.raises(FormatError, match="a finite number, with a decimal point, got '20,5'"):
+        Demonstrations.from_csv(path, delimiter=";")
+
+
+def test_rows_say_which_actions_were_dropped():
+    log = {"observations": [[0.0], [1.0], [2.0]], "actions": [0, 1, 2], "starts": [1, 0, 0]}
+    (episode,) = Demonstrations.from_arrays(**log)
+    assert (episode.actions.tolist(), episode.extras) == ([0, 1], {"dropped_action": 2})
+    (episode,) = Demonstrations.from_arrays(**log, next_observations=[[1.0], [2.0], [3.0]])
+    assert (episode.actions.tolist(), episode.extras) == ([0, 1, 2], {})
 
 
 minari = pytest.importorskip("minari", reason="needs the extra minari")
@@ -273,6 +323,37 @@ def test_a_minari_dataset_made_elsewhere_is_read():
     ]
     assert demos.schema.n_actions == 2
     assert np.array_equal(demos.episodes[0].observations, buffers[0].observations)
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+@pytest.mark.parametrize(
+    ("spec", "limit", "attribute"),
+    [
+        (SPEC, 1000, ("opponent_speed", 2.5)),
+        (EnvironmentSpec("CartPole-v1", {"sutton_barto_reward": True}), 500, None),
+        (EnvironmentSpec("CartPole-v1", {"max_episode_steps": 7}), 7, None),
+    ],
+)
+def test_minari_makes_the_environment_again(spec, limit, attribute):
+    """``recover_environment`` failed: the dataset stored no env_spec."""
+    replace(three_episodes(), environment=spec).to_minari("eutree/again-v0")
+    dataset = minari.load_dataset("eutree/again-v0")
+    env = dataset.recover_environment()
+    assert env.spec.id == spec.id
+    wanted = {k: v for k, v in spec.arguments.items() if k != "max_episode_steps"}
+    assert {name: env.spec.kwargs[name] for name in wanted} == wanted
+    if attribute is not None:
+        assert getattr(env.unwrapped.parameters, attribute[0]) == attribute[1]
+    else:
+        assert env.spec.max_episode_steps == limit
+    assert Demonstrations.from_minari("eutree/again-v0").environment == spec
+
+
+def test_an_environment_that_is_not_registered_is_said():
+    demos = replace(three_episodes(), environment=EnvironmentSpec("nobody/Knows-v0"))
+    with pytest.warns(UserWarning, match=r"stores no env_spec: nobody/Knows-v0 is not registered"):
+        demos.to_minari("eutree/unknown-v0")
+    assert len(Demonstrations.from_minari("eutree/unknown-v0")) == 2
 
 
 def test_minari_mistakes_give_one_clear_line():
