@@ -64,6 +64,23 @@ class Schema:
         """Number of actions."""
         return len(self.actions)
 
+    def check_same(self, other: "Schema", what: str, *, of: str) -> None:
+        """Raise InvalidArgumentError unless ``other`` names the same features and actions.
+
+        Units and bounds may differ: a decision does not depend on them.
+
+        Args:
+            other: The schema that was given.
+            what: The argument it came with, for the message.
+            of: The holder of this schema, for the message: "the environment", "CartPole-v1".
+        """
+        if (self.feature_names, self.actions) != (other.feature_names, other.actions):
+            raise InvalidArgumentError(
+                f"{what} must have the features and actions of {of}, {list(self.feature_names)} "
+                f"and {list(self.actions)}, got {list(other.feature_names)} and "
+                f"{list(other.actions)}"
+            )
+
     @classmethod
     def anonymous(cls, n_features: int, n_actions: int) -> "Schema":
         """Return a schema with features ``x0, x1, ...`` and actions ``action 0, action 1, ...``."""

@@ -199,7 +199,9 @@ def test_what_is_refused():
     other = eutree.record(
         gymnasium.make("MountainCar-v0"), eutree.experts.push_along, episodes=1, seed=0
     )
-    with pytest.raises(InvalidArgumentError, match="demonstrations must be of the environment"):
+    with pytest.raises(
+        InvalidArgumentError, match="demonstrations must have the features and actions of"
+    ):
         eutree.distill(Teacher(), env, demonstrations=other)
     nothing = Demonstrations((), shown_until_the_jump().schema)
     with pytest.raises(InvalidArgumentError, match="at least one transition"):
@@ -210,3 +212,19 @@ def test_cart_without_scikit_learn_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "sklearn.tree", None)
     with pytest.raises(MissingExtraError, match=r"eutree\[sklearn\]"):
         eutree.distill(Teacher(), Cellar(), learner="cart", episodes=1, validation_episodes=2)
+
+
+def test_cart_decides_as_scikit_learn_does_one_step_of_float32_beside_its_thresholds():
+    """Its thresholds were taken over as they are, so observations beside them changed sides."""
+    from sklearn.tree import DecisionTreeClassifier
+
+    generator = np.random.default_rng(5)
+    rows = generator.normal(size=(300, 2)) + 1000.0  # float32 is coarse here
+    labels = (rows[:, 0] > rows[:, 1]).astype(np.int64)
+    data = Labelled(rows, labels, np.ones(300))
+    grown = DecisionTreeClassifier(random_state=0).fit(rows, labels, sample_weight=data.weights)
+    policy = fit("cart", data, Schema.anonymous(2, 2), None, None)
+    cuts = grown.tree_.threshold[grown.tree_.feature >= 0]
+    near = np.array([cuts, np.nextafter(cuts, -np.inf), np.nextafter(cuts, np.inf), cuts + 2e-5])
+    grid = np.array([(one, other) for one in near.ravel() for other in near.ravel()[:40]])
+    np.testing.assert_array_equal(policy.predict(grid)[0], grown.predict(grid))

@@ -95,5 +95,7 @@ def test_infinite_bounds_reach_a_tenth_beyond_the_thresholds():
 
 def test_other_names_are_refused():
     one = lattice_policy(np.random.default_rng(0), 2)
-    with pytest.raises(InvalidArgumentError, match="both policies must have the features"):
+    with pytest.raises(
+        InvalidArgumentError, match="second policy must have the features and actions of the first"
+    ):
         diff(one, replace(one, schema=Schema.anonymous(2, 2)))

@@ -264,5 +264,8 @@ def test_bad_arguments_are_named(env, arguments, message):
 
 def test_demonstrations_of_another_environment_are_refused(demonstrations):
     other = gymnasium.make("CartPole-v1")
-    with pytest.raises(InvalidArgumentError, match="must be of the environment"):
+    with pytest.raises(
+        InvalidArgumentError,
+        match="demonstrations must have the features and actions of the environment",
+    ):
         eutree.learn(other, demonstrations=demonstrations)

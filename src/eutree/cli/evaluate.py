@@ -20,14 +20,7 @@ def check_fits(policy: "TreePolicy", path: Path, spec: EnvironmentSpec) -> None:
     from eutree.interaction.making import make
 
     schema = describe(make(spec))
-    wanted = schema.with_history(policy.history)
-    mine = policy.schema
-    if (mine.feature_names, mine.actions) != (wanted.feature_names, wanted.actions):
-        raise InvalidArgumentError(
-            f"{path} must be a policy for {spec}: its features are {list(mine.feature_names)} "
-            f"and its actions {list(mine.actions)}, the environment's are "
-            f"{list(wanted.feature_names)} and {list(wanted.actions)}"
-        )
+    schema.with_history(policy.history).check_same(policy.schema, str(path), of=str(spec))
 
 
 @click.command(epilog="Example: eutree evaluate runs/a/policy.json --episodes 1000")

@@ -183,13 +183,7 @@ def _check_budgets(
 
 def _check_shown(shown: Demonstrations, schema: Schema) -> None:
     """Raise InvalidArgumentError unless there is something to learn in this environment."""
-    mine, wanted = shown.schema, schema
-    if (mine.feature_names, mine.actions) != (wanted.feature_names, wanted.actions):
-        raise InvalidArgumentError(
-            "demonstrations must be of the environment env: its features are "
-            f"{list(wanted.feature_names)} and its actions {list(wanted.actions)}, "
-            f"got {list(mine.feature_names)} and {list(mine.actions)}"
-        )
+    schema.check_same(shown.schema, "demonstrations", of="the environment env")
     if not shown.n_transitions:
         raise InvalidArgumentError(
             f"demonstrations must hold at least one transition, got {len(shown)} episodes "

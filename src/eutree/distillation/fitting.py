@@ -5,7 +5,6 @@ limit: its tree is cut back to the best pruning of that size, by the weight of w
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from eutree.compression.costs import Costs
 from eutree.compression.pruning import Prunings
 from eutree.errors import MissingExtraError
 from eutree.policies import TreePolicy
+from eutree.policies.sklearn_tree import exact_tree
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.trees import DecisionTree
 
@@ -62,10 +62,7 @@ def _c45(data: Labelled, n_actions: int, max_leaves: int | None) -> tuple[Decisi
 
 
 def _cart(data: Labelled, n_actions: int, max_leaves: int | None) -> tuple[DecisionTree, Integers]:
-    """Return CART's tree.
-
-    scikit-learn compares in float32: thresholds lie between observations rounded to it.
-    """
+    """Return CART's tree, which decides as scikit-learn's does on every finite observation."""
     try:
         from sklearn.tree import DecisionTreeClassifier
     except ImportError as error:
@@ -73,20 +70,5 @@ def _cart(data: Labelled, n_actions: int, max_leaves: int | None) -> tuple[Decis
     limit = max_leaves if max_leaves != 1 else 2  # it knows no tree of one leaf
     model = DecisionTreeClassifier(max_leaf_nodes=limit, random_state=0)
     model.fit(data.observations, data.actions, sample_weight=data.weights)
-    return from_sklearn(model, data.observations.shape[1])
-
-
-def from_sklearn(model: Any, n_features: int) -> tuple[DecisionTree, Integers]:
-    """Return the tree of a fitted DecisionTreeClassifier, and the action of each leaf [L]."""
-    fitted = model.tree_
-    is_leaf = fitted.children_left < 0
-    actions = model.classes_[fitted.value[:, 0, :].argmax(axis=1)]
-    tree = DecisionTree(
-        n_features,
-        feature=np.where(is_leaf, DecisionTree.NO_FEATURE, fitted.feature),
-        threshold=np.where(is_leaf, np.nan, fitted.threshold),
-        left=np.where(is_leaf, DecisionTree.NO_NODE, fitted.children_left),
-        right=np.where(is_leaf, DecisionTree.NO_NODE, fitted.children_right),
-        leaf=np.where(is_leaf, np.cumsum(is_leaf) - 1, DecisionTree.NO_LEAF),
-    )
-    return tree, np.asarray(actions[is_leaf], dtype=np.int64)
+    tree, leaves = exact_tree(model)
+    return tree, model.classes_[model.tree_.value[leaves, 0, :].argmax(axis=1)].astype(np.int64)

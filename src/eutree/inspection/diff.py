@@ -7,7 +7,6 @@ import numpy as np
 
 from eutree.arrays import Floats, Integers
 from eutree.display import Displayed
-from eutree.errors import InvalidArgumentError
 from eutree.inspection.regions import Region, domain, finite_box, volumes
 from eutree.policies import TreePolicy
 from eutree.trees.boxes import leaf_boxes
@@ -70,12 +69,8 @@ def diff(first: TreePolicy, second: TreePolicy) -> PolicyDiff:
     Raises:
         InvalidArgumentError: The two have other features or actions.
     """
-    mine, other = first.schema, second.schema
-    if (mine.feature_names, mine.actions) != (other.feature_names, other.actions):
-        raise InvalidArgumentError(
-            f"both policies must have the features {list(mine.feature_names)} and the actions "
-            f"{list(mine.actions)}, got {list(other.feature_names)} and {list(other.actions)}"
-        )
+    mine = first.schema
+    mine.check_same(second.schema, "the second policy", of="the first")
     low, high, actions = _pieces(first, second)
     box_low, box_high = finite_box(mine, _cuts(first, second))
     inside = domain(mine)

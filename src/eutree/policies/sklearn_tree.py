@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from eutree.arrays import Floats
+from eutree.arrays import Booleans, Floats
 from eutree.errors import InvalidArgumentError, UnknownNameError
 from eutree.policies.document import PolicyParts
 from eutree.policies.leaf_statistics import LeafStatistics
@@ -44,6 +44,28 @@ def parts_of(classifier: Any, schema: Schema | None) -> PolicyParts:
             f"schema must name the classifier's {grown.n_features} features, "
             f"got {schema.n_features}"
         )
+    tree, leaves = exact_tree(classifier)
+    shares = grown.value[leaves, 0, :]  # [L, n_classes]
+    numbers = _numbers(classifier.classes_, schema)
+    return PolicyParts(
+        tree=tree,
+        actions=numbers[shares.argmax(axis=1)],
+        schema=schema,
+        environment=None,
+        history=0,
+        leaves=_statistics(grown, shares, leaves, numbers, schema.n_actions),
+        locked=(),
+    )
+
+
+def exact_tree(classifier: Any) -> tuple[DecisionTree, Booleans]:
+    """Return the tree that decides like a fitted classifier on every finite observation.
+
+    Returns:
+        The tree, its leaves numbered in the order of scikit-learn's nodes; and which of these
+        nodes are leaves, shape [M].
+    """
+    grown = classifier.tree_
     inner = grown.children_left != _LEAF
     leaf = np.full(grown.node_count, DecisionTree.NO_LEAF)
     leaf[~inner] = np.arange(int((~inner).sum()))
@@ -55,17 +77,7 @@ def parts_of(classifier: Any, schema: Schema | None) -> PolicyParts:
         right=np.where(inner, grown.children_right, DecisionTree.NO_NODE),
         leaf=leaf,
     )
-    shares = grown.value[~inner, 0, :]  # [L, n_classes]
-    numbers = _numbers(classifier.classes_, schema)
-    return PolicyParts(
-        tree=tree,
-        actions=numbers[shares.argmax(axis=1)],
-        schema=schema,
-        environment=None,
-        history=0,
-        leaves=_statistics(grown, shares, ~inner, numbers, schema.n_actions),
-        locked=(),
-    )
+    return tree, ~inner
 
 
 def float64_thresholds(thresholds: Floats) -> Floats:

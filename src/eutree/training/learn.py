@@ -284,7 +284,7 @@ def _start(
     """
     for what, given in (("demonstrations", demonstrations), ("expert", expert)):
         if given is not None:
-            _check_same(what, given.schema, schema)
+            schema.check_same(given.schema, what, of="the environment")
     if name in ("offline", "eu-tree"):
         check_rewards(_needed(demonstrations, name), alone=name == "offline")
     if name == "offline":
@@ -296,13 +296,3 @@ def _start(
     if name == "eu-tree-dt":
         return eu_tree_dt(expert, settings)
     return eu_tree(expert, _needed(demonstrations, name), settings)
-
-
-def _check_same(what: str, given: Schema, wanted: Schema) -> None:
-    """Raise InvalidArgumentError unless two schemas name the same features and actions."""
-    if given.feature_names != wanted.feature_names or given.actions != wanted.actions:
-        raise InvalidArgumentError(
-            f"{what} must be of the environment that is learned in: its features are "
-            f"{list(wanted.feature_names)} and its actions {list(wanted.actions)}, "
-            f"got {list(given.feature_names)} and {list(given.actions)}"
-        )
