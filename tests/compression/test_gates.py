@@ -203,3 +203,16 @@ def test_the_same_seed_gives_the_same_result():
 def test_bad_demands_are_named(options, message):
     with pytest.raises(InvalidArgumentError, match=message):
         compress(BUSY, PLACES, **options)
+
+
+def test_the_report_says_what_the_bounds_depend_on():
+    options = {"env": Corridor(), "margin": 0.5, "episodes": 100}
+    _, known = compress(BUSY, PLACES, return_range=(0.0, 50.0), **options)
+    assert (known.range_known, known.return_range) == (True, (0.0, 50.0))
+    assert known.episodes_needed > 400  # 100 cannot show that less than 0.5 of 50 is lost
+    assert (known.method, known.return_change.n) == ("merge", 100)
+    _, seen = compress(BUSY, PLACES, env=Corridor(), margin=4.0, episodes=200)
+    assert (seen.range_known, seen.episodes_needed) == (False, None)
+    assert seen.return_range[1] - seen.return_range[0] >= 4.0 * 200 / 9
+    with pytest.raises(InvalidArgumentError, match="return_range must be the lowest"):
+        compress(BUSY, PLACES, return_range=(1.0, 0.0), **options)

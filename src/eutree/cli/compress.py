@@ -41,6 +41,9 @@ if TYPE_CHECKING:
 @click.option("--return-margin", type=float, metavar="RETURN",
               help="Give the smallest tree whose mean return in the policy's environment is "
               "not lower by more than this.")  # fmt: skip
+@click.option("--return-range", type=float, nargs=2, metavar="LOW HIGH",
+              help="Lowest and highest return of an episode, where the environment does not say "
+              "so itself.")  # fmt: skip
 @click.option("--confidence", type=float, default=0.95, show_default=True,
               help="Of the decision about the margin.")  # fmt: skip
 @count_option("--episodes", 1000, "Episodes of each evaluation.", least=2)
@@ -90,6 +93,9 @@ def compress(
             "mean_return_before": report.mean_return_before,
             "mean_return_after": report.mean_return_after,
             "return_change": None if change is None else list(change.interval),
+            "return_range": report.return_range,
+            "range_known": report.range_known,
+            "episodes_needed": report.episodes_needed,
             "path": str(out),
         },
         f"{small}\n{_in_words(report, len(observations))}; written to {out}",
@@ -126,6 +132,23 @@ def _in_words(report: "CompressionReport", n_rows: int) -> str:
             f"; mean return {report.mean_return_before:.2f} before, "
             f"{report.mean_return_after:.2f} after, a change in [{low:.2f}, {high:.2f}] "
             f"on {report.return_change.n} fresh episodes, {report.environment_steps} "
-            "environment steps in all"
+            f"environment steps in all{_condition(report)}"
+        )
+    return words
+
+
+def _condition(report: "CompressionReport") -> str:
+    """Return what the bounds of the return depend on, and what kept a margin from being shown."""
+    low, high = report.return_range or (0.0, 0.0)
+    words = ""
+    if not report.range_known:
+        words = (
+            f"; the range of returns is not known, so these bounds hold only if no episode returns "
+            f"less than {low:g} or more than {high:g} (say better with --return-range)"
+        )
+    if report.episodes_needed is not None:
+        words += (
+            f"; so few episodes cannot show this margin for any tree where returns lie in "
+            f"[{low:g}, {high:g}]: ask for at least {report.episodes_needed} (--episodes)"
         )
     return words

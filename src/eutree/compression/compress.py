@@ -8,6 +8,7 @@ demanded fidelity wins. Who can give something up gets less: a share of the reco
 (``max_disagreement``), or a margin of the return (``env`` and ``margin``).
 """
 
+from dataclasses import replace
 from typing import Any
 
 import gymnasium
@@ -18,12 +19,15 @@ from eutree.arrays import Floats
 from eutree.c45 import C45Settings
 from eutree.compression.candidates import Ladder, by_c45, lossless, merged, with_locks
 from eutree.compression.costs import WEIGHTS, Costs
-from eutree.compression.racing import Arena, Demand, Verdict, meet, race
+from eutree.compression.racing import Arena, Verdict, meet, race
 from eutree.compression.report import CompressionReport
 from eutree.compression.rounding import rounded
 from eutree.errors import InvalidArgumentError
 from eutree.interaction.making import make
+from eutree.interaction.return_range import return_range as known_range
 from eutree.policies import TreePolicy
+from eutree.policy_search.betting import episodes_needed
+from eutree.policy_search.racing import Demand, first_error
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.trees.boxes import disagreement
 from eutree.validation import (
@@ -32,6 +36,7 @@ from eutree.validation import (
     check_number,
     check_observations,
     check_seed,
+    check_vector,
 )
 
 MODES = ("auto", "merge", "paper", "lossless")
@@ -50,6 +55,7 @@ def compress(
     margin: float | None = None,
     confidence: float = 0.95,
     episodes: int = 1000,
+    return_range: tuple[float, float] | None = None,
     round_thresholds: bool = False,
     seed: int = 0,
 ) -> tuple[TreePolicy, CompressionReport]:
@@ -68,9 +74,12 @@ def compress(
             of the policy's leaves say it loses.
         env: Where to evaluate the result beside the input, on the same fresh episodes.
         margin: Give the smallest tree whose mean return in ``env`` is not lower than the input's
-            by more than this.
-        confidence: Of the decision about the margin, and of the interval reported.
-        episodes: Episodes of each evaluation, and at most of each candidate before.
+            by more than this. That holds however rare its losses are, if the range of returns is
+            known; else for losses within the range of all returns seen.
+        confidence: Of the decision about the margin, and of each end of the interval reported.
+        episodes: Most episodes of each evaluation, and of each candidate before.
+        return_range: Lowest and highest return of an episode, where the environment does not say
+            so itself (``eutree.interaction.return_range``).
         round_thresholds: Write each threshold with the fewest significant digits that leave
             every recorded observation in its leaf of the result.
         seed: Seed of the episodes.
@@ -87,9 +96,15 @@ def compress(
     rows = check_observations("observations", observations, n_features=policy.tree.n_features)
     costs = Costs.of(policy, rows, weights)
     arena = None if env is None else Arena(_made(env), seed)
-    verdict = None
-    if arena is not None and margin is not None:
-        demand = Demand(margin=margin, confidence=confidence, episodes=episodes)
+    verdict = demand = None
+    if arena is not None:
+        demand = Demand(
+            margin=margin or 0.0,
+            error=1.0 - confidence,
+            episodes=episodes,
+            known_range=_checked_range(return_range) or known_range(arena.env),
+        )
+    if arena is not None and demand is not None and margin is not None:
         result, method, verdict = _by_return(
             policy, costs, arena, demand, round_thresholds=round_thresholds
         )
@@ -99,11 +114,19 @@ def compress(
         result, method = _smallest(policy, rows, mode)
     if round_thresholds and margin is None:
         result = rounded(result, rows)
-    if arena is not None and verdict is None:
-        verdict = meet(policy, result, arena, confidence=confidence, episodes=episodes)
+    too_few = None
+    if arena is not None and demand is not None and verdict is None:
+        verdict = meet(policy, result, arena, demand)
+        too_few = _episodes_needed(demand, verdict) if margin else None
     if arena is not None and arena.env is not env:
         arena.env.close()
-    return result, _report(policy, result, method, costs, arena, verdict)
+    report = _report(policy, result, method, costs, verdict)
+    return result, replace(
+        report,
+        environment_steps=0 if arena is None else arena.steps,
+        range_known=demand is not None and demand.known_range is not None,
+        episodes_needed=too_few,
+    )
 
 
 def observation_box(schema: Schema, rows: Floats) -> tuple[Floats, Floats]:
@@ -165,7 +188,6 @@ def _report(
     result: TreePolicy,
     method: str,
     costs: Costs,
-    arena: Arena | None,
     verdict: Verdict | None,
 ) -> CompressionReport:
     rows = costs.rows
@@ -179,11 +201,29 @@ def _report(
         ),
         method=method,
         weighted_disagreement=costs.share(result.tree, result.actions),
-        environment_steps=0 if arena is None else arena.steps,
         mean_return_before=None if verdict is None else verdict.before,
         mean_return_after=None if verdict is None else verdict.after,
         return_change=None if verdict is None else verdict.change,
+        return_range=None if verdict is None else verdict.return_range,
     )
+
+
+def _episodes_needed(demand: Demand, verdict: Verdict) -> int | None:
+    """Return how many episodes could confirm the margin at best, if that is more than allowed."""
+    low, high = verdict.return_range
+    needed = episodes_needed(demand.margin, low - high, first_error(demand.error))
+    return needed if needed > demand.episodes else None
+
+
+def _checked_range(given: tuple[float, float] | None) -> tuple[float, float] | None:
+    if given is None:
+        return None
+    ends = check_vector("return_range", given, size=2)
+    if not ends[0] <= ends[1]:
+        raise InvalidArgumentError(
+            f"return_range must be the lowest and the highest return, got {given}"
+        )
+    return float(ends[0]), float(ends[1])
 
 
 def _agreement(policy: TreePolicy, rows: Floats, wanted: ArrayLike) -> float:

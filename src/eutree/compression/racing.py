@@ -1,29 +1,27 @@
-"""The smallest tree that is not worse than another by more than a margin, by paired episodes.
-
-Selection: all candidates and the input run the same episodes, in blocks that double. A candidate
-that is surely worse than the margin allows leaves the race; when the smallest that is left is
-surely good enough, the race ends. Looking so often makes these intervals too narrow, so nothing
-is promised yet. Confirmation: the winner meets the input again on fresh episodes, which took no
-part in choosing it; if it fails, the next larger one does, up to three, each at a third of the
-error allowed. So a tree worse than the margin is returned with probability 1 - confidence at most.
-The intervals are Student's, and so take the mean difference as normal.
-"""
+"""Run the races of :mod:`eutree.policy_search.racing` in an environment, block by block."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import gymnasium
 import numpy as np
 
 from eutree.arrays import Floats
-from eutree.evaluation import Estimate, Evaluation, Interval, evaluate, mean_interval
+from eutree.evaluation import Estimate, Interval, evaluate
 from eutree.interaction import episode_seed
 from eutree.policies import TreePolicy
+from eutree.policy_search.racing import (
+    Demand,
+    Heat,
+    Meeting,
+    Returns,
+    drive,
+    meeting,
+    smallest_within,
+)
 
-_FIRST_BLOCK = 32
-_ATTEMPTS = 3
-_SELECTION, _CONFIRMATION = 11, 12  # streams of seeds
+_RACE = 11  # stream of seeds
 _MOST_RUNNERS = 48
 
 
@@ -41,28 +39,12 @@ class Arena:
     seed: int
     steps: int = 0
 
-    def run(self, policy: TreePolicy, episodes: int, stream: int, block: int) -> Evaluation:
-        """Return how a policy does on the episodes of one block; the same ones for each policy."""
-        result = evaluate(
-            policy, self.env, episodes=episodes, seed=episode_seed(self.seed, block, stream)
-        )
+    def run(self, policy: TreePolicy, heat: Heat) -> Floats:
+        """Return the returns of a policy in a heat; the same episodes for each policy."""
+        seed = episode_seed(self.seed, heat.block, _RACE)
+        result = evaluate(policy, self.env, episodes=heat.episodes.stop, seed=seed)
         self.steps += result.steps
-        return result
-
-
-@dataclass(frozen=True, kw_only=True)
-class Demand:
-    """How sure one wants to be of what.
-
-    Attributes:
-        margin: How much lower than the input's the mean return may be.
-        confidence: That it is not lower than that.
-        episodes: Most episodes of a policy in the selection, and episodes of a confirmation.
-    """
-
-    margin: float
-    confidence: float
-    episodes: int
+        return result.returns[heat.episodes.start :]
 
 
 @dataclass(frozen=True)
@@ -72,22 +54,22 @@ class Verdict:
     Attributes:
         before: Mean return of the input.
         after: Mean return of the other policy.
-        change: Mean of after minus before, with its interval.
+        change: Mean of after minus before, with bounds that hold for all returns within the range.
+        return_range: Lowest and highest return of an episode, as known or as seen.
     """
 
     before: float
     after: float
     change: Estimate
+    return_range: tuple[float, float]
 
-
-@dataclass(eq=False)
-class _Runner:
-    policy: TreePolicy
-    differences: Floats = field(default_factory=lambda: np.empty(0))  # [E] to the input
-
-    def interval(self, confidence: float) -> Interval:
-        """Return the interval of the mean difference; ``confidence`` holds for each side."""
-        return mean_interval(self.differences, confidence=2 * confidence - 1)
+    @classmethod
+    def of(cls, met: Meeting) -> "Verdict":
+        """Return the verdict of a meeting."""
+        change = Estimate(
+            float((met.after - met.before).mean()), Interval(met.low, met.high), met.after.size
+        )
+        return cls(float(met.before.mean()), float(met.after.mean()), change, met.range)
 
 
 def race(
@@ -101,58 +83,20 @@ def race(
         arena: Where they run.
         demand: What the winner has to keep.
     """
-    sure = 1 - (1 - demand.confidence) / _ATTEMPTS
-    passed = _selected(policy, candidates, arena, demand)[:_ATTEMPTS]
-    for attempt, candidate in enumerate(passed):
-        verdict = meet(
-            policy, candidate, arena, confidence=sure, episodes=demand.episodes, block=attempt
-        )
-        if verdict.change.interval.low >= -demand.margin:
-            return candidate, verdict
-    return None
-
-
-def meet(
-    policy: TreePolicy,
-    other: TreePolicy,
-    arena: Arena,
-    *,
-    confidence: float,
-    episodes: int,
-    block: int = 0,
-) -> Verdict:
-    """Return how two policies do on the same fresh episodes; ``confidence`` holds for one side."""
-    before = arena.run(policy, episodes, _CONFIRMATION, block)
-    after = arena.run(other, episodes, _CONFIRMATION, block)
-    change = after.returns - before.returns
-    interval = mean_interval(change, confidence=2 * confidence - 1)
-    estimate = Estimate(float(change.mean()), interval, change.size)
-    return Verdict(before.mean_return, after.mean_return, estimate)
-
-
-def _selected(
-    policy: TreePolicy, candidates: Sequence[TreePolicy], arena: Arena, demand: Demand
-) -> list[TreePolicy]:
-    """Return the candidates that may pass, the smallest first."""
     if not candidates:
-        return []
+        return None
     chosen = np.unique(np.linspace(0, len(candidates) - 1, _MOST_RUNNERS).round().astype(int))
-    runners = [_Runner(candidates[number]) for number in chosen]
-    passed: list[_Runner] = []  # larger than those that run
-    seen, block, size = 0, 0, min(_FIRST_BLOCK, demand.episodes)
-    while runners and seen < demand.episodes:
-        returns = arena.run(policy, size, _SELECTION, block).returns
-        for runner in runners:
-            new = arena.run(runner.policy, size, _SELECTION, block).returns - returns
-            runner.differences = np.concatenate([runner.differences, new])
-        seen, block = seen + size, block + 1
-        size = min(seen, demand.episodes - seen)
-        ends = [r.interval(demand.confidence) for r in runners]
-        alive = [(r, e) for r, e in zip(runners, ends, strict=True) if e.high >= -demand.margin]
-        good = [number for number, (_, end) in enumerate(alive) if end.low >= -demand.margin]
-        runners = [runner for runner, _ in alive]
-        if good:  # what is larger than a good one runs no more, but may step in for it
-            passed = runners[good[0] :] + passed
-            runners = runners[: good[0]]
-    undecided = [r for r in runners if r.differences.mean() >= -demand.margin]
-    return [runner.policy for runner in undecided + passed]
+    runners = [policy, *(candidates[number] for number in chosen)]
+    found = drive(
+        smallest_within(len(runners) - 1, demand),
+        lambda heat: arena.run(runners[heat.runner], heat),
+    )
+    return None if found is None else (runners[found[0]], Verdict.of(found[1]))
+
+
+def meet(policy: TreePolicy, other: TreePolicy, arena: Arena, demand: Demand) -> Verdict:
+    """Return how two policies do on the same fresh episodes; the margin plays no part."""
+    both = (policy, other)
+    returns = Returns(demand.known_range)
+    alone = meeting(demand.error, demand.episodes, block=0, returns=returns)
+    return Verdict.of(drive(alone, lambda heat: arena.run(both[heat.runner], heat)))

@@ -22,7 +22,12 @@ class CompressionReport:
         environment_steps: Steps of all episodes run, in choosing and in confirming.
         mean_return_before: Mean return of the input on fresh episodes; None without environment.
         mean_return_after: Mean return of the result on the same episodes.
-        return_change: Mean of after minus before, with its interval.
+        return_change: Mean of after minus before, with bounds that hold for any returns within
+            ``return_range``; each is wrong with probability 1 - confidence at most.
+        return_range: Lowest and highest return of an episode.
+        range_known: Whether that range is known, or else only the range of all returns seen.
+        episodes_needed: How many episodes could have confirmed the margin at best, where those
+            allowed were too few for any tree; else None.
     """
 
     n_leaves_before: int
@@ -35,3 +40,6 @@ class CompressionReport:
     mean_return_before: float | None = None
     mean_return_after: float | None = None
     return_change: Estimate | None = None
+    return_range: tuple[float, float] | None = None
+    range_known: bool = False
+    episodes_needed: int | None = None

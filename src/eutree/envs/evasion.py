@@ -141,6 +141,14 @@ class EvasionEnv(gymnasium.Env[Any, Any]):
         self._ending = RUNNING
 
     @property
+    def return_range(self) -> tuple[float, float]:
+        """Lowest and highest return of an episode: ``stop`` at every step, and the worst ending."""
+        p = self.parameters
+        stops = sorted((0.0, p.max_steps * p.stop_reward))
+        endings = sorted((0.0, p.goal_reward, p.collision_reward))
+        return stops[0] + endings[0], stops[1] + endings[-1]
+
+    @property
     def state(self) -> EvasionState:
         """The full state, with the directions that the sensors do not show."""
         if self._state is None:

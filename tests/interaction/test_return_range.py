@@ -1,0 +1,65 @@
+"""The range of an episode's return: where it is known no episode leaves it."""
+
+import gymnasium
+import pytest
+from gymnasium.wrappers import TransformReward
+
+import eutree  # noqa: F401 - registers its environments
+from eutree.errors import InvalidArgumentError
+from eutree.interaction.return_range import return_range
+
+KNOWN = {
+    "eutree/Evasion2-v0": (-170.0, 100.0),
+    "CartPole-v1": (0.0, 500.0),
+    "MountainCar-v0": (-200.0, 0.0),
+    "Acrobot-v1": (-500.0, 0.0),
+    "FrozenLake-v1": (0.0, 1.0),
+    "Blackjack-v1": (-1.0, 1.5),
+    "Taxi-v4": (-2000.0, 20.0),
+}
+
+
+def played(env, episodes=20):
+    env.action_space.seed(0)
+    for seed in range(episodes):
+        env.reset(seed=seed)
+        total, over = 0.0, False
+        while not over:
+            _, reward, terminated, truncated, _ = env.step(env.action_space.sample())
+            total, over = total + float(reward), terminated or truncated
+        yield total
+
+
+@pytest.mark.parametrize("name", [name for name in KNOWN if name in gymnasium.registry])
+def test_no_episode_leaves_the_known_range(name):
+    env = gymnasium.make(name)
+    low, high = return_range(env)
+    assert (low, high) == KNOWN[name]
+    assert all(low <= total <= high for total in played(env))
+
+
+def test_an_environments_own_rewards_and_limit_count():
+    env = gymnasium.make("eutree/Evasion2-v0", goal_reward=-5.0, stop_reward=1.0)
+    assert return_range(env) == (-50.0, 60.0)
+    assert return_range(gymnasium.make("CartPole-v1", max_episode_steps=20)) == (0.0, 20.0)
+
+
+@pytest.mark.parametrize(
+    "env",
+    [
+        TransformReward(gymnasium.make("CartPole-v1"), lambda reward: -reward),
+        gymnasium.make("CartPole-v1", sutton_barto_reward=True),
+        gymnasium.make("CliffWalking-v1"),  # without a time limit
+    ],
+)
+def test_a_range_that_nobody_knows_is_none(env):
+    assert return_range(env) is None
+
+
+def test_a_range_that_is_none_is_refused():
+    env = gymnasium.make("CartPole-v1")
+    env.unwrapped.return_range = (1.0, 0.0)
+    with pytest.raises(
+        InvalidArgumentError, match="return_range must be the lowest and the highest"
+    ):
+        return_range(env)
