@@ -13,7 +13,7 @@ import numpy as np
 
 import eutree
 from eutree.evaluation import mean_interval
-from eutree.learning.confidence import Confidence
+from eutree.learners.confidence import Confidence
 from eutree.training import Asking
 
 CASES = (("c-u-tree", "paper", 0), ("eu-tree", "paper", 3), ("c-u-tree", "default", 0),

@@ -23,7 +23,7 @@ import numpy as np
 import eutree
 from eutree.envs.experts import Expert, RulePolicy, careless
 from eutree.evaluation import mean_interval
-from eutree.learning import DEFAULT, PAPER, Settings
+from eutree.learners import DEFAULT, PAPER, Settings
 
 
 @dataclass(frozen=True)

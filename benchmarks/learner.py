@@ -28,7 +28,7 @@ from sklearn.tree import DecisionTreeClassifier
 import eutree
 from eutree.data import Demonstrations, Episode
 from eutree.interaction import GuardedEnv, describe, episode_seed
-from eutree.learning import DEFAULT, Settings, UTree, c_u_tree
+from eutree.learners import DEFAULT, Settings, UTree, c_u_tree
 from eutree.mdp import TabularMDP
 from eutree.splitting import KolmogorovSmirnov, Maximal, Naive
 from eutree.splitting._kernels import best_of_sample

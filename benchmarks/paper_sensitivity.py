@@ -13,7 +13,7 @@ import gymnasium
 
 import eutree
 from eutree.evaluation.intervals import mean_interval
-from eutree.learning import PAPER, Settings
+from eutree.learners import PAPER, Settings
 from eutree.splitting import KolmogorovSmirnov
 
 FIRST_SEED = 1000

@@ -17,7 +17,7 @@ from pathlib import Path
 import gymnasium
 
 import eutree
-from eutree.learning import DEFAULT, PRESETS
+from eutree.learners import DEFAULT, PRESETS
 from eutree.training import LearningRun
 
 ENVIRONMENT = "eutree/Evasion2-v0"

@@ -42,9 +42,9 @@ if TYPE_CHECKING:
     from eutree.inspection.verify import verify as verify
     from eutree.inspection.why import why as why
     from eutree.interaction import record as record
-    from eutree.learning import Settings as Settings
-    from eutree.learning import UTree as UTree
-    from eutree.learning.expert_tree import fit_expert_tree as fit_expert_tree
+    from eutree.learners import Settings as Settings
+    from eutree.learners import UTree as UTree
+    from eutree.learners.expert_tree import fit_expert_tree as fit_expert_tree
     from eutree.policies import LeafStatistics as LeafStatistics
     from eutree.policies import Policy as Policy
     from eutree.policies import TreePolicy as TreePolicy
@@ -84,14 +84,14 @@ _PUBLIC = {
     "export": "eutree.export",
     "Feature": "eutree.schema:Feature",
     "FileError": "eutree.errors:FileError",
-    "fit_expert_tree": "eutree.learning.expert_tree:fit_expert_tree",
+    "fit_expert_tree": "eutree.learners.expert_tree:fit_expert_tree",
     "FormatError": "eutree.errors:FormatError",
     "inspection": "eutree.inspection",
     "interaction": "eutree.interaction",
     "InvalidArgumentError": "eutree.errors:InvalidArgumentError",
     "LeafStatistics": "eutree.policies:LeafStatistics",
     "learn": "eutree.training.learn:learn",
-    "learning": "eutree.learning",
+    "learners": "eutree.learners",
     "LearningResult": "eutree.training:LearningResult",
     "mdp": "eutree.mdp",
     "MissingExtraError": "eutree.errors:MissingExtraError",
@@ -102,13 +102,13 @@ _PUBLIC = {
     "report": "eutree.report",
     "RunFolderError": "eutree.errors:RunFolderError",
     "Schema": "eutree.schema:Schema",
-    "Settings": "eutree.learning:Settings",
+    "Settings": "eutree.learners:Settings",
     "splitting": "eutree.splitting",
     "TreePolicy": "eutree.policies:TreePolicy",
     "TreePolicyClassifier": "eutree.policies.estimator:TreePolicyClassifier",
     "UnknownNameError": "eutree.errors:UnknownNameError",
     "UnsupportedSpaceError": "eutree.errors:UnsupportedSpaceError",
-    "UTree": "eutree.learning:UTree",
+    "UTree": "eutree.learners:UTree",
     "verify": "eutree.inspection.verify:verify",
     "why": "eutree.inspection.why:why",
 }

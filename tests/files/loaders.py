@@ -11,7 +11,7 @@ from eutree.data.files import DemonstrationFolder
 from eutree.data.journal import recover_episode
 from eutree.experiments.runs import RunRecord
 from eutree.files import read_document
-from eutree.learning import UTree
+from eutree.learners import UTree
 from eutree.policies import TreePolicy
 from eutree.training.checkpoint import restore_checkpoint, stored_observations
 from eutree.training.progress import GatheredEpisodes, progress_to_csv

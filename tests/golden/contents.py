@@ -6,7 +6,7 @@ import eutree
 from eutree.experiments.runs import Performance, Point, RunRecord, RunSpec
 from eutree.imagination import Imagination
 from eutree.interaction.making import make
-from eutree.learning import PAPER
+from eutree.learners import PAPER
 from eutree.schema import EnvironmentSpec
 from tests.data.strategies import three_episodes
 from tests.data.test_files import journal_of

@@ -6,7 +6,7 @@ import pytest
 from eutree.errors import FormatError
 from eutree.files import read_arrays, write_archive
 from eutree.files.documents import MAX_DOCUMENT
-from eutree.learning import PAPER
+from eutree.learners import PAPER
 from eutree.training.checkpoint import (
     CheckpointDocument,
     events_to_text,

@@ -9,7 +9,7 @@ import pytest
 import eutree
 from eutree.errors import EnvironmentFault, InvalidArgumentError, RunFolderError
 from eutree.interaction import GuardedEnv
-from eutree.learning import PAPER
+from eutree.learners import PAPER
 from tests.interaction.sick import Healthy
 
 SHORT = {"episodes": 30, "evaluate_every": 10, "evaluation_episodes": 10}

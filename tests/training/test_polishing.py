@@ -9,7 +9,7 @@ import pytest
 import eutree
 from eutree.envs.experts import careless
 from eutree.errors import InvalidArgumentError
-from eutree.learning import History
+from eutree.learners import History
 from eutree.training import polishing
 from eutree.training.trials import Trials
 from tests.compression.test_gates import Corridor, striped

@@ -27,7 +27,7 @@ def fit(
     """Fit the expert tree to DEMONSTRATIONS with C4.5: observations to the expert's actions."""
     from eutree.c45 import C45Settings
     from eutree.data import Demonstrations
-    from eutree.learning.expert_tree import fit_expert_tree
+    from eutree.learners.expert_tree import fit_expert_tree
 
     output = Output(as_json=as_json)
     demos = Demonstrations.load(demonstrations)

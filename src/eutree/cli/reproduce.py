@@ -52,7 +52,7 @@ def reproduce(
     from eutree.experiments.reproduce import number_text
     from eutree.experiments.reproduce import reproduce as reproduce_experiments
     from eutree.experiments.runs import RunSpec
-    from eutree.learning import PRESETS
+    from eutree.learners import PRESETS
     from eutree.validation import check_choice
 
     output = Output(as_json=as_json)

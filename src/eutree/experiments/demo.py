@@ -25,7 +25,7 @@ from eutree.export import to_c, to_svg
 from eutree.files import make_folder, write_text
 from eutree.interaction import record
 from eutree.interaction.making import make
-from eutree.learning.expert_tree import fit_expert_tree
+from eutree.learners.expert_tree import fit_expert_tree
 from eutree.policies import TreePolicy
 from eutree.report import RunReport, run_page
 from eutree.schema import EnvironmentSpec

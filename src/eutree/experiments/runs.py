@@ -19,7 +19,7 @@ from eutree.evaluation import evaluate
 from eutree.files import Document
 from eutree.interaction import record
 from eutree.interaction.making import make
-from eutree.learning.expert_tree import fit_expert_tree
+from eutree.learners.expert_tree import fit_expert_tree
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
 from eutree.training import LearningResult, learn

@@ -27,8 +27,8 @@ from eutree.interaction.requests import (
     Stretch,
     controller_of,
 )
-from eutree.learning import UTree
-from eutree.learning.confidence import Confidence
+from eutree.learners import UTree
+from eutree.learners.confidence import Confidence
 from eutree.policies import Policy
 from eutree.validation import check_integer
 

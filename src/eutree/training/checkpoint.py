@@ -20,8 +20,8 @@ from eutree.arrays import Floats
 from eutree.errors import FormatError
 from eutree.evaluation import CurvePoint
 from eutree.files import Document, read_archive, write_archive
-from eutree.learning import Settings, UTree
-from eutree.learning.stored_state import check_state
+from eutree.learners import Settings, UTree
+from eutree.learners.stored_state import check_state
 from eutree.training.offline import OfflineRun
 from eutree.training.progress import GatheredEpisodes, progress_to_csv
 from eutree.training.run import LearningRun

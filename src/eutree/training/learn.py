@@ -13,10 +13,10 @@ from eutree.errors import InvalidArgumentError
 from eutree.evaluation import evaluate
 from eutree.interaction import GuardedEnv
 from eutree.interaction.requests import Controller
-from eutree.learning import LEARNERS, Settings, UTree, c_u_tree, eu_tree, eu_tree_dt
-from eutree.learning.expert_tree import fit_expert_tree
-from eutree.learning.presets import preset as preset_settings
-from eutree.learning.settings import described
+from eutree.learners import LEARNERS, Settings, UTree, c_u_tree, eu_tree, eu_tree_dt
+from eutree.learners.expert_tree import fit_expert_tree
+from eutree.learners.presets import preset as preset_settings
+from eutree.learners.settings import described
 from eutree.policies import Policy, TreePolicy
 from eutree.schema import Schema
 from eutree.training.asking import Asking, questions_for

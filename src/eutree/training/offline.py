@@ -4,7 +4,7 @@ from typing import Any, ClassVar
 
 from eutree.data import Demonstrations
 from eutree.evaluation import CurvePoint
-from eutree.learning import UTree
+from eutree.learners import UTree
 from eutree.policies import TreePolicy
 from eutree.training.progress import GatheredEpisodes
 from eutree.training.run import EXPANSION_STREAM, generator_of

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 from eutree.display import Displayed
 from eutree.evaluation import CurvePoint
-from eutree.learning import History
-from eutree.learning.settings import Settings
+from eutree.learners import History
+from eutree.learners.settings import Settings
 from eutree.policies import TreePolicy
 from eutree.training.polishing import PolishReport
 

@@ -18,7 +18,7 @@ from eutree.evaluation import CurvePoint, Evaluation
 from eutree.interaction import GuardedEnv, episode_seed
 from eutree.interaction.episode import success_of
 from eutree.interaction.requests import Request, StepAnswer
-from eutree.learning import UTree
+from eutree.learners import UTree
 from eutree.policies import TreePolicy
 from eutree.training.asking import Questions
 from eutree.training.progress import GatheredEpisodes

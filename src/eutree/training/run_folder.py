@@ -31,7 +31,7 @@ from eutree.files import (
     write_text,
 )
 from eutree.files.atomic import lock, remove_orphans, reported
-from eutree.learning import Settings
+from eutree.learners import Settings
 from eutree.policies import TreePolicy
 from eutree.training.checkpoint import (
     CHECKPOINT,

@@ -4,8 +4,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from eutree.learning.history import History
-from eutree.learning.targets import LambdaReturn, OneStep
+from eutree.learners.history import History
+from eutree.learners.targets import LambdaReturn, OneStep
 from eutree.trees import DecisionTree
 from tests import naive_learning
 

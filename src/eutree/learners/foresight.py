@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from eutree.arrays import Floats, Integers
 from eutree.imagination import ActionTree, Imagination, Plan, Transitions
 from eutree.imagination.action_trees import from_decision_tree, to_decision_tree
-from eutree.learning.history import TERMINAL, History
+from eutree.learners.history import TERMINAL, History
 from eutree.trees import DecisionTree
 
 _TREES = ("policy", "candidate", "explorer", "taught")

@@ -10,7 +10,7 @@ is measured in ``docs/results/paper-sensitivity.md``.
 from dataclasses import replace
 
 from eutree.imagination import Imagination
-from eutree.learning.settings import Settings
+from eutree.learners.settings import Settings
 from eutree.splitting import KolmogorovSmirnov, Naive
 from eutree.validation import check_choice
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from eutree.errors import EutreeError, FormatError
 from eutree.imagination import ActionTree
 from eutree.imagination.action_trees import to_decision_tree
-from eutree.learning.forgetting import WHOLE
-from eutree.learning.settings import Settings
+from eutree.learners.forgetting import WHOLE
+from eutree.learners.settings import Settings
 from eutree.trees import DecisionTree
 
 State = Mapping[str, NDArray[Any]]

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from eutree.c45 import C45Settings, grow
-from eutree.learning import PAPER, UTree
-from eutree.learning.confidence import FEW, UNDECIDED, Confidence, doubt
-from eutree.learning.teaching import refined
+from eutree.learners import PAPER, UTree
+from eutree.learners.confidence import FEW, UNDECIDED, Confidence, doubt
+from eutree.learners.teaching import refined
 from eutree.trees import DecisionTree
 
 SURE = Confidence(min_tried=4, width=2.0)

@@ -18,8 +18,8 @@ from hypothesis.stateful import (
 )
 
 from eutree.files import read_arrays, write_arrays
-from eutree.learning import PAPER, UTree
-from eutree.learning.history import TERMINAL
+from eutree.learners import PAPER, UTree
+from eutree.learners.history import TERMINAL
 from eutree.mdp import TabularMDP
 from eutree.splitting import Split
 from eutree.trees import DecisionTree

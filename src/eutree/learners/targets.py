@@ -7,8 +7,8 @@ from typing import Protocol
 import numpy as np
 
 from eutree.arrays import Floats, Int32s, Integers
-from eutree.learning import _kernels
-from eutree.learning.history import History
+from eutree.learners import _kernels
+from eutree.learners.history import History
 from eutree.validation import check_number
 
 

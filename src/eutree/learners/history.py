@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eutree.arrays import Booleans, Floats, Int32s, Integers
-from eutree.learning import _kernels
-from eutree.learning.forgetting import WHOLE, Forgetting, LeafReservoirs
+from eutree.learners import _kernels
+from eutree.learners.forgetting import WHOLE, Forgetting, LeafReservoirs
 from eutree.trees import DecisionTree
 
 TERMINAL = -1

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from eutree.errors import FormatError, InvalidArgumentError
-from eutree.learning import DEFAULT, PAPER, UTree
-from eutree.learning.settings import Settings
-from eutree.learning.stored_state import check_state
+from eutree.learners import DEFAULT, PAPER, UTree
+from eutree.learners.settings import Settings
+from eutree.learners.stored_state import check_state
 from eutree.mdp import TabularMDP
-from tests.learning.test_u_tree import Walk, learned
+from tests.learners.test_u_tree import Walk, learned
 
 SPLITS = replace(DEFAULT, imagination=None, solve_growth=1.5)
 

@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from eutree.arrays import Booleans, Floats, Int32s, Integers
 from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
-from eutree.learning.confidence import Confidence, doubt
-from eutree.learning.foresight import Foresight
-from eutree.learning.forgetting import Forgetting, LeafReservoirs, RecentEpisodes
-from eutree.learning.history import TERMINAL, History
-from eutree.learning.settings import Settings
-from eutree.learning.solving import Solving
-from eutree.learning.teaching import refined
+from eutree.learners.confidence import Confidence, doubt
+from eutree.learners.foresight import Foresight
+from eutree.learners.forgetting import Forgetting, LeafReservoirs, RecentEpisodes
+from eutree.learners.history import TERMINAL, History
+from eutree.learners.settings import Settings
+from eutree.learners.solving import Solving
+from eutree.learners.teaching import refined
 from eutree.mdp import TabularMDP
 from eutree.policies import LeafStatistics, TreePolicy
 from eutree.schema import EnvironmentSpec, Schema
@@ -176,7 +176,7 @@ class UTree:
     def unsure(self, observation: Floats, confidence: Confidence) -> str:
         """Return why the learner would rather be shown what to do at ``observation``, or "".
 
-        See :mod:`eutree.learning.confidence`. Nothing of the learner changes.
+        See :mod:`eutree.learners.confidence`. Nothing of the learner changes.
         """
         leaf = self.tree.leaf_of(observation.tolist())
         if leaf in self._locked:

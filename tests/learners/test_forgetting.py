@@ -10,16 +10,16 @@ from hypothesis import strategies as st
 from scipy.stats import chisquare
 
 from eutree.data import Episode
-from eutree.learning import DEFAULT, PAPER, LambdaReturn, UTree
-from eutree.learning.foresight import transitions_of
-from eutree.learning.forgetting import WHOLE, LeafReservoirs, RecentEpisodes, fair_shares
-from eutree.learning.history import History
+from eutree.learners import DEFAULT, PAPER, LambdaReturn, UTree
+from eutree.learners.foresight import transitions_of
+from eutree.learners.forgetting import WHOLE, LeafReservoirs, RecentEpisodes, fair_shares
+from eutree.learners.history import History
 from eutree.mdp import TabularMDP
 from eutree.splitting import Split
 from eutree.trees import DecisionTree
 from tests import naive_forgetting, naive_learning
-from tests.learning.test_history import assert_consistent
-from tests.learning.test_u_tree import Walk
+from tests.learners.test_history import assert_consistent
+from tests.learners.test_u_tree import Walk
 
 SPLITS = replace(DEFAULT, imagination=None, max_transitions=200)
 PLANS = replace(

@@ -9,8 +9,8 @@ from dataclasses import MISSING, dataclass, fields, is_dataclass
 from typing import Any
 
 from eutree.imagination import Imagination
-from eutree.learning.gates import AlwaysOpen, Gate
-from eutree.learning.targets import OneStep, Target
+from eutree.learners.gates import AlwaysOpen, Gate
+from eutree.learners.targets import OneStep, Target
 from eutree.splitting import KolmogorovSmirnov, Naive, Significance
 from eutree.validation import check_integer, check_number
 

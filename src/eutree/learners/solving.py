@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from eutree.arrays import Integers
-from eutree.learning.history import History
+from eutree.learners.history import History
 from eutree.mdp import TabularMDP
 
 BACKUPS_PER_LEAF = 20  # of prioritized sweeping for each leaf that a split has made or shrunk

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
-from eutree.learning import DEFAULT, PAPER, UTree
+from eutree.learners import DEFAULT, PAPER, UTree
 from eutree.mdp import TabularMDP
 from eutree.trees import DecisionTree
 from tests import naive_learning

@@ -8,8 +8,8 @@
 """
 
 from eutree.data import Demonstrations
-from eutree.learning.settings import Settings
-from eutree.learning.u_tree import UTree
+from eutree.learners.settings import Settings
+from eutree.learners.u_tree import UTree
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
 from eutree.trees import DecisionTree

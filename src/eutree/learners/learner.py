@@ -1,0 +1,326 @@
+"""What every learner is: where it starts, how it learns, and what the loop of a run asks of it.
+
+Two things are told apart. A *start* is where learning begins: from nothing, the expert tree, the
+demonstrations, or both; the paper's C. U-Tree, EU-Tree - DT and EU-Tree are three starts. A
+*method* is how it goes on: a frozen dataclass of its own choices that makes a learner for a problem
+and a start. A *learner* takes steps and returns actions; it never sees an environment, and between
+two episodes its whole memory is ``state()``.
+
+The loop of a run, for every method:
+
+    learner.start_episode(observation, generator)
+    until the episode ends:  action = learner.act();  ...;  learner.observe(Step(action, ...))
+    learner.end_episode()                  # or discard_episode(): as if it had not begun
+    every ``gathering_episodes`` episodes: learner.update(generator)
+    whenever a policy is wanted:           learner.decisions().policy(problem)
+
+What only some learners can do is a protocol of its own, which its user checks for by
+``isinstance``: ``CanDoubt``, ``CanRace``, ``HasPolicy``.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, ClassVar, Literal, NamedTuple, Protocol, TypeAlias, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eutree.arrays import Floats, Integers
+from eutree.data import Episode
+from eutree.errors import InvalidArgumentError
+from eutree.learners.confidence import Confidence
+from eutree.learners.history import History
+from eutree.policies import LeafStatistics, Policy, TreePolicy
+from eutree.schema import EnvironmentSpec, Schema
+from eutree.trees import DecisionTree
+
+Arrays: TypeAlias = dict[str, NDArray[Any]]
+StartName: TypeAlias = Literal["nothing", "tree", "tree+demos", "demos", "random-tree"]
+
+
+class Step(NamedTuple):
+    """One step: the action taken at the present observation, and what came of it.
+
+    A truncated episode is no terminal one: its value goes on where it was cut short.
+
+    Attributes:
+        action: Index of the action taken.
+        reward: Its reward.
+        observation: The next observation, shape [d].
+        terminated: Whether the task ended the episode; value 0 follows.
+        truncated: Whether a limit outside the task cut it short.
+        info: The environment's further words.
+        shown: Whether the action was a demonstration, not the learner's own.
+    """
+
+    action: int
+    reward: float
+    observation: Floats
+    terminated: bool
+    truncated: bool
+    info: Mapping[str, Any] = MappingProxyType({})
+    shown: bool = False
+
+
+@dataclass(frozen=True)
+class Problem:
+    """All that a learner may know before the first step.
+
+    Attributes:
+        schema: Names, units and bounds of the features, previous observations included; names of
+            the actions.
+        environment: How to make the environment again, where that is known.
+        history: Number of previous observations among the features.
+        max_episode_steps: Steps after which the environment truncates; None if it never does.
+        steps: The run's budget of environment steps; None where it is counted in episodes.
+    """
+
+    schema: Schema
+    environment: EnvironmentSpec | None = None
+    history: int = 0
+    max_episode_steps: int | None = None
+    steps: int | None = None
+
+    @property
+    def n_features(self) -> int:
+        """Number of features d."""
+        return self.schema.n_features
+
+    @property
+    def n_actions(self) -> int:
+        """Number of actions A."""
+        return self.schema.n_actions
+
+    @property
+    def low(self) -> Floats:
+        """Smallest possible value of each feature, -inf where unbounded, shape [d]."""
+        return np.array([feature.low for feature in self.schema.features])
+
+    @property
+    def high(self) -> Floats:
+        """Largest possible value of each feature, inf where unbounded, shape [d]."""
+        return np.array([feature.high for feature in self.schema.features])
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Where a learner begins.
+
+    Attributes:
+        expert: The tree it starts from: fitted to demonstrations, written by hand, or random.
+        episodes: Demonstrations whose transitions it knows.
+        random: Whether ``expert`` is a random tree, whose labels mean nothing.
+    """
+
+    expert: TreePolicy | None = None
+    episodes: tuple[Episode, ...] = ()
+    random: bool = False
+
+    @property
+    def name(self) -> StartName:
+        """Which start it is."""
+        if self.random:
+            return "random-tree"
+        if self.expert is None:
+            return "demos" if self.episodes else "nothing"
+        return "tree+demos" if self.episodes else "tree"
+
+
+class LeafSplit(NamedTuple):
+    """A cut of a leaf: ``x[feature] <= threshold`` keeps ``leaf``, the rest gets ``new_leaf``."""
+
+    leaf: int
+    new_leaf: int
+    feature: int
+    threshold: float
+
+
+@dataclass(frozen=True)
+class Update:
+    """What an update did, for the log of the run.
+
+    Attributes:
+        splits: Leaves that were split, in order.
+        figures: Numbers of the method's own, by name, in JSON's types.
+    """
+
+    splits: tuple[LeafSplit, ...] = ()
+    figures: Mapping[str, float | int | str | None] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Decisions:
+    """What a learner would do if it learned no more, as a tree.
+
+    Attributes:
+        tree: The tree.
+        actions: Action of each leaf.
+        statistics: Visits and values of the rule that decides; None if it has none by leaf.
+        locked: Leaves that nothing may change, in order.
+        fidelity: Share of the learner's own decisions on its observations that the tree makes
+            too; 1.0 unless the tree is fitted to a policy that is no tree.
+    """
+
+    tree: DecisionTree
+    actions: Integers  # [L]
+    statistics: LeafStatistics | None = None
+    locked: tuple[int, ...] = ()
+    fidelity: float = 1.0
+
+    def policy(self, problem: Problem) -> TreePolicy:
+        """Return the decisions as a policy with the names of the problem."""
+        return TreePolicy(
+            tree=self.tree,
+            actions=self.actions,
+            schema=problem.schema,
+            environment=problem.environment,
+            history=problem.history,
+            leaves=self.statistics,
+            locked=self.locked,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Needs:
+    """What a method asks of a problem and a start.
+
+    Attributes:
+        goal: The demonstrations must hold an episode that reached the task's goal.
+        gathering: It must act: recorded episodes alone are not enough.
+        max_features: Most features it can cope with; None for any number.
+        starts: The starts that mean something to it.
+    """
+
+    goal: bool = False
+    gathering: bool = False
+    max_features: int | None = None
+    starts: tuple[StartName, ...] = ("nothing", "tree", "tree+demos", "demos", "random-tree")
+
+    def refusal(self, problem: Problem, start: Start, *, offline: bool = False) -> str:
+        """Return why the method does not fit, or ""."""
+        if offline and self.gathering:
+            return "it tries what it plans, so it needs an environment to act in"
+        if start.name not in self.starts:
+            return f"it starts from {' or '.join(self.starts)}, got {start.name}"
+        if self.goal and not any(episode.is_success for episode in start.episodes):
+            return "it needs a demonstration that reached the goal (is_success)"
+        if self.max_features is not None and problem.n_features > self.max_features:
+            return f"it copes with {self.max_features} features, got {problem.n_features}"
+        return ""
+
+
+class Learner(Protocol):
+    """Takes steps and returns actions."""
+
+    @property
+    def history(self) -> History:
+        """The store of all transitions."""
+        ...
+
+    def start_episode(self, observation: Floats, generator: np.random.Generator) -> None:
+        """Begin an episode at its first observation, shape [d]; all its chance is ``generator``."""
+        ...
+
+    def act(self) -> int:
+        """Return the action for the present observation."""
+        ...
+
+    def observe(self, step: Step) -> None:
+        """Take what came of an action; learn from it at once, or only keep it."""
+        ...
+
+    def end_episode(self) -> None:
+        """Store the episode, whose last step was terminated or truncated."""
+        ...
+
+    def discard_episode(self) -> None:
+        """Be as before ``start_episode``, to the bit; do nothing between two episodes."""
+        ...
+
+    def update(self, generator: np.random.Generator) -> Update:
+        """Learn from what is stored: an expansion phase, a planning, a clustering."""
+        ...
+
+    def decisions(self) -> Decisions:
+        """Return the present policy as a tree."""
+        ...
+
+    def state(self) -> Arrays:
+        """Return all that is known between two episodes; ``Method.restore`` takes it back."""
+        ...
+
+
+class Method(Protocol):
+    """How to learn: a frozen, keyword-only dataclass of this method's own choices and no others.
+
+    It is written to ``config.json`` and read back by msgspec.
+
+    Attributes:
+        name: Its name in the registry and on the command line.
+        needs: What it asks of a problem and a start, checked before a run.
+        gathering_episodes: Episodes between two updates.
+    """
+
+    name: ClassVar[str]
+    needs: ClassVar[Needs]
+
+    @property
+    def gathering_episodes(self) -> int:
+        """Episodes between two updates."""
+        ...
+
+    def start(self, problem: Problem, start: Start) -> Learner:
+        """Return a learner at its start."""
+        ...
+
+    def restore(self, problem: Problem, start: Start, state: Arrays) -> Learner:
+        """Return the learner whose ``state()`` this was; it goes on to the same bytes."""
+        ...
+
+    def check_state(self, path: str | Path, state: Arrays, problem: Problem) -> None:
+        """Raise FormatError unless ``restore`` can trust the state, which comes from a file.
+
+        Compiled loops trust their indices: whatever one indexes with is compared with the size of
+        what it indexes.
+        """
+        ...
+
+
+@runtime_checkable
+class CanDoubt(Protocol):
+    """A learner that knows when it would rather be shown what to do."""
+
+    def doubt(self, observation: Floats, confidence: Confidence) -> str:
+        """Return why, at an observation of shape [d], or ""; nothing of the learner changes."""
+        ...
+
+
+@runtime_checkable
+class CanRace(Protocol):
+    """A learner that searches among policies by episodes of their own, a phase of the run."""
+
+    def next_heat(self) -> tuple[TreePolicy, int] | None:
+        """Return the tree to run next, and the number of the start to run it from; None to end."""
+        ...
+
+    def heat_run(self, episode: Episode) -> None:
+        """Take the episode that the tree of ``next_heat`` ran."""
+        ...
+
+
+@runtime_checkable
+class HasPolicy(Protocol):
+    """A learner whose own policy is no tree; it is evaluated beside the tree of its decisions."""
+
+    def own_policy(self) -> Policy:
+        """Return the present policy, frozen."""
+        ...
+
+
+def check_fits(method: Method, problem: Problem, start: Start, *, offline: bool = False) -> None:
+    """Raise InvalidArgumentError unless a method fits a problem and a start."""
+    reason = method.needs.refusal(problem, start, offline=offline)
+    if reason:
+        raise InvalidArgumentError(f"method {method.name!r} does not fit this task: {reason}")
