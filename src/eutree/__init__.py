@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from eutree import export as export
     from eutree import inspection as inspection
     from eutree import interaction as interaction
-    from eutree import learning as learning
+    from eutree import learners as learners
     from eutree import mdp as mdp
     from eutree import report as report
     from eutree import splitting as splitting
