@@ -57,7 +57,7 @@ class Step(NamedTuple):
 
     action: int
     reward: float
-    observation: Floats
+    observation: Floats  # [d]
     terminated: bool
     truncated: bool
     info: Mapping[str, Any] = MappingProxyType({})
