@@ -13,9 +13,12 @@
 The command line prints the message of an ``EutreeError`` as one line and exits with code 2.
 """
 
+import sys
 from collections.abc import Iterable
 from difflib import get_close_matches
 from pathlib import Path
+
+MAX_SHOWN = 100  # characters of a value in a message
 
 
 class EutreeError(Exception):
@@ -36,7 +39,7 @@ class UnknownNameError(InvalidArgumentError):
     """
 
     def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
-        known = sorted(known)
+        known, name = sorted(known), _cut(name)
         nearest = get_close_matches(name, known, n=1, cutoff=0.5)
         hint = f" Did you mean {nearest[0]!r}?" if nearest else ""
         listing = f" Known: {', '.join(known)}." if len(known) <= 20 else ""
@@ -113,3 +116,19 @@ def _printable(text: str) -> str:
     """Escape line breaks and terminal controls, and cut: the text may quote a hostile file."""
     text = text if len(text) <= 400 else f"{text[:300]} ... {text[-80:]}"
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def shown(value: object) -> str:
+    """Return ``repr(value)``, cut where it is long: messages stay one line.
+
+    An integer of more digits than Python converts to text has no ``repr``.
+    """
+    try:
+        text = repr(value)
+    except ValueError:
+        return f"a {type(value).__name__} of more than {sys.get_int_max_str_digits()} digits"
+    return _cut(text)
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= MAX_SHOWN else f"{text[: MAX_SHOWN - 3]}..."

@@ -9,7 +9,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from eutree.errors import InvalidArgumentError
+from eutree.errors import InvalidArgumentError, shown
+
+MAX_FEATURES = 10_000  # the past included
 
 
 @dataclass(frozen=True)
@@ -90,7 +92,17 @@ class Schema:
         )
 
     def with_history(self, steps: int) -> "Schema":
-        """Return the schema of an observation followed by its ``steps`` predecessors."""
+        """Return the schema of an observation followed by its ``steps`` predecessors.
+
+        Raises:
+            InvalidArgumentError: That would be more than ``MAX_FEATURES`` features.
+        """
+        most = MAX_FEATURES // self.n_features - 1
+        if not 0 <= steps <= most:
+            raise InvalidArgumentError(
+                f"history must be from 0 to {most}, so that {self.n_features} features make at "
+                f"most {MAX_FEATURES:,}, got {shown(steps)}"
+            )
         past = [
             Feature(f"{feature.name}, {k} ago", feature.unit, feature.low, feature.high)
             for k in range(1, steps + 1)

@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from eutree.arrays import Floats, Integers
-from eutree.errors import InvalidArgumentError, UnknownNameError
+from eutree.errors import InvalidArgumentError, UnknownNameError, shown
+
+MAX_SEED = 2**63 - 1
 
 _Value = TypeVar("_Value")
 
@@ -25,12 +27,15 @@ def check_number(
     """Return ``value`` as a finite float inside the interval, or raise InvalidArgumentError."""
     interval = f"{'(' if low_open else '['}{low:g}, {high:g}{')' if high_open else ']'}"
     if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
-        raise InvalidArgumentError(f"{name} must be a number in {interval}, got {value!r}")
-    number = float(value)
+        raise InvalidArgumentError(f"{name} must be a number in {interval}, got {shown(value)}")
+    try:
+        number = float(value)
+    except OverflowError:  # an integer beyond all floats
+        number = math.inf
     too_low = number <= low if low_open else number < low
     too_high = number >= high if high_open else number > high
     if not math.isfinite(number) or too_low or too_high:
-        raise InvalidArgumentError(f"{name} must be a number in {interval}, got {value!r}")
+        raise InvalidArgumentError(f"{name} must be a number in {interval}, got {shown(value)}")
     return number
 
 
@@ -38,10 +43,10 @@ def check_integer(name: str, value: object, *, low: int = 0, high: int | None = 
     """Return ``value`` as an int of at least ``low`` (and at most ``high``), or raise."""
     bounds = f"an integer >= {low}" if high is None else f"an integer from {low} to {high}"
     if isinstance(value, bool) or not isinstance(value, int | np.integer):
-        raise InvalidArgumentError(f"{name} must be {bounds}, got {value!r}")
+        raise InvalidArgumentError(f"{name} must be {bounds}, got {shown(value)}")
     number = int(value)
     if number < low or (high is not None and number > high):
-        raise InvalidArgumentError(f"{name} must be {bounds}, got {value!r}")
+        raise InvalidArgumentError(f"{name} must be {bounds}, got {shown(value)}")
     return number
 
 
@@ -105,5 +110,5 @@ def check_finite(name: str, array: Floats) -> None:
 
 
 def check_seed(seed: object) -> int:
-    """Return ``seed`` as a non-negative int, or raise InvalidArgumentError."""
-    return check_integer("seed", seed, low=0)
+    """Return ``seed`` as an int from 0 to ``MAX_SEED``, or raise InvalidArgumentError."""
+    return check_integer("seed", seed, low=0, high=MAX_SEED)

@@ -1,4 +1,7 @@
-"""Twenty environments, each with one fault that the border must stop."""
+"""Environments, each with one fault that the border must stop."""
+
+import datetime
+import sys
 
 import gymnasium
 import numpy as np
@@ -54,6 +57,21 @@ class RaisesInReset(Healthy):
         raise OSError("no device")
 
 
+class ExitsInStep(Healthy):
+    def step(self, action):
+        sys.exit(0)
+
+
+class ExitsInReset(Healthy):
+    def reset(self, *, seed=None, options=None):
+        sys.exit("no licence")
+
+
+class ResetWithoutDict(Healthy):
+    def reset(self, *, seed=None, options=None):
+        return super().reset(seed=seed)[0], None
+
+
 class ResetWithoutInfo(Healthy):
     def reset(self, *, seed=None, options=None):
         return super().reset(seed=seed)[0]
@@ -79,6 +97,10 @@ SICK = {
     "wrong shape": (answering(observation=np.zeros(3)), r"shape \(2,\), got \(3,\)"),
     "matrix": (answering(observation=np.zeros((2, 1))), r"shape \(2,\), got \(2, 1\)"),
     "text observation": (answering(observation=["a", "b"]), "observation must be of Box"),
+    "numeric texts": (answering(observation=["0.5", "1"]), "no kind of number"),
+    "an array of objects": (answering(observation=np.array(["1", 0.5], object)), "texts are no"),
+    "dates": (answering(observation=np.zeros(2, "datetime64[s]")), "no kind of number"),
+    "a date": (answering(observation=[datetime.datetime(2026, 1, 1)] * 2), "observation must be"),
     "no observation": (answering(observation=None), "observation must"),
     "text reward": (answering(reward="1.0"), "reward must be a finite number, got '1.0'"),
     "NaN reward": (answering(reward=np.nan), "reward must be a finite number .*, got nan"),
@@ -90,6 +112,14 @@ SICK = {
     "text flag": (answering(terminated="no"), "terminated must be a bool, got 'no'"),
     "number flag": (answering(truncated=1), "truncated must be a bool, got 1"),
     "info is a list": (answering(info=[]), "info must be a dict"),
+    "info is None": (answering(info=None), "info must be a dict, got None"),
+    "success of several": (answering(info={"is_success": np.ones(2)}), r"'is_success'\] must be"),
+    "success in words": (answering(info={"is_success": "yes"}), "or 1 or 0.*, got 'yes'"),
+    "success is NaN": (answering(info={"is_success": np.nan}), "or 1 or 0.*, got nan"),
+    "success by half": (answering(info={"is_success": 0.5}), "or 1 or 0.*, got 0.5"),
+    "exit in step": (ExitsInStep(), "step 0: step raised SystemExit: 0"),
+    "exit in reset": (ExitsInReset(), "reset: reset raised SystemExit: no licence"),
+    "reset with None as info": (ResetWithoutDict(), "reset: info must be a dict, got None"),
     "four values": (FourValues(), "a tuple of 4 values"),
     "six values": (SixValues(), "a tuple of 6 values"),
     "exception in step": (RaisesInStep(), "step 0: step raised KeyError: 'motor'"),

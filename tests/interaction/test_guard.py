@@ -36,6 +36,12 @@ def test_messages_of_sick_environments_are_one_line_and_name_environment_and_epi
         assert str(caught.value).startswith(f"{type(env).__name__}, episode 0, ")
 
 
+@pytest.mark.parametrize("success", [True, np.True_, 1, 1.0, np.float32(1), np.array(True)])
+def test_success_may_be_said_in_numbers(success):
+    env = answering(info={"is_success": success, "ending": np.array([1, 2])})
+    assert run(env).step_number == 5
+
+
 def test_a_healthy_environment_passes():
     assert run(Healthy()).step_number == 5
 

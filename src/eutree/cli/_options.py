@@ -10,17 +10,26 @@ from typing import Any, TypeVar
 
 import click
 
+from eutree.errors import shown
+from eutree.files.schema_document import plain_json
 from eutree.schema import EnvironmentSpec
+from eutree.validation import MAX_SEED
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 
+MAX_COUNT = 10**9  # of anything that is counted: more than any run can do
+
 
 def count_option(
-    flag: str, default: int, text: str, *, least: int = 1
+    flag: str, default: int | None, text: str, *, least: int = 1, most: int = MAX_COUNT
 ) -> Callable[[_Command], _Command]:
-    """Return an option that takes a whole number of at least ``least``."""
+    """Return an option that takes a whole number from ``least`` to ``most``."""
     return click.option(
-        flag, type=click.IntRange(min=least), default=default, show_default=True, help=text
+        flag,
+        type=click.IntRange(least, most),
+        default=default,
+        show_default=default is not None,
+        help=text,
     )
 
 
@@ -37,7 +46,8 @@ def json_option(command: _Command) -> _Command:
 
 def seed_option(command: _Command) -> _Command:
     """Add ``--seed``."""
-    return count_option("--seed", 0, "Seed; the same seed gives the same bytes.", least=0)(command)
+    text = "Seed; the same seed gives the same bytes."
+    return count_option("--seed", 0, text, least=0, most=MAX_SEED)(command)
 
 
 def env_arg_option(command: _Command) -> _Command:
@@ -69,15 +79,24 @@ def import_option(command: _Command) -> _Command:
 
 
 def _import_module(context: click.Context, parameter: click.Parameter, name: str | None) -> None:
-    """Import a module that the user has named; files never name one."""
+    """Import a module that the user has named; files never name one.
+
+    Whatever the module does wrong, its author is to be told: that it is not there, cannot be read
+    as Python, raises, or ends the process.
+    """
     if name is None or context.resilient_parsing:
         return
     if os.getcwd() not in sys.path:
         sys.path.insert(0, os.getcwd())
+    if not all(part.isidentifier() for part in name.split(".")):
+        raise click.BadParameter(f"must be the name of a module, as in Python, got {shown(name)}")
     try:
         importlib.import_module(name)
     except ImportError as error:
         raise click.BadParameter(f"cannot import {name!r}: {error}") from error
+    except (Exception, SystemExit) as error:
+        reason = f"{type(error).__name__}: {error}".removesuffix(": ")
+        raise click.BadParameter(f"cannot import {name!r}: it raised {reason}") from error
 
 
 def _parse_arguments(
@@ -87,12 +106,20 @@ def _parse_arguments(
     for text in values:
         key, equals, value = text.partition("=")
         if not equals or not key:
-            raise click.BadParameter(f"must be KEY=VALUE, got {text!r}")
+            raise click.BadParameter(f"must be KEY=VALUE, got {shown(text)}")
         try:
-            parsed[key] = json.loads(value)
-        except ValueError:
-            parsed[key] = {"True": True, "False": False, "None": None}.get(value, value)
+            parsed[key] = plain_json(_parsed(value), f"--env-arg {key}")
+        except RecursionError:
+            raise click.BadParameter(f"{key} is nested too deeply") from None
     return parsed
+
+
+def _parsed(value: str) -> Any:
+    """Return what JSON or Python means by the text, else the text itself."""
+    try:
+        return json.loads(value)
+    except ValueError:
+        return {"True": True, "False": False, "None": None}.get(value, value)
 
 
 def override(spec: EnvironmentSpec, arguments: dict[str, Any]) -> EnvironmentSpec:

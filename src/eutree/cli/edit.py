@@ -1,5 +1,6 @@
 """``eutree edit``: change thresholds and actions by hand, and lock what must stay."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,9 @@ from eutree.cli._options import (
     seed_option,
 )
 from eutree.cli._output import Output
-from eutree.errors import InvalidArgumentError
+from eutree.errors import InvalidArgumentError, shown
+
+_NUMBER = re.compile(r"[0-9]{1,9}")  # of a node or a leaf
 
 
 @click.command(
@@ -107,8 +110,8 @@ def _pairs(what: str, texts: tuple[str, ...]) -> list[tuple[int, str]]:
     pairs = []
     for text in texts:
         number, equals, value = text.partition("=")
-        if not equals or not number.strip().isdecimal():
-            raise InvalidArgumentError(f"--set-{what} must be NUMBER=VALUE, got {text!r}")
+        if not equals or not _NUMBER.fullmatch(number.strip()):
+            raise InvalidArgumentError(f"--set-{what} must be NUMBER=VALUE, got {shown(text)}")
         pairs.append((int(number), value))
     return pairs
 
@@ -117,4 +120,4 @@ def _number(text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise InvalidArgumentError(f"--set-threshold needs a number, got {text!r}") from None
+        raise InvalidArgumentError(f"--set-threshold needs a number, got {shown(text)}") from None

@@ -41,8 +41,7 @@ if TYPE_CHECKING:
 @count_option(
     "--polish-steps", 0, "Environment steps spent at the end on races of improved trees.", least=0
 )
-@click.option("--max-transitions", type=click.IntRange(min=1),
-              help="Most transitions to remember; by default all.")  # fmt: skip
+@count_option("--max-transitions", None, "Most transitions to remember; by default all.")
 @click.option("--ask", help="Ask for a demonstration where the learner is unsure: web, window, or "
               "a scripted expert.")  # fmt: skip
 @count_option("--ask-requests", 20, "Most requests of --ask.")

@@ -31,6 +31,7 @@ COMMANDS = {
 
 EXIT_MISTAKE = 2
 EXIT_INTERRUPTED = 130
+MAX_LINE = 1500  # characters of an error
 
 
 class LazyGroup(click.Group):
@@ -105,5 +106,7 @@ def _report(error: Exception, *, debug: bool) -> int:
     else:
         kind = type(error).__name__
         message, code = f"internal error, {kind}: {error} (--debug shows where)", 1
-    click.echo(f"error: {' '.join(message.split())}", err=True)
+    line = " ".join(message.split())
+    line = line if len(line) <= MAX_LINE else f"{line[:MAX_LINE]} ... {line[-100:]}"
+    click.echo(f"error: {line}", err=True)
     return code

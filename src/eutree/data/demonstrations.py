@@ -100,10 +100,11 @@ class Demonstrations(Displayed):
 
     def with_history(self, steps: int) -> "Demonstrations":
         """Return the demonstrations with observations followed by their ``steps`` predecessors."""
+        schema = self.schema.with_history(steps)  # refuses what would be too much
         return replace(
             self,
             episodes=tuple(episode.with_history(steps) for episode in self.episodes),
-            schema=self.schema.with_history(steps),
+            schema=schema,
         )
 
     def save(self, folder: str | Path) -> None:

@@ -7,8 +7,10 @@ from typing import Annotated, Any
 import msgspec
 import numpy as np
 
-from eutree.errors import FormatError, InvalidArgumentError
+from eutree.errors import FormatError, InvalidArgumentError, shown
 from eutree.schema import EnvironmentSpec, Feature, Schema
+
+_MAX_NESTING = 40  # of what others hand in; leaves room for the document around it
 
 Index = Annotated[int, msgspec.Meta(ge=0, lt=2**31)]
 
@@ -91,12 +93,17 @@ def environment_from_document(
     return EnvironmentSpec(document.id, document.arguments)
 
 
-def plain_json(value: Any, name: str) -> Any:
+def plain_json(value: Any, name: str, *, depth: int = 0) -> Any:
     """Return ``value`` in JSON's own types, keys sorted; NumPy numbers and arrays become plain.
 
     Raises:
-        InvalidArgumentError: Something in it is none of these types, or not finite.
+        InvalidArgumentError: Something in it is none of these types, or not finite, or it is
+            nested too deeply to be read again.
     """
+    if depth > _MAX_NESTING:
+        raise InvalidArgumentError(
+            f"{name[:60]}... must be nested at most {_MAX_NESTING} deep to be written"
+        )
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if value is None or isinstance(value, bool | int | str):
@@ -104,9 +111,13 @@ def plain_json(value: Any, name: str) -> Any:
     if isinstance(value, float) and math.isfinite(value):
         return value
     if isinstance(value, list | tuple):
-        return [plain_json(item, f"{name}[{i}]") for i, item in enumerate(value)]
+        return [plain_json(item, f"{name}[{i}]", depth=depth + 1) for i, item in enumerate(value)]
     if hasattr(value, "items") and all(isinstance(key, str) for key in value):
-        return {key: plain_json(value[key], f"{name}[{key!r}]") for key in sorted(value)}
+        return {
+            key: plain_json(value[key], f"{name}[{key!r}]", depth=depth + 1)
+            for key in sorted(value)
+        }
     raise InvalidArgumentError(
-        f"{name} must be made of numbers, strings, lists and dicts to be written, got {value!r}"
+        f"{name} must be made of finite numbers, strings, lists and dicts to be written, "
+        f"got {shown(value)}"
     )

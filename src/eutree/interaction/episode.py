@@ -40,8 +40,10 @@ def run_episode(env: GuardedEnv, policy: Policy, seed: int | None = None) -> Epi
 
 
 def ending_of(info: dict[str, Any], *, terminated: bool) -> str:
-    """Return why an episode ended: ``info["ending"]``, else by its flags."""
-    return str(info.get("ending") or ("terminated" if terminated else "truncated"))
+    """Return why an episode ended: ``info["ending"]`` if it is a text, else by its flags."""
+    ending = info.get("ending")
+    own = str(ending) if isinstance(ending, str) else ""
+    return own or ("terminated" if terminated else "truncated")
 
 
 def success_of(info: dict[str, Any]) -> bool | None:

@@ -12,7 +12,7 @@ import gymnasium
 import numpy as np
 
 from eutree.arrays import Floats
-from eutree.errors import EnvironmentFault, InvalidArgumentError
+from eutree.errors import EnvironmentFault, InvalidArgumentError, shown
 from eutree.interaction.spaces import decoder, describe, encoder, spec_of
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.validation import check_integer
@@ -76,10 +76,11 @@ class GuardedEnv:
         self.step_number = -1
         try:
             answer = self.env.reset(seed=seed)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise self._fault(f"reset raised {type(error).__name__}: {error}") from error
         if not (isinstance(answer, tuple) and len(answer) == 2):
             raise self._fault(f"reset must return (observation, info), got {_brief(answer)}")
+        self._check_info(answer[1])
         observation = self._observation(answer[0])
         self.step_number = 0
         self._past = np.tile(observation, self.history)
@@ -93,7 +94,7 @@ class GuardedEnv:
             )
         try:
             answer = self.env.step(action)
-        except Exception as error:
+        except (Exception, SystemExit) as error:  # no environment may end the process
             raise self._fault(f"step raised {type(error).__name__}: {error}") from error
         if not (isinstance(answer, tuple) and len(answer) == 5):
             raise self._fault(
@@ -104,8 +105,7 @@ class GuardedEnv:
         reward = self._reward(answer[1])
         terminated = self._flag("terminated", answer[2])
         truncated = self._flag("truncated", answer[3])
-        if not isinstance(answer[4], dict):
-            raise self._fault(f"info must be a dict, got {_brief(answer[4])}")
+        self._check_info(answer[4])
         self.step_number += 1
         if self.step_number >= self._limit and not (terminated or truncated):
             raise self._fault(
@@ -185,6 +185,22 @@ class GuardedEnv:
             raise self._fault(f"{name} must be a bool, got {_brief(value)}")
         return bool(value)
 
+    def _check_info(self, info: Any) -> None:
+        """Fault unless ``info`` is a dict; what is read of it must be what it is taken for."""
+        if not isinstance(info, dict):
+            raise self._fault(f"info must be a dict, got {_brief(info)}")
+        success = info.get("is_success")
+        if success is None or isinstance(success, bool | np.bool_):
+            return
+        if np.ndim(success) or not isinstance(success, int | float | np.number | np.ndarray):
+            known = False
+        else:
+            known = bool(success == 0 or success == 1)
+        if not known:
+            raise self._fault(
+                f"info['is_success'] must be True or False (or 1 or 0), got {_brief(success)}"
+            )
+
     def _fault(self, reason: str) -> EnvironmentFault:
         return EnvironmentFault(self.name, self.episode, self.step_number, reason)
 
@@ -198,5 +214,4 @@ def _brief(value: object) -> str:
     """Return what ``value`` is, in at most about 100 characters."""
     if isinstance(value, tuple):
         return f"a tuple of {len(value)} values"
-    text = repr(value)
-    return text if len(text) <= 100 else f"{text[:97]}..."
+    return " ".join(shown(value).split())

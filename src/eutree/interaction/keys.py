@@ -4,6 +4,7 @@ A key's name is the same in the browser and in the window: ``"space"``, ``"left"
 What the keys held mean is a pure function of their names, in the order in which they went down.
 """
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -204,7 +205,7 @@ def _idle_by_name(schema: Schema) -> int | None:
 def _action(text: str, schema: Schema) -> int:
     if text in schema.actions:
         return schema.actions.index(text)
-    if text.isdecimal() and int(text) < schema.n_actions:
+    if re.fullmatch("[0-9]{1,9}", text) and int(text) < schema.n_actions:
         return int(text)
     known = [*schema.actions, *map(str, range(schema.n_actions))]
     raise UnknownNameError("action", text, known)

@@ -5,7 +5,13 @@ from typing import Any
 import gymnasium
 from gymnasium.error import Error as GymnasiumError
 
-from eutree.errors import EutreeError, InvalidArgumentError, MissingExtraError, UnknownNameError
+from eutree.errors import (
+    EutreeError,
+    InvalidArgumentError,
+    MissingExtraError,
+    UnknownNameError,
+    shown,
+)
 from eutree.schema import EnvironmentSpec
 
 
@@ -14,8 +20,8 @@ def make(spec: EnvironmentSpec | str, *, render_mode: str | None = None) -> gymn
 
     Raises:
         UnknownNameError: No environment of that id is registered; names the nearest.
-        InvalidArgumentError: The environment does not take these arguments, or the module that
-            its id names before a colon cannot be found.
+        InvalidArgumentError: The environment cannot be made: it does not take these arguments, it
+            raises, or the module that its id names before a colon cannot be imported.
         MissingExtraError: The environment needs a package that is not installed.
     """
     spec = EnvironmentSpec(spec) if isinstance(spec, str) else spec
@@ -28,19 +34,35 @@ def make(spec: EnvironmentSpec | str, *, render_mode: str | None = None) -> gymn
     except EutreeError:
         raise
     except ModuleNotFoundError as error:
-        if ":" not in spec.id:
-            raise
         raise InvalidArgumentError(f"cannot make {spec}: {error.__cause__ or error}") from error
     except gymnasium.error.DependencyNotInstalled:
         raise MissingExtraError(f"a package that {spec.id} needs", "envs") from None
-    except (TypeError, ValueError, AssertionError, GymnasiumError) as error:
-        reason = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
-        raise InvalidArgumentError(f"cannot make {spec}: {reason}") from error
+    except (Exception, SystemExit) as error:  # whatever an environment's author lets happen
+        raise InvalidArgumentError(f"cannot make {spec}: {_reason(error)}") from error
+
+
+def _reason(error: BaseException) -> str:
+    """Return the first line of what was raised; its type too where that says more."""
+    lines = str(error).strip().splitlines()
+    known = isinstance(error, TypeError | ValueError | AssertionError | GymnasiumError)
+    kind = type(error).__name__
+    return (lines[0] if known else f"{kind}: {lines[0]}") if lines else kind
 
 
 def _check_known(name: str) -> None:
-    """Raise UnknownNameError unless ``name`` is registered (a module prefix is imported)."""
-    if ":" in name:
+    """Raise unless ``name`` is registered, or may be once the module before its colon is imported.
+
+    Raises:
+        UnknownNameError: It is not registered; names the nearest.
+        InvalidArgumentError: Before the colon stands no module's name.
+    """
+    module, colon, _ = name.partition(":")
+    if colon:
+        if not all(part.isidentifier() for part in module.split(".")):
+            raise InvalidArgumentError(
+                f"an environment must be named ID or MODULE:ID, as registered with Gymnasium, "
+                f"got {shown(name)}"
+            )
         return
     if name in gymnasium.registry:
         return

@@ -83,7 +83,7 @@ class Pictures:
                 picture = self._between(share)
             else:
                 picture = self._env.env.render()
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise self._fault(f"render raised {type(error).__name__}: {error}") from error
         pixels = np.asarray(picture)
         if pixels.ndim != 3 or pixels.shape[2] != 3 or pixels.dtype != np.uint8:

@@ -14,9 +14,11 @@ from gymnasium import spaces
 
 from eutree.arrays import Floats
 from eutree.errors import UnsupportedSpaceError
-from eutree.schema import EnvironmentSpec, Feature, Schema
+from eutree.schema import MAX_FEATURES, EnvironmentSpec, Feature, Schema
 
 Encoder = Callable[[Any], Floats]
+
+MAX_ACTIONS = 1_000  # learners hold tables of leaves x actions, and C4.5 of actions x cuts
 Decoder = Callable[[Floats], Any]
 
 # Names and units of the observations of Gymnasium's own tasks, which do not say them themselves.
@@ -60,6 +62,10 @@ def describe(env: gymnasium.Env[Any, Any]) -> Schema:
         UnsupportedSpaceError: The observations are not flat or the actions not Discrete.
     """
     low, high, names = _bounds(env.observation_space, _id(env))
+    if not 1 <= len(names) <= MAX_FEATURES:
+        raise UnsupportedSpaceError(
+            f"{_id(env)} must observe from 1 to {MAX_FEATURES:,} numbers, got {len(names):,}"
+        )
     family = _id(env).split("/")[-1].split("-v")[0]
     known = _KNOWN_FEATURES.get(family, ())
     units = [""] * len(names)
@@ -101,7 +107,7 @@ def encoder(space: spaces.Space[Any]) -> Encoder:
             [enc(part) for enc, part in zip(encoders, observation, strict=True)]
         )
     if isinstance(space, spaces.Discrete):
-        return lambda observation: np.array([observation], dtype=np.float64)
+        return lambda observation: _vector(observation)[np.newaxis]
     return _vector
 
 
@@ -139,6 +145,10 @@ def _vector(observation: Any) -> Floats:
     array = np.asanyarray(observation)
     if array.dtype.kind == "c" or isinstance(array, np.ma.MaskedArray):
         raise TypeError("complex and masked arrays are no observations")
+    if array.dtype.kind not in "biufO":  # NumPy would read numbers out of texts and dates
+        raise TypeError(f"{array.dtype} is no kind of number")
+    if array.dtype.kind == "O" and any(isinstance(item, str | bytes) for item in array.flat):
+        raise TypeError("texts are no numbers")
     return np.array(array, dtype=np.float64)
 
 
@@ -158,6 +168,10 @@ def _action_names(env: gymnasium.Env[Any, Any], family: str) -> tuple[str, ...]:
             f"{_id(env)} must have a Discrete action space that starts at 0, got {space}.{hint}"
         )
     n_actions = int(space.n)
+    if n_actions > MAX_ACTIONS:
+        raise UnsupportedSpaceError(
+            f"{_id(env)} must have at most {MAX_ACTIONS:,} actions, got {n_actions:,}"
+        )
     for names in (getattr(env.unwrapped, "action_names", None), _KNOWN_ACTIONS.get(family)):
         if names is not None and len(names) == n_actions:
             return tuple(str(name) for name in names)

@@ -140,7 +140,7 @@ class TreePolicyClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc
         tree, schema = policy.tree, policy.schema
         order = self._sorted()[1]
         counts = np.zeros((tree.n_nodes, schema.n_actions))
-        one_hot = np.eye(schema.n_actions)[policy.actions]
+        one_hot = np.equal.outer(policy.actions, np.arange(schema.n_actions)).astype(np.float64)
         known = None if policy.leaves is None else policy.leaves.visits.sum(axis=1)
         # scikit-learn's class is the most frequent: the action gets all visits of its leaf.
         sizes = np.ones(policy.n_leaves) if known is None else np.maximum(known, 1)
