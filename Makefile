@@ -7,6 +7,7 @@
 #   make docs      the documentation, into docs/_build/html
 #   make bench     the benchmarks
 #   make pictures  the pictures in docs/images
+#   make results   renew the figures in docs/results that are older than their sources (hours)
 #   make lock      the lock files in requirements/ (maintainers; needs uv; ARGS=--upgrade)
 #   make changelog fold changelog.d/ into CHANGELOG.md (before a release)
 #   make clean     remove what the above have made
@@ -43,7 +44,7 @@ endif
 FLOCK := $(shell command -v flock 2>/dev/null)
 LOCKED = $(if $(FLOCK),"$(FLOCK)" .venv.lock) $(MAKE) -s
 
-.PHONY: demo test test-all check docs bench pictures lock changelog clean install-run install-test
+.PHONY: demo test test-all check docs bench pictures results lock changelog clean install-run install-test
 
 demo: install-run
 	$(PY) -m eutree demo $(ARGS)
@@ -59,6 +60,7 @@ check: install-test
 	$(PY) -m ruff check .
 	$(PY) -m mypy
 	$(VENV)/bin/lint-imports --no-cache
+	$(PY) docs/results/provenance.py
 	$(MAKE) docs
 
 docs: install-test
@@ -67,6 +69,9 @@ docs: install-test
 
 bench: install-test
 	$(PY) -m pytest -q -p no:xdist benchmarks $(ARGS)
+
+results: install-test
+	PATH="$$PWD/$(VENV)/bin:$$PATH" $(PY) docs/results/provenance.py --renew $(ARGS)
 
 # The runs behind the pictures stay in a temporary folder.
 pictures: install-run

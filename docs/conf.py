@@ -15,7 +15,7 @@ from sphinx.util.nodes import nested_parse_with_titles
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "src"))
-sys.path[:0] = [str(ROOT / "docs" / "pictures"), str(ROOT / "docs" / "notebooks")]
+sys.path[:0] = [str(ROOT / "docs" / name) for name in ("pictures", "notebooks", "results")]
 
 project = "eutree"
 author = "the eutree developers"
@@ -90,6 +90,33 @@ class Picture(SphinxDirective):
         return [nodes.raw("", drawings[self.arguments[0]](), format="html")]
 
 
+class ResultsTable(SphinxDirective):
+    """``{resultstable}``: each page of figures with what makes it, when, and its commit."""
+
+    def run(self) -> list[nodes.Node]:
+        """Return the table."""
+        from provenance import pages
+
+        lines = ["| figures | made by | on | at commit |", "|---|---|---|---|"]
+        for name, page in pages().items():
+            lines.append(f"| [](./{name}.md) | `{page.command}` | {page.date} | `{page.commit}` |")
+        container = nodes.Element(document=self.state.document)
+        nested_parse_with_titles(self.state, StringList(lines), container)
+        return container.children
+
+
+def say_where_figures_come_from(app: Sphinx, name: str, source: list[str]) -> None:
+    """Put command, commit and date of a page of figures below its title."""
+    from provenance import Provenance
+
+    if not name.startswith("results/") or name == "results/index":
+        return
+    page, text = Provenance.of(source[0]), source[0].split("---\n", 2)[2]
+    line = f"*Made by `{page.command}` at commit `{page.commit}`, {page.date}.*"
+    title, rest = text.lstrip("\n").split("\n", 1)
+    source[0] = f"{title}\n\n{line}\n{rest}"
+
+
 class CommandHelp(SphinxDirective):
     """``{commandhelp}``: what ``--help`` prints, for every command of the command line."""
 
@@ -124,3 +151,5 @@ def setup(app: Sphinx) -> None:
     app.add_directive("card", Card)
     app.add_directive("picture", Picture)
     app.add_directive("commandhelp", CommandHelp)
+    app.add_directive("resultstable", ResultsTable)
+    app.connect("source-read", say_where_figures_come_from)
