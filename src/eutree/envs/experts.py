@@ -16,6 +16,7 @@ from eutree.envs._classic_experts import (
     swing_both,
     swing_elbow,
 )
+from eutree.envs._domain_experts import round_the_walls, run_up, swing_up
 from eutree.envs._evasion_experts import GatePolicy, LookAheadPolicy, look_ahead, wait_at_crossing
 from eutree.envs._imperfect import CarelessPolicy, Expert, LatePolicy, careless, late
 from eutree.envs._scripted import RulePolicy
@@ -38,18 +39,28 @@ __all__ = [
     "look_ahead",
     "push_along",
     "rock",
+    "round_the_walls",
+    "run_up",
     "steer_home",
     "swing_both",
     "swing_elbow",
+    "swing_up",
     "wait_at_crossing",
 ]
 
 _EVASION: Mapping[str, Expert] = {"gate": wait_at_crossing, "look-ahead": look_ahead}
+_MAZE: Mapping[str, Expert] = {"round": round_the_walls}
 
 EXPERTS: Mapping[str, Mapping[str, Expert]] = {
     "eutree/Evasion-v0": _EVASION,
     "eutree/Evasion2-v0": _EVASION,
     "eutree/Evasion3-v0": _EVASION,
+    "eutree/CarOnHill-v0": {"swing": swing_up},
+    "eutree/MazeA-v0": _MAZE,
+    "eutree/MazeB-v0": _MAZE,
+    "eutree/MazeC-v0": _MAZE,
+    "eutree/MazeD-v0": _MAZE,
+    "eutree/Puck-v0": {"run-up": run_up},
     "CartPole-v1": {"fall": follow_the_fall, "balance": balance},
     "MountainCar-v0": {"push": push_along, "rock": rock},
     "Acrobot-v1": {"both": swing_both, "elbow": swing_elbow},

@@ -1,11 +1,24 @@
 """Make the environments known to Gymnasium, which since 1.0 reads no entry points."""
 
+from typing import Any
+
 import gymnasium
 
 IDS = {
     "eutree/Evasion-v0": {},
     "eutree/Evasion2-v0": {"n_opponents": 2},
     "eutree/Evasion3-v0": {"n_opponents": 3},
+}
+DOMAINS: dict[str, tuple[str, dict[str, Any]]] = {
+    "eutree/CarOnHill-v0": ("car_on_hill:CarOnHillEnv", {}),
+    "eutree/MazeA-v0": ("maze:MazeEnv", {"maze": "a"}),
+    "eutree/MazeB-v0": ("maze:MazeEnv", {"maze": "b"}),
+    "eutree/MazeC-v0": ("maze:MazeEnv", {"maze": "c"}),
+    "eutree/MazeD-v0": ("maze:MazeEnv", {"maze": "d"}),
+    "eutree/Puck-v0": ("puck:PuckEnv", {}),
+    "eutree/CheeseMaze-v0": ("cheese_maze:CheeseMazeEnv", {}),
+    "eutree/Maze1D-v0": ("maze_1d:Maze1DEnv", {}),
+    "eutree/Tiger-v0": ("tiger:TigerEnv", {}),
 }
 
 
@@ -19,3 +32,6 @@ def register() -> None:
                 vector_entry_point="eutree.envs.vector:EvasionVectorEnv",
                 kwargs=arguments,
             )
+    for name, (entry_point, arguments) in DOMAINS.items():
+        if name not in gymnasium.registry:
+            gymnasium.register(id=name, entry_point=f"eutree.envs.{entry_point}", kwargs=arguments)
