@@ -3,11 +3,14 @@
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
+import gymnasium
 import pytest
 
 import eutree
+from eutree.data import Demonstrations
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="needs POSIX permissions")
 
@@ -89,6 +92,31 @@ def test_a_run_that_one_may_not_write_stays_as_it_is(tmp_path, demonstrations):
     assert err.splitlines()[-1].startswith("error: cannot write")
     assert "no permission" in err
     assert contents(tmp_path / "run") == before
+
+
+@pytest.mark.promise(9)
+def test_a_recording_that_is_killed_keeps_its_episodes(tmp_path):
+    """After kill -9 in the 600th of 3,000 episodes there was nothing."""
+    line = ["record", "eutree/Evasion2-v0", "--expert", "gate", "--episodes", "100000"]
+    environment = {**os.environ, "PYTHONPATH": SOURCE}
+    process = subprocess.Popen(
+        [sys.executable, "-m", "eutree", *line, "--out", str(tmp_path / "demos")], env=environment
+    )
+    try:
+        deadline = time.monotonic() + 120
+        while len(list((tmp_path / "demos").glob("episode-*.npz"))) < 20:
+            assert process.poll() is None
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+    finally:
+        process.kill()
+        process.wait()
+    kept = Demonstrations.load(tmp_path / "demos")
+    assert len(kept) >= 20
+    env = gymnasium.make("eutree/Evasion2-v0")
+    again = eutree.record(env, eutree.experts.wait_at_crossing, episodes=20)
+    pairs = zip(again, kept, strict=False)
+    assert all(mine.equals(found) for mine, found in pairs)
 
 
 @pytest.fixture

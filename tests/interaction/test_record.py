@@ -1,9 +1,13 @@
 """Recording an episode stores what was sensed, done and received, and how it ended."""
 
+import errno
+
 import numpy as np
 import pytest
 
-from eutree.errors import InvalidArgumentError
+from eutree.data import DemonstrationFolder, Demonstrations
+from eutree.errors import FileError, InvalidArgumentError
+from eutree.files.atomic import Operations, use_operations
 from eutree.interaction import episode_seed, record
 from tests.interaction.sick import Healthy
 
@@ -33,6 +37,54 @@ def test_the_same_seed_gives_the_same_episodes_and_another_seed_others():
     first, again, other = (record(Healthy(), Alternate(), episodes=2, seed=s) for s in (1, 1, 2))
     np.testing.assert_array_equal(first.observations, again.observations)
     assert not np.array_equal(first.observations, other.observations)
+
+
+class Failing(Operations):
+    """A disk on which only so many bytes find room."""
+
+    def __init__(self, room):
+        self.room = room
+
+    def write(self, descriptor, data):
+        self.room -= len(data)
+        if self.room < 0:
+            raise OSError(errno.ENOSPC, "no space left")
+        return super().write(descriptor, data)
+
+
+def test_each_episode_is_written_when_it_ends(tmp_path):
+    seen = []
+
+    def look(number, episode):
+        seen.append(DemonstrationFolder(tmp_path / "demos").read_all())
+        assert seen[-1][number].equals(episode)
+
+    demos = record(Healthy(), Alternate(), episodes=3, out=tmp_path / "demos", on_episode=look)
+    assert [len(episodes) for episodes in seen] == [1, 2, 3]
+    demos.save(tmp_path / "saved")
+    for path in (tmp_path / "saved").iterdir():
+        assert path.read_bytes() == (tmp_path / "demos" / path.name).read_bytes()
+    with pytest.raises(FileError, match="it exists and is not an empty folder"):
+        record(Healthy(), Alternate(), episodes=1, out=tmp_path / "demos")
+
+
+@pytest.mark.parametrize("room", [0, 8000])
+def test_a_full_disk_ends_a_recording_at_once(tmp_path, room):
+    """It was noticed when the last of all episodes was over, and all were lost."""
+    ended = []
+    with use_operations(Failing(room)), pytest.raises(FileError, match="the disk is full"):
+        record(
+            Healthy(),
+            Alternate(),
+            episodes=100,
+            out=tmp_path / "demos",
+            on_episode=lambda number, _: ended.append(number),
+        )
+    if not room:
+        assert (ended, list(tmp_path.iterdir())) == ([], [])
+        return
+    kept = Demonstrations.load(tmp_path / "demos")
+    assert 0 < len(kept) == len(ended) < 10
 
 
 def test_a_function_of_the_environment_makes_the_controller():

@@ -7,10 +7,11 @@ import click
 
 from eutree.cli._options import count_option, env_arg_option, json_option, path_option, seed_option
 from eutree.cli._output import Output
-from eutree.errors import InvalidArgumentError
+from eutree.errors import EutreeError, InvalidArgumentError
 from eutree.schema import EnvironmentSpec
 
 if TYPE_CHECKING:
+    from eutree.data import Episode
     from eutree.interaction.browser import PageServer
     from eutree.interaction.recorder import Recorder
 
@@ -79,15 +80,22 @@ def _record_expert(
     controller = known[check_choice("--expert", expert, known)]
     if careless:
         controller = experts.careless(controller, careless, seed=seed)
-    with output.progress("recording", episodes) as progress:
-        demos = record_episodes(
-            env,
-            controller,
-            episodes=episodes,
-            seed=seed,
-            on_episode=lambda number, episode: progress.update(number + 1, episode.ending),
-        )
-    demos.save(out)
+    finished = 0
+    try:
+        with output.progress("recording", episodes) as progress:
+
+            def show(number: int, episode: "Episode") -> None:
+                nonlocal finished
+                finished = number + 1
+                progress.update(finished, episode.ending)
+
+            demos = record_episodes(
+                env, controller, episodes=episodes, seed=seed, out=out, on_episode=show
+            )
+    except (KeyboardInterrupt, EutreeError):
+        if finished:
+            output.say(f"{finished} finished episodes are in {out}")
+        raise
     successes = [episode.is_success for episode in demos if episode.is_success is not None]
     result = f", {sum(successes)} successful" if successes else ""
     output.result(

@@ -11,6 +11,7 @@ folder never write the same episode. Nothing else lists the episodes; the folder
 
 import re
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -90,8 +91,15 @@ class DemonstrationFolder:
         """
         folder = Path(path)
         if not (folder / HEADER).exists():
+            header, is_new = _header(schema, environment, expert), not folder.exists()
             atomic.make_folder(folder)
-            atomic.write_bytes(folder / HEADER, _header(schema, environment, expert))
+            try:
+                atomic.write_bytes(folder / HEADER, header)
+            except BaseException:
+                with suppress(OSError):
+                    if is_new:
+                        folder.rmdir()
+                raise
         opened = cls(folder)
         opened.check_same(schema, environment)
         return opened

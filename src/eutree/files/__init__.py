@@ -4,6 +4,7 @@ from eutree.files.arrays import read_archive, read_arrays, write_archive, write_
 from eutree.files.atomic import (
     append_text,
     check_new_folder,
+    check_writable,
     make_folder,
     read_bytes,
     write_bytes,
@@ -15,6 +16,7 @@ __all__ = [
     "Document",
     "append_text",
     "check_new_folder",
+    "check_writable",
     "make_folder",
     "read_archive",
     "read_arrays",

@@ -164,6 +164,27 @@ def check_new_folder(path: str | Path) -> Path:
     return target
 
 
+def check_writable(path: str | Path) -> None:
+    """Raise FileError unless a file can be written at ``path``; nothing there is changed.
+
+    For commands that compute for long before they write: a block is written beside the place and
+    removed again.
+    """
+    with reported("write", path):
+        target = Path(os.path.realpath(path))
+        _refuse_special(target)
+        probe = temporary_path(target)
+        try:
+            descriptor = os.open(probe, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
+            try:
+                write_all(descriptor, bytes(4096))
+            finally:
+                os.close(descriptor)
+        finally:
+            with suppress(OSError):
+                probe.unlink(missing_ok=True)
+
+
 def write_folder(path: str | Path, files: dict[str, bytes]) -> None:
     """Make a folder with these files appear under its name in one step.
 
@@ -203,10 +224,12 @@ def remove_orphans(folder: str | Path) -> list[Path]:
     """
     removed = []
     with suppress(OSError):
-        for path in sorted(Path(folder).iterdir()):
-            match = _TEMPORARY_NAME.fullmatch(path.name)
+        # Folders of thousands of episodes are looked through at each: by plain names.
+        for name in sorted(n for n in os.listdir(folder) if n.endswith(TEMPORARY_SUFFIX)):
+            match = _TEMPORARY_NAME.fullmatch(name)
             if match is None or match["machine"] != _MACHINE or is_running(int(match["pid"])):
                 continue
+            path = Path(folder) / name
             if path.is_dir():
                 _remove_folder(path)
             else:

@@ -1,12 +1,14 @@
 """Record demonstrations of any controller: a scripted expert, an SB3 model, a tree."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import gymnasium
 
-from eutree.data import Demonstrations, Episode
+from eutree.data import DemonstrationFolder, Demonstrations, Episode
 from eutree.errors import InvalidArgumentError
+from eutree.files import check_new_folder
 from eutree.interaction.episode import run_episode
 from eutree.interaction.guard import GuardedEnv
 from eutree.interaction.seeding import episode_seed
@@ -25,6 +27,7 @@ def record(
     episodes: int = 15,
     seed: int = 0,
     strict: bool = False,
+    out: str | Path | None = None,
     on_episode: Callable[[int, Episode], None] | None = None,
 ) -> Demonstrations:
     """Record episodes of ``controller`` acting in ``env``.
@@ -36,23 +39,32 @@ def record(
         episodes: How many.
         seed: Seed of the recording; episode k is seeded with ``episode_seed(seed, k, 1)``.
         strict: Refuse observations outside the observation space.
+        out: A new folder, as ``Demonstrations.save`` makes it, in which each episode is written
+            when it ends: what ends the recording costs the episode under way and no other.
         on_episode: Called after each episode with its number and the episode.
 
     Raises:
         EnvironmentFault: The environment broke its contract.
+        FileError: ``out`` is not empty, or cannot be written.
     """
     count = check_integer("episodes", episodes, low=1)
     check_seed(seed)
     guarded = GuardedEnv(env, strict=strict)
     policy = as_policy(controller, env)
+    name = str(getattr(controller, "__name__", type(controller).__name__))
+    folder = None
+    if out is not None:
+        check_new_folder(out)
+        folder = DemonstrationFolder.create(out, guarded.schema, guarded.spec, name)
     recorded = []
     for number in range(count):
         episode = run_episode(guarded, policy, episode_seed(seed, number, RECORDING_STREAM))
+        if folder is not None:
+            folder.write(number, episode)
         recorded.append(episode)
         if on_episode is not None:
             on_episode(number, episode)
-    name = getattr(controller, "__name__", type(controller).__name__)
-    return Demonstrations(tuple(recorded), guarded.schema, guarded.spec, expert=str(name))
+    return Demonstrations(tuple(recorded), guarded.schema, guarded.spec, expert=name)
 
 
 def as_policy(controller: Controller, env: gymnasium.Env[Any, Any]) -> Policy:
