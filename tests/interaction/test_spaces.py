@@ -4,10 +4,13 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium import spaces
+from gymnasium.wrappers import TimeLimit
 
+from eutree.interaction.making import make
 from eutree.interaction.spaces import describe, encoder, spec_of
 from tests.interaction.sick import Healthy
 
+LIMITED = {"max_episode_steps": 100}
 SPACES = {
     "box": (spaces.Box(-1, 1, (2,), np.float32), ["x0", "x1"], [-1, -1], [1, 1]),
     "discrete": (spaces.Discrete(4, start=2), ["x0"], [2], [5]),
@@ -61,3 +64,46 @@ def test_the_spec_makes_the_environment_again():
     assert spec is not None
     assert (spec.id, dict(spec.arguments)) == ("CartPole-v1", {"sutton_barto_reward": True})
     assert spec_of(Healthy()) is None
+
+
+@pytest.mark.parametrize(
+    ("env", "arguments"),
+    [
+        (lambda: gymnasium.make("CliffWalking-v1"), {}),
+        (lambda: gymnasium.make("CliffWalking-v1", max_episode_steps=100), LIMITED),
+        (lambda: TimeLimit(gymnasium.make("CliffWalking-v1"), 100), LIMITED),
+        (lambda: TimeLimit(gymnasium.make("CartPole-v1"), 100), LIMITED),
+        (lambda: TimeLimit(gymnasium.make("CartPole-v1", max_episode_steps=100), 900), LIMITED),
+        (lambda: gymnasium.make("CartPole-v1", max_episode_steps=500), {}),
+        (lambda: gymnasium.make("CartPole-v1", max_episode_steps=-1), {"max_episode_steps": -1}),
+        (lambda: gymnasium.make("CartPole-v1", disable_env_checker=True),
+         {"disable_env_checker": True}),
+    ],
+)  # fmt: skip
+def test_the_spec_keeps_what_gymnasium_make_was_told(env, arguments):
+    """`max_episode_steps=100` was lost, and learning then ran for 100,000 steps without an end."""
+    made = env()
+    spec = spec_of(made)
+    assert dict(spec.arguments) == arguments
+    assert spec_of(make(spec)) == spec
+    assert steps_of(make(spec)) == steps_of(made) <= 500 or made.spec.max_episode_steps is None
+
+
+def steps_of(env):
+    """Return after how many steps an episode is cut short; 501 for none up to there."""
+    env.reset(seed=0)
+    for step in range(1, 501):
+        if env.step(0)[3]:
+            return step
+        env.unwrapped.state = 0.0, 0.0, 0.0, 0.0  # a pole that stays up
+        env.unwrapped.steps_beyond_terminated = None
+    return 501
+
+
+def test_what_no_file_holds_is_no_spec():
+    gymnasium.register("Tooled-v0", lambda tool: Healthy())
+    try:
+        assert spec_of(gymnasium.make("Tooled-v0", tool=[1.5])) is not None
+        assert spec_of(gymnasium.make("Tooled-v0", tool=object())) is None
+    finally:
+        gymnasium.registry.pop("Tooled-v0")

@@ -210,7 +210,12 @@ def _header(
         schema = schema_from_document(document.schema, name)
         return schema, environment_from_document(document.environment, name), document.expert
     spec = dataset.env_spec
-    environment = None if spec is None else EnvironmentSpec(spec.id, dict(spec.kwargs))
+    limit = (
+        {}
+        if spec is None or spec.max_episode_steps is None
+        else {"max_episode_steps": spec.max_episode_steps}
+    )
+    environment = None if spec is None else EnvironmentSpec(spec.id, {**spec.kwargs, **limit})
     actions = Schema.anonymous(1, n_actions).actions
     expert = str(metadata.get("algorithm_name") or dataset.id)
     return Schema(_features(space), actions), environment, expert

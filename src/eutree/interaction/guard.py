@@ -110,7 +110,8 @@ class GuardedEnv:
         if self.step_number >= self._limit and not (terminated or truncated):
             raise self._fault(
                 f"the episode has not ended after {self._limit} steps; "
-                "wrap the environment with gymnasium.wrappers.TimeLimit"
+                "make the environment with a time limit: --env-arg max_episode_steps=N, or "
+                "gymnasium.make(..., max_episode_steps=N)"
             )
         return self._remember(observation), reward, terminated, truncated, answer[4]
 

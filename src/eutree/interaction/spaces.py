@@ -11,14 +11,17 @@ from typing import Any
 import gymnasium
 import numpy as np
 from gymnasium import spaces
+from gymnasium.wrappers import TimeLimit
 
 from eutree.arrays import Floats
-from eutree.errors import UnsupportedSpaceError
+from eutree.errors import InvalidArgumentError, UnsupportedSpaceError
+from eutree.files.schema_document import plain_json
 from eutree.schema import MAX_FEATURES, EnvironmentSpec, Feature, Schema
 
-Encoder = Callable[[Any], Floats]
-
 MAX_ACTIONS = 1_000  # learners hold tables of leaves x actions, and C4.5 of actions x cuts
+NO_LIMIT = -1  # what ``gymnasium.make`` takes for no time limit
+
+Encoder = Callable[[Any], Floats]
 Decoder = Callable[[Floats], Any]
 
 # Names and units of the observations of Gymnasium's own tasks, which do not say them themselves.
@@ -85,15 +88,36 @@ def describe(env: gymnasium.Env[Any, Any]) -> Schema:
 
 
 def spec_of(env: gymnasium.Env[Any, Any]) -> EnvironmentSpec | None:
-    """Return how to make ``env`` again, or None if it was not made by ``gymnasium.make``."""
-    if env.spec is None:
+    """Return how to make ``env`` again.
+
+    With it go the arguments of ``gymnasium.make`` itself that are not what the environment was
+    registered with: its time limit, also where a ``TimeLimit`` was put around it by hand, and
+    whether it is checked. None if it was not made by ``gymnasium.make``, or of what no file holds.
+    """
+    spec = env.spec
+    if spec is None:
         return None
-    arguments = {
-        key: list(value) if isinstance(value, tuple) else value
-        for key, value in env.spec.kwargs.items()
-        if key != "render_mode"
-    }
-    return EnvironmentSpec(env.spec.id, arguments)
+    arguments = {key: value for key, value in spec.kwargs.items() if key != "render_mode"}
+    usual = gymnasium.registry.get(spec.id)
+    limit = _time_limit(env)
+    if limit != (None if usual is None else usual.max_episode_steps):
+        arguments["max_episode_steps"] = NO_LIMIT if limit is None else limit
+    if usual is not None and spec.disable_env_checker != usual.disable_env_checker:
+        arguments["disable_env_checker"] = spec.disable_env_checker
+    try:
+        return EnvironmentSpec(spec.id, plain_json(arguments, f"arguments of {spec.id}"))
+    except InvalidArgumentError:
+        return None
+
+
+def _time_limit(env: gymnasium.Env[Any, Any]) -> int | None:
+    """Return after how many steps a wrapper ends each episode; None if none does."""
+    limits = []
+    while isinstance(env, gymnasium.Wrapper):
+        if isinstance(env, TimeLimit):
+            limits.append(int(env._max_episode_steps))  # Gymnasium has no public name for it
+        env = env.env
+    return min(limits, default=None)
 
 
 def encoder(space: spaces.Space[Any]) -> Encoder:
