@@ -29,3 +29,66 @@ def stretch(episode, begin, discount, n_steps):
         step += 1
     ended = step == len(episode) and episode.terminated
     return earned, step, 0.0 if ended else discount ** (step - begin)
+
+
+def logistic(odds):
+    """Return the probability of log-odds."""
+    return 1.0 / (1.0 + np.exp(-odds))
+
+
+def ensemble_loss(out, target, reward, kind, binary, weight):
+    """Return one row's loss of a world model's outputs, the variance's error held fixed apart.
+
+    Returns:
+        What the mean, the binary features, the rewards and the ends cost, and what the variances
+        cost: the latter is not to be differentiated by the means.
+    """
+    d = len(binary)
+    first, second = 0.0, 0.0
+    for j in range(d):
+        if binary[j]:
+            p = logistic(out[j])
+            first -= np.log(p if target[j] else 1 - p)
+        else:
+            error = out[j] - target[j]
+            first += 0.5 * error**2 if abs(error) <= 3 else 3 * (abs(error) - 1.5)
+            second += 0.5 * (out[d + j] + min(error**2, 9.0) * np.exp(-out[d + j]))
+    error = out[2 * d + kind] - reward
+    first += 0.5 * error**2 if abs(error) <= 3 else 3 * (abs(error) - 1.5)
+    for end in (1, 2):
+        p = logistic(out[2 * d + 2 + end])
+        first -= (weight if kind else 1.0) * np.log(p if kind == end else 1 - p)
+    return first, second
+
+
+def ensemble_step(world, draws, at, member, action, state):
+    """Return next state, reward and whether the step was the last, by the obvious formulas."""
+    d = len(world.move)
+    x = np.concatenate(
+        [
+            (state[: len(world.centre)] - world.centre) / world.spread,
+            np.eye(world.w1.shape[1] - len(world.centre))[action],
+        ]
+    )
+    hidden = np.maximum(x @ world.w1[member] + world.b1[member], 0)
+    hidden = np.maximum(hidden @ world.w2[member] + world.b2[member], 0)
+    out = hidden @ world.w3[member] + world.b3[member]
+    after = np.empty(2 * d)
+    for i in range(d):
+        place = (at + i) % draws.uniform.size
+        if world.binary[i]:
+            above = draws.uniform[place] < logistic(out[i])
+            after[i] = world.high[i] if above else world.low[i]
+        else:
+            noise = draws.normal[place] * np.exp(0.5 * np.clip(out[d + i], -8, 3))
+            moved = state[i] + world.move[i] * (out[i] + noise)
+            after[i] = np.clip(moved, world.low[i], world.high[i])
+        after[d + i] = after[i] - state[i]
+    draw = draws.uniform[(at + d) % draws.uniform.size]
+    kind = 0
+    if draw < logistic(out[2 * d + 3]):
+        kind = 1
+    elif 1 - draw <= logistic(out[2 * d + 4]):
+        kind = 2
+    mean, unit, low, high = world.earned[kind]
+    return after, float(np.clip(mean + unit * out[2 * d + kind], low, high)), kind > 0

@@ -1,0 +1,344 @@
+"""Compiled loops of the neural world model: fitting its members, and episodes imagined in it.
+
+One output vector of a member, for d features, reads
+
+    0 .. d - 1       mean displacement, scaled; of a binary feature the log-odds of its upper value
+    d .. 2 d - 1     logarithm of the displacement's variance, scaled; unused where it is binary
+    2 d + KIND       reward, scaled, of a step that goes on, ends badly, ends well
+    2 d + 2 + KIND   log-odds of a bad and of a good end
+
+so that good and bad ends have a head each: one head would predict the mean of both, which no step
+ever earns.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from eutree.arrays import Booleans, Float32s, Floats, Integers
+from eutree.compiled import compiled
+from eutree.imagination._kernels import EPISODE_STRIDE, ActionTree, Episodes, leaf_node
+from eutree.neural._kernels import Network, adam_step, backward, forward, room
+
+GOES_ON, BAD, GOOD = 0, 1, 2  # kinds of step
+FAR = 3.0  # scaled errors count linearly from here on (Huber)
+LEAST_LOG_VARIANCE, MOST_LOG_VARIANCE = -8.0, 3.0
+
+
+class Steps(NamedTuple):
+    """What a member is fitted to, one row for each transition."""
+
+    inputs: Float32s  # [N, p]
+    targets: Float32s  # [N, d] scaled displacement, or 0 and 1 where the feature is binary
+    rewards: Float32s  # [N] scaled as those of its kind
+    kind: Integers  # [N] GOES_ON, BAD or GOOD
+    binary: Booleans  # [d]
+
+
+class Fitting(NamedTuple):
+    """A member under fitting; all changes in place."""
+
+    network: Network
+    gradient: Network
+    mean: Float32s  # [P] Adam's
+    square: Float32s  # [P] Adam's
+
+
+class EnsembleWorld(NamedTuple):
+    """The members' weights, and what scales their inputs and outputs."""
+
+    w1: Float32s  # [M, p, h]
+    b1: Float32s  # [M, h]
+    w2: Float32s  # [M, h, h]
+    b2: Float32s  # [M, h]
+    w3: Float32s  # [M, h, q]
+    b3: Float32s  # [M, q]
+    centre: Floats  # [p - A] of the inputs that are no actions
+    spread: Floats  # [p - A]
+    move: Floats  # [d] displacement that counts 1
+    binary: Booleans  # [d]
+    low: Floats  # [d] least value seen
+    high: Floats  # [d] largest value seen
+    earned: Floats  # [3, 4] mean, unit, least, largest reward of each kind of step
+
+
+class Draws(NamedTuple):
+    """Tables of chance; both sizes are one power of two."""
+
+    uniform: Floats  # [K]
+    normal: Floats  # [K]
+
+
+@compiled
+def logistic(odds: float) -> float:
+    """Return the probability of log-odds, without overflow."""
+    return 1.0 / (1.0 + math.exp(min(-odds, 40.0)))
+
+
+@compiled
+def write_error(
+    steps: Steps, rows: Integers, weight: float, out: Float32s, error: Float32s
+) -> None:
+    """Write the derivative of the mean loss by each output.
+
+    Displacements: Huber's loss of the mean, and for the variance the normal likelihood of the error
+    as it is: it does not pull at the mean, which would buy likelihood by forgetting rare steps.
+    Binary features and ends: cross-entropy. Rewards: Huber's loss in the head of the step's kind.
+
+    Args:
+        steps: All rows.
+        rows: Those of the batch, [n].
+        weight: How much a row that ends counts for the log-odds of ends: there are more of them in
+            a batch than among the steps.
+        out: Outputs, [n, q].
+        error: Out, [n, q].
+    """
+    n, d = rows.size, steps.binary.size
+    error[:] = 0
+    for i in range(n):
+        row = rows[i]
+        for j in range(d):
+            if steps.binary[j]:
+                error[i, j] = (logistic(out[i, j]) - steps.targets[row, j]) / n
+                continue
+            difference = out[i, j] - steps.targets[row, j]
+            error[i, j] = min(max(difference, -FAR), FAR) / n
+            spread = out[i, d + j]
+            square = min(difference * difference, FAR * FAR)
+            if LEAST_LOG_VARIANCE < spread < MOST_LOG_VARIANCE:
+                error[i, d + j] = 0.5 * (1.0 - square * math.exp(-spread)) / n
+            else:  # back towards what can be drawn
+                error[i, d + j] = 0.1 * spread / n
+        kind = steps.kind[row]
+        difference = out[i, 2 * d + kind] - steps.rewards[row]
+        error[i, 2 * d + kind] = min(max(difference, -FAR), FAR) / n
+        counts = weight if kind != GOES_ON else 1.0
+        for end in (BAD, GOOD):
+            probability = logistic(out[i, 2 * d + 2 + end])
+            error[i, 2 * d + 2 + end] = counts * (probability - (kind == end)) / n
+
+
+@compiled
+def fit(
+    fitting: Fitting,
+    steps: Steps,
+    rows: Integers,  # [U, B] rows of each update's batch
+    rates: Floats,  # [U] step size of each update
+    number: int,
+    weight: float,
+) -> None:
+    """Make U updates of one member, after ``number`` others."""
+    n = rows.shape[1]
+    x = np.empty((n, steps.inputs.shape[1]), fitting.network.weights.dtype)
+    at = room(fitting.network, n)
+    error = np.empty_like(at.out)
+    for u in range(rows.shape[0]):
+        for i in range(n):
+            x[i] = steps.inputs[rows[u, i]]
+        forward(fitting.network, x, at)
+        write_error(steps, rows[u], weight, at.out, error)
+        backward(fitting.network, x, at, error, fitting.gradient)
+        adam_step(
+            fitting.network.weights,
+            fitting.gradient.weights,
+            fitting.mean,
+            fitting.square,
+            number + u + 1,
+            rates[u],
+        )
+
+
+@compiled
+def add_rows(w: Float32s, x: Float32s, n: int, active: Integers, out: Float32s) -> None:
+    """Add x[k] times row k of w to out, for the first n entries k of ``active``."""
+    t = 0
+    while t + 4 <= n:
+        k0, k1, k2, k3 = active[t], active[t + 1], active[t + 2], active[t + 3]
+        x0, x1, x2, x3 = x[k0], x[k1], x[k2], x[k3]
+        w0, w1, w2, w3 = w[k0], w[k1], w[k2], w[k3]
+        for j in range(out.size):
+            out[j] += ((x0 * w0[j] + x1 * w1[j]) + x2 * w2[j]) + x3 * w3[j]
+        t += 4
+    while t < n:
+        k0 = active[t]
+        x0, w0 = x[k0], w[k0]
+        for j in range(out.size):
+            out[j] += x0 * w0[j]
+        t += 1
+
+
+@compiled
+def rectify(x: Float32s, active: Integers) -> int:
+    """Replace negative numbers by 0; write where the others are, and return how many."""
+    n = 0
+    for k in range(x.size):
+        x[k] = max(x[k], 0)
+        active[n] = k
+        n += x[k] > 0
+    return n
+
+
+class Scratch(NamedTuple):
+    """Room for one evaluation of a member."""
+
+    x: Float32s  # [p]
+    hidden1: Float32s  # [h]
+    hidden2: Float32s  # [h]
+    out: Float32s  # [q]
+    active: Integers  # [max(p, h) + 1]
+
+
+@compiled
+def scratch_of(world: EnsembleWorld) -> Scratch:
+    """Return room for the members of a world model."""
+    p, h, q = world.w1.shape[1], world.w1.shape[2], world.w3.shape[2]
+    return Scratch(
+        np.zeros(p, np.float32),
+        np.zeros(h, np.float32),
+        np.zeros(h, np.float32),
+        np.zeros(q, np.float32),
+        np.zeros(max(p, h) + 1, np.int64),
+    )
+
+
+@compiled
+def look(world: EnsembleWorld, member: int, action: int, state: Floats, at: Scratch) -> None:
+    """Write what a member puts out for a state [2 d] (observation, displacement) and an action."""
+    n_seen = world.centre.size
+    for k in range(n_seen):
+        at.x[k] = (state[k] - world.centre[k]) / world.spread[k]
+        at.active[k] = k
+    at.x[n_seen + action] = 1
+    at.active[n_seen] = n_seen + action
+    at.hidden1[:] = world.b1[member]
+    add_rows(world.w1[member], at.x, n_seen + 1, at.active, at.hidden1)
+    at.x[n_seen + action] = 0  # so that only one action is ever set
+    n = rectify(at.hidden1, at.active)
+    at.hidden2[:] = world.b2[member]
+    add_rows(world.w2[member], at.hidden1, n, at.active, at.hidden2)
+    n = rectify(at.hidden2, at.active)
+    at.out[:] = world.b3[member]
+    add_rows(world.w3[member], at.hidden2, n, at.active, at.out)
+
+
+@compiled
+def step(
+    world: EnsembleWorld,
+    draws: Draws,
+    at: int,
+    member: int,
+    action: int,
+    state: Floats,  # [2 d], in and out
+    scratch: Scratch,
+) -> tuple[float, bool]:
+    """Move one step; return the reward and whether it was the last.
+
+    The same entries of the tables decide whatever the policy is: from ``at`` on one for each
+    feature, then one for the end. States stay in the range that was seen.
+    """
+    look(world, member, action, state, scratch)
+    out, d, mask = scratch.out, world.move.size, draws.uniform.size - 1
+    for i in range(d):
+        before = state[i]
+        if world.binary[i]:
+            above = draws.uniform[(at + i) & mask] < logistic(out[i])
+            state[i] = world.high[i] if above else world.low[i]
+        else:
+            spread = min(max(out[d + i], LEAST_LOG_VARIANCE), MOST_LOG_VARIANCE)
+            noise = draws.normal[(at + i) & mask] * math.exp(0.5 * spread)
+            moved = before + world.move[i] * (out[i] + noise)
+            state[i] = min(max(moved, world.low[i]), world.high[i])
+        state[d + i] = state[i] - before
+    draw = draws.uniform[(at + d) & mask]
+    kind = GOES_ON
+    if draw < logistic(out[2 * d + 2 + BAD]):
+        kind = BAD
+    elif 1.0 - draw <= logistic(out[2 * d + 2 + GOOD]):
+        kind = GOOD
+    reward = world.earned[kind, 0] + world.earned[kind, 1] * out[2 * d + kind]
+    return min(max(reward, world.earned[kind, 2]), world.earned[kind, 3]), kind != GOES_ON
+
+
+@compiled
+def record(
+    world: EnsembleWorld,
+    draws: Draws,
+    before: Episodes,
+    departs: Integers,  # [E] first step of each episode to imagine anew, -1 where there is none
+    within: Integers,  # [M] node of the policy that holds all steps of a node before
+    policy: ActionTree,
+    horizon: int,
+    out: Episodes,
+) -> None:
+    """Imagine the policy's episodes: those of ``before`` as far as it acts alike, then its own.
+
+    Episode e runs in member e modulo the number of members.
+    """
+    d = world.move.size
+    n_members = world.w1.shape[0]
+    state, scratch = np.zeros(2 * d), scratch_of(world)
+    k = 0
+    for e in range(out.returns.size):
+        begin, end = before.first[e], before.first[e + 1]
+        same = end if departs[e] < 0 else departs[e]
+        out.first[e] = k
+        for i in range(begin, same):
+            out.states[k] = before.states[i]
+            out.earned[k] = before.earned[i]
+            out.node[k] = leaf_node(policy, within[before.node[i]], before.states[i])
+            out.owner[k] = e
+            k += 1
+        out.returns[e] = before.returns[e]
+        if departs[e] < 0:
+            continue
+        state[:] = before.states[same]
+        total = before.earned[same]
+        for t in range(same - begin, horizon):
+            node = leaf_node(policy, 0, state)
+            out.states[k] = state
+            out.earned[k] = total
+            out.node[k] = node
+            out.owner[k] = e
+            k += 1
+            at = e * EPISODE_STRIDE + t * (d + 1)
+            reward, ends = step(
+                world, draws, at, e % n_members, policy.action[node], state, scratch
+            )
+            total += reward
+            if ends:
+                break
+        out.returns[e] = total
+    out.first[out.returns.size] = k
+
+
+@compiled
+def rival_returns(
+    world: EnsembleWorld,
+    draws: Draws,
+    episodes: Episodes,
+    departs: Integers,  # [E] step from which on the rival acts on its own, -1 where it never does
+    rival: ActionTree,
+    horizon: int,
+    first: int,
+    last: int,
+    out: Floats,  # [E]
+) -> None:
+    """Write what a rival earns with the same chance in the episodes ``first`` to ``last`` - 1."""
+    d = world.move.size
+    n_members = world.w1.shape[0]
+    state, scratch = np.zeros(2 * d), scratch_of(world)
+    for e in range(first, last):
+        out[e] = episodes.returns[e]
+        if departs[e] < 0:
+            continue
+        state[:] = episodes.states[departs[e]]
+        total = episodes.earned[departs[e]]
+        for t in range(departs[e] - episodes.first[e], horizon):
+            action = rival.action[leaf_node(rival, 0, state)]
+            at = e * EPISODE_STRIDE + t * (d + 1)
+            reward, ends = step(world, draws, at, e % n_members, action, state, scratch)
+            total += reward
+            if ends:
+                break
+        out[e] = total

@@ -1,0 +1,286 @@
+"""A world model of small networks: an ensemble that predicts where a step leads, how surely.
+
+As in PETS (Chua, Calandra, McAllister and Levine 2018) each member predicts mean and variance of
+the displacement o' - o, given o and the action (and if asked the displacement before); members
+differ by their first weights and batches. Features with two values only are found and predicted as
+such. The reward of a step, and whether it ends the task, badly or well, are heads of the network.
+
+All scales are fixed when the members are new; fitting on costs a fraction of fitting from scratch.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from eutree.arrays import Booleans, Float32s, Floats, Integers
+from eutree.imagination import _kernels_ensemble as kernels
+from eutree.imagination._kernels_ensemble import BAD, GOES_ON, GOOD, EnsembleWorld, Fitting, Steps
+from eutree.imagination.transitions import Transitions
+from eutree.neural.network import copied, network_of, random_network
+from eutree.validation import check_integer, check_number
+
+N_KINDS = 3
+CHUNK = 256  # updates between two chances to interrupt
+SLOWEST = 0.1  # share of the rate that is left at the end
+EXTRA_ENDS = 32  # rows of a batch that are last steps
+TAIL = 0.02  # percent of rewards beyond the range that is imagined, on either side
+
+
+@dataclass(frozen=True, kw_only=True)
+class EnsembleSettings:
+    """How an ensemble is fitted.
+
+    Attributes:
+        members: Networks M.
+        hidden: Units of each of the two hidden layers.
+        batch: Transitions of one update; 32 last steps are added to them.
+        updates: Updates of each member when it is new.
+        more_updates: Updates of each member when it is fitted on.
+        rate: Adam's step size at first, of a new member; it falls linearly to a tenth.
+        more_rate: The same of a member that is fitted on.
+        recent: Transitions that half of a batch is drawn from when fitting on: the last ones.
+        memory: Whether the displacement before a step is an input.
+    """
+
+    members: int = 3
+    hidden: int = 64
+    batch: int = 256
+    updates: int = 12_000
+    more_updates: int = 2_000
+    rate: float = 1e-3
+    more_rate: float = 3e-4
+    recent: int = 60_000
+    memory: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("members", "hidden", "batch", "updates", "more_updates", "recent"):
+            check_integer(name, getattr(self, name), low=1)
+        for name in ("rate", "more_rate"):
+            check_number(name, getattr(self, name), low=0.0, low_open=True)
+
+
+@dataclass(frozen=True, eq=False)
+class Scales:
+    """What the networks' inputs and outputs are measured in.
+
+    Attributes:
+        centre: Mean of each input that is no action.
+        spread: Its standard deviation and a twentieth of its range.
+        move: Displacement that counts 1.
+        binary: Which features have two values only.
+        low: Least value of each feature.
+        high: Largest value of each feature.
+        earned: Mean, unit, least and largest reward of each kind of step.
+    """
+
+    centre: Floats  # [p - A]
+    spread: Floats  # [p - A]
+    move: Floats  # [d]
+    binary: Booleans  # [d]
+    low: Floats  # [d]
+    high: Floats  # [d]
+    earned: Floats  # [3, 4]
+
+    @classmethod
+    def of(cls, data: Transitions) -> "Scales":
+        """Return those of some transitions."""
+        inputs, size = _inputs(data), np.abs(data.displacements)
+        spread = inputs.std(axis=0) + 0.05 * np.ptp(inputs, axis=0)
+        seen = np.concatenate([data.observations, data.next_observations])
+        move = 0.3 * data.displacements.std(axis=0) + 0.3 * np.percentile(size, 90, axis=0)
+        return cls(
+            inputs.mean(axis=0),
+            np.where(spread > 0.0, spread, 1.0),
+            move,
+            np.array([np.unique(column).size == 2 for column in seen.T]),
+            seen.min(axis=0),
+            seen.max(axis=0),
+            np.array([_rewards(data.rewards[kinds(data) == kind]) for kind in range(N_KINDS)]),
+        )
+
+    def steps(self, data: Transitions) -> Steps:
+        """Return what members are fitted to, for the first members' or later transitions."""
+        kind = kinds(data)
+        chosen = np.eye(data.n_actions)[data.actions]
+        inputs = np.concatenate([(_inputs(data) - self.centre) / self.spread, chosen], axis=1)
+        units = np.where(self.move > 0.0, self.move, 1.0)
+        upper = data.next_observations > 0.5 * (self.low + self.high)
+        targets = np.where(self.binary, upper, data.displacements / units)
+        unit = self.earned[kind, 1]
+        rewards = (data.rewards - self.earned[kind, 0]) / np.where(unit > 0.0, unit, 1.0)
+        return Steps(
+            inputs.astype(np.float32),
+            targets.astype(np.float32),
+            rewards.astype(np.float32),
+            kind,
+            self.binary,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Ensemble:
+    """A fitted ensemble.
+
+    Attributes:
+        settings: How it was fitted.
+        scales: Of inputs and outputs.
+        weights: Of each member.
+        n_actions: Number of actions A.
+        starts: First observations of the stored episodes.
+        horizon: Steps after which an imagined episode is cut.
+        returns: The 1st and 98th percentile of the stored episodes' returns.
+    """
+
+    settings: EnsembleSettings
+    scales: Scales
+    weights: Float32s  # [M, P]
+    n_actions: int
+    starts: Floats  # [E, d]
+    horizon: int
+    returns: tuple[float, float]
+
+    @property
+    def world(self) -> EnsembleWorld:
+        """The members as the compiled loops take them."""
+        networks = [network_of(row, *self.size) for row in self.weights]
+        stacked = [np.stack(arrays) for arrays in zip(*networks, strict=True)][:-1]
+        of = self.scales
+        scales = (of.centre, of.spread, of.move, of.binary, of.low, of.high, of.earned)
+        return EnsembleWorld(*stacked, *scales)
+
+    @property
+    def size(self) -> tuple[int, int, int]:
+        """Inputs, hidden units and outputs of a member."""
+        d = self.scales.move.size
+        return self.scales.centre.size + self.n_actions, self.settings.hidden, 2 * d + 5
+
+    def fitted_on(self, data: Transitions, generator: np.random.Generator) -> "Ensemble":
+        """Return the ensemble after more updates on more transitions.
+
+        Args:
+            data: All transitions, those it was fitted to included.
+            generator: Source of the batches.
+        """
+        settings = self.settings
+        steps = self.scales.steps(replace(data, memory=settings.memory))
+        weights = self.weights.copy()
+        batches = _Batches(steps.kind, settings, recent=min(settings.recent, steps.kind.size))
+        for row in weights:
+            _fit(row, self.size, steps, batches, generator, fresh=False)
+        return replace(self, weights=weights, starts=_starts(data), returns=_range(data))
+
+
+def fit_ensemble(
+    data: Transitions, settings: EnsembleSettings, generator: np.random.Generator
+) -> Ensemble:
+    """Fit a new ensemble.
+
+    Args:
+        data: All transitions; at least one.
+        settings: How.
+        generator: Source of first weights and batches.
+    """
+    data = replace(data, memory=settings.memory)
+    scales = Scales.of(data)
+    empty = Ensemble(
+        settings,
+        scales,
+        np.zeros((0, 0), np.float32),
+        data.n_actions,
+        _starts(data),
+        data.horizon(),
+        _range(data),
+    )
+    steps = scales.steps(data)
+    batches = _Batches(steps.kind, settings, recent=0)
+    weights = []
+    for _ in range(settings.members):
+        row = random_network(*empty.size, generator).weights
+        _fit(row, empty.size, steps, batches, generator, fresh=True)
+        weights.append(row)
+    return replace(empty, weights=np.stack(weights))
+
+
+def kinds(data: Transitions) -> Integers:
+    """Return the kind of each step: it goes on, ends badly or ends well, shape [N]."""
+    kind = np.full(data.rewards.size, GOES_ON, dtype=np.int64)
+    kind[data.danger > 0] = BAD
+    kind[data.danger < 0] = GOOD
+    return kind
+
+
+class _Batches:
+    """Rows of batches: some of all transitions, some of the last ones, some last steps."""
+
+    def __init__(self, kind: Integers, settings: EnsembleSettings, *, recent: int) -> None:
+        self.settings = settings
+        self._n = kind.size
+        self._recent = recent
+        self._ends = np.flatnonzero(kind != GOES_ON)
+        n_recent = settings.batch // 2 if recent else 0
+        expected = (settings.batch - n_recent) * (self._ends.size / self._n)
+        if recent:
+            expected += n_recent * np.count_nonzero(self._ends >= self._n - recent) / recent
+        extra = EXTRA_ENDS if self._ends.size else 0
+        # So weighted, last steps count in the log-odds of ends as often as they occur.
+        self.weight = expected / (expected + extra) if expected else 1.0
+        self._parts = (settings.batch - n_recent, n_recent, extra)
+
+    def draw(self, n: int, generator: np.random.Generator) -> Integers:
+        """Return the rows of n batches, shape [n, B]."""
+        of_all, of_recent, of_ends = self._parts
+        rows = [generator.integers(self._n, size=(n, of_all))]
+        if of_recent:
+            rows.append(generator.integers(self._n - self._recent, self._n, size=(n, of_recent)))
+        if of_ends:
+            rows.append(self._ends[generator.integers(self._ends.size, size=(n, of_ends))])
+        return np.concatenate(rows, axis=1)
+
+
+def _fit(
+    weights: Float32s,
+    size: tuple[int, int, int],
+    steps: Steps,
+    batches: _Batches,
+    generator: np.random.Generator,
+    *,
+    fresh: bool,
+) -> None:
+    """Fit one member in place."""
+    network = network_of(weights, *size)
+    none = np.zeros_like(weights)
+    fitting = Fitting(network, copied(network), none, none.copy())
+    settings = batches.settings
+    total = settings.updates if fresh else settings.more_updates
+    rate = settings.rate if fresh else settings.more_rate
+    for begin in range(0, total, CHUNK):
+        n = min(CHUNK, total - begin)
+        rates = rate * (1.0 - (1.0 - SLOWEST) * np.arange(begin, begin + n) / total)
+        rows = batches.draw(n, generator)
+        kernels.fit(fitting, steps, rows, rates, begin, batches.weight)
+
+
+def _inputs(data: Transitions) -> Floats:
+    """Return o and, with memory, the displacement before it, shape [N, p - A]."""
+    if not data.memory:
+        return data.observations
+    return np.concatenate([data.observations, data.previous_displacements], axis=1)
+
+
+def _rewards(rewards: Floats) -> list[float]:
+    """Return mean, unit, least and largest reward of one kind of step."""
+    if not rewards.size:
+        return [0.0, 0.0, 0.0, 0.0]
+    mean = float(rewards.mean())
+    unit = 0.3 * rewards.std() + 0.3 * float(np.percentile(np.abs(rewards - mean), 90))
+    low, high = np.percentile(rewards, [TAIL, 100.0 - TAIL])
+    return [mean, float(unit), float(low), float(high)]
+
+
+def _starts(data: Transitions) -> Floats:
+    return np.ascontiguousarray(data.observations[data.first])
+
+
+def _range(data: Transitions) -> tuple[float, float]:
+    low, high = np.percentile(data.episode_returns, [1.0, 98.0])
+    return float(low), float(high)

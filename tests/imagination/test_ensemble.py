@@ -1,0 +1,208 @@
+"""The neural world model: its loss, its steps, what it learns of a small world, paired rollouts."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from eutree.imagination import Transitions
+from eutree.imagination import _kernels_ensemble as kernels
+from eutree.imagination.action_trees import packed
+from eutree.imagination.ensemble import EnsembleSettings, fit_ensemble, kinds
+from eutree.imagination.ensemble_rollouts import EnsembleRollouts
+from tests import naive_neural
+
+STAY, GO = 0, 1
+PIT, GOAL = -50.0, 100.0
+NOISE = 0.1
+SMALL = EnsembleSettings(members=2, hidden=24, batch=64, updates=1200, more_updates=100, rate=3e-3)
+
+
+def walks(n_episodes, seed):
+    """A walk to the goal at 6 past a light that is on or off: going on while it is on, at 3, ends.
+
+    Features: place, whether the light is on (half of the time, by chance), a constant.
+    """
+    generator = np.random.default_rng(seed)
+    rows = []
+    for episode in range(n_episodes):
+        place, light = 0.0, float(generator.integers(2))
+        for _ in range(25):
+            action = int(generator.random() < 0.7)
+            there = place + action + NOISE * generator.standard_normal()
+            fell = bool(place < 3.0 <= there and light == 1.0)
+            ended = fell or there >= 6.0
+            reward = PIT if fell else (GOAL if there >= 6.0 else -1.0)
+            then = float(generator.integers(2))
+            rows.append(((place, light, 7.0), action, reward, (there, then, 7.0), ended, episode))
+            place, light = there, then
+            if ended:
+                break
+    o, a, r, later, ended, episodes = (np.array(c) for c in zip(*rows, strict=True))
+    return Transitions(o, a, r, later, ended, episodes, 2)
+
+
+@pytest.fixture(scope="module")
+def data():
+    return walks(400, 0)
+
+
+@pytest.fixture(scope="module")
+def ensemble(data):
+    return fit_ensemble(data, SMALL, np.random.default_rng(1))
+
+
+def test_binary_features_and_kinds_of_end_are_found(data, ensemble):
+    assert ensemble.scales.binary.tolist() == [False, True, False]
+    kind = kinds(data)
+    assert set(data.rewards[kind == kernels.BAD]) == {PIT}
+    assert set(data.rewards[kind == kernels.GOOD]) == {GOAL}
+    assert set(data.rewards[kind == kernels.GOES_ON]) == {-1.0}
+
+
+def test_error_is_the_gradient_of_the_loss():
+    """Central differences; a variance does not pull at its mean."""
+    generator = np.random.default_rng(3)
+    binary, n = np.array([False, True]), 40
+    kind = generator.integers(0, 3, n)
+    targets = 3.0 * generator.standard_normal((n, 2))
+    targets[:, 1] = targets[:, 1] > 0
+    steps = kernels.Steps(
+        np.zeros((n, 1)), targets, 3.0 * generator.standard_normal(n), kind, binary
+    )
+    out = generator.standard_normal((n, 9))
+    error = np.empty_like(out)
+    kernels.write_error(steps, np.arange(n), 0.3, out, error)
+    for i in range(n):
+        row = targets[i], steps.rewards[i], kind[i], binary, 0.3
+        for j in range(9):
+            if j == 3:  # no variance of a binary feature: drawn back a little towards 1
+                continue
+            ends = []
+            for step in (1e-6, -1e-6):
+                moved = out[i].copy()
+                moved[j] += step
+                ends.append(naive_neural.ensemble_loss(moved, *row)[int(j in (2, 3))])
+            expected = (ends[0] - ends[1]) / 2e-6
+            assert n * error[i, j] == pytest.approx(expected, abs=1e-5)
+
+
+def test_a_step_is_the_naive_step(ensemble):
+    world, generator = ensemble.world, np.random.default_rng(4)
+    draws = kernels.Draws(generator.random(64), generator.standard_normal(64))
+    scratch = kernels.scratch_of(world)
+    for at in range(0, 400, 3):
+        state = np.array([generator.uniform(-1, 6), generator.integers(2), 7.0, 0.1, 0.0, 0.0])
+        member, action = int(generator.integers(2)), int(generator.integers(2))
+        expected = naive_neural.ensemble_step(world, draws, at, member, action, state)
+        reward, ends = kernels.step(world, draws, at, member, action, state, scratch)
+        np.testing.assert_allclose(state, expected[0], atol=1e-4)
+        assert reward == pytest.approx(expected[1], abs=1e-3)
+        assert ends == expected[2]
+
+
+def imagined(ensemble, state, action, n=4000):
+    world, generator = ensemble.world, np.random.default_rng(5)
+    draws = kernels.Draws(generator.random(2**14), generator.standard_normal(2**14))
+    scratch, found = kernels.scratch_of(world), []
+    for k in range(n):
+        moved = np.array([*state, 0.0, 0.0, 0.0])
+        reward, ends = kernels.step(world, draws, 4 * k, k % 2, action, moved, scratch)
+        found.append((*moved[:3], reward, ends))
+    return np.array(found)
+
+
+def test_displacements_noise_and_binary_features_are_learned(ensemble):
+    steps = imagined(ensemble, (1.5, 0.0, 7.0), GO)
+    assert steps[:, 0].mean() == pytest.approx(2.5, abs=0.05)
+    assert steps[:, 0].std() == pytest.approx(NOISE, rel=0.3)
+    assert set(steps[:, 1]) == {0.0, 1.0}
+    assert steps[:, 1].mean() == pytest.approx(0.5, abs=0.1)
+    assert set(steps[:, 2]) == {7.0}
+
+
+def test_good_and_bad_ends_are_told_apart(ensemble):
+    """No imagined end earns what lies between the pit and the goal."""
+    for place, light, earned in ((2.6, 1, PIT), (2.6, 0, -1.0), (5.5, 0, GOAL)):
+        steps = imagined(ensemble, (place, light, 7.0), GO)
+        assert (np.abs(steps[:, 3] - earned) < 1.0).mean() > 0.6
+        assert all(min(abs(r - e) for e in (PIT, GOAL, -1.0)) < 1.0 for r in steps[:, 3])
+
+
+def test_ends_are_as_frequent_as_they_were_although_batches_hold_more():
+    """One step in ten ends, anywhere; unweighted, a third of each batch would."""
+    generator = np.random.default_rng(11)
+    n = 3000
+    ended = generator.random(n) < 0.1
+    o = generator.standard_normal((n, 3))
+    episodes = np.concatenate([[0], np.cumsum(ended)[:-1]])
+    rewards = np.where(ended, GOAL, -1.0)
+    data = Transitions(o, np.zeros(n, int), rewards, o + 1.0, ended, episodes, 2)
+    fitted = fit_ensemble(data, replace(SMALL, updates=400), generator)
+    shares = [imagined(fitted, state, 0, 500)[:, 4].mean() for state in o[:40]]
+    assert np.mean(shares) == pytest.approx(0.1, abs=0.05)
+
+
+CAREFUL = packed((0, 1.5, GO, (0, 3.2, (1, 0.5, GO, STAY), GO)))
+RECKLESS = packed((0, 1.5, GO, (0, 3.2, GO, GO)))
+
+
+def test_a_rival_meets_the_same_chance_as_if_it_ran_alone(ensemble):
+    together = EnsembleRollouts(ensemble, 20, np.random.default_rng(6))
+    alone = EnsembleRollouts(ensemble, 20, np.random.default_rng(6))
+    together.run(CAREFUL)
+    alone.run(RECKLESS)
+    assert together.returns_of(RECKLESS).tolist() == alone.returns.tolist()
+    assert together.returns_of(RECKLESS, 10).tolist() == alone.returns[:10].tolist()
+    together.run(RECKLESS)
+    assert together.returns.tolist() == alone.returns.tolist()
+    np.testing.assert_array_equal(together.observations, alone.observations)
+
+
+def test_the_careful_tree_is_imagined_to_earn_more(ensemble):
+    rollouts = EnsembleRollouts(ensemble, 60, np.random.default_rng(7))
+    rollouts.run(CAREFUL)
+    careful, reckless = rollouts.returns, rollouts.returns_of(RECKLESS)
+    error = np.std(careful - reckless) / np.sqrt(careful.size)
+    assert careful.mean() - reckless.mean() > 3 * error
+    assert careful.max() <= ensemble.returns[1]
+
+
+def test_score_is_the_mean_of_members_less_their_spread(ensemble):
+    rollouts = EnsembleRollouts(ensemble, 2, np.random.default_rng(8), pessimism=0.5)
+    assert rollouts.score(np.array([1.0, 5.0, 3.0, 7.0])) == pytest.approx(4.0 - 0.5 * 2.0)
+
+
+def test_fitting_on_learns_what_has_changed(data, ensemble):
+    """After steps in which going leads half as far the members believe half of the way there."""
+    halved = replace(
+        data,
+        next_observations=data.observations + 0.5 * (data.next_observations - data.observations),
+    )
+    settings = replace(SMALL, more_updates=800, more_rate=3e-3, recent=data.rewards.size)
+    more = replace(
+        data,
+        **{
+            name: np.concatenate([getattr(data, name), getattr(halved, name)])
+            for name in ("observations", "actions", "rewards", "next_observations", "terminated")
+        },
+        episodes=np.concatenate([data.episodes, data.episodes + 1000]),
+    )
+    before = imagined(ensemble, (1.0, 0.0, 7.0), GO)[:, 0].mean()
+    fitted = replace(ensemble, settings=settings).fitted_on(more, np.random.default_rng(9))
+    assert imagined(fitted, (1.0, 0.0, 7.0), GO)[:, 0].mean() < before - 0.1
+    assert not np.array_equal(fitted.weights, ensemble.weights)
+
+
+def test_the_same_seed_gives_the_same_bytes(data):
+    quick = replace(SMALL, updates=20)
+    one, other = (fit_ensemble(data, quick, np.random.default_rng(2)) for _ in range(2))
+    assert one.weights.tobytes() == other.weights.tobytes()
+
+
+def test_the_previous_displacement_can_be_an_input(data):
+    known = fit_ensemble(data, replace(SMALL, updates=5, memory=True), np.random.default_rng(2))
+    assert known.size[0] == 3 + 3 + 2
+    rollouts = EnsembleRollouts(known, 3, np.random.default_rng(0))
+    rollouts.run(CAREFUL)
+    assert np.isfinite(rollouts.returns).all()
