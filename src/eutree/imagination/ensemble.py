@@ -146,7 +146,7 @@ class Ensemble:
         stacked = [np.stack(arrays) for arrays in zip(*networks, strict=True)][:-1]
         of = self.scales
         scales = (of.centre, of.spread, of.move, of.binary, of.low, of.high, of.earned)
-        return EnsembleWorld(*stacked, *scales)
+        return EnsembleWorld._make([*stacked, *scales])
 
     @property
     def size(self) -> tuple[int, int, int]:

@@ -1,0 +1,154 @@
+"""Pruning by imagined returns, patient races, and whether a model orders trees."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from eutree.imagination import Transitions
+from eutree.imagination.action_trees import n_leaves, nested, packed
+from eutree.imagination.ensemble import EnsembleSettings, fit_ensemble
+from eutree.imagination.ensemble_rollouts import EnsembleRollouts
+from eutree.policy_search.patient_race import PatientRace
+from eutree.policy_search.rank_correlation import rank_correlation, ranks
+from eutree.policy_search.rollout_pruning import pruned_by_rollouts
+
+
+def slopes(n_episodes, seed):
+    """A ball between walls at -2 and 2, pushed left or right; it earns by being near the middle."""
+    generator = np.random.default_rng(seed)
+    rows = []
+    for episode in range(n_episodes):
+        place = generator.uniform(-1, 1)
+        for step in range(20):
+            action = int(generator.integers(2))
+            there = float(np.clip(place + 0.4 * (2 * action - 1), -2, 2))
+            rows.append(((place, step % 2), action, -abs(there), (there, 1 - step % 2), episode))
+            place = there
+    o, a, r, later, episodes = (np.array(c, dtype=float) for c in zip(*rows, strict=True))
+    ended = np.zeros(len(r), bool)
+    return Transitions(o, a.astype(int), r, later, ended, episodes.astype(int), 2)
+
+
+@pytest.fixture(scope="module")
+def ensemble():
+    settings = EnsembleSettings(members=2, hidden=24, batch=64, updates=800, rate=3e-3)
+    return fit_ensemble(slopes(150, 0), settings, np.random.default_rng(1))
+
+
+# Only the first test matters; the others split hairs where the action makes little difference.
+LARGE = packed(
+    (0, 0.0, (1, 0.5, 1, (0, -1.9, 0, 1)), (1, 0.5, (0, 1.8, 0, 1), (0, 0.05, 1, (0, 1.7, 0, 1))))
+)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_pruning_keeps_what_earns(ensemble, seed):
+    """The tree of two leaves that is left is the one that pushes to the middle."""
+    generator = np.random.default_rng(seed)
+    rollouts = EnsembleRollouts(ensemble, 20, generator)
+    pruned, score = pruned_by_rollouts(LARGE, rollouts, 2, generator)
+    feature, threshold, below, above = nested(pruned)
+    assert (feature, below, above) == (0, 1, 0)
+    assert abs(threshold) < 0.1
+    assert score == pytest.approx(rollouts.score(rollouts.returns))
+
+
+def test_a_tree_that_is_small_enough_stays(ensemble):
+    generator = np.random.default_rng(0)
+    rollouts = EnsembleRollouts(ensemble, 5, generator)
+    pruned, _ = pruned_by_rollouts(LARGE, rollouts, 20, generator)
+    assert nested(pruned) == nested(LARGE)
+
+
+def test_the_limit_is_kept_by_as_few_cuts_as_possible(ensemble):
+    generator = np.random.default_rng(0)
+    rollouts = EnsembleRollouts(ensemble, 10, generator)
+    pruned, _ = pruned_by_rollouts(LARGE, rollouts, 5, generator)
+    assert 2 <= n_leaves(pruned) <= 5
+
+
+def run(race, means, seed, *, spread=10.0, most=10_000):
+    """Run a race of entrants whose returns have these means; return winner and episodes run."""
+    generator = np.random.default_rng(seed)
+    luck = spread * generator.standard_normal((len(means), 1000))
+    n = 0
+    while n < most and (heat := race.next()) is not None:
+        entrant, episode = heat
+        assert np.isnan(race.returns[entrant, episode])
+        race.tell(entrant, episode, means[entrant] + luck[entrant, episode])
+        n += 1
+    return race.winner(), n
+
+
+def test_the_best_rival_wins_nearly_always():
+    means = [0.0, -5.0, 8.0, 2.0, -20.0, 1.0]
+    won = [run(PatientRace(6), means, seed)[0] for seed in range(60)]
+    assert won.count(2) > 48
+
+
+def test_an_incumbent_that_is_better_stays():
+    won = [run(PatientRace(4), [10.0, 0.0, 1.0, -5.0], seed)[0] for seed in range(40)]
+    assert won.count(0) == 40
+
+
+def test_nobody_is_judged_on_fewer_than_32_pairs():
+    """A rival far behind, alone with the incumbent, still meets it 32 times and more."""
+    race = PatientRace(2)
+    _, n = run(race, [0.0, -1000.0], 0)
+    assert n >= 2 * 32
+    assert not np.isnan(race.returns[:, :32]).any()
+
+
+def test_a_race_that_steps_cut_short_wants_a_standard_error():
+    race = PatientRace(2)
+    for episode, (own, other) in enumerate(((0.0, 1.0), (0.0, 9.0), (4.0, 0.0))):
+        race.tell(0, episode, own)
+        race.tell(1, episode, other)
+    assert race.winner() == 0  # 2 ahead, with a standard error of 3.8
+    for episode in range(3, 8):
+        race.tell(0, episode, 0.0)
+        race.tell(1, episode, 8.0)
+    assert race.winner() == 1
+
+
+def test_a_race_goes_on_from_its_returns():
+    race = PatientRace(5)
+    means = [0.0, 1.0, 2.0, 3.0, 4.0]
+    run(race, means, 3, most=37)
+    other = PatientRace(5, returns=race.returns)
+    assert other.next() == race.next()
+    assert other.standing() == race.standing()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_rank_correlation_is_spearmans(seed):
+    generator = np.random.default_rng(seed)
+    real = generator.integers(0, 6, 15).astype(float)  # with ties
+    imagined = real + 2.0 * generator.standard_normal(15)
+    found = rank_correlation(imagined, real)
+    assert found.value == pytest.approx(stats.spearmanr(imagined, real).statistic)
+    assert found.low < found.value < found.high
+    assert ranks(real).tolist() == stats.rankdata(real).tolist()
+
+
+def test_the_interval_of_a_rank_correlation_covers_it():
+    """Of 300 samples of 20 pairs about one in twenty misses; three standard errors are 4 points."""
+    generator = np.random.default_rng(0)
+    rho = 0.6
+    # Spearman's correlation of a normal pair with Pearson's rho (Kruskal 1958).
+    exact = 6.0 / np.pi * np.arcsin(rho / 2.0)
+    covered = 0
+    for _ in range(300):
+        x = generator.standard_normal(20)
+        y = rho * x + np.sqrt(1 - rho**2) * generator.standard_normal(20)
+        found = rank_correlation(x, y)
+        covered += found.low <= exact <= found.high
+    assert covered / 300 == pytest.approx(0.95, abs=0.04)
+
+
+def test_too_few_trees_say_nothing():
+    found = rank_correlation(np.array([1.0, 2.0]), np.array([1.0, 2.0]))
+    assert np.isnan(found.value)
+    assert not found.better_than_chance
+    equal = rank_correlation(np.ones(9), np.arange(9.0))
+    assert not equal.better_than_chance
