@@ -91,22 +91,35 @@ class Schema:
             actions=tuple(f"action {i}" for i in range(n_actions)),
         )
 
-    def with_history(self, steps: int) -> "Schema":
-        """Return the schema of an observation followed by its ``steps`` predecessors.
+    def with_history(self, steps: int, actions: int = 0) -> "Schema":
+        """Return the schema of what a ``FeatureMap`` makes of an observation.
+
+        Args:
+            steps: Number of previous observations that follow it.
+            actions: Number of previous actions that follow these, a 0 or 1 for each action.
 
         Raises:
             InvalidArgumentError: That would be more than ``MAX_FEATURES`` features.
         """
-        most = MAX_FEATURES // self.n_features - 1
-        if not 0 <= steps <= most:
-            raise InvalidArgumentError(
-                f"history must be from 0 to {most}, so that {self.n_features} features make at "
-                f"most {MAX_FEATURES:,}, got {shown(steps)}"
-            )
+        for name, number, size in (
+            ("history", steps, self.n_features),
+            ("past_actions", actions, self.n_actions),
+        ):
+            most = MAX_FEATURES // size - 1
+            if not 0 <= number <= most:
+                raise InvalidArgumentError(
+                    f"{name} must be from 0 to {most}, so that {size} numbers a step make at "
+                    f"most {MAX_FEATURES:,}, got {shown(number)}"
+                )
         past = [
             Feature(f"{feature.name}, {k} ago", feature.unit, feature.low, feature.high)
             for k in range(1, steps + 1)
             for feature in self.features
+        ]
+        past += [
+            Feature(f"did {action}, {k} ago", low=0.0, high=1.0)
+            for k in range(1, actions + 1)
+            for action in self.actions
         ]
         return Schema(self.features + tuple(past), self.actions)
 

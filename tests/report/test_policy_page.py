@@ -5,6 +5,7 @@ import re
 import subprocess
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -271,10 +272,11 @@ def test_policies_with_a_history_see_their_past() -> None:
     schema = Schema.anonymous(2, 2).with_history(1)
     policy = TreePolicy(tree(5, 4), np.arange(5) % 2, schema, history=1)
     rows = np.arange(8.0).reshape(4, 2)
+    episode = Episode(rows, np.zeros(3, np.int64), np.zeros(3), terminated=True)
     expected = [[0, 1, 0, 1], [2, 3, 0, 1], [4, 5, 2, 3], [6, 7, 4, 5]]
-    np.testing.assert_array_equal(policy_features(policy, rows), expected)
+    np.testing.assert_array_equal(policy_features(policy, episode), expected)
     with pytest.raises(InvalidArgumentError, match="observations of 2 features, got 3"):
-        policy_features(policy, np.zeros((4, 3)))
+        policy_features(policy, replace(episode, observations=np.zeros((4, 3))))
 
 
 def test_same_policy_same_page(policy: TreePolicy, watched: list[WatchedEpisode]) -> None:

@@ -115,7 +115,7 @@ def _read(source: Path, demos: Path | None) -> "tuple[TreePolicy, Floats]":
             f"{source} must be a run folder, or --demos must name recorded observations"
         )
     policy = TreePolicy.load(source)
-    shown = Demonstrations.load(demos).with_history(policy.history)
+    shown = Demonstrations.load(demos).with_history(policy.history, policy.past_actions)
     return policy, shown.observations
 
 

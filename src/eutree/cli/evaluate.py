@@ -20,7 +20,8 @@ def check_fits(policy: "TreePolicy", path: Path, spec: EnvironmentSpec) -> None:
     from eutree.interaction.making import make
 
     schema = describe(make(spec))
-    schema.with_history(policy.history).check_same(policy.schema, str(path), of=str(spec))
+    wanted = schema.with_history(policy.history, policy.past_actions)
+    wanted.check_same(policy.schema, str(path), of=str(spec))
 
 
 @click.command(epilog="Example: eutree evaluate runs/a/policy.json --episodes 1000")

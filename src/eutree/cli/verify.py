@@ -90,5 +90,6 @@ def _observations(
     if run_folder is not None:
         return stored_observations(run_folder)
     if demos is not None:
-        return Demonstrations.load(demos).with_history(policy.history).observations
+        shown = Demonstrations.load(demos)
+        return shown.with_history(policy.history, policy.past_actions).observations
     return None

@@ -15,6 +15,7 @@ from eutree.data.files import DemonstrationFolder, save_folder
 from eutree.data.rows import episodes_from_rows, schema_for
 from eutree.display import Displayed
 from eutree.errors import FormatError, InvalidArgumentError
+from eutree.features import FeatureMap
 from eutree.schema import EnvironmentSpec, Schema
 
 
@@ -98,14 +99,22 @@ class Demonstrations(Displayed):
         """Action of each transition of the kept episodes, shape [N]."""
         return np.concatenate([np.empty(0, np.int64), *(e.actions for e in self.kept)])
 
-    def with_history(self, steps: int) -> "Demonstrations":
-        """Return the demonstrations with observations followed by their ``steps`` predecessors."""
-        schema = self.schema.with_history(steps)  # refuses what would be too much
-        return replace(
-            self,
-            episodes=tuple(episode.with_history(steps) for episode in self.episodes),
-            schema=schema,
+    def with_history(self, steps: int, actions: int = 0) -> "Demonstrations":
+        """Return the demonstrations with the past among their observations.
+
+        Args:
+            steps: Number of previous observations that follow each one.
+            actions: Number of previous actions that follow these.
+        """
+        schema = self.schema.with_history(steps, actions)  # refuses what would be too much
+        features = FeatureMap(
+            n_observed=self.schema.n_features,
+            n_actions=self.schema.n_actions,
+            observations=steps,
+            actions=actions,
         )
+        seen = tuple(episode.with_features(features) for episode in self.episodes)
+        return replace(self, episodes=seen, schema=schema)
 
     def save(self, folder: str | Path) -> None:
         """Write one file for each episode, and a header, into a new folder.

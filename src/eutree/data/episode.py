@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from eutree.arrays import Floats, Integers, frozen
 from eutree.errors import InvalidArgumentError
+from eutree.features import FeatureMap
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,13 +113,7 @@ class Episode:
             )
         )
 
-    def with_history(self, steps: int) -> "Episode":
-        """Return the episode with each observation followed by its ``steps`` predecessors.
-
-        Before the first step they repeat the first observation.
-        """
-        last = len(self.observations) - 1
-        moments = [
-            self.observations[np.maximum(np.arange(last + 1) - k, 0)] for k in range(steps + 1)
-        ]
-        return replace(self, observations=np.concatenate(moments, axis=1))
+    def with_features(self, features: FeatureMap) -> "Episode":
+        """Return the episode with the features of a map in place of its observations."""
+        seen = features.of_episode(self.observations, self.actions)
+        return replace(self, observations=seen)

@@ -207,7 +207,8 @@ def _scale(policy: TreePolicy, scale: ArrayLike | None) -> Floats:
 
 def _support(policy: TreePolicy, leaf: int, demonstrations: Demonstrations) -> tuple[Support, ...]:
     found = []
-    for number, episode in enumerate(demonstrations.with_history(policy.history)):
+    seen = demonstrations.with_history(policy.history, policy.past_actions)
+    for number, episode in enumerate(seen):
         leaves = policy.tree.leaf_index(episode.observations[:-1])
         steps = np.flatnonzero(leaves == leaf).tolist()
         found += [Support(number, step, int(episode.actions[step])) for step in steps]

@@ -13,6 +13,7 @@ import numpy as np
 
 from eutree.arrays import Floats
 from eutree.errors import EnvironmentFault, InvalidArgumentError, shown
+from eutree.features import FeatureMap
 from eutree.interaction.spaces import decoder, describe, encoder, spec_of
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.validation import check_integer
@@ -28,14 +29,14 @@ class GuardedEnv:
         env: Any Gymnasium environment with a flat observation and a Discrete action space.
         strict: Refuse observations outside the observation space instead of warning once.
         max_episode_steps: An episode longer than this is a fault (it would never end).
-        history: Number of previous observations to append to each observation; before the first
-            step they repeat the first observation.
+        history: Number of previous observations to append to each observation.
+        past_actions: Number of previous actions to append to these (see ``FeatureMap``).
 
     Attributes:
         env: The environment itself.
         schema: Names, units and bounds of its observations, history included; names of its
             actions.
-        history: Number of previous observations in each observation.
+        features: How observations and the past become what ``reset`` and ``step`` return.
         spec: How to make it again, if known.
         episode: Number of the present episode; -1 before the first.
         step_number: Number of steps taken in the present episode.
@@ -51,13 +52,21 @@ class GuardedEnv:
         strict: bool = False,
         max_episode_steps: int = MAX_EPISODE_STEPS,
         history: int = 0,
+        past_actions: int = 0,
     ) -> None:
         if not isinstance(env, gymnasium.Env):
             raise InvalidArgumentError(f"env must be a gymnasium.Env, got {env!r}")
         self.env = env
-        self.history = check_integer("history", history)
         own = describe(env)
-        self.schema: Schema = own.with_history(history)
+        self.schema: Schema = own.with_history(
+            check_integer("history", history), check_integer("past_actions", past_actions)
+        )
+        self.features = FeatureMap(
+            n_observed=own.n_features,
+            n_actions=own.n_actions,
+            observations=history,
+            actions=past_actions,
+        )
         self.spec: EnvironmentSpec | None = spec_of(env)
         self.name = self.spec.id if self.spec is not None else type(env.unwrapped).__name__
         self.episode = -1
@@ -67,7 +76,7 @@ class GuardedEnv:
         self._strict = strict
         self._warned = False
         self._limit = check_integer("max_episode_steps", max_episode_steps, low=1)
-        self._features = own.features
+        self._own_features = own.features
         self._bounds = [(feature.low, feature.high) for feature in own.features]
 
     def reset(self, seed: int | None = None) -> Floats:
@@ -83,8 +92,10 @@ class GuardedEnv:
         self._check_info(answer[1])
         observation = self._observation(answer[0])
         self.step_number = 0
-        self._past = np.tile(observation, self.history)
-        return self._remember(observation)
+        if self.features.is_identity:
+            return observation
+        self._seen = self.features.first(observation)
+        return self._seen
 
     def step(self, action: int) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
         """Take one step; return observation, reward, terminated, truncated and info."""
@@ -113,23 +124,22 @@ class GuardedEnv:
                 "make the environment with a time limit: --env-arg max_episode_steps=N, or "
                 "gymnasium.make(..., max_episode_steps=N)"
             )
-        return self._remember(observation), reward, terminated, truncated, answer[4]
+        if not self.features.is_identity:
+            self._seen = observation = self.features.next(self._seen, action, observation)
+        return observation, reward, terminated, truncated, answer[4]
 
     def own_observation(self, features: Floats) -> Any:
         """Return the environment's own observation, an element of its space.
 
         Args:
-            features: What ``reset`` or ``step`` returned, shape [d]; its history is left out.
+            features: What ``reset`` or ``step`` returned, shape [d]; the past is left out.
         """
         return self._decode(features[: len(self._bounds)])
 
-    def _remember(self, observation: Floats) -> Floats:
-        """Return the observation followed by its predecessors, the latest first."""
-        if not self.history:
-            return observation
-        features = np.concatenate([observation, self._past])
-        self._past = features[: self._past.size]
-        return features
+    @property
+    def history(self) -> int:
+        """Number of previous observations in each observation."""
+        return self.features.observations
 
     def _observation(self, value: Any) -> Floats:
         try:
@@ -157,7 +167,7 @@ class GuardedEnv:
         """Fault on NaN and what is too large; outside the space, warn once or fault."""
         if not (np.abs(vector) <= LARGEST).all():
             raise self._fault(_finite("observation", vector.tolist()))
-        for feature, number in zip(self._features, vector.tolist(), strict=True):
+        for feature, number in zip(self._own_features, vector.tolist(), strict=True):
             if feature.low <= number <= feature.high:
                 continue
             message = (

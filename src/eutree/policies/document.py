@@ -34,7 +34,7 @@ class LeafDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit
     locked: bool = False
 
 
-class PolicyDocument(Document, frozen=True, kw_only=True):
+class PolicyDocument(Document, frozen=True, kw_only=True, omit_defaults=True):
     """A ``TreePolicy``; ``leaves`` are in order of their numbers."""
 
     FORMAT: ClassVar[str] = "eutree/policy"
@@ -45,6 +45,7 @@ class PolicyDocument(Document, frozen=True, kw_only=True):
     history: Index
     nodes: list[NodeDocument]
     leaves: list[LeafDocument]
+    past_actions: Index = 0
 
 
 class PolicyParts(TypedDict):
@@ -55,6 +56,7 @@ class PolicyParts(TypedDict):
     schema: Schema
     environment: EnvironmentSpec | None
     history: int
+    past_actions: int
     leaves: LeafStatistics | None
     locked: tuple[int, ...]
 
@@ -66,6 +68,7 @@ def policy_to_bytes(parts: PolicyParts) -> bytes:
             environment=environment_to_document(parts["environment"]),
             schema=schema_to_document(parts["schema"]),
             history=parts["history"],
+            past_actions=parts["past_actions"],
             nodes=tree_to_document(parts["tree"]),
             leaves=_leaves_to_document(parts),
         )
@@ -90,6 +93,7 @@ def policy_from_bytes(data: bytes, path: str | Path) -> PolicyParts:
         schema=schema,
         environment=environment_from_document(document.environment, path),
         history=document.history,
+        past_actions=document.past_actions,
         leaves=_statistics(document.leaves, schema.n_actions, path),
         locked=tuple(number for number, leaf in enumerate(document.leaves) if leaf.locked),
     )

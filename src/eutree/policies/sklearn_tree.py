@@ -53,6 +53,7 @@ def parts_of(classifier: Any, schema: Schema | None) -> PolicyParts:
         schema=schema,
         environment=None,
         history=0,
+        past_actions=0,
         leaves=_statistics(grown, shares, leaves, numbers, schema.n_actions),
         locked=(),
     )

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from eutree.arrays import Floats, Integers, frozen
 from eutree.display import Displayed
 from eutree.errors import FormatError, InvalidArgumentError
+from eutree.features import FeatureMap
 from eutree.files import read_bytes, write_bytes
 from eutree.files.documents import MAX_DOCUMENT
 from eutree.policies.document import PolicyParts, policy_from_bytes, policy_to_bytes
@@ -32,6 +33,7 @@ class TreePolicy(Displayed):
         environment: The environment it was made for, if known.
         history: Number of previous observations that follow the present one in the tree's
             features; ``predict`` keeps them in its ``state``.
+        past_actions: Number of previous actions that follow these.
         leaves: Visits and values of each leaf, where they are known.
         locked: Leaves that neither learning nor an edit may change, in order.
     """
@@ -43,6 +45,7 @@ class TreePolicy(Displayed):
     schema: Schema
     environment: EnvironmentSpec | None = None
     history: int = 0
+    past_actions: int = 0
     leaves: LeafStatistics | None = None
     locked: tuple[int, ...] = ()
 
@@ -62,11 +65,24 @@ class TreePolicy(Displayed):
                 f"schema must name the tree's {self.tree.n_features} features, "
                 f"got {self.schema.n_features}"
             )
-        if self.history < 0 or self.tree.n_features % (self.history + 1):
+        seen = self.tree.n_features - self.past_actions * self.schema.n_actions
+        if self.past_actions < 0 or seen < 1:
+            raise InvalidArgumentError(
+                f"past_actions must be >= 0 and leave at least one of the tree's "
+                f"{self.tree.n_features} features, got {self.past_actions}"
+            )
+        if self.history < 0 or seen % (self.history + 1):
             raise InvalidArgumentError(
                 f"history must be >= 0 and history + 1 must divide the tree's "
-                f"{self.tree.n_features} features, got {self.history}"
+                f"{seen} features that are not actions, got {self.history}"
             )
+        features = FeatureMap(
+            n_observed=seen // (self.history + 1),
+            n_actions=self.schema.n_actions,
+            observations=self.history,
+            actions=self.past_actions,
+        )
+        object.__setattr__(self, "_feature_map", features)
         if list(self.locked) != sorted(set(self.locked) & set(range(self.n_leaves))):
             raise InvalidArgumentError(
                 f"locked must be leaves from 0 to {self.n_leaves - 1} in order, got {self.locked}"
@@ -80,8 +96,14 @@ class TreePolicy(Displayed):
 
     @property
     def observation_size(self) -> int:
-        """Number of entries of one observation, without its history."""
-        return self.tree.n_features // (self.history + 1)
+        """Number of entries of one observation, without the past."""
+        return self.features.n_observed
+
+    @property
+    def features(self) -> FeatureMap:
+        """How observations and the past become the tree's features."""
+        features: FeatureMap = self._feature_map  # type: ignore[attr-defined]  # set when frozen
+        return features
 
     def save(self, path: str | Path) -> None:
         """Write the policy to a file that ``load`` reads; see docs/formats.
@@ -111,6 +133,7 @@ class TreePolicy(Displayed):
                 schema=self.schema,
                 environment=self.environment,
                 history=self.history,
+                past_actions=self.past_actions,
                 leaves=self.leaves,
                 locked=self.locked,
             )
@@ -157,8 +180,8 @@ class TreePolicy(Displayed):
 
         Args:
             observation: One observation, shape [d], or a batch, shape [E, d].
-            state: What the last call returned, for a policy with a history; None at the start of
-                an episode. Policies without a history ignore it.
+            state: What the last call returned, for a policy that sees the past; None at the start
+                of an episode. Others ignore it.
             episode_start: Whether each observation is the first of its episode, shape [E].
             deterministic: Ignored: a tree always decides the same.
 
@@ -171,27 +194,28 @@ class TreePolicy(Displayed):
                 f"observation must have shape ({self.observation_size},) or "
                 f"(E, {self.observation_size}), got {array.shape}"
             )
-        if self.history:
-            state = self._remember(array, state, episode_start)
-            array = state
-        if array.ndim == 1:
-            return self.act(array.tolist()), state
-        return self.actions[self.tree.leaf_index(array)], state
+        if self.features.is_identity:
+            return self._decide(array), state
+        array = self._remember(array, state, episode_start)
+        actions = self._decide(array)
+        # The state is the features, and last the action that was chosen on them.
+        return actions, np.concatenate([array, np.asarray(actions, np.float64)[..., None]], axis=-1)
+
+    def _decide(self, features: Floats) -> Any:
+        """Return the action for features [n_features], or the actions for [E, n_features]."""
+        if features.ndim == 1:
+            return self.act(features.tolist())
+        return self.actions[self.tree.leaf_index(features)]
 
     def _remember(
         self, observation: Floats, state: Floats | None, episode_start: ArrayLike | None
     ) -> Floats:
-        """Return the features [..., d * (history + 1)]: the observation, then the past ones.
-
-        The state that ``predict`` hands on is this very array: its first ``history`` blocks are
-        the past of the next call. At the start of an episode the past repeats the first
-        observation.
-        """
-        fresh = np.tile(observation, self.history + 1)
+        """Return the features of observations [..., d] after what the state remembers."""
+        fresh = self.features.first(observation)
         if state is None:
             return fresh
-        past = state[..., : -self.observation_size]
-        features = np.concatenate([observation, past], axis=-1)
+        action = state[..., -1].astype(np.int64)
+        features = self.features.next(state[..., :-1], action, observation)
         if episode_start is None:
             return features
         starts = np.asarray(episode_start, dtype=bool)
@@ -220,7 +244,7 @@ class TreePolicy(Displayed):
             and np.array_equal(self.actions, other.actions)
             and self.schema == other.schema
             and self.environment == other.environment
-            and self.history == other.history
+            and self.features == other.features
             and self.locked == other.locked
             and same_leaves
         )

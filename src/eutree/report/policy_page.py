@@ -124,7 +124,7 @@ def _episode(
     policy: TreePolicy, episode: Episode, *, whole: bool, digits: int = SHORT
 ) -> dict[str, Any]:
     """Return an episode: always which leaf each step fell in; what was seen, if ``whole``."""
-    features = policy_features(policy, episode.observations)
+    features = policy_features(policy, episode)
     leaves = policy.tree.leaf_index(features)
     entry = {
         "actions": episode.actions.tolist(),
@@ -141,20 +141,15 @@ def _episode(
     return entry
 
 
-def policy_features(policy: TreePolicy, observations: Floats) -> Floats:
-    """Return what the policy sees at each observation of an episode, its history included."""
+def policy_features(policy: TreePolicy, episode: Episode) -> Floats:
+    """Return what the policy sees at each observation of an episode, the past included."""
+    observations = episode.observations
     if observations.shape[1] != policy.observation_size:
         raise InvalidArgumentError(
             f"episodes must have observations of {policy.observation_size} features, "
             f"got {observations.shape[1]}"
         )
-    if policy.history == 0:
-        return observations
-    state, seen = None, []
-    for number, observation in enumerate(observations):
-        _, state = policy.predict(observation, state, np.array(number == 0))
-        seen.append(state)
-    return np.array(seen)
+    return policy.features.of_episode(observations, episode.actions)
 
 
 def _frames(watched: WatchedEpisode) -> list[str]:

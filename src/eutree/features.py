@@ -1,0 +1,85 @@
+"""What a tree sees: the present observation and, if asked for, some of the past.
+
+    features of step t = o_t, o_{t-1}, ..., o_{t-H}, onehot(a_{t-1}), ..., onehot(a_{t-K})
+
+the latest first. What one observation does not show, a direction of movement for example, a few of
+its predecessors do; McCallum's U-Tree (1996) tests previous actions too. Before the first step the
+observations repeat the first one, and no action was taken: all its entries are 0.
+
+This is the one place in which the past is stacked: for the environment at the border, for recorded
+episodes, and for policies, which keep a ``FeatureMap`` so that an export can say what it is fed.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from eutree.arrays import Floats, Integers
+from eutree.validation import check_integer
+
+
+@dataclass(frozen=True, kw_only=True)
+class FeatureMap:
+    """How observations and actions become the features of a tree.
+
+    Attributes:
+        n_observed: Numbers of one observation d.
+        n_actions: Number of actions A.
+        observations: Number of previous observations among the features, H.
+        actions: Number of previous actions among the features, K.
+    """
+
+    n_observed: int
+    n_actions: int
+    observations: int = 0
+    actions: int = 0
+
+    def __post_init__(self) -> None:
+        check_integer("observations", self.observations)
+        check_integer("actions", self.actions)
+
+    @property
+    def n_features(self) -> int:
+        """Number of features, d (H + 1) + A K."""
+        return self.n_observed * (self.observations + 1) + self.n_actions * self.actions
+
+    @property
+    def is_identity(self) -> bool:
+        """Whether the features are the observation, and nothing is remembered."""
+        return not (self.observations or self.actions)
+
+    def first(self, observation: Floats) -> Floats:
+        """Return the features [..., n_features] of the first observation [..., d]."""
+        none = np.zeros((*observation.shape[:-1], self.n_actions * self.actions))
+        repeated = np.concatenate([observation] * (self.observations + 1), axis=-1)
+        return np.concatenate([repeated, none], axis=-1)
+
+    def next(self, features: Floats, action: int | Integers, observation: Floats) -> Floats:
+        """Return the features after a step.
+
+        Args:
+            features: Those before it, shape [..., n_features].
+            action: The action taken, or one for each row.
+            observation: The observation that followed, shape [..., d].
+        """
+        seen = features[..., : self.n_observed * self.observations]
+        if not self.actions:
+            return np.concatenate([observation, seen], axis=-1)
+        done = features[..., self.n_observed * (self.observations + 1) :]
+        latest = np.eye(self.n_actions)[action]
+        done = done[..., : self.n_actions * (self.actions - 1)]
+        return np.concatenate([observation, seen, latest, done], axis=-1)
+
+    def of_episode(self, observations: Floats, actions: Integers) -> Floats:
+        """Return the features at every observation of an episode, shape [T + 1, n_features].
+
+        Args:
+            observations: Shape [T + 1, d].
+            actions: Shape [T].
+        """
+        moments = np.arange(len(observations))
+        parts = [observations[np.maximum(moments - k, 0)] for k in range(self.observations + 1)]
+        # Row -1, the last, stands for the actions before the episode.
+        onehot = np.concatenate([np.eye(self.n_actions)[actions], np.zeros((1, self.n_actions))])
+        parts += [onehot[np.maximum(moments - k, -1)] for k in range(1, self.actions + 1)]
+        return np.concatenate(parts, axis=1)
