@@ -85,6 +85,8 @@ def test_golden_files_match_the_schemas(make_schemas, name, data):
     document = json.loads(data)
     file = f"{document['format'].removeprefix('eutree/')}.json"
     schema = json.loads(make_schemas.texts()[file])
+    if not schema["title"].endswith(f"version {document['version']}"):
+        pytest.skip("a file of an older version; the schemas are those of the present one")
     assert matches(document, schema, schema["$defs"])
     assert not matches({**document, "more": 1}, schema, schema["$defs"])
     for key in document:
