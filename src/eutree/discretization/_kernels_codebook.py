@@ -1,0 +1,71 @@
+"""Compiled loops of vector quantization: nearest codewords and means."""
+
+from eutree.arrays import Floats, Integers
+from eutree.compiled import compiled
+
+
+@compiled
+def nearest(
+    points: Floats,  # [N, d]
+    codewords: Floats,  # [R, d]
+    owners: Integers,  # [N] out
+    squares: Floats,  # [N] out: squared distance to the owner
+) -> None:
+    """Write the nearest codeword of each point; ties go to the lower number.
+
+    A sum of squares only grows, so a codeword is left as soon as it is no nearer than the best.
+    """
+    for i in range(points.shape[0]):
+        best, owner = -1.0, 0
+        for r in range(codewords.shape[0]):
+            square = 0.0
+            for j in range(points.shape[1]):
+                offset = points[i, j] - codewords[r, j]
+                square += offset * offset
+                if 0.0 <= best <= square:
+                    break
+            if best < 0.0 or square < best:
+                best, owner = square, r
+        owners[i], squares[i] = owner, best
+
+
+@compiled
+def nearest_in_leaf(
+    points: Floats,  # [N, d]
+    leaves: Integers,  # [N]
+    codewords: Floats,  # [R, d], those of a leaf one after the other
+    first: Integers,  # [L + 1]
+    regions: Integers,  # [N] out
+) -> None:
+    """Write the nearest codeword of each point among those of its leaf."""
+    for i in range(points.shape[0]):
+        best, region = -1.0, first[leaves[i]]
+        for r in range(first[leaves[i]], first[leaves[i] + 1]):
+            square = 0.0
+            for j in range(points.shape[1]):
+                offset = points[i, j] - codewords[r, j]
+                square += offset * offset
+            if best < 0.0 or square < best:
+                best, region = square, r
+        regions[i] = region
+
+
+@compiled
+def centroids(
+    points: Floats,  # [N, d]
+    owners: Integers,  # [N], each codeword owns a point
+    codewords: Floats,  # [R, d] out
+) -> None:
+    """Write the mean of each codeword's points, added up in the order of the rows.
+
+    The fixed order makes the same points in the same order the same bytes.
+    """
+    codewords[:] = 0.0
+    counts = codewords[:, 0].copy()
+    for i in range(points.shape[0]):
+        counts[owners[i]] += 1.0
+        for j in range(points.shape[1]):
+            codewords[owners[i], j] += points[i, j]
+    for r in range(codewords.shape[0]):
+        for j in range(codewords.shape[1]):
+            codewords[r, j] /= counts[r]
