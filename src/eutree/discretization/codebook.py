@@ -54,7 +54,7 @@ class Codebook:
 
     def regions(self, observations: Floats) -> Integers:
         """Return the region of each observation [N, d], shape [N]."""
-        leaves = self.tree.leaf_index(observations)
+        leaves = self.tree.leaf_index(observations).astype(np.int64)
         regions = np.empty(len(observations), dtype=np.int64)
         kernels.nearest_in_leaf(
             observations / self.scale, leaves, self.codewords, self.first, regions
