@@ -6,6 +6,7 @@ import click
 
 from eutree.cli._options import json_option
 from eutree.cli._output import Output
+from eutree.cli._policies import load_policy
 
 
 @click.command(epilog="Example: eutree diff runs/a/expert.json runs/a/policy.json")
@@ -15,9 +16,8 @@ from eutree.cli._output import Output
 def diff(first: Path, second: Path, as_json: bool) -> None:
     """Say where FIRST and SECOND, two policy files, decide differently, and how they are built."""
     from eutree.inspection import diff as compare
-    from eutree.policies import TreePolicy
 
-    one, two = TreePolicy.load(first), TreePolicy.load(second)
+    one, two = load_policy(first), load_policy(second)
     found = compare(one, two)
     names = one.schema.actions
     Output(as_json=as_json).result(

@@ -7,6 +7,7 @@ import click
 
 from eutree.cli._options import count_option, env_arg_option, json_option, path_option, seed_option
 from eutree.cli._output import Output
+from eutree.cli._policies import load_policy
 from eutree.errors import InvalidArgumentError
 from eutree.schema import EnvironmentSpec
 
@@ -84,7 +85,6 @@ def _teacher(spec: EnvironmentSpec, expert: str | None, policy: Path | None) -> 
     """Return the scripted expert or the policy that was named."""
     from eutree.cli.evaluate import check_fits
     from eutree.envs.experts import experts_for
-    from eutree.policies import TreePolicy
     from eutree.validation import check_choice
 
     if expert is not None and policy is None:
@@ -92,7 +92,7 @@ def _teacher(spec: EnvironmentSpec, expert: str | None, policy: Path | None) -> 
         return known[check_choice("--expert", expert, known)]
     if policy is None or expert is not None:
         raise InvalidArgumentError("choose one of --expert and --policy: who is the teacher?")
-    loaded = TreePolicy.load(policy)
+    loaded = load_policy(policy)
     check_fits(loaded, policy, spec)
     return loaded
 

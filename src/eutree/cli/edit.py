@@ -16,6 +16,7 @@ from eutree.cli._options import (
     seed_option,
 )
 from eutree.cli._output import Output
+from eutree.cli._policies import load_policy
 from eutree.errors import InvalidArgumentError, shown
 
 _NUMBER = re.compile(r"[0-9]{1,9}")  # of a node or a leaf
@@ -63,9 +64,8 @@ def edit(
     from eutree.evaluation import evaluate
     from eutree.inspection import edit as change
     from eutree.inspection import enforce, numbered
-    from eutree.policies import TreePolicy
 
-    output, before = Output(as_json=as_json), TreePolicy.load(policy)
+    output, before = Output(as_json=as_json), load_policy(policy)
     edited = change(
         before,
         thresholds={node: _number(value) for node, value in _pairs("threshold", thresholds)},

@@ -7,6 +7,7 @@ import click
 
 from eutree.cli._options import count_option, env_arg_option, json_option, override, seed_option
 from eutree.cli._output import Output
+from eutree.cli._policies import load_policy
 from eutree.errors import InvalidArgumentError
 from eutree.schema import EnvironmentSpec
 
@@ -39,12 +40,14 @@ def evaluate(
     seed: int,
     as_json: bool,
 ) -> None:
-    """Evaluate POLICY in ENVIRONMENT, or else in the one that its file names."""
+    """Evaluate POLICY, a policy file or a run folder, in ENVIRONMENT, or in the one it names.
+
+    Intervals are of 95 %: Wilson's of the success rate, Student's of the mean return.
+    """
     from eutree.evaluation import evaluate as evaluate_policy
-    from eutree.policies import TreePolicy
 
     output = Output(as_json=as_json)
-    loaded = TreePolicy.load(policy)
+    loaded = load_policy(policy)
     if environment is not None:
         spec = EnvironmentSpec(environment, env_arguments)
     elif loaded.environment is not None:
@@ -60,6 +63,7 @@ def evaluate(
         {
             "episodes": result.episodes,
             "success_rate": result.success_rate,
+            "success_interval": result.success_interval,
             "mean_return": result.mean_return,
             "return_interval": [low, high],
             "n_leaves": loaded.n_leaves,

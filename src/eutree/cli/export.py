@@ -8,16 +8,16 @@ import click
 
 from eutree.cli._options import json_option
 from eutree.cli._output import Output
+from eutree.cli._policies import load_policy
 from eutree.errors import InvalidArgumentError
 from eutree.export import FORMATS, to_c_header, to_c_test
 from eutree.export import export as make
 from eutree.export.c import function_name
 from eutree.files import write_bytes
-from eutree.policies import TreePolicy
 
 
 @click.command(epilog="Example: eutree export small.json --format c --out evasion.c --header")
-@click.argument("policy", type=click.Path(dir_okay=False, path_type=Path))
+@click.argument("policy", type=click.Path(path_type=Path))
 @click.option(
     "--format",
     "format_name",
@@ -54,7 +54,7 @@ def export(
     given = {key: value for key, value in options.items() if value}
     if "scale" in given:
         given["scale"] = _scale(given["scale"])
-    loaded = TreePolicy.load(policy)
+    loaded = load_policy(policy)
     if name == "c" and out is not None:
         given.setdefault("name", function_name(out.stem))
     if header or self_test:

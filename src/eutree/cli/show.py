@@ -14,6 +14,7 @@ from eutree.cli._options import (
     seed_option,
 )
 from eutree.cli._output import Output
+from eutree.cli._policies import load_policy
 
 if TYPE_CHECKING:
     from eutree.policies import TreePolicy
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
 
 @click.command(epilog="Example: eutree show small.json --html small.html --demos demos/")
-@click.argument("policy", type=click.Path(dir_okay=False, path_type=Path))
+@click.argument("policy", type=click.Path(path_type=Path))
 @click.option("--html", type=click.Path(dir_okay=False, path_type=Path),
               help="Write a page on which the policy can be watched and questioned.")  # fmt: skip
 @count_option("--episodes", 10, "How many episodes the page plays.", least=0)
@@ -44,10 +45,9 @@ def show(
     """
     from eutree.cli._tree import drawn
     from eutree.files import write_text
-    from eutree.policies import TreePolicy
 
     output = Output(as_json=as_json)
-    loaded = TreePolicy.load(policy)
+    loaded = load_policy(policy)
     values = {
         "n_leaves": loaded.n_leaves,
         "depth": loaded.tree.depth,

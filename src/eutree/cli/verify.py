@@ -7,6 +7,7 @@ import click
 
 from eutree.cli._options import json_option, path_option
 from eutree.cli._output import Output
+from eutree.cli._policies import load_policy
 
 if TYPE_CHECKING:
     from eutree.arrays import Floats
@@ -42,9 +43,8 @@ def verify(
     The exit code is 0 if all are proven, 1 if one is refuted.
     """
     from eutree.inspection import verify as verify_policy
-    from eutree.policies import TreePolicy
 
-    loaded = TreePolicy.load(policy)
+    loaded = load_policy(policy)
     rows = _observations(loaded, demos, run_folder)
     answers = [
         verify_policy(loaded, question, observations=rows, everywhere=everywhere)

@@ -6,6 +6,7 @@ import click
 
 from eutree.cli._options import json_option, path_option
 from eutree.cli._output import Output
+from eutree.cli._policies import load_policy
 from eutree.errors import InvalidArgumentError
 
 
@@ -19,7 +20,6 @@ def why(policy: Path, observation: str, demos: Path | None, as_json: bool) -> No
     """Say why POLICY decides as it does for an observation, and what would change it."""
     from eutree.data import Demonstrations
     from eutree.inspection import why as explain
-    from eutree.policies import TreePolicy
 
     try:
         numbers = [float(part) for part in observation.split(",")]
@@ -27,7 +27,7 @@ def why(policy: Path, observation: str, demos: Path | None, as_json: bool) -> No
         raise InvalidArgumentError(
             f"--observation must be numbers with commas between, got {observation!r}"
         ) from None
-    loaded = TreePolicy.load(policy)
+    loaded = load_policy(policy)
     shown = None if demos is None else Demonstrations.load(demos)
     found = explain(loaded, numbers, demonstrations=shown)
     names = loaded.schema.actions

@@ -10,6 +10,7 @@ from eutree.arrays import Booleans, Floats, Integers, frozen
 from eutree.display import Displayed
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation.intervals import Interval, mean_interval, wilson_interval
+from eutree.wording import counted
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,12 +45,15 @@ class Evaluation(Displayed):
             )
 
     def __str__(self) -> str:
-        """Return the evaluation in one line."""
+        """Return the evaluation in one line, with 95 % intervals in brackets."""
         low, high = self.return_interval
-        success = "" if self.success_rate is None else f"success {self.success_rate:.1%}, "
-        leaves = "" if self.n_leaves is None else f", {self.n_leaves} leaves"
+        success = ""
+        if self.success_rate is not None and self.success_interval is not None:
+            least, most = self.success_interval
+            success = f"success {self.success_rate:.1%} [{least:.1%}, {most:.1%}], "
+        leaves = "" if self.n_leaves is None else f", {counted(self.n_leaves, 'leaf')}"
         return (
-            f"{self.episodes} episodes: {success}mean return {self.mean_return:.2f} "
+            f"{counted(self.episodes, 'episode')}: {success}mean return {self.mean_return:.2f} "
             f"[{low:.2f}, {high:.2f}], {self.mean_length:.1f} steps{leaves}"
         )
 

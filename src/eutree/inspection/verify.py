@@ -21,6 +21,7 @@ from eutree.schema import Schema
 from eutree.trees.boxes import leaf_boxes
 from eutree.trees.text import printable
 from eutree.validation import check_observations
+from eutree.wording import counted
 
 _CHUNK = 2_000_000  # bounds held at once
 _MOST_SWITCHES = 20
@@ -70,7 +71,7 @@ class Verification(Displayed):
     def __str__(self) -> str:
         """Return the answer in words."""
         if self.holds:
-            return f"proven: {self.property} ({self.leaves_checked} leaves checked)"
+            return f"proven: {self.property} ({counted(self.leaves_checked, 'leaf')} checked)"
         first = self.counter_examples[0]
         return f"refuted: {self.property}; {first.words}"
 

@@ -1,0 +1,29 @@
+"""The policy that a command is about: a file, or the run folder that holds one."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from eutree.errors import InvalidArgumentError
+
+if TYPE_CHECKING:
+    from eutree.policies import TreePolicy
+
+
+def load_policy(path: Path) -> "TreePolicy":
+    """Return the policy in a file, or the one that a run folder ended with."""
+    from eutree.policies import TreePolicy
+
+    return TreePolicy.load(policy_file(path))
+
+
+def policy_file(path: Path) -> Path:
+    """Return the policy's file: ``path`` itself, or ``policy.json`` in a run folder."""
+    if not path.is_dir():
+        return path
+    file = path / "policy.json"
+    if not file.exists():
+        raise InvalidArgumentError(
+            f"{path} must be a policy file, or a run folder with a policy.json, which a run "
+            "writes at its end"
+        )
+    return file
