@@ -36,14 +36,16 @@ class UnknownNameError(InvalidArgumentError):
         kind: What is named, for example ``"environment"``.
         name: The unknown name.
         known: The names that would have been right.
+        hint: What else may be done.
     """
 
-    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+    def __init__(self, kind: str, name: str, known: Iterable[str], *, hint: str = "") -> None:
         known, name = sorted(known), _cut(name)
         nearest = get_close_matches(name, known, n=1, cutoff=0.5)
-        hint = f" Did you mean {nearest[0]!r}?" if nearest else ""
+        meant = f" Did you mean {nearest[0]!r}?" if nearest else ""
         listing = f" Known: {', '.join(known)}." if len(known) <= 20 else ""
-        super().__init__(f"unknown {kind} {name!r}.{hint}{listing}")
+        also = f" {hint}" if hint else ""
+        super().__init__(f"unknown {kind} {name!r}.{meant}{listing}{also}")
 
 
 class UnsupportedSpaceError(InvalidArgumentError):

@@ -4,6 +4,8 @@ import filecmp
 
 import pytest
 
+from eutree.evaluation import wilson_interval
+
 
 def test_record_fit_learn_evaluate(eutree):
     answer = eutree("record", "eutree/Evasion2-v0", "--expert", "gate", "--out", "demos", "--json")
@@ -27,10 +29,20 @@ def test_record_fit_learn_evaluate(eutree):
     assert answer.code == 0
     assert answer.json.keys() >= {
         *("episodes", "success_rate", "mean_return"),
-        *("return_interval", "n_leaves", "mean_length"),
+        *("return_interval", "success_interval", "n_leaves", "mean_length"),
     }
     low, high = answer.json["return_interval"]
     assert low <= answer.json["mean_return"] <= high
+    successes = round(50 * answer.json["success_rate"])
+    assert answer.json["success_interval"] == list(wilson_interval(successes, 50))
+    # what compress takes, every command takes that wants a policy
+    folder = eutree("evaluate", "runs/a", "--episodes", 50, "--json")
+    assert folder.json == answer.json
+    for command in (["show"], ["export", "--format", "text"], ["diff", "runs/a/policy.json"],
+                    ["verify", "--property", "always go when position > 20"],
+                    ["why", "--observation", "1,2,3"], ["edit"]):  # fmt: skip
+        assert eutree(*command, "runs/a").code in (0, 1), command
+        assert "run folder with a policy.json" in eutree(*command, "demos").err
 
 
 @pytest.mark.promise(13)

@@ -1,6 +1,7 @@
 """Short thresholds: the fewest digits that send every recorded observation the same way."""
 
 import itertools
+from dataclasses import replace
 from decimal import Decimal
 
 import numpy as np
@@ -9,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eutree.compression import compress
-from eutree.compression.rounding import rounded, shortest
+from eutree.compression.rounding import multiple, rounded, shortest
 from eutree.trees.boxes import leaf_boxes
 from tests.compression.test_compress import actions_on, random_policy
 
@@ -89,3 +90,52 @@ def test_compression_rounds_without_changing_a_recorded_decision(seed):
     thresholds = [p.tree.threshold[p.tree.feature >= 0].tolist() for p in (plain, short)]
     before, after = (sum(map(digits, cuts)) for cuts in thresholds)
     assert after <= before
+
+
+@pytest.mark.parametrize(
+    ("value", "least", "below", "step", "expected"),
+    [
+        (20.12699, 20.05, 20.2, 0.1, 20.1),
+        (20.12699, 20.12, 20.2, 0.1, np.nextafter(20.2, -np.inf)),  # less than 20.2
+        (23.98, 23.9500001, 24.0, 0.1, np.nextafter(24.0, -np.inf)),  # less than 24
+        (20.12699, 20.12, 20.13, 0.1, 20.1),  # no multiple decides alike: the nearest
+        (0.3, 0.29, 0.31, 0.1, 0.3),
+        (-7.0, -9.0, -6.0, 5.0, -5.0),
+    ],
+)
+def test_multiples_of_a_step(value, least, below, step, expected):
+    assert multiple(value, least, below, step) == expected
+
+
+def uneven(seed, n_leaves):
+    policy = random_policy(seed, n_leaves)
+    return replace(policy, tree=replace(policy.tree, threshold=policy.tree.threshold * 0.731))
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 40), st.sampled_from([0.1, 0.5, 1.0, 3.0]))
+def test_steps_leave_multiples_and_no_dead_leaf(seed, n_leaves, step):
+    policy = uneven(seed, n_leaves)
+    rows = np.random.default_rng(seed).random((60, 3)) * 9
+    small, report = compress(policy, rows, mode="merge", round_thresholds=step)
+    tree = small.tree
+    for cut in tree.threshold[tree.feature != tree.NO_FEATURE].tolist():
+        near = [cut, float(np.nextafter(cut, np.inf))]  # at most a multiple, or less than one
+        assert any(Decimal(repr(c)) % Decimal(repr(step)) == 0 for c in near)
+    low, high = leaf_boxes(tree)
+    assert (low < high).all()
+    assert report.agreement == (actions_on(small, rows) == actions_on(policy, rows)).mean()
+    named, _ = compress(policy, rows, mode="merge", round_thresholds={"x1": step})
+    assert named.n_leaves <= policy.n_leaves
+
+
+def test_locked_leaves_keep_their_bounds_when_steps_round():
+    policy = uneven(3, 12)
+    leaf = int(np.flatnonzero(np.all(np.less(*leaf_boxes(policy.tree)), axis=1))[2])
+    rows = np.random.default_rng(4).random((50, 3)) * 9
+    locked = replace(policy, locked=(leaf,))
+    small, _ = compress(locked, rows, mode="merge", round_thresholds=1.0)
+    (kept,) = small.locked
+    for mine, theirs in zip(leaf_boxes(policy.tree), leaf_boxes(small.tree), strict=True):
+        assert mine[leaf].tolist() == theirs[kept].tolist()
+    assert small.actions[kept] == policy.actions[leaf]

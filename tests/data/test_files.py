@@ -380,3 +380,14 @@ def test_kill_9_while_recording_loses_at_most_the_step_in_flight(tmp_path, kills
         again = Demonstrations.load(folder.path)
         assert same(again, loaded)
         assert not list(folder.path.glob("*.journal"))
+
+
+def test_demonstrations_and_episodes_print_as_one_line():
+    """``print(demos)`` wrote 175,000 characters."""
+    demos = three_episodes(EnvironmentSpec("eutree/Evasion2-v0"))
+    said = repr(demos)
+    assert str(demos) == said
+    assert said.startswith("<Demonstrations of eutree/Evasion2-v0: 2 episodes (1 discarded), 8 ")
+    assert len(said) < 150
+    assert repr(demos.episodes[0]).startswith("<Episode: ")
+    assert all(len(repr(episode)) < 100 for episode in demos.episodes)

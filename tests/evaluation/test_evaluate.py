@@ -216,5 +216,8 @@ def test_it_is_public():
 
 def test_an_evaluation_prints_as_one_line():
     told = evaluate(wait_at_crossing(gymnasium.make("eutree/Evasion2-v0")), "eutree/Evasion2-v0")
-    assert str(told).startswith("100 episodes: success ")
+    low, high = told.success_interval
+    said = f"100 episodes: success {told.success_rate:.1%} [{low:.1%}, {high:.1%}], mean return "
+    assert str(told).startswith(said)
+    assert len(repr(told)) < 150
     assert "\n" not in str(told)

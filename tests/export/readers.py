@@ -6,6 +6,7 @@ alone, and look the names up in the schema, so an export that changes a name fai
 
 import ctypes
 import json
+import math
 import re
 import subprocess
 import tempfile
@@ -90,13 +91,15 @@ def name_in(words: str) -> str:
 
 
 def read_label(words: str, schema: Schema) -> Node:
-    """Return the node that a label describes: "name <= number unit", or an action."""
-    match = re.fullmatch(r"(.*?) <= (\S+)(?: (.*))?", words)
+    """Return the node that a label describes: "name <= number unit" (or <), or an action."""
+    match = re.fullmatch(r"(.*?) (<=?) (\S+)(?: (.*))?", words)
     if match is None:
         return Node(action=schema.actions.index(name_in(words)))
     feature = schema.feature_names.index(name_in(match[1]))
-    assert name_in(match[3] or "") == schema.features[feature].unit or match[3] is None
-    return Node(feature=feature, threshold=float(match[2]))
+    assert name_in(match[4] or "") == schema.features[feature].unit or match[4] is None
+    number = float(match[3])
+    threshold = number if match[2] == "<=" else math.nextafter(number, -math.inf)
+    return Node(feature=feature, threshold=threshold)
 
 
 def decide_by(root: Node) -> Decide:

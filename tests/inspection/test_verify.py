@@ -110,6 +110,11 @@ def test_answers_are_exact_to_the_last_place(question, holds):
     assert verify(one_cut(), question).holds is holds
 
 
+def test_one_leaf_is_a_leaf():
+    found = verify(one_cut(), "always go when position <= 5")
+    assert str(found).endswith("(1 leaf checked)"), str(found)
+
+
 def test_a_refutation_in_words():
     found = verify(one_cut(), "never go when position <= 10")
     assert str(found) == (

@@ -1,6 +1,7 @@
 """Names made printable, conditions, nested rules."""
 
 import json
+import math
 import re
 
 import pytest
@@ -9,7 +10,7 @@ from hypothesis import strategies as st
 
 from eutree.schema import Feature, Schema
 from eutree.trees import DecisionTree
-from eutree.trees.text import condition, printable, quoted, rules
+from eutree.trees.text import above, at_most, condition, printable, quoted, rules
 from tests.export.policies import NASTY
 
 # Whatever opens, closes or continues something in a language that exports write.
@@ -60,3 +61,40 @@ def test_right_branches_continue_the_chain() -> None:
 def test_a_single_leaf_is_its_action() -> None:
     schema = Schema((Feature("x"),), ("go",))
     assert rules(DecisionTree.single_leaf(1), schema, ["go"]) == "go"
+
+
+def before(number: float) -> float:
+    return math.nextafter(number, -math.inf)
+
+
+@pytest.mark.parametrize(
+    ("threshold", "words"),
+    [
+        (8.25, ("<= 8.25", "> 8.25")),
+        (before(24.0), ("< 24.0", ">= 24.0")),
+        (before(20.1), ("< 20.1", ">= 20.1")),
+        (20.12699, ("<= 20.12699", "> 20.12699")),
+        (0.30000000000000004, ("<= 0.30000000000000004", "> 0.30000000000000004")),
+        (1.7976931348623157e308, ("<= 1.7976931348623157e+308", "> 1.7976931348623157e+308")),
+    ],
+)
+def test_a_number_just_below_a_short_one_is_written_as_less_than_it(
+    threshold: float, words: tuple[str, str]
+) -> None:
+    """A rule said ``room <= 23.999999999999996`` where ``room < 24`` was meant."""
+    assert (at_most(threshold), above(threshold)) == words
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False), st.sampled_from([0, 1, 2]))
+def test_tests_in_words_are_exact(number: float, digits: int) -> None:
+    for threshold in (number, before(round(number, digits))):
+        if not math.isfinite(threshold):
+            continue
+        sign, text = at_most(threshold).split()
+        for x in (before(threshold), threshold, math.nextafter(threshold, math.inf)):
+            said = x <= float(text) if sign == "<=" else x < float(text)
+            assert said == (x <= threshold)
+        sign, text = above(threshold).split()
+        for x in (before(threshold), threshold, math.nextafter(threshold, math.inf)):
+            said = x > float(text) if sign == ">" else x >= float(text)
+            assert said == (x > threshold)

@@ -4,6 +4,7 @@ from xml.sax.saxutils import escape
 
 from eutree.c45.text import Names, condition, verdict
 from eutree.c45.tree import C45Tree
+from eutree.wording import counted
 
 _ROW, _BOX, _SIGN, _GAP, _MARGIN = 28.0, 20.0, 7.2, 40.0, 10.0
 _STYLE = """\
@@ -30,7 +31,7 @@ def to_svg(tree: C45Tree, names: Names) -> str:
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" class="eutree-c45" role="img" '
         f'viewBox="0 0 {width:.0f} {height:.0f}" width="{width:.0f}" height="{height:.0f}">',
-        f"<title>C4.5 tree with {tree.n_leaves} leaves</title>",
+        f"<title>C4.5 tree with {counted(tree.n_leaves, 'leaf')}</title>",
         f"<style>{_STYLE}</style>",
     ]
     for node in range(tree.n_nodes):

@@ -4,6 +4,7 @@ from rich.text import Text
 
 from eutree.policies import TreePolicy
 from eutree.trees.text import condition, printable
+from eutree.wording import counted
 
 # Names of terminal colours, so that each terminal's own theme keeps them readable.
 _COLOURS = ("yellow", "cyan", "green", "magenta", "blue", "red")
@@ -14,7 +15,8 @@ def drawn(policy: TreePolicy) -> Text:
     tree = policy.tree
     name = str(policy.environment or "")
     made_for = f" for {name if name.isprintable() else printable(name)}" if name else ""
-    lines = [Text(f"{policy.n_leaves} leaves, depth {tree.depth}{made_for}", style="bold")]
+    leaves = counted(policy.n_leaves, "leaf")
+    lines = [Text(f"{leaves}, depth {tree.depth}{made_for}", style="bold")]
     guides = {0: ""}
     for node in tree.preorder():
         line, parent = Text(), int(tree.parent[node])

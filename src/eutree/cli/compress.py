@@ -14,11 +14,13 @@ from eutree.cli._options import (
     seed_option,
 )
 from eutree.cli._output import Output
-from eutree.errors import InvalidArgumentError
+from eutree.errors import InvalidArgumentError, shown
+from eutree.wording import counted
 
 if TYPE_CHECKING:
     from eutree.arrays import Floats
     from eutree.compression import CompressionReport
+    from eutree.compression.rounding import Rounding
     from eutree.policies import TreePolicy
 
 
@@ -49,8 +51,11 @@ if TYPE_CHECKING:
 @count_option("--episodes", 1000, "Episodes of each evaluation.", least=2)
 @click.option("--evaluate", "evaluates", is_flag=True,
               help="Evaluate before and after in the policy's environment.")  # fmt: skip
-@click.option("--round", "round_thresholds", is_flag=True,
-              help="Write thresholds with the fewest digits that keep the decisions.")  # fmt: skip
+@click.option("--round", "round_thresholds", is_flag=False, flag_value="", multiple=True,
+              metavar="[[FEATURE=]STEP]",
+              help="Write thresholds with the fewest digits that keep the decisions; or, with a "
+              "step, as its multiples: 0.1 for all features, room=0.1 for one. May be "
+              "repeated.")  # fmt: skip
 @env_arg_option
 @seed_option
 @json_option
@@ -60,6 +65,7 @@ def compress(
     demos: Path | None,
     return_margin: float | None,
     evaluates: bool,
+    round_thresholds: tuple[str, ...],
     env_arguments: dict[str, Any],
     as_json: bool,
     **options: Any,
@@ -78,7 +84,10 @@ def compress(
         spec = override(policy.environment, env_arguments)
     elif env_arguments:
         raise InvalidArgumentError("--env-arg needs --evaluate or --return-margin")
-    small, report = compress_policy(policy, observations, env=spec, margin=return_margin, **options)
+    rounding = _rounding(round_thresholds)
+    small, report = compress_policy(
+        policy, observations, env=spec, margin=return_margin, round_thresholds=rounding, **options
+    )
     small.save(out)
     change = report.return_change
     output.result(
@@ -115,14 +124,34 @@ def _read(source: Path, demos: Path | None) -> "tuple[TreePolicy, Floats]":
             f"{source} must be a run folder, or --demos must name recorded observations"
         )
     policy = TreePolicy.load(source)
-    shown = Demonstrations.load(demos).with_history(policy.history, policy.past_actions)
-    return policy, shown.observations
+    recorded = Demonstrations.load(demos).with_history(policy.history, policy.past_actions)
+    return policy, recorded.observations
+
+
+def _rounding(texts: tuple[str, ...]) -> "Rounding":
+    """Return what ``--round`` asks for: nothing, the fewest digits, or steps."""
+    if not texts:
+        return False
+    steps: dict[str, float] = {}
+    for text in filter(None, texts):
+        name, _, number = text.rpartition("=")
+        if name in steps:
+            raise InvalidArgumentError(f"--round must give one step for {name or 'all features'}")
+        try:
+            steps[name] = float(number)
+        except ValueError:
+            raise InvalidArgumentError(
+                f"--round must be alone, a step, or FEATURE=STEP, got {shown(text)}; write it "
+                "after SOURCE"
+            ) from None
+    if "" in steps and len(steps) > 1:
+        raise InvalidArgumentError("--round must be one step for all features, or FEATURE=STEP")
+    return steps.get("", steps or True)
 
 
 def _in_words(report: "CompressionReport", n_rows: int) -> str:
     words = (
-        f"{report.n_leaves_before} leaves became {report.n_leaves_after} "
-        f"({report.method}); the same decision on {report.agreement:.2%} of "
+        f"{_change(report)} ({report.method}); the same decision on {report.agreement:.2%} of "
         f"{n_rows} recorded observations, another on "
         f"{report.disagreement_volume:.3%} of the observation box"
     )
@@ -135,6 +164,13 @@ def _in_words(report: "CompressionReport", n_rows: int) -> str:
             f"environment steps in all{_condition(report)}"
         )
     return words
+
+
+def _change(report: "CompressionReport") -> str:
+    before, after = report.n_leaves_before, report.n_leaves_after
+    if before == after:
+        return f"still {counted(before, 'leaf')}: no smaller tree was found"
+    return f"{counted(before, 'leaf')} became {after}"
 
 
 def _condition(report: "CompressionReport") -> str:

@@ -10,6 +10,7 @@ from eutree.cli._output import Output
 from eutree.cli._policies import load_policy
 from eutree.errors import InvalidArgumentError
 from eutree.schema import EnvironmentSpec
+from eutree.wording import counted
 
 if TYPE_CHECKING:
     from eutree.distillation import DistillationReport
@@ -58,7 +59,7 @@ def distill(
             make(spec),
             demonstrations=shown,
             on_round=lambda number, made: progress.update(
-                number + 1, f"{made.n_leaves} leaves, mean return {made.mean_return:.2f}"
+                number + 1, f"{counted(made.n_leaves, 'leaf')}, mean return {made.mean_return:.2f}"
             ),
             **options,
         )
@@ -101,8 +102,9 @@ def _in_words(report: "DistillationReport") -> str:
     chosen = report.rounds[report.best]
     low, high = report.return_interval
     return (
-        f"{chosen.n_leaves} leaves, tree {report.best + 1} of {len(report.rounds)}; the teacher's "
-        f"action on {chosen.agreement:.2%} of {chosen.n_transitions} observations; mean return "
+        f"{counted(chosen.n_leaves, 'leaf')}, tree {report.best + 1} of "
+        f"{len(report.rounds)}; the teacher's action on "
+        f"{chosen.agreement:.2%} of {chosen.n_transitions} observations; mean return "
         f"{chosen.mean_return:.2f} [{low:.2f}, {high:.2f}]; {report.environment_steps} "
         "environment steps in all"
     )

@@ -83,6 +83,12 @@ def _format_of(out: Path | None) -> str:
     for entry in FORMATS.values():
         if out is not None and out.suffix == entry.suffix:
             return entry.name
+    if out is not None:
+        suffixes = ", ".join(dict.fromkeys(entry.suffix for entry in FORMATS.values()))
+        raise InvalidArgumentError(
+            f"--out must end in one of {suffixes}, or --format must be one of "
+            f"{', '.join(FORMATS)}; got {out}"
+        )
     raise InvalidArgumentError(f"--format must be one of {', '.join(FORMATS)}, got none")
 
 

@@ -50,10 +50,36 @@ class LazyGroup(click.Group):
             raise TypeError(f"eutree.cli.{cmd_name} must hold a click command of its name")
         return command
 
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Return the command and its arguments, in which no option has two values."""
+        name, command, rest = super().resolve_command(ctx, args)
+        if command is not None:
+            _refuse_repeats(command, ctx, rest)
+        return name, command, rest
+
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the list of commands without importing them."""
         with formatter.section("Commands"):
             formatter.write_dl(list(COMMANDS.items()))
+
+
+def _refuse_repeats(command: click.Command, parent: click.Context, arguments: list[str]) -> None:
+    """Raise UsageError where an option that takes one value is given two; click takes the last."""
+    context = command.context_class(command, parent=parent)
+    try:
+        _, rest, given = command.make_parser(context).parse_args(list(arguments))
+    except click.UsageError:
+        return  # the command itself says so
+    values = [p for p in given if isinstance(p, click.Option) and not (p.multiple or p.is_flag)]
+    for option in values:
+        if values.count(option) > 1:
+            raise click.UsageError(f"{option.opts[-1]} is given {values.count(option)} times")
+    if isinstance(command, click.Group) and rest:
+        inner = command.get_command(context, rest[0])
+        if inner is not None:
+            _refuse_repeats(inner, context, rest[1:])
 
 
 @click.group(
@@ -79,7 +105,8 @@ def run(arguments: Sequence[str]) -> int:
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message(), err=True)
         return EXIT_MISTAKE
-    except click.exceptions.Abort:
+    except click.exceptions.Abort:  # click's name for Ctrl-C
+        click.echo("interrupted", err=True)
         return EXIT_INTERRUPTED
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -8,6 +8,7 @@ demanded fidelity wins. Who can give something up gets less: a share of the reco
 (``max_disagreement``), or a margin of the return (``env`` and ``margin``).
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -21,7 +22,7 @@ from eutree.compression.candidates import Ladder, by_c45, lossless, merged, with
 from eutree.compression.costs import WEIGHTS, Costs
 from eutree.compression.racing import Arena, Verdict, meet, race
 from eutree.compression.report import CompressionReport
-from eutree.compression.rounding import rounded
+from eutree.compression.rounding import Rounding, rounded, steps_of
 from eutree.errors import InvalidArgumentError
 from eutree.interaction.making import make
 from eutree.interaction.return_range import return_range as known_range
@@ -56,7 +57,7 @@ def compress(
     confidence: float = 0.95,
     episodes: int = 1000,
     return_range: tuple[float, float] | None = None,
-    round_thresholds: bool = False,
+    round_thresholds: Rounding = False,
     seed: int = 0,
 ) -> tuple[TreePolicy, CompressionReport]:
     """Return a policy with fewer leaves that decides the same, and what changed.
@@ -81,7 +82,8 @@ def compress(
         return_range: Lowest and highest return of an episode, where the environment does not say
             so itself (``eutree.interaction.return_range``).
         round_thresholds: Write each threshold with the fewest significant digits that leave
-            every recorded observation in its leaf of the result.
+            every recorded observation in its leaf of the result; or a step (0.1), or a step for
+            each named feature: thresholds become multiples of it, which may change decisions.
         seed: Seed of the episodes.
 
     Returns:
@@ -95,6 +97,8 @@ def compress(
     _check_gates(mode, max_disagreement, env, margin)
     rows = check_observations("observations", observations, n_features=policy.tree.n_features)
     costs = Costs.of(policy, rows, weights)
+    steps = steps_of(round_thresholds, policy.schema)
+    shortened = round_thresholds is not False
     arena = None if env is None else Arena(_made(env), seed)
     verdict = demand = None
     if arena is not None:
@@ -106,14 +110,14 @@ def compress(
         )
     if arena is not None and demand is not None and margin is not None:
         result, method, verdict = _by_return(
-            policy, costs, arena, demand, round_thresholds=round_thresholds
+            policy, costs, arena, demand, steps=steps if shortened else None
         )
     elif max_disagreement is not None:
         result, method = _within(policy, costs, max_disagreement)
     else:
         result, method = _smallest(policy, rows, mode)
-    if round_thresholds and margin is None:
-        result = rounded(result, rows)
+    if shortened and margin is None:
+        result = rounded(result, rows, steps)
     too_few = None
     if arena is not None and demand is not None and verdict is None:
         verdict = meet(policy, result, arena, demand)
@@ -166,19 +170,25 @@ def _within(policy: TreePolicy, costs: Costs, share: float) -> tuple[TreePolicy,
 
 
 def _by_return(
-    policy: TreePolicy, costs: Costs, arena: Arena, demand: Demand, *, round_thresholds: bool
+    policy: TreePolicy,
+    costs: Costs,
+    arena: Arena,
+    demand: Demand,
+    *,
+    steps: Mapping[int, float] | None,
 ) -> tuple[TreePolicy, str, Verdict | None]:
     """Return the smallest tree not worse by more than the margin; else the exact merge.
 
-    What is rounded is rounded before it runs, so that the tree that is returned has run.
+    What is rounded (unless ``steps`` is None) is rounded before it runs, so that the tree that is
+    returned has run.
     """
     exact = with_locks(merged(policy), policy)
     rungs: list[TreePolicy] = []
     if costs.rows.size:
         found = [with_locks(rung, policy) for rung in Ladder(policy, costs).rungs()]
         rungs = sorted((r for r in found if r.n_leaves < exact.n_leaves), key=lambda r: r.n_leaves)
-    if round_thresholds:
-        rungs = [rounded(rung, costs.rows) for rung in rungs]
+    if steps is not None:
+        rungs = [rounded(rung, costs.rows, steps) for rung in rungs]
     winner = race(policy, rungs, arena, demand)
     return (exact, "merge", None) if winner is None else (winner[0], "return", winner[1])
 

@@ -4,24 +4,67 @@ Between the recorded values on both sides of a test, any threshold decides them 
 numbers there with the fewest significant digits the one nearest to the old threshold is taken.
 A threshold also stays between those of the tests above it, so that no leaf becomes empty, and
 one that bounds a locked leaf stays as it is.
+
+Where a feature has a step (0.1 of a degree), its thresholds become multiples of it: ``<=`` or ``<``
+the nearest one that decides every recorded observation alike, or else the nearest at all. Tests
+that then decide nothing are dropped.
 """
 
+import re
+from collections.abc import Mapping
 from dataclasses import replace
 from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
 
 import numpy as np
 
 from eutree.arrays import Floats, Integers
+from eutree.compression.candidates import merged, with_locks
 from eutree.compression.pruning import node_totals
+from eutree.errors import UnknownNameError
 from eutree.policies import TreePolicy
+from eutree.schema import Schema
 from eutree.trees import DecisionTree
 from eutree.trees.boxes import node_boxes
+from eutree.validation import check_number
+
+Rounding = bool | float | Mapping[str, float]  # short, multiples of a step, or of one for a feature
 
 _MOST_DIGITS = 17  # tell every double from every other
 
 
-def rounded(policy: TreePolicy, rows: Floats) -> TreePolicy:
-    """Return the policy with short thresholds; each recorded observation keeps its leaf."""
+def steps_of(rounding: Rounding, schema: Schema) -> dict[int, float]:
+    """Return the step of each feature that has one, its past values included.
+
+    Raises:
+        InvalidArgumentError: A step is not above 0.
+        UnknownNameError: No feature has that name.
+    """
+    if isinstance(rounding, bool):
+        return {}
+    names = [re.sub(r", \d+ ago$", "", name) for name in schema.feature_names]
+    given = rounding if isinstance(rounding, Mapping) else dict.fromkeys(names, rounding)
+    for name in given:
+        if name not in names:
+            raise UnknownNameError("feature", name, names)
+    steps = {
+        name: check_number(f"the step of {name}", step, low=0, low_open=True)
+        for name, step in given.items()
+    }
+    return {number: steps[name] for number, name in enumerate(names) if name in steps}
+
+
+def rounded(
+    policy: TreePolicy, rows: Floats, steps: Mapping[int, float] | None = None
+) -> TreePolicy:
+    """Return the policy with short thresholds; each recorded observation keeps its leaf.
+
+    Args:
+        policy: The policy.
+        rows: Recorded observations, shape [N, d].
+        steps: By feature, the step whose multiples its thresholds become. Recorded observations
+            between the old and the new threshold then change their leaf.
+    """
+    steps = steps or {}
     tree = policy.tree
     threshold = np.array(tree.threshold)
     held = (
@@ -39,8 +82,34 @@ def rounded(policy: TreePolicy, rows: Floats) -> TreePolicy:
         low, high = _free(tree, threshold, node)
         least = values[values <= cut].max(initial=-np.inf)
         below = values[values > cut].min(initial=np.inf)
-        threshold[node] = shortest(cut, max(np.nextafter(low, np.inf), least), min(high, below))
-    return replace(policy, tree=replace(tree, threshold=threshold))
+        room = max(np.nextafter(low, np.inf), least), min(high, below)
+        step = steps.get(feature)
+        threshold[node] = shortest(cut, *room) if step is None else multiple(cut, *room, step)
+    result = replace(policy, tree=replace(tree, threshold=threshold))
+    return with_locks(merged(result), policy) if steps else result
+
+
+def multiple(value: float, least: float, below: float, step: float) -> float:
+    """Return the threshold that is a multiple of ``step``: at most it, or less than it.
+
+    It lies in [least, below) if one does; else it is the nearest multiple.
+
+    >>> multiple(20.12699, 20.05, 20.2, 0.1)
+    20.1
+    >>> multiple(23.98, 23.9500001, 24.0, 0.1)  # less than 24
+    23.999999999999996
+    >>> multiple(20.12699, 20.12, 20.13, 0.1)
+    20.1
+    """
+    unit = Decimal(repr(step))
+    steps = Decimal(value) / unit
+    ends = [float(steps.to_integral_value(way) * unit) for way in (ROUND_FLOOR, ROUND_CEILING)]
+    ends.sort(key=lambda number: abs(number - value))
+    for candidates in (ends, [float(np.nextafter(end, -np.inf)) for end in ends]):
+        for number in candidates:
+            if least <= number < below:
+                return number
+    return ends[0]
 
 
 def shortest(value: float, least: float, below: float) -> float:

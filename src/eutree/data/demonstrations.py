@@ -17,6 +17,7 @@ from eutree.display import Displayed
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.features import FeatureMap
 from eutree.schema import EnvironmentSpec, Schema
+from eutree.wording import counted
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +55,17 @@ class Demonstrations(Displayed):
                     f"episode {number} must have actions in 0..{self.schema.n_actions - 1}, got "
                     f"{episode.actions.min()}..{episode.actions.max()}"
                 )
+
+    def __repr__(self) -> str:
+        """Return what these are in one line; the numbers themselves would be pages."""
+        discarded = len(self.episodes) - len(self)
+        of = f" of {self.environment}" if self.environment is not None else ""
+        by = f", by {self.expert}" if self.expert else ""
+        return (
+            f"<Demonstrations{of}: {counted(len(self), 'episode')}"
+            + (f" ({discarded} discarded)" if discarded else "")
+            + f", {counted(self.n_transitions, 'transition')}{by}>"
+        )
 
     @property
     def kept(self) -> tuple[Episode, ...]:

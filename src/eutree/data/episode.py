@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from eutree.arrays import Floats, Integers, frozen
 from eutree.errors import InvalidArgumentError
 from eutree.features import FeatureMap
+from eutree.wording import counted
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +82,12 @@ class Episode:
             raise InvalidArgumentError("an episode must not be both terminated and truncated")
         if not self.has_rewards and self.rewards.any():
             raise InvalidArgumentError("an episode without rewards must have zeros in their place")
+
+    def __repr__(self) -> str:
+        """Return what happened in one line."""
+        earned = f", return {self.undiscounted_return:g}" if self.has_rewards else ""
+        ending = f", {self.ending}" if self.ending else ""
+        return f"<Episode: {counted(len(self), 'step')}{earned}{ending}>"
 
     def __len__(self) -> int:
         """Return the number of steps T."""

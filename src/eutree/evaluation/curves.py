@@ -16,6 +16,7 @@ from eutree.arrays import Floats, Integers, frozen
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.evaluation.bootstrap import draw_rows
 from eutree.evaluation.intervals import check_confidence
+from eutree.wording import counted
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class CurvePoint:
     def describe(self) -> str:
         """Return the point in a few words, for a progress line."""
         success = "" if self.success_rate is None else f"success {self.success_rate:.0%}, "
-        return f"{success}return {self.mean_return:.1f}, {self.n_leaves} leaves"
+        return f"{success}return {self.mean_return:.1f}, {counted(self.n_leaves, 'leaf')}"
 
 
 COLUMNS = tuple(field.name for field in fields(CurvePoint))

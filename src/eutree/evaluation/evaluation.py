@@ -44,6 +44,10 @@ class Evaluation(Displayed):
                 f"an evaluation must have vectors of one size >= 1, got shapes {sorted(sizes)}"
             )
 
+    def __repr__(self) -> str:
+        """Return the evaluation in one line; the numbers themselves would be a page."""
+        return f"<Evaluation: {self}>"
+
     def __str__(self) -> str:
         """Return the evaluation in one line, with 95 % intervals in brackets."""
         low, high = self.return_interval

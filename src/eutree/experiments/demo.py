@@ -31,6 +31,7 @@ from eutree.report import RunReport, run_page
 from eutree.schema import EnvironmentSpec
 from eutree.training import LearningResult, LearningRun, learn
 from eutree.validation import check_choice
+from eutree.wording import counted
 
 Say = Callable[[str], None]
 Follow = Callable[[str, LearningRun], None]
@@ -112,7 +113,7 @@ def run_demo(settings: DemoSettings, out: Path, *, say: Say, follow: Follow) -> 
     demonstrations = _demonstrate(settings, env, name, folder, say)
     expert = fit_expert_tree(demonstrations)
     expert.save(folder / "expert.json")
-    say(f"C4.5 made an expert tree of {expert.n_leaves} leaves:\n{expert}")
+    say(f"C4.5 made an expert tree of {counted(expert.n_leaves, 'leaf')}:\n{expert}")
     starts: dict[str, dict[str, Any]] = {
         "eu-tree": {"demonstrations": demonstrations, "expert": expert},
         "c-u-tree": {},
@@ -149,14 +150,15 @@ def table_rows(
 ) -> tuple[list[str], list[list[str]]]:
     """Return header and rows of a table like the paper's Table 2."""
     succeeds = all(e.success_rate is not None for e in evaluations.values())
-    header = ["Policy", "States", "Reward per episode", "95 % interval"]
+    header = ["Policy", "Leaves", "Return", "95 % interval"]
     rows = []
     for name, result in evaluations.items():
         low, high = result.return_interval
         row = [name, str(policies[name].n_leaves), f"{result.mean_return:.1f}"]
         row.append(f"{low:.1f} to {high:.1f}")
-        if result.success_rate is not None:
-            row.append(f"{result.success_rate:.1%}")
+        if result.success_rate is not None and result.success_interval is not None:
+            least, most = result.success_interval
+            row.append(f"{result.success_rate:.1%} ({least:.1%} to {most:.1%})")
         rows.append(row)
     return [*header, "Success"] if succeeds else header, rows
 

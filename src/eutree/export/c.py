@@ -12,6 +12,7 @@ from eutree.export._c_numbers import Number, Numbers, Scale, in_integers, number
 from eutree.export._identifiers import C_WORDS, check_identifier, identifiers
 from eutree.policies import TreePolicy
 from eutree.trees.text import Syntax, condition, labelled, nested, printable
+from eutree.wording import counted
 
 _SAFE = re.compile(r"[A-Za-z0-9 _.,:;()\[\]{}<>=+*/%&|^~!#'@$-]")
 _NO_FAST_MATH = [
@@ -82,7 +83,11 @@ def function_name(stem: str) -> str:
 def _heading(policy: TreePolicy, kind: Numbers) -> list[str]:
     """Return the comment at the top: what goes in, what comes out, what must hold."""
     made_for = f" for {printable(policy.environment.id)}" if policy.environment else ""
-    lines = [f"A decision tree with {policy.n_leaves} leaves{made_for}.", "", "Observation:"]
+    lines = [
+        f"A decision tree with {counted(policy.n_leaves, 'leaf')}{made_for}.",
+        "",
+        "Observation:",
+    ]
     for index, feature in enumerate(policy.schema.features):
         bounds = f", {feature.low!r} to {feature.high!r}"
         scale = f", times {kind.scales[index]!r}, as an integer" if kind.scales else ""

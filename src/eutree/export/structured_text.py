@@ -4,6 +4,7 @@ from eutree.export._blocks import block_roots
 from eutree.export._identifiers import STRUCTURED_TEXT_WORDS, check_identifier, identifiers
 from eutree.policies import TreePolicy
 from eutree.trees.text import Syntax, labelled, nested, printable
+from eutree.wording import counted
 
 
 def to_structured_text(policy: TreePolicy, *, name: str = "decide") -> str:
@@ -22,7 +23,7 @@ def to_structured_text(policy: TreePolicy, *, name: str = "decide") -> str:
     reserved = STRUCTURED_TEXT_WORDS | {name.casefold()}
     inputs = identifiers(schema.feature_names, reserved=reserved)
     lines = [
-        f"(* A decision tree with {policy.n_leaves} leaves"
+        f"(* A decision tree with {counted(policy.n_leaves, 'leaf')}"
         + (f" for {printable(policy.environment.id)}" if policy.environment else "")
         + "; returns the index of the action:",
         *(f"   {index} {printable(action)}" for index, action in enumerate(schema.actions)),

@@ -10,6 +10,7 @@ from eutree.export._layout import column_lefts, layout, text_width
 from eutree.export._palette import fill
 from eutree.policies import TreePolicy
 from eutree.trees.text import printable
+from eutree.wording import counted
 
 STYLE = """\
 .eutree { font: 12px system-ui, "Segoe UI", Helvetica, Arial, sans-serif; }
@@ -49,7 +50,7 @@ def to_svg(policy: TreePolicy, *, standalone: bool = True) -> str:
     notes = 70.0 if visits is not None else 0.0
     width = max(left + wide for left, wide in zip(lefts, widths, strict=True)) + notes + _MARGIN
     height = places.n_rows * _ROW + 2 * _MARGIN
-    title = f"Decision tree with {policy.n_leaves} leaves"
+    title = f"Decision tree with {counted(policy.n_leaves, 'leaf')}"
     if policy.environment:
         title += f" for {printable(policy.environment.id)}"
     lines = [

@@ -11,7 +11,9 @@ import numpy as np
 
 from eutree.arrays import Booleans, Floats, frozen
 from eutree.schema import Schema
-from eutree.trees.text import printable
+from eutree.trees.text import above, at_most, printable
+
+_FLIPPED = {">": "<", ">=": "<="}
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,5 +122,8 @@ def _bounds(name: str, low: float, high: float) -> str:
     if np.isinf(low) and np.isinf(high):
         return ""
     if np.isinf(low):
-        return f"{name} <= {high!r}"
-    return f"{name} > {low!r}" if np.isinf(high) else f"{low!r} < {name} <= {high!r}"
+        return f"{name} {at_most(high)}"
+    if np.isinf(high):
+        return f"{name} {above(low)}"
+    sign, number = above(low).split()
+    return f"{number} {_FLIPPED[sign]} {name} {at_most(high)}"

@@ -14,6 +14,8 @@ from eutree.errors import (
 )
 from eutree.schema import EnvironmentSpec
 
+_IMPORT = "One of your own is known once its module is imported: --import MODULE."
+
 
 def make(spec: EnvironmentSpec | str, *, render_mode: str | None = None) -> gymnasium.Env[Any, Any]:
     """Return ``gymnasium.make`` of an id or a spec.
@@ -67,7 +69,7 @@ def _check_known(name: str) -> None:
     if name in gymnasium.registry:
         return
     if not any(known.split("-v")[0] == name.split("-v")[0] for known in gymnasium.registry):
-        raise UnknownNameError("environment", name, gymnasium.registry)
+        raise UnknownNameError("environment", name, gymnasium.registry, hint=_IMPORT)
     versions = [k for k in gymnasium.registry if k.split("-v")[0] == name.split("-v")[0]]
     if "-v" in name:
         raise UnknownNameError("environment", name, versions)

@@ -20,6 +20,7 @@ from eutree.policies.sklearn_tree import parts_of
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.trees import DecisionTree
 from eutree.trees.text import printable, rules
+from eutree.wording import counted
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,6 +221,12 @@ class TreePolicy(Displayed):
             return features
         starts = np.asarray(episode_start, dtype=bool)
         return np.where(starts[:, np.newaxis] if observation.ndim == 2 else starts, fresh, features)
+
+    def __repr__(self) -> str:
+        """Return the policy's size in one line; ``str`` gives its rules."""
+        made_for = f", for {self.environment}" if self.environment is not None else ""
+        leaves = counted(self.n_leaves, "leaf")
+        return f"<TreePolicy: {leaves}, depth {self.tree.depth}{made_for}>"
 
     def __str__(self) -> str:
         """Return the policy as nested rules, with the names and units of its schema."""

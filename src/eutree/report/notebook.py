@@ -19,6 +19,7 @@ from eutree.policies import TreePolicy
 from eutree.report.chart import chart
 from eutree.report.html import asset
 from eutree.training import LearningResult
+from eutree.wording import counted
 
 _SCOPE = ".eutree-shown"
 
@@ -96,7 +97,7 @@ def framed(drawing: str) -> str:
 
 
 def _of_policy(policy: TreePolicy) -> dict[str, str]:
-    size = f"{policy.n_leaves} leaves, at most {policy.tree.depth} tests"
+    size = f"{counted(policy.n_leaves, 'leaf')}, at most {policy.tree.depth} tests"
     return {
         "environment": str(policy.environment or "unknown"),
         "size": size + (f", {len(policy.locked)} leaves locked" if policy.locked else ""),

@@ -16,6 +16,7 @@ from eutree.export._palette import FILLS
 from eutree.policies import TreePolicy
 from eutree.report.html import as_json, asset, base_style, page
 from eutree.report.watching import WatchedEpisode
+from eutree.wording import counted
 
 _SCRIPTS = ("model", "tree", "player", "details", "rules", "slices", "search")
 
@@ -47,7 +48,7 @@ def policy_page(
             last episodes first.
     """
     heading = title or (policy.environment.id if policy.environment else "A decision tree")
-    subtitle = f"{policy.n_leaves} leaves, {policy.schema.n_features} features"
+    subtitle = f"{counted(policy.n_leaves, 'leaf')}, {policy.schema.n_features} features"
     if policy.environment and policy.environment.arguments:
         arguments = sorted(policy.environment.arguments.items())
         subtitle += "".join(f", {key} = {value}" for key, value in arguments)

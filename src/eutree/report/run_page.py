@@ -10,6 +10,7 @@ from eutree.export.svg import STYLE
 from eutree.policies import TreePolicy
 from eutree.report.chart import Series, chart, legend
 from eutree.report.html import asset, base_style, page
+from eutree.wording import counted
 
 
 @dataclass(frozen=True)
@@ -90,7 +91,8 @@ def _table(report: RunReport) -> str:
 def _trees(report: RunReport) -> str:
     """Return each tree, drawn, in a frame that scrolls."""
     return "\n".join(
-        f'<figure class="tree"><figcaption>{escape(name)}: {policy.n_leaves} leaves</figcaption>'
+        f'<figure class="tree"><figcaption>{escape(name)}: '
+        f"{counted(policy.n_leaves, 'leaf')}</figcaption>"
         f'<div class="scrolls" tabindex="0" role="region" aria-label="{escape(name)}, drawn">'
         f"{to_svg(policy, standalone=False)}</div></figure>"
         for name, policy in report.trees.items()

@@ -8,6 +8,7 @@ from eutree.learners import History
 from eutree.learners.settings import Settings
 from eutree.policies import TreePolicy
 from eutree.training.polishing import PolishReport
+from eutree.wording import counted
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,3 +36,9 @@ class LearningResult(Displayed):
     episodes: int
     steps: int
     polishing: PolishReport | None = None
+
+    def __repr__(self) -> str:
+        """Return the result in one line; the stored transitions would be pages."""
+        last = self.curve[-1].describe() if self.curve else counted(self.policy.n_leaves, "leaf")
+        experience = f"{counted(self.episodes, 'episode')}, {counted(self.steps, 'step')}"
+        return f"<LearningResult: {self.learner}, {experience}; {last}>"

@@ -6,6 +6,7 @@ text can be read back, and no name can end the comment or the line that it stand
 """
 
 import json
+import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -42,7 +43,37 @@ def quoted(name: str) -> str:
 def condition(schema: Schema, feature: int, threshold: float) -> str:
     """Return one test in words, for example ``opponent_1 <= 8.25 m``; the number is exact."""
     name, unit = schema.features[feature].name, schema.features[feature].unit
-    return f"{printable(name)} <= {threshold!r}" + (f" {printable(unit)}" if unit else "")
+    return f"{printable(name)} {at_most(threshold)}" + (f" {printable(unit)}" if unit else "")
+
+
+def at_most(threshold: float) -> str:
+    """Return a test of a number in the fewest digits that say it exactly.
+
+    >>> at_most(8.25), at_most(23.999999999999996)
+    ('<= 8.25', '< 24.0')
+    """
+    limit = _short_successor(threshold)
+    return f"<= {threshold!r}" if limit is None else f"< {limit!r}"
+
+
+def above(threshold: float) -> str:
+    """Return the opposite test in the fewest digits.
+
+    >>> above(8.25), above(23.999999999999996)
+    ('> 8.25', '>= 24.0')
+    """
+    limit = _short_successor(threshold)
+    return f"> {threshold!r}" if limit is None else f">= {limit!r}"
+
+
+def _short_successor(threshold: float) -> float | None:
+    """Return the next larger double where it takes far fewer digits, else None.
+
+    Between two neighbours there is no double: ``x <= 23.999999999999996`` is ``x < 24``.
+    """
+    following = math.nextafter(threshold, math.inf)
+    shorter = len(repr(following)) + 8 <= len(repr(threshold))
+    return following if shorter and math.isfinite(following) else None
 
 
 def labelled(feature: Feature) -> str:

@@ -1,0 +1,91 @@
+"""Small faults that new users met, each with the command line that showed it."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from eutree.policies import TreePolicy
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        ("evaluate", "x.json", "--seed", 1, "--seed", 2),
+        ("learn", "eutree/Evasion2-v0", "--out", "a", "--seed", 1, "--out", "b"),
+        ("demos", "stats", "demos", "--html", "a", "--html", "b"),
+    ],
+)
+def test_an_option_given_twice_is_refused(eutree, line):
+    """The last one won without a word: --seed 1 --seed 2 was seed 2."""
+    answer = eutree(*line)
+    assert answer.code == 2
+    assert answer.err.startswith("error: --")
+    assert answer.err.endswith(" is given 2 times\n")
+
+
+def test_what_may_be_repeated_and_flags_are_not_refused(eutree, expert):
+    line = ("--env-arg", "opponent_speed=4", "--env-arg", "noise=0.1", "--json", "--json")
+    assert eutree("evaluate", expert, "--episodes", 2, *line).code == 0
+    assert eutree("demos", "list", "--help", "--help").code == 0
+
+
+def test_a_file_of_no_known_kind_lists_the_ways_out(eutree, expert):
+    said = eutree("export", expert, "--out", "room.foo").err
+    assert "--out must end in one of .c, .onnx," in said
+    assert "--format must be one of c, onnx," in said
+    assert "room.foo" in said
+
+
+def test_an_unknown_environment_points_to_import(eutree):
+    said = eutree("record", "Tank-v0", "--expert", "gate", "--out", "x").err
+    assert "known once its module is imported: --import MODULE" in said
+
+
+def test_ctrl_c_in_the_demo_says_so(tmp_path):
+    demo = subprocess.Popen(
+        [sys.executable, "-m", "eutree", "demo", "--out", str(tmp_path / "d")],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    mark = tmp_path / "d" / ".eutree-demo"
+    for _ in range(600):
+        if mark.exists() or demo.poll() is not None:
+            break
+        time.sleep(0.1)
+    os.kill(demo.pid, signal.SIGINT)
+    _, said = demo.communicate(timeout=60)
+    assert demo.returncode == 130
+    assert said.rstrip().endswith("interrupted")
+
+
+def test_compression_that_changes_nothing_says_so(eutree, expert, demonstrations):
+    line = ("compress", expert, "--demos", demonstrations, "--out", "small.json", "--mode", "merge")
+    said = " ".join(eutree(*line).out.split())
+    before = TreePolicy.load(expert).n_leaves
+    assert f"still {before} leaves: no smaller tree was found (merge)" in said
+
+
+def test_thresholds_are_rounded_to_steps(eutree, expert, demonstrations):
+    """--round left 20.12699 where two recorded temperatures lay on both sides of it."""
+    line = ("compress", expert, "--demos", demonstrations, "--out", "small.json", "--json")
+    assert eutree(*line, "--round", "0.5").code == 0
+    tree = TreePolicy.load("small.json").tree
+    cuts = tree.threshold[tree.feature >= 0]
+    assert all(c % 0.5 == 0 or (c + 1e-9) % 0.5 < 2e-9 for c in cuts.tolist())
+    assert eutree(*line, "--round", "position=2").code == 0
+    tree = TreePolicy.load("small.json").tree
+    assert all(round(c, 9) % 2 == 0 for c in tree.threshold[tree.feature == 0].tolist())
+    assert any(round(c, 9) % 2 for c in tree.threshold[tree.feature > 0].tolist())
+    assert eutree(*line, "--round").code == 0
+    for wrong, message in (
+        ("room=1", "unknown feature 'room'"),
+        ("small", "--round must be alone, a step, or FEATURE=STEP, got 'small'"),
+        ("0", "the step of position must be a number in (0, inf"),
+    ):
+        assert message in eutree(*line, "--round", wrong).err
