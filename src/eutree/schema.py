@@ -5,6 +5,7 @@ speak of ``opponent_1 <= 8.25 m`` and ``stop`` instead of ``x[1]`` and ``0``.
 """
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -12,6 +13,17 @@ from typing import Any
 from eutree.errors import InvalidArgumentError, shown
 
 MAX_FEATURES = 10_000  # the past included
+
+
+_LABEL = re.compile(r"(?P<name>.*?)(?: \[(?P<unit>[^\]]*)\])?", re.DOTALL)
+# Names that say nothing; up to release 0.1 they had blanks, and tuples had bare numbers.
+_NUMBERED = re.compile(r"x?\d+(\.x?\d+)*(, \d+ ago)?|did action[ _]\d+, \d+ ago")
+_NUMBERED_ACTION = re.compile(r"action[ _]\d+")
+
+
+def numbered_actions(n_actions: int) -> tuple[str, ...]:
+    """Return the names of actions that have none: ``action_0, action_1, ...``."""
+    return tuple(f"action_{i}" for i in range(n_actions))
 
 
 @dataclass(frozen=True)
@@ -29,6 +41,12 @@ class Feature:
     unit: str = ""
     low: float = -math.inf
     high: float = math.inf
+
+    @classmethod
+    def from_label(cls, label: str) -> "Feature":
+        """Return a feature from its name with its unit in brackets: ``"position [m]"``."""
+        match = _LABEL.fullmatch(label)
+        return cls(match["name"], match["unit"] or "") if match else cls(label)
 
     def __post_init__(self) -> None:
         if math.isnan(self.low) or math.isnan(self.high) or self.low > self.high:
@@ -69,26 +87,55 @@ class Schema:
     def check_same(self, other: "Schema", what: str, *, of: str) -> None:
         """Raise InvalidArgumentError unless ``other`` names the same features and actions.
 
-        Units and bounds may differ: a decision does not depend on them.
+        Units and bounds may differ: a decision does not depend on them. Features, or actions, that
+        have numbers in place of names here are compared by their number alone.
 
         Args:
             other: The schema that was given.
             what: The argument it came with, for the message.
             of: The holder of this schema, for the message: "the environment", "CartPole-v1".
         """
-        if (self.feature_names, self.actions) != (other.feature_names, other.actions):
+        if not self._names_fit(other):
             raise InvalidArgumentError(
                 f"{what} must have the features and actions of {of}, {list(self.feature_names)} "
                 f"and {list(self.actions)}, got {list(other.feature_names)} and "
                 f"{list(other.actions)}"
             )
 
+    def with_names_of(self, other: "Schema") -> "Schema":
+        """Return this schema with the names and units of another, where it has none itself."""
+        if not self._names_fit(other):
+            return self
+        features = tuple(
+            Feature(theirs.name, theirs.unit or mine.unit, mine.low, mine.high)
+            for mine, theirs in zip(self.features, other.features, strict=True)
+        )
+        return Schema(features, other.actions)
+
+    def is_unnamed_form_of(self, named: "Schema") -> bool:
+        """Return whether ``named`` differs from this schema by names that this one has not."""
+        mine, theirs = (
+            [(feature.low, feature.high) for feature in schema.features] for schema in (self, named)
+        )
+        return mine == theirs and self._names_fit(named)
+
+    def _names_fit(self, other: "Schema") -> bool:
+        """Return whether the names that this schema has are those of the other."""
+        return all(
+            mine == theirs
+            or (len(mine) == len(theirs) and all(numbered.fullmatch(name) for name in mine))
+            for mine, theirs, numbered in (
+                (self.feature_names, other.feature_names, _NUMBERED),
+                (self.actions, other.actions, _NUMBERED_ACTION),
+            )
+        )
+
     @classmethod
     def anonymous(cls, n_features: int, n_actions: int) -> "Schema":
-        """Return a schema with features ``x0, x1, ...`` and actions ``action 0, action 1, ...``."""
+        """Return a schema with features ``x0, x1, ...`` and actions ``action_0, action_1, ...``."""
         return cls(
             features=tuple(Feature(f"x{i}") for i in range(n_features)),
-            actions=tuple(f"action {i}" for i in range(n_actions)),
+            actions=numbered_actions(n_actions),
         )
 
     def with_history(self, steps: int, actions: int = 0) -> "Schema":

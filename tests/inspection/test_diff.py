@@ -81,8 +81,8 @@ def test_changed_actions_and_replaced_subtrees_in_words():
     policy = TreePolicy(tree, np.array([0, 1]), schema)
     other = TreePolicy(tree.split(1, 1, 2.0), np.array([1, 1, 0]), schema)
     assert set(diff(policy, other).structure) == {
-        "node 1: action 0 became action 1 (node 1)",
-        "node 2: action 1 became x1 <= 2.0 ? (node 2)",
+        "node 1: action_0 became action_1 (node 1)",
+        "node 2: action_1 became x1 <= 2.0 ? (node 2)",
     }
 
 

@@ -153,6 +153,25 @@ def test_mistakes_are_named(question, message):
         verify(one_cut(), question)
 
 
+@pytest.mark.parametrize(
+    ("text", "action", "feature"),
+    [
+        ("never do it when turn rate <= 1", 1, 1),
+        ("never do when turn rate, 1 ago <= 1", 0, 2),
+        ("never do when turn <= 1", 0, 0),
+        ('never "do it" when 0 < "turn rate" <= 1', 1, 1),
+        ("monotone do it in falling turn rate when turn rate > 1", 1, 1),
+    ],
+)
+def test_names_can_be_typed_as_they_are_printed(text, action, feature):
+    """``never action 0 when turn rate > 1`` was refused: names with blanks needed inner quotes."""
+    features = tuple(map(Feature, ("turn", "turn rate", "turn rate, 1 ago")))
+    found = parse(text, Schema(features, ("do", "do it")))
+    assert found.action == action
+    limited = np.isfinite(found.region.high) | np.isfinite(found.region.low)
+    assert np.flatnonzero(limited).tolist() == [feature]
+
+
 def test_names_with_blanks_stand_in_quotes():
     schema = Schema((Feature("when, 1 ago"), Feature('a "b"')), ("go on", "stop"))
     found = parse(r'never "go on" when 1 < "when, 1 ago" and "a \"b\"" <= 3', schema)

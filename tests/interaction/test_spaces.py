@@ -18,7 +18,7 @@ SPACES = {
     "bits": (spaces.MultiBinary(2), ["x0", "x1"], [0, 0], [1, 1]),
     "tuple": (
         spaces.Tuple([spaces.Discrete(3), spaces.Box(0, 1, (2,))]),
-        ["0", "1.x0", "1.x1"],
+        ["x0", "x1.x0", "x1.x1"],
         [0, 0, 0],
         [2, 1, 1],
     ),

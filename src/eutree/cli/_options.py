@@ -53,8 +53,8 @@ def seed_option(command: _Command) -> _Command:
 def env_arg_option(command: _Command) -> _Command:
     """Add what every command that makes an environment takes.
 
-    ``--env-arg key=value`` (repeatable) is passed on as a dict ``env_arguments``; ``--import`` is
-    obeyed before the command begins.
+    ``--env-arg key=value`` (repeatable) is passed on as a dict ``env_arguments``; ``--import`` and
+    ``--names`` are obeyed before the command begins.
     """
     argument = click.option(
         "--env-arg",
@@ -64,7 +64,16 @@ def env_arg_option(command: _Command) -> _Command:
         callback=_parse_arguments,
         help="Argument of the environment, for example opponent_speed=4.2. May be repeated.",
     )
-    return argument(import_option(command))
+    names = click.option(
+        "--names",
+        type=click.Path(path_type=Path),
+        metavar="FILE",
+        expose_value=False,
+        callback=_use_names,
+        help='Names for an environment without: {"features": ["room [°C]", "hour [h]"], '
+        '"actions": ["off", "on"]}.',
+    )
+    return argument(import_option(names(command)))
 
 
 def import_option(command: _Command) -> _Command:
@@ -76,6 +85,15 @@ def import_option(command: _Command) -> _Command:
         callback=_import_module,
         help="Python module, installed or in this folder, that registers your environment.",
     )(command)
+
+
+def _use_names(context: click.Context, parameter: click.Parameter, path: Path | None) -> None:
+    """Give the names in a file to every environment that the command makes."""
+    if path is None or context.resilient_parsing:
+        return
+    from eutree.interaction.names import Names, named
+
+    context.with_resource(named(Names.load(path)))
 
 
 def _import_module(context: click.Context, parameter: click.Parameter, name: str | None) -> None:

@@ -13,7 +13,7 @@ from eutree.data.episode import Episode
 from eutree.data.rows import DROPPED, MAX_NAMES
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.files import read_bytes
-from eutree.schema import Feature, Schema
+from eutree.schema import Feature, Schema, numbered_actions
 from eutree.validation import check_choice
 
 MAX_CSV = 32 * 2**20
@@ -33,7 +33,6 @@ KNOWN = (
     "kept",
 )
 REQUIRED = ("episode", "action")
-_FEATURE = re.compile(r"(?P<name>.*?)(?: \[(?P<unit>[^\]]*)\])?", re.DOTALL)
 _INDEX = re.compile(r"[0-9]{1,5}")
 _SEED = re.compile(r"[0-9]{1,99}")
 _TRUTH = {"": None, "true": True, "false": False, "1": True, "0": False}
@@ -178,10 +177,11 @@ class CsvReader:
                 reason = f"must be an index below {MAX_NAMES:,}, got {large[0]}"
                 raise FormatError(self._path, "action", reason)
             highest = max(map(int, actions), default=0)
+            unnamed = numbered_actions(highest + 1)
             names = {int(text): name for text, name in self._names.items()}
-            actions = tuple(names.get(k, f"action {k}") for k in range(highest + 1))
+            actions = tuple(names.get(k, name) for k, name in enumerate(unnamed))
         try:
-            return Schema(tuple(map(_feature, self._features)), actions)
+            return Schema(tuple(map(Feature.from_label, self._features)), actions)
         except InvalidArgumentError as error:
             raise FormatError(self._path, "", str(error)) from None
 
@@ -275,8 +275,3 @@ def _checked_delimiter(delimiter: str) -> str:
             f"delimiter must be one character, no quote and no end of line, got {delimiter!r}"
         )
     return delimiter
-
-
-def _feature(column: str) -> Feature:
-    match = _FEATURE.fullmatch(column)
-    return Feature(match["name"], match["unit"] or "") if match else Feature(column)

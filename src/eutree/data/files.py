@@ -111,7 +111,7 @@ class DemonstrationFolder:
             raise InvalidArgumentError(
                 f"{self.path} holds demonstrations of {mine}, not of {other}; choose another folder"
             )
-        if self.schema != schema:
+        if self.schema != schema and not schema.is_unnamed_form_of(self.schema):
             raise InvalidArgumentError(
                 f"{self.path} holds demonstrations with other features or actions; "
                 "choose another folder"

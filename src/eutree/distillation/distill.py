@@ -91,6 +91,7 @@ def distill(
     if shown is None:
         shown = record(env, policy, episodes=episodes, seed=seed, strict=strict)
     _check_shown(shown, guarded.schema)
+    guarded.take_names(shown.schema)
     school = _School(guarded, policy, stakes, shown, seed)
     trees: list[TreePolicy] = []
     results: list[Evaluation] = []

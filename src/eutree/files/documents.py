@@ -49,6 +49,7 @@ class Document(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
 
 
 _Document = TypeVar("_Document", bound=Document)
+_Plain = TypeVar("_Plain", bound=msgspec.Struct)
 
 
 class _Header(msgspec.Struct):
@@ -112,8 +113,24 @@ def encode_document(document: Document) -> bytes:
 
 def decode_document(data: bytes, kind: type[_Document], path: str | Path) -> _Document:
     """Return the document that ``encode_document`` wrote; ``path`` is for the messages."""
+    return _decoded(data, kind, path)
+
+
+def read_plain(path: str | Path, kind: type[_Plain], *, limit: int = MAX_DOCUMENT) -> _Plain:
+    """Read a file that people write, so without a header, with the same suspicion.
+
+    Raises:
+        FormatError: The file is not what ``kind`` declares.
+        FileError: The file is missing or cannot be read.
+    """
+    return _decoded(atomic.read_bytes(path, limit=limit), kind, path)
+
+
+def _decoded(data: bytes, kind: type[_Plain], path: str | Path) -> _Plain:
+    """Return what the bytes declare, or blame the place where they do not."""
     try:
-        _check_header(msgspec.json.decode(data, type=_Header), kind, path)
+        if issubclass(kind, Document):
+            _check_header(msgspec.json.decode(data, type=_Header), kind, path)
         document = msgspec.json.decode(data, type=kind)
         json.loads(data, object_pairs_hook=_refuse_duplicates)
         _check_depth(data)

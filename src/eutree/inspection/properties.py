@@ -9,7 +9,7 @@ Its grammar::
     condition  = [NUMBER COMPARISON] FEATURE COMPARISON NUMBER
     COMPARISON = "<" | "<=" | ">" | ">=" | "="
 
-Names with blanks or signs, or such as ``when``, stand in double quotes, as JSON strings.
+Names with signs such as ``<``, or such as ``when``, stand in double quotes, as JSON strings.
 """
 
 import json
@@ -140,6 +140,11 @@ class _Parser:
 
     def _name(self, kind: str, names: tuple[str, ...]) -> int:
         token = self._next(f"a name of {kind}")
+        for more in range(len(self.tokens) - self.at, 0, -1):  # the longest name with blanks
+            words = " ".join([token, *self.tokens[self.at : self.at + more]])
+            if words in names:
+                self.at += more
+                return names.index(words)
         if token.startswith('"'):
             try:
                 token = json.loads(token)

@@ -128,6 +128,10 @@ class GuardedEnv:
             self._seen = observation = self.features.next(self._seen, action, observation)
         return observation, reward, terminated, truncated, answer[4]
 
+    def take_names(self, schema: Schema) -> None:
+        """Call features and actions that have no names of their own as ``schema`` does."""
+        self.schema = self.schema.with_names_of(schema)
+
     def own_observation(self, features: Floats) -> Any:
         """Return the environment's own observation, an element of its space.
 

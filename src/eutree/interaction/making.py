@@ -12,13 +12,14 @@ from eutree.errors import (
     UnknownNameError,
     shown,
 )
+from eutree.interaction.names import given_names
 from eutree.schema import EnvironmentSpec
 
 _IMPORT = "One of your own is known once its module is imported: --import MODULE."
 
 
 def make(spec: EnvironmentSpec | str, *, render_mode: str | None = None) -> gymnasium.Env[Any, Any]:
-    """Return ``gymnasium.make`` of an id or a spec.
+    """Return ``gymnasium.make`` of an id or a spec, with the names that are given now.
 
     Raises:
         UnknownNameError: No environment of that id is registered; names the nearest.
@@ -32,7 +33,7 @@ def make(spec: EnvironmentSpec | str, *, render_mode: str | None = None) -> gymn
     if render_mode is not None:
         arguments["render_mode"] = render_mode
     try:
-        return gymnasium.make(spec.id, **arguments)
+        env = gymnasium.make(spec.id, **arguments)
     except EutreeError:
         raise
     except ModuleNotFoundError as error:
@@ -41,6 +42,10 @@ def make(spec: EnvironmentSpec | str, *, render_mode: str | None = None) -> gymn
         raise MissingExtraError(f"a package that {spec.id} needs", "envs") from None
     except (Exception, SystemExit) as error:  # whatever an environment's author lets happen
         raise InvalidArgumentError(f"cannot make {spec}: {_reason(error)}") from error
+    names = given_names()
+    if names is not None:
+        names.give(env)
+    return env
 
 
 def _reason(error: BaseException) -> str:

@@ -16,7 +16,7 @@ from gymnasium.wrappers import TimeLimit
 from eutree.arrays import Floats
 from eutree.errors import InvalidArgumentError, UnsupportedSpaceError
 from eutree.files.schema_document import plain_json
-from eutree.schema import MAX_FEATURES, EnvironmentSpec, Feature, Schema
+from eutree.schema import MAX_FEATURES, EnvironmentSpec, Feature, Schema, numbered_actions
 
 MAX_ACTIONS = 1_000  # learners hold tables of leaves x actions, and C4.5 of actions x cuts
 NO_LIMIT = -1  # what ``gymnasium.make`` takes for no time limit
@@ -59,7 +59,8 @@ def describe(env: gymnasium.Env[Any, Any]) -> Schema:
     """Return names, units and bounds of the observations and names of the actions of ``env``.
 
     Names come from the environment's ``feature_names``, ``feature_units`` and ``action_names`` if
-    it has them, from a small table for Gymnasium's own tasks, else they are ``x0, x1, ...``.
+    it has them, from a small table for Gymnasium's own tasks, else they are ``x0, x1, ...`` and
+    ``action_0, action_1, ...``: such as can be typed without quotes.
 
     Raises:
         UnsupportedSpaceError: The observations are not flat or the actions not Discrete.
@@ -199,7 +200,7 @@ def _action_names(env: gymnasium.Env[Any, Any], family: str) -> tuple[str, ...]:
     for names in (getattr(env.unwrapped, "action_names", None), _KNOWN_ACTIONS.get(family)):
         if names is not None and len(names) == n_actions:
             return tuple(str(name) for name in names)
-    return tuple(f"action {i}" for i in range(n_actions))
+    return numbered_actions(n_actions)
 
 
 def _bounds(space: spaces.Space[Any], name: str) -> tuple[list[float], list[float], list[str]]:
@@ -208,7 +209,7 @@ def _bounds(space: spaces.Space[Any], name: str) -> tuple[list[float], list[floa
         return _concatenate([(key, *_bounds(part, name)) for key, part in space.spaces.items()])
     if isinstance(space, spaces.Tuple):
         parts = enumerate(space.spaces)
-        return _concatenate([(str(i), *_bounds(part, name)) for i, part in parts])
+        return _concatenate([(f"x{i}", *_bounds(part, name)) for i, part in parts])
     if isinstance(space, spaces.Box) and len(space.shape) == 1 and space.dtype != np.uint8:
         low, high = space.low.astype(np.float64), space.high.astype(np.float64)
     elif isinstance(space, spaces.Discrete):

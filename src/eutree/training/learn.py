@@ -131,7 +131,9 @@ def learn(
         run = OfflineRun(start, recorded, seed=seed, max_expansions=episodes, history=history)
         environment = f"offline: {recorded.environment}"
     else:
-        guarded = GuardedEnv(env, strict=strict, history=history)
+        guarded = _named_as(
+            expert or demonstrations, GuardedEnv(env, strict=strict, history=history)
+        )
         start = _start(name, guarded.schema, chosen, demonstrations, expert)
         evaluator = _evaluator(env, evaluation_episodes)
         run = LearningRun(
@@ -263,6 +265,13 @@ def _default_learner(demonstrations: Demonstrations | None, expert: TreePolicy |
     if demonstrations is not None:
         return "eu-tree"
     return "c-u-tree" if expert is None else "eu-tree-dt"
+
+
+def _named_as(given: TreePolicy | Demonstrations | None, guarded: GuardedEnv) -> GuardedEnv:
+    """Let an environment without names have those of what the learner starts from."""
+    if given is not None:
+        guarded.take_names(given.schema)
+    return guarded
 
 
 def _needed(demonstrations: Demonstrations | None, what: str) -> Demonstrations:

@@ -1,0 +1,82 @@
+"""Names for an environment that has none: what its numbers mean, in a file that a person writes.
+
+    {"features": ["room [°C]", "outside [°C]", "hour [h]"], "actions": ["off", "on"]}
+
+A unit stands in brackets. What is recorded, learned and exported then says ``room <= 20.5 °C``; the
+names travel with demonstrations and policies and need not be given again.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import msgspec
+
+from eutree.errors import InvalidArgumentError
+from eutree.files.documents import read_plain
+from eutree.interaction.spaces import describe
+from eutree.schema import Feature
+
+MAX_FILE = 2**20
+
+
+class Names(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Names of the features, with units in brackets, and of the actions; empty: as they are."""
+
+    features: tuple[str, ...] = ()
+    actions: tuple[str, ...] = ()
+
+    @classmethod
+    def load(cls, path: str | Path) -> "Names":
+        """Read a file of names.
+
+        Raises:
+            FormatError: It is no JSON object with lists of names.
+            FileError: It is missing or cannot be read.
+        """
+        return read_plain(path, cls, limit=MAX_FILE)
+
+    def give(self, env: gymnasium.Env[Any, Any]) -> None:
+        """Name the features and actions of ``env``, whatever it called them itself.
+
+        Raises:
+            InvalidArgumentError: There are not as many names as features or actions.
+        """
+        schema = describe(env)
+        inner: Any = env.unwrapped  # where describe looks for names
+        for kind, mine, theirs in (
+            ("features", self.features, schema.feature_names),
+            ("actions", self.actions, schema.actions),
+        ):
+            if mine and len(mine) != len(theirs):
+                raise InvalidArgumentError(
+                    f"names must have one for each of the {len(theirs)} {kind}, "
+                    f"{', '.join(theirs)}, got {len(mine)}"
+                )
+        if self.features:
+            named = [Feature.from_label(label) for label in self.features]
+            inner.feature_names = tuple(feature.name for feature in named)
+            inner.feature_units = tuple(feature.unit for feature in named)
+        if self.actions:
+            inner.action_names = self.actions
+
+
+_given: ContextVar[Names | None] = ContextVar("names", default=None)
+
+
+@contextmanager
+def named(names: Names) -> Iterator[None]:
+    """Give these names to every environment that is made while the context lasts."""
+    before = _given.set(names)
+    try:
+        yield
+    finally:
+        _given.reset(before)
+
+
+def given_names() -> Names | None:
+    """Return the names that environments get now."""
+    return _given.get()
