@@ -23,8 +23,8 @@ from eutree.discretization.losing_cells import VARIANTS, cells_to_split, explain
 from eutree.discretization.outcomes import EXPERT, LOST, Costs, Outcomes
 from eutree.validation import check_choice, check_integer, check_number
 
-GOES_ON, CUT_SHORT = 0, 1
-"""How a step ended besides GOAL and LOST."""
+GOES_ON, CUT_SHORT, TAKEN_BACK = 0, 1, 2
+"""How a step ended besides GOAL and LOST; who is taken back goes on at another place."""
 
 OFFSET = 0.1  # how far beyond a shared face to aim, as a share of the smallest side
 
@@ -112,9 +112,9 @@ class PartiGame:
             observation: Where it began, shape [d].
             action: What was done.
             after: Where it led, shape [d].
-            ending: GOES_ON, CUT_SHORT, GOAL or LOST.
+            ending: GOES_ON, CUT_SHORT, TAKEN_BACK, GOAL or LOST.
         """
-        if ending != LOST:  # where an episode is lost, what is observed may be anything
+        if ending not in (LOST, TAKEN_BACK):  # what is observed then is no displacement
             self.controller.learn(observation, action, after)
         way = self._way
         if way is None:
@@ -122,8 +122,8 @@ class PartiGame:
         if ending == CUT_SHORT:
             self._way = None
             return
-        arrived = ending if ending != GOES_ON else self.cells.tree.leaf_of(after.tolist())
-        if arrived == way.cell:
+        arrived = ending if ending in (GOAL, LOST) else self.cells.tree.leaf_of(after.tolist())
+        if arrived == way.cell and ending != TAKEN_BACK:
             distance = self._distance(after, way.target)
             if distance < way.nearest * (1.0 - 1e-6):
                 self._way = replace(way, nearest=distance, left=self.rules.patience)
