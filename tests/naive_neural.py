@@ -81,8 +81,8 @@ def ensemble_step(world, draws, at, member, action, state):
             after[i] = world.high[i] if above else world.low[i]
         else:
             noise = draws.normal[place] * np.exp(0.5 * np.clip(out[d + i], -8, 3))
-            moved = state[i] + world.move[i] * (out[i] + noise)
-            after[i] = np.clip(moved, world.low[i], world.high[i])
+            move = np.clip(world.move[i] * (out[i] + noise), *world.moves[i])
+            after[i] = np.clip(state[i] + move, world.low[i], world.high[i])
         after[d + i] = after[i] - state[i]
     draw = draws.uniform[(at + d) % draws.uniform.size]
     kind = 0

@@ -57,6 +57,7 @@ class EnsembleWorld(NamedTuple):
     centre: Floats  # [p - A] of the inputs that are no actions
     spread: Floats  # [p - A]
     move: Floats  # [d] displacement that counts 1
+    moves: Floats  # [d, 2] least and largest displacement
     binary: Booleans  # [d]
     low: Floats  # [d] least value seen
     high: Floats  # [d] largest value seen
@@ -235,7 +236,7 @@ def step(
     """Move one step; return the reward and whether it was the last.
 
     The same entries of the tables decide whatever the policy is: from ``at`` on one for each
-    feature, then one for the end. States stay in the range that was seen.
+    feature, then one for the end. States and displacements stay in the range that was seen.
     """
     look(world, member, action, state, scratch)
     out, d, mask = scratch.out, world.move.size, draws.uniform.size - 1
@@ -247,8 +248,9 @@ def step(
         else:
             spread = min(max(out[d + i], LEAST_LOG_VARIANCE), MOST_LOG_VARIANCE)
             noise = draws.normal[(at + i) & mask] * math.exp(0.5 * spread)
-            moved = before + world.move[i] * (out[i] + noise)
-            state[i] = min(max(moved, world.low[i]), world.high[i])
+            move = world.move[i] * (out[i] + noise)
+            move = min(max(move, world.moves[i, 0]), world.moves[i, 1])
+            state[i] = min(max(before + move, world.low[i]), world.high[i])
         state[d + i] = state[i] - before
     draw = draws.uniform[(at + d) & mask]
     kind = GOES_ON

@@ -8,11 +8,15 @@ such. The reward of a step, and whether it ends the task, badly or well, are hea
 All scales are fixed when the members are new; fitting on costs a fraction of fitting from scratch.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eutree.arrays import Booleans, Float32s, Floats, Integers
+from eutree.errors import InvalidArgumentError
 from eutree.imagination import _kernels_ensemble as kernels
 from eutree.imagination._kernels_ensemble import BAD, GOES_ON, GOOD, EnsembleWorld, Fitting, Steps
 from eutree.imagination.transitions import Transitions
@@ -20,10 +24,11 @@ from eutree.neural.network import copied, network_of, random_network
 from eutree.validation import check_integer, check_number
 
 N_KINDS = 3
+_SCALES = ("centre", "spread", "move", "moves", "binary", "low", "high", "earned")
 CHUNK = 256  # updates between two chances to interrupt
 SLOWEST = 0.1  # share of the rate that is left at the end
 EXTRA_ENDS = 32  # rows of a batch that are last steps
-TAIL = 0.02  # percent of rewards beyond the range that is imagined, on either side
+TAIL = 0.02  # percent of rewards and displacements beyond what is imagined, on either side
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,6 +72,7 @@ class Scales:
         centre: Mean of each input that is no action.
         spread: Its standard deviation and a twentieth of its range.
         move: Displacement that counts 1.
+        moves: Least and largest displacement, a few in ten thousand left out.
         binary: Which features have two values only.
         low: Least value of each feature.
         high: Largest value of each feature.
@@ -76,6 +82,7 @@ class Scales:
     centre: Floats  # [p - A]
     spread: Floats  # [p - A]
     move: Floats  # [d]
+    moves: Floats  # [d, 2]
     binary: Booleans  # [d]
     low: Floats  # [d]
     high: Floats  # [d]
@@ -92,6 +99,7 @@ class Scales:
             inputs.mean(axis=0),
             np.where(spread > 0.0, spread, 1.0),
             move,
+            np.percentile(data.displacements, [TAIL, 100.0 - TAIL], axis=0).T,
             np.array([np.unique(column).size == 2 for column in seen.T]),
             seen.min(axis=0),
             seen.max(axis=0),
@@ -145,7 +153,7 @@ class Ensemble:
         networks = [network_of(row, *self.size) for row in self.weights]
         stacked = [np.stack(arrays) for arrays in zip(*networks, strict=True)][:-1]
         of = self.scales
-        scales = (of.centre, of.spread, of.move, of.binary, of.low, of.high, of.earned)
+        scales = (getattr(of, name) for name in _SCALES)
         return EnsembleWorld._make([*stacked, *scales])
 
     @property
@@ -153,6 +161,47 @@ class Ensemble:
         """Inputs, hidden units and outputs of a member."""
         d = self.scales.move.size
         return self.scales.centre.size + self.n_actions, self.settings.hidden, 2 * d + 5
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return the ensemble as arrays; ``from_state`` takes them back."""
+        of = self.scales
+        return {name: getattr(of, name) for name in _SCALES} | {
+            "weights": self.weights,
+            "starts": self.starts,
+            "horizon": np.array([self.horizon], dtype=np.int64),
+            "returns": np.array(self.returns),
+        }
+
+    @classmethod
+    def from_state(
+        cls, state: Mapping[str, NDArray[Any]], settings: EnsembleSettings, n_actions: int
+    ) -> "Ensemble":
+        """Return the ensemble whose ``state()`` this was.
+
+        Raises:
+            InvalidArgumentError: The arrays do not fit each other.
+        """
+        scales = Scales(**{name: np.array(state[name]) for name in _SCALES})
+        low, high = state["returns"].tolist()
+        ensemble = cls(
+            settings,
+            scales,
+            np.array(state["weights"], dtype=np.float32),
+            n_actions,
+            np.ascontiguousarray(state["starts"]),
+            int(state["horizon"][0]),
+            (low, high),
+        )
+        d = scales.move.size
+        sizes = [getattr(scales, name).shape for name in ("binary", "low", "high")]
+        inputs = scales.spread.shape == scales.centre.shape == ((d * (1 + settings.memory)),)
+        if sizes != [(d,)] * 3 or not inputs or ensemble.starts.shape[1:] != (d,):
+            raise InvalidArgumentError(
+                "state must hold scales and starts of one number of features"
+            )
+        for row in ensemble.weights:
+            network_of(row, *ensemble.size)
+        return ensemble
 
     def fitted_on(self, data: Transitions, generator: np.random.Generator) -> "Ensemble":
         """Return the ensemble after more updates on more transitions.
@@ -204,9 +253,27 @@ def fit_ensemble(
 def kinds(data: Transitions) -> Integers:
     """Return the kind of each step: it goes on, ends badly or ends well, shape [N]."""
     kind = np.full(data.rewards.size, GOES_ON, dtype=np.int64)
-    kind[data.danger > 0] = BAD
-    kind[data.danger < 0] = GOOD
+    last = data.rewards[data.terminated]
+    kind[data.terminated] = np.where(last > between_ends(last), GOOD, BAD)
     return kind
+
+
+def between_ends(rewards: Floats) -> float:
+    """Return the reward that best parts those of last steps in two kinds; infinity for no ends.
+
+    It lies where the variance between the two parts is largest (Otsu 1979), midway between the
+    rewards on either side of it.
+    """
+    values = np.sort(rewards)
+    if not values.size or values[0] == values[-1]:
+        return float("inf")
+    n = np.arange(1, values.size)
+    below = np.cumsum(values)[:-1]
+    above = values.sum() - below
+    between = n * (values.size - n) * (below / n - above / (values.size - n)) ** 2
+    between[values[1:] == values[:-1]] = -1.0
+    place = int(between.argmax())
+    return float(0.5 * (values[place] + values[place + 1]))
 
 
 class _Batches:

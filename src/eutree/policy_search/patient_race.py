@@ -40,14 +40,15 @@ class PatientRace:
         returns: What is known already, NaN where nothing is, shape [n, E].
 
     Attributes:
+        looks: As given.
         returns: Return of each entrant in each episode, NaN where it is not known.
     """
 
     def __init__(
         self, n_entrants: int, looks: Sequence[int] = LOOKS, returns: Floats | None = None
     ) -> None:
-        self._looks = tuple(looks)
-        unknown = np.full((n_entrants, self._looks[-1]), np.nan)
+        self.looks = tuple(looks)
+        unknown = np.full((n_entrants, self.looks[-1]), np.nan)
         self.returns = unknown if returns is None else returns.copy()
 
     def next(self) -> tuple[int, int] | None:
@@ -67,7 +68,7 @@ class PatientRace:
     def standing(self) -> Standing:
         """Return who is still in the race. All of it follows from the returns."""
         alive = tuple(range(len(self.returns)))
-        for look in self._looks:
+        for look in self.looks:
             if np.isnan(self.returns[list(alive), :look]).any():
                 return Standing(alive, look)
             rivals = sorted(alive[1:], key=lambda one: (-self.ahead(one)[0], one))

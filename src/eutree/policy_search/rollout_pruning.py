@@ -11,7 +11,7 @@ from eutree.imagination._kernels import ActionTree
 from eutree.imagination.action_trees import collapsed, n_leaves
 from eutree.imagination.ensemble_rollouts import EnsembleRollouts
 
-TRIED = 24  # cuts that are looked at before one is made
+TRIED = 48  # cuts that are looked at before one is made
 FIRST_LOOK = 40  # episodes, about
 BEST = 5  # cuts that are compared on all episodes
 
