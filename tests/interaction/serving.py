@@ -85,9 +85,9 @@ class Served:
 
 
 @contextmanager
-def serving(folder: Path, env=None, *, fps=None):
+def serving(folder: Path, env=None, *, fps=None, maker=None):
     """Serve a session in a thread until the block ends."""
-    settings = SessionSettings(target=3, countdown=0.2, fps=fps)
+    settings = SessionSettings(target=3, countdown=0.2, fps=fps, makes=maker is not None)
     recorder = Recorder(env or Corridor(), folder / "demos", settings=settings)
     ready, servers = threading.Event(), []
 
@@ -96,7 +96,7 @@ def serving(folder: Path, env=None, *, fps=None):
         ready.set()
 
     def run() -> None:
-        record_in_browser(recorder, port=0, on_ready=on_ready)
+        record_in_browser(recorder, port=0, on_ready=on_ready, maker=maker)
 
     thread = threading.Thread(target=run, daemon=True)
     thread.start()

@@ -2,6 +2,7 @@
 
 import re
 import time
+from dataclasses import replace
 
 import gymnasium
 import numpy as np
@@ -9,8 +10,10 @@ import pytest
 
 import eutree  # noqa: F401 - registers the environments
 from eutree.data import Demonstrations
+from eutree.errors import InvalidArgumentError
 from eutree.interaction.browser.server import HIDDEN
 from eutree.interaction.replay import replay
+from eutree.interaction.tree_making import TreeView
 from tests.interaction.people import Corridor
 from tests.interaction.serving import ENOUGH, serving
 from tests.report.browser import browser
@@ -87,7 +90,7 @@ def test_a_person_records_redoes_discards_leaves_and_comes_back(chromium, tmp_pa
             person.down().rest(0.13).up().rest(0.07)
         person.down().until(state="review").up()
 
-        person.rest().tap("ArrowLeft").until(state="playing").down()  # redo
+        person.rest().tap("r").until(state="playing").down()  # redo
         person.until(state="review").up()
 
         person.rest().tap("Enter").until(state="playing").rest(0.5).tap("Delete")  # discard
@@ -373,3 +376,175 @@ def test_text_is_readable_and_nothing_overflows(chromium, tmp_path, scheme, widt
         assert person.page.evaluate(CONTRAST) == []
         wide = "() => document.documentElement.scrollWidth - document.documentElement.clientWidth"
         assert person.page.evaluate(wide) == 0
+
+
+def box(person, selector):
+    return person.page.locator(selector).bounding_box()
+
+
+@pytest.mark.parametrize(("width", "height"), [(1180, 800), (1920, 1080), (390, 844)])
+def test_panels_keep_their_places_and_nothing_covers_the_picture(
+    chromium, tmp_path, width, height
+) -> None:
+    with serving(tmp_path, evasion(), fps=10.0) as served:
+        person = Person(chromium, served).until(state="opening")
+        person.page.set_viewport_size({"width": width, "height": height})
+        places = {}
+        for state, go_on in (
+            ("opening", "Enter"),
+            ("playing", "p"),
+            ("paused", "e"),
+            ("review", ""),
+        ):
+            person.until(state=state)
+            places[state] = [box(person, f"#{name}-section") for name in ("keys", "episodes")]
+            places[state] = [(at["x"], at["y"]) for at in places[state]]
+            picture, card = box(person, "#picture"), box(person, "#card")
+            assert card["y"] >= picture["y"] + picture["height"]  # below it, not over it
+            person.page.keyboard.press(go_on) if go_on else None
+        if width > 900:  # on a phone the panels are below the buttons, which differ in number
+            assert len({tuple(at) for at in places.values()}) == 1
+        assert picture["width"] >= {1180: 640, 1920: 1000, 390: 360}[width]
+
+
+def test_the_screen_shows_what_a_key_will_do_and_when(chromium, tmp_path) -> None:
+    """One decision in two seconds: a key that is pressed meanwhile must not seem dead."""
+    with serving(tmp_path, Corridor(length=100, limit=10_000), fps=0.5) as served:
+        person = Person(chromium, served).until(state="opening")
+        person.tap("Enter").until(state="playing")
+        person.down("ArrowRight")
+        person.page.locator("#coming", has_text="right").wait_for(timeout=PATIENCE)
+        assert person.page.locator("#acting").inner_text() == "stay"
+        shares = []
+        for _ in range(2):
+            shares.append(box(person, "#beat-fill")["width"] / box(person, "#beat")["width"])
+            person.rest(0.3)
+        assert 0.0 < shares[0] < shares[1] <= 1.0
+        person.until(action=2)
+        assert person.page.locator("#coming").is_hidden()
+        assert box(person, "#pill")["width"] < 200  # in the corner of the picture
+        person.up("ArrowRight")
+
+
+def test_arrow_keys_harm_nothing(chromium, tmp_path) -> None:
+    with serving(tmp_path, evasion(), fps=2.0) as served:
+        person = Person(chromium, served).until(state="opening")
+        person.tap("Enter").until(state="playing", step=1)
+        for key in ("ArrowLeft", "ArrowUp", "ArrowDown", "ArrowRight"):
+            person.tap(key)
+        person.until(step=2)
+        assert person.data("state") == "playing"
+        assert served.session.episodes == []
+
+
+def test_the_opening_says_the_task_and_the_focus_can_be_seen(chromium, tmp_path) -> None:
+    with serving(tmp_path, evasion()) as served:
+        person = Person(chromium, served).until(state="opening")
+        assert person.page.locator("#text").inner_text().startswith("Bring the blue disc to")
+        assert (
+            person.page.locator("#how")
+            .inner_text()
+            .startswith("Hold → or Space: go; no key: stop.")
+        )
+        assert not person.page.locator("#controls").is_visible()
+        person.page.get_by_text("Shortcuts").click()
+        assert person.page.locator("#controls").is_visible()
+        served.session.settings = replace(served.session.settings, countdown=30.0)
+        person.page.locator("button[data-command=start]").click()
+        person.until(state="countdown")
+        assert "Hold the key while it counts" in person.page.locator("#text").inner_text()
+        ring = "() => getComputedStyle(document.getElementById('screen')).outlineWidth"
+        assert person.page.evaluate(ring) == "3px"
+        names = person.page.locator("#buttons button").evaluate_all(
+            "buttons => buttons.map(b => [b.getAttribute('aria-label'), b.ariaKeyShortcuts])"
+        )
+        assert ["Pause", "p"] in names  # the key's name is no part of the button's
+
+
+def test_failures_that_are_kept_are_marked_and_explained(chromium, tmp_path) -> None:
+    with serving(tmp_path, evasion(), fps=20.0) as served:
+        person = Person(chromium, served).until(state="opening")
+        while not any(e.ending == "collision" for e in served.session.episodes):
+            person.page.locator("body[data-state=opening], body[data-state=review]").wait_for()
+            person.rest(0.8).tap("Enter").until(state="playing").down().until(state="review").up()
+        person.page.locator("#episodes .mark.bad", has_text="✕").first.wait_for()
+        assert "failed and kept" in person.page.locator("#failures").inner_text()
+        assert "failures may stay" in person.page.locator("#how").inner_text()
+
+
+DRAWING = (
+    '<svg xmlns="http://www.w3.org/2000/svg" width="80" height="20">'
+    '<rect width="80" height="20"/></svg>'
+)
+
+
+class ScriptedMaker:
+    """Says what a real one says, without learning anything."""
+
+    def __init__(self) -> None:
+        self.calls = []
+        self.ready = TreeView(
+            phase="ready",
+            message="you 13 of 15; this tree 56 of 100",
+            worse=True,
+            n_leaves=1,
+            svg=DRAWING,
+            rules="go",
+            yours=13 / 15,
+            commands=("eutree show demos-tree.json", "eutree evaluate demos-tree.json"),
+        )
+
+    def make(self, show, stop) -> None:
+        self.calls.append("make")
+        show(TreeView(phase="playing", message="The tree plays", finished=20, of=100))
+        show(self.ready)
+
+    def practise(self, show, stop) -> None:
+        self.calls.append("practise")
+        curve = ((10, 0.5), (20, 0.9))
+        show(replace(self.ready, phase="practising", curve=curve, of=100))
+        if len(self.calls) > 2:
+            raise InvalidArgumentError("the folder is gone")
+        better = "you 13 of 15; this tree 96 of 100"
+        show(replace(self.ready, message=better, worse=False, curve=curve, of=100))
+
+
+def test_the_end_is_one_button(chromium, tmp_path) -> None:
+    maker = ScriptedMaker()
+    with serving(tmp_path, maker=maker) as served:
+        person = Person(chromium, served).until(state="opening")
+        for _ in range(3):
+            person.tap("Enter").until(state="playing").down("ArrowRight").until(state="review")
+            person.up("ArrowRight").rest(0.8)
+        first = person.page.locator("#buttons button.first")
+        assert first.get_attribute("aria-label") == "Make my tree"
+        person.tap("Enter").until(tree="ready")
+        assert person.page.locator("#verdict").inner_text() == "you 13 of 15; this tree 56 of 100"
+        picture = person.page.locator("#tree")
+        assert picture.evaluate("image => image.naturalWidth") == 80
+        assert "1 leaves" in picture.get_attribute("alt")
+        commands = person.page.locator("#commands code")
+        assert commands.all_inner_texts() == list(maker.ready.commands)
+        person.page.get_by_role("button", name="Copy: eutree show demos-tree.json").click()
+        person.page.get_by_text("Copied").wait_for()
+        person.page.get_by_role("button", name="Let it practise").click()
+        person.page.locator("#verdict", has_text="96 of 100").wait_for(timeout=PATIENCE)
+        assert person.page.locator("#curve circle").count() == 2
+        assert person.page.get_by_role("button", name="Let it practise").count() == 0
+        assert maker.calls == ["make", "practise"]
+        assert person.page.evaluate(CONTRAST) == []
+        assert person.messages == []
+        person.tap("Escape").until(state="finished")
+
+
+def test_a_fault_in_making_the_tree_is_said(chromium, tmp_path) -> None:
+    maker = ScriptedMaker()
+    maker.calls = ["make", "practise"]
+    with serving(tmp_path, maker=maker) as served:
+        person = Person(chromium, served).until(state="opening")
+        person.tap("Enter").until(state="playing").down("ArrowRight").until(state="review")
+        person.up("ArrowRight").rest(0.8)
+        served.session.wishes.express("practise")
+        person.until(tree="failed")
+        assert person.page.locator("#verdict").inner_text() == "the folder is gone"
+        assert person.data("state") == "review"  # and recording goes on

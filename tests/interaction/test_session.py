@@ -21,9 +21,12 @@ from eutree.interaction.events import (
     StepTaken,
 )
 from eutree.interaction.guard import GuardedEnv
+from eutree.interaction.keys import parse_keys
 from eutree.interaction.pace import SPEEDS
 from eutree.interaction.seeding import episode_seed
 from eutree.interaction.session import PERSON_STREAM, Session
+from eutree.interaction.spaces import describe
+from eutree.interaction.views import task_description
 from tests.interaction.people import TICK, Corridor, Person
 
 
@@ -58,6 +61,65 @@ def test_decisions_come_at_the_pace_of_the_environment() -> None:
     person = Person().walk()
     gaps = np.diff(person.session.episodes[0].steps["time"])
     assert gaps == pytest.approx(np.full(len(gaps), 0.1), abs=TICK)
+
+
+def test_the_first_decision_comes_one_interval_after_the_countdown() -> None:
+    """Who reacted to what they saw showed the idle action at the start of every episode."""
+    person = Person()
+    person.tap("enter").until("playing").wait(0.04)
+    began = person.now - 0.04
+    assert person.view.step == 0
+    person.press("right").wait(0.05)
+    assert person.view.coming == 2  # the key is seen to count, before it is taken
+    person.until("review")
+    episode = person.session.episodes[0]
+    assert episode.steps["time"][0] - began == pytest.approx(0.1, abs=2 * TICK)
+    assert set(episode.actions) == {2}
+
+
+def test_a_key_held_while_it_counts_is_the_first_decision() -> None:
+    person = Person()
+    person.tap("enter").press("left").until("playing").wait(0.15).do("end")
+    assert person.session.episodes[0].actions.tolist() == [0]
+
+
+class Falling(Corridor):
+    """Has no idle action: standing still is not among its choices."""
+
+    action_names = ("left", "stand", "right")
+
+    def get_keys_to_action(self):
+        return {(276,): 0, (274,): 1, (275,): 2}
+
+
+@pytest.mark.parametrize("toggle", [False, True])
+def test_without_an_idle_action_the_first_key_begins(toggle: bool) -> None:
+    """CartPole at full speed was over in 0.2 s, untouched."""
+    person = Person(Falling()).do("toggle", toggle)
+    person.tap("enter").until("playing").wait(30.0)
+    assert (person.view.state, person.view.step, person.view.awaits_key) == ("playing", 0, True)
+    person.press("right").wait(0.35)
+    assert not person.view.awaits_key
+    person.do("end")
+    assert set(person.session.episodes[0].actions) == {2}
+
+
+def test_a_quick_task_is_offered_slowly_first() -> None:
+    quick = Corridor()
+    quick.metadata = {**quick.metadata, "render_fps": 50}
+    view = Person(quick).view
+    assert (view.speed, view.is_slowed) == (0.25, True)
+    assert Person(quick, fps=50.0).view.speed == 1.0  # a pace that somebody chose
+    assert Person().view.speed == 1.0
+
+
+def test_the_view_says_how_much_of_the_interval_is_over() -> None:
+    person = Person(fps=1.0)
+    person.tap("enter").until("playing").wait(0.5).tap("p")
+    person.tap("p").until("playing")
+    assert person.view.beat == pytest.approx(0.5, abs=2 * TICK)
+    person.wait(0.6)
+    assert (person.view.step, person.view.beat) == (1, 0.0)
 
 
 @pytest.mark.parametrize("speed", SPEEDS)
@@ -331,6 +393,43 @@ def test_control_keys_give_way_to_action_keys() -> None:
     assert not set(controls.values()) & {"left", "right"}
 
 
+@pytest.mark.parametrize("arrows", [None, "a=left,d=right,none=stay"])
+def test_no_arrow_key_ends_or_changes_an_episode(arrows) -> None:
+    """Left redid the episode and Right ended it: a reflex was enough."""
+    env = Corridor()
+    keys = None if arrows is None else parse_keys(arrows, describe(env))
+    controls = Session(GuardedEnv(env), keys=keys).tick(0.0).view.controls
+    harmful = {controls[name] for name in ("end", "redo", "discard", "finish")}
+    assert not harmful & {"left", "right", "up", "down"}
+
+
+def test_the_task_is_told_in_the_environment_s_own_words() -> None:
+    env = Corridor()
+    env.task_description = "Walk to the  end."
+    assert Person(env).view.task == "Walk to the end."
+    assert Person().view.task == ""
+    cart = gymnasium.make("CartPole-v1", render_mode="rgb_array")
+    assert task_description(cart).startswith("This environment corresponds to the version of")
+    assert "[" not in task_description(cart)
+    evasion = gymnasium.make("eutree/Evasion2-v0", opponent_speed=2.0)
+    assert "None of the 2 red discs may touch its ring" in task_description(evasion)
+
+
+def test_a_tree_is_wished_for_when_enough_is_recorded() -> None:
+    person = Person(target=1, makes=True).walk()
+    assert person.session.wishes.take() == ""
+    person.tap("enter")
+    assert (person.view.state, person.session.wishes.take()) == ("review", "make")
+    assert person.tap("enter").session.wishes.take() == ""  # once, and Enter does not end it
+    person.do("practise")
+    assert person.session.wishes.take() == "practise"
+    assert person.tap("escape").view.state == "finished"
+
+
+def test_without_an_episode_there_is_no_tree_to_wish_for() -> None:
+    assert Person(makes=True).do("make").session.wishes.take() == ""
+
+
 def test_keys_can_be_chosen_before_the_start() -> None:
     person = Person().do("bind", 2.0, "l").do("bind", 0.0, "no such key")
     assert person.view.actions[2].keys == ["l"]
@@ -467,7 +566,7 @@ def test_a_busy_machine_shows_thirty_pictures_a_second() -> None:
     """In Evasion, which moves between its decisions."""
     env = gymnasium.make("eutree/Evasion2-v0", render_mode="rgb_array")
     person = Late(env)
-    person.tap("enter").until("playing")
+    person.tap("enter").until("playing").wait(1.1)  # nothing moves before the first decision
     before = len(person.frames)
     person.play(10.0)
     assert len(person.frames) - before >= 290

@@ -131,7 +131,9 @@ def _record_person(
     if not window:
         os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # pictures are drawn without a display
     viewer = "window" if window else "browser"
-    settings = SessionSettings(target=episodes, seed=seed, fps=fps, hud=hud, viewer=viewer)
+    settings = SessionSettings(
+        target=episodes, seed=seed, fps=fps, hud=hud, viewer=viewer, makes=not window
+    )
     recorder = Recorder(make(spec, render_mode="rgb_array"), out, keys=keys, settings=settings)
     if recorder.recovered:
         numbers = ", ".join(map(str, recorder.recovered))
@@ -139,7 +141,7 @@ def _record_person(
     if window:
         record_in_window(recorder)
     else:
-        _record_in_browser(output, recorder, out, host=host, port=port)
+        _record_in_browser(output, recorder, spec, out, host=host, port=port)
     kept = [episode for episode in recorder.session.episodes if episode.kept]
     steps = sum(map(len, kept))
     output.result(
@@ -149,10 +151,18 @@ def _record_person(
 
 
 def _record_in_browser(
-    output: Output, recorder: "Recorder", out: Path, *, host: str, port: int | None
+    output: Output,
+    recorder: "Recorder",
+    spec: EnvironmentSpec,
+    out: Path,
+    *,
+    host: str,
+    port: int | None,
 ) -> None:
+    from eutree.cli._tree_making import PageTree
     from eutree.interaction.browser import record_in_browser
     from eutree.interaction.browser.gate import is_loopback
+    from eutree.interaction.making import make
 
     def ready(server: "PageServer") -> None:
         if not is_loopback(host):
@@ -169,5 +179,11 @@ def _record_in_browser(
 
     steps = (f"demos stats {out} --html demos.html", f"fit {out} --out expert.json",
              "show expert.json")  # fmt: skip
-    command = "\n".join(f"eutree {step}" for step in steps)
-    record_in_browser(recorder, host=host, port=port, details={"command": command}, on_ready=ready)
+    record_in_browser(
+        recorder,
+        host=host,
+        port=port,
+        details={"commands": [f"eutree {step}" for step in steps]},
+        maker=PageTree(out, spec, lambda: make(spec), seed=recorder.session.settings.seed),
+        on_ready=ready,
+    )

@@ -132,6 +132,7 @@ class EvasionEnv(gymnasium.Env[Any, Any]):
         self.action_space = spaces.Discrete(2)
         self.feature_names, self.feature_units = features(self.parameters)
         self.action_names = ("stop", "go")
+        self.task_description = describe_task(self.parameters)
         self._state: EvasionState | None = None
         self._before: EvasionState | None = None  # None at the start of an episode
         self._action = STOP
@@ -231,6 +232,18 @@ class EvasionEnv(gymnasium.Env[Any, Any]):
     def get_keys_to_action(self) -> dict[tuple[int, ...], int]:
         """Return which keys mean which action: Space or Right is ``go``, none is ``stop``."""
         return {(SPACE,): GO, (RIGHT_ARROW,): GO, (SPACE, RIGHT_ARROW): GO}
+
+
+def describe_task(parameters: EvasionParameters) -> str:
+    """Return the task for a person who sees the picture."""
+    count = parameters.n_opponents
+    discs = "The red disc" if count == 1 else f"None of the {count} red discs"
+    verb = "may not touch" if count == 1 else "may touch"
+    return (
+        f"Bring the blue disc to the green goal. {discs} {verb} its ring: wait before an orange "
+        "line, and go when the crossing behind it stays free. Each decision holds for "
+        f"{parameters.time_step:g} s; after {parameters.trial_limit:g} s the time is over."
+    )
 
 
 def observation_space(parameters: EvasionParameters) -> spaces.Box:

@@ -92,10 +92,8 @@ class AskSession(Session):
     def _obey_start(self, now: float) -> None:
         if self.state == ASKED and self._request is not None:
             extras = {"keys": list(self.keys.keys)}
-            self._trial = Trial(self._request.observations[-1], 0, extras, self._held)
-            self._action, self._toggled, self._turn = self.keys.idle or 0, None, None
-            self.pace.finish()
-            self._count_down(now, 0.0 if self.pace.turn_based else self.settings.countdown)
+            self._trial = Trial(self._request.observations[-1], 0, extras, self._hands.held)
+            self._count_in(now)
         else:
             super()._obey_start(now)
 
@@ -127,7 +125,7 @@ class AskSession(Session):
         if self.said:
             return
         self.said, self.state, self._message = HANDED_BACK, WAITING, ""
-        self._held.clear()
+        self._hands.held.clear()
         self._stretch = None
 
     def _break(self, reason: str) -> None:

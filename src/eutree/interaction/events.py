@@ -162,6 +162,13 @@ class View:
     actions: list[ActionView]
     controls: dict[str, str]
     episodes: list[EpisodeView]
+    coming: int  # the action that the held keys mean, taken at the next decision
+    awaits_key: bool  # the first decision comes with the first action key
+    interval: float  # seconds between two decisions
+    beat: float  # share of the interval that was over when it last began or went on
+    is_slowed: bool  # the task is quick, and is shown slowly
+    task: str
+    makes: bool
     numbers: list[tuple[str, str]] | None
     size: tuple[int, int]
 

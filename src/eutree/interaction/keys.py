@@ -40,8 +40,8 @@ _NO_KEY = "none"
 # The first key of each row that is no action key is the one that counts.
 CONTROL_KEYS = {
     "pause": ("p", "f8"),
-    "end": ("right", "e", "f2"),
-    "redo": ("left", "r", "f3"),
+    "end": ("e", "f2"),  # no arrow key: a reflex must not end an episode
+    "redo": ("r", "f3"),
     "discard": ("delete", "x", "f4"),
     "finish": ("escape", "f10"),
     "slower": ("-", "f6"),
@@ -113,6 +113,10 @@ class KeyMap:
                 found[command] = free[0]
                 taken.add(free[0])
         return found
+
+    def command(self, key: str) -> str | None:
+        """Return the control command of a key, or None."""
+        return next((name for name, own in self.controls().items() if own == key), None)
 
 
 def check_key(name: str) -> str:

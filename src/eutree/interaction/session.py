@@ -7,6 +7,8 @@ and a test drive the same engine.
 What is stored is what the person saw:
 
 * The picture of step t is given out before the action of step t is read.
+* The first action is read one interval after the countdown, so that whoever reacts to what they
+  see has the time to; without an idle action it is read when the first action key goes down.
 * With each step go the time, the last picture that the viewer reported as drawn, the keys held,
   and when and over which picture they last changed. A late reaction stays in the data as it was.
 * An episode that the person ends is ``"stopped"``, neither terminated nor truncated.
@@ -42,13 +44,21 @@ from eutree.interaction.events import (
     View,
 )
 from eutree.interaction.guard import GuardedEnv
+from eutree.interaction.hands import Hands
 from eutree.interaction.keys import START_KEYS, KeyMap, keys_of_environment
-from eutree.interaction.pace import SPEEDS, Pace
+from eutree.interaction.pace import QUICK, SPEEDS, Pace
 from eutree.interaction.pictures import Pictures
 from eutree.interaction.seeding import episode_seed
 from eutree.interaction.settings import SessionSettings, frames_per_second
+from eutree.interaction.tree_making import Wishes
 from eutree.interaction.trial import Answer, Trial
-from eutree.interaction.views import action_views, episode_views, sensed
+from eutree.interaction.views import (
+    episode_views,
+    hands_fields,
+    pace_fields,
+    sensed,
+    task_description,
+)
 
 PERSON_STREAM = 6
 OPENING, COUNTDOWN, PLAYING = "opening", "countdown", "playing"
@@ -72,7 +82,7 @@ class Session:
 
     COMMANDS: ClassVar[tuple[str, ...]] = (
         "start", "pause", "end", "redo", "discard", "finish", "slower", "faster", "wait", "mode",
-        "speed", "toggle", "turn_based", "keep", "drop", "bind",
+        "speed", "toggle", "turn_based", "keep", "drop", "bind", "make", "practise",
     )  # fmt: skip
 
     def __init__(
@@ -91,25 +101,31 @@ class Session:
             )
         self.settings = settings or SessionSettings()
         self.env = env
-        self.keys = keys or keys_of_environment(env.env, env.schema)
+        self._hands = Hands(keys or keys_of_environment(env.env, env.schema))
         self.state = OPENING
         self.pace = Pace(self.settings.fps or frames_per_second(env))
+        if self.settings.fps is None and self.pace.fps > QUICK:
+            self.pace.speed = SPEEDS[0]
+        self._task = task_description(env.env)
         self.episodes = [episode for _, episode in recorded]
         self._numbers = [number for number, _ in recorded]
         self._trial: Trial | None = None
         self._start = self.settings.first  # number of the present start
         self._free_start = free_start
         self._last: int | None = None  # place of this session's last episode in the list
-        self._held: dict[str, None] = {}  # in the order in which the keys went down
-        self._action = self.keys.idle or 0
-        self._toggled: int | None = None
-        self._turn: list[str] | None = None  # the keys of a turn that waits to be taken
-        self._toggle = False
         self._message = ""
         self._countdown_end = self._review_began = 0.0
         self._pictures = Pictures(env)
+        self._fresh = False  # the countdown is that of an episode's first decision
+        self._awaits_key = False  # the first decision comes with the first action key
+        self.wishes = Wishes(self.settings.makes)
         self._outputs: list[Output] = []
         self.fault: EnvironmentFault | None = None  # what the environment did wrong
+
+    @property
+    def keys(self) -> KeyMap:
+        """What the keys mean."""
+        return self._hands.keys
 
     @property
     def is_over(self) -> bool:
@@ -120,11 +136,6 @@ class Session:
     def n_kept(self) -> int:
         """Number of kept episodes."""
         return sum(episode.kept for episode in self.episodes)
-
-    @property
-    def message(self) -> str:
-        """The last thing said to the person, for example why the session failed."""
-        return self._message
 
     def tick(self, now: float, events: Iterable[Event] = ()) -> Tick:
         """Take in what happened until ``now``; return what to show and to store."""
@@ -148,6 +159,8 @@ class Session:
             left = self._countdown_end - now
             return now + (left % 1.0 or min(left, 1.0)) if left > 0.0 else now
         if self.state != PLAYING:
+            return now + 1.0
+        if self._awaits_key and self._pictures.is_complete:
             return now + 1.0
         if self.pace.shown(now) < 1.0:
             return self._pictures.due()
@@ -176,31 +189,24 @@ class Session:
             self._obey(event, now)
 
     def _key_down(self, event: KeyDown, now: float) -> None:
-        if event.key in self._held:
+        if event.key in self._hands.held:
             return
-        self._held[event.key] = None
+        self._hands.held[event.key] = None
         self._edge(event.key, now, event.frame, down=True)
         if self.state in (COUNTDOWN, PLAYING) and event.key in self.keys.keys:
-            self._press(event.key)
+            self._hands.press(event.key)
+            if self.pace.turn_based and self._waits():
+                self._hands.turn = list(self._hands.held)
             return
-        command = {key: name for name, key in self.keys.controls().items()}.get(event.key)
+        command = self.keys.command(event.key)
         if self.state not in (COUNTDOWN, PLAYING) and event.key in START_KEYS:
             command = "start"
         if command is not None:
             self._obey(Command(command), now)
 
-    def _press(self, key: str) -> None:
-        """Take note of an action key, for the modes in which holding it is not what counts."""
-        action = self.keys.action([key], self._action)
-        if self._toggle:
-            same = self._toggled == action
-            self._toggled = None if same else action
-        if self.pace.turn_based and self._waits():
-            self._turn = list(self._held)
-
     def _key_up(self, event: KeyUp, now: float) -> None:
-        if event.key in self._held:
-            del self._held[event.key]
+        if event.key in self._hands.held:
+            del self._hands.held[event.key]
             self._edge(event.key, now, event.frame, down=False)
 
     def _edge(self, key: str, now: float, frame: int, *, down: bool) -> None:
@@ -210,10 +216,9 @@ class Session:
             self._trial.edge(key, now, seen, down=down)
 
     def _leave(self, reason: str, now: float) -> None:
-        for key in list(self._held):
+        for key in list(self._hands.held):
             self._edge(key, now, self._pictures.drawn, down=False)
-        self._held.clear()
-        self._toggled = None
+        self._hands.release()
         if self.state in (COUNTDOWN, PLAYING) and self._trial is not None:
             if not self._trial.is_over:
                 self._pause(now)
@@ -225,12 +230,13 @@ class Session:
         name, value = command.name, command.value
         if name == "start":
             self._obey_start(now)
+        elif name in ("make", "practise"):
+            if self.n_kept and self.state in (OPENING, REVIEW):
+                self.wishes.express(name)
         elif name in ("end", "redo", "discard", "finish", "pause", "wait", "mode"):
             getattr(self, f"_obey_{name}")(now)
         elif name in ("slower", "faster"):
-            nearest = min(range(len(SPEEDS)), key=lambda i: abs(SPEEDS[i] - self.pace.speed))
-            place = nearest + (1 if name == "faster" else -1)
-            self.pace.set_speed(now, SPEEDS[min(max(place, 0), len(SPEEDS) - 1)])
+            self.pace.shift_speed(now, 1 if name == "faster" else -1)
         elif name == "speed" and isinstance(value, int | float) and value in SPEEDS:
             self.pace.set_speed(now, float(value))
         elif name in ("toggle", "turn_based") and self.state not in (COUNTDOWN, PLAYING):
@@ -244,12 +250,17 @@ class Session:
         if self.state == OPENING or (
             self.state == REVIEW and now >= self._review_began + REVIEW_SECONDS
         ):
-            if self.state == REVIEW and self.n_kept >= self.settings.target:
+            if self._is_enough() and self.wishes.are_offered:
+                self.wishes.express_first()
+            elif self._is_enough() and self.state == REVIEW:
                 self.state = FINISHED
-                return
-            self._begin(now)
+            else:
+                self._begin(now)
         elif self.state == PAUSED:
             self._count_down(now, self.settings.countdown / 3.0)
+
+    def _is_enough(self) -> bool:
+        return self.n_kept >= self.settings.target
 
     def _obey_pause(self, now: float) -> None:
         if self.state == PAUSED:
@@ -261,7 +272,7 @@ class Session:
     def _obey_end(self, now: float) -> None:
         if self.state in (COUNTDOWN, PLAYING, PAUSED):
             self._stop(now, kept=True, comment="")
-        elif self.state == REVIEW:
+        elif self.state == REVIEW or (self.state == OPENING and self._is_enough()):
             self._begin(now)  # also when the target is reached: one more
 
     def _obey_redo(self, now: float) -> None:
@@ -292,27 +303,27 @@ class Session:
 
     def _obey_wait(self, now: float) -> None:
         if self.state == PLAYING and self.pace.turn_based and self._waits():
-            self._turn = []
+            self._hands.turn = []
 
     def _obey_mode(self, now: float) -> None:
         """Go on to the next mode: hold, toggle, turn-based."""
         if self.state not in (COUNTDOWN, PLAYING):
-            toggle, turn_based = self._toggle, self.pace.turn_based
+            toggle, turn_based = self._hands.toggle, self.pace.turn_based
             self._set_mode("toggle", not toggle and not turn_based)
             self._set_mode("turn_based", toggle)
 
     def _set_mode(self, name: str, value: bool) -> None:
         if name == "toggle":
-            self._toggle, self._toggled = value, None
+            self._hands.set_toggle(value)
         else:
             self.pace.turn_based = value
             self.pace.finish()
-            self._turn = None
+            self._hands.turn = None
 
     def _bind(self, action: int, key: str) -> None:
         if 0 <= action < self.env.schema.n_actions:
             try:
-                self.keys = self.keys.with_key(key, action)
+                self._hands.keys = self.keys.with_key(key, action)
             except InvalidArgumentError as error:
                 self._message = str(error)
 
@@ -336,18 +347,31 @@ class Session:
             self._start = max(self._start, self._free_start())
         self._trial = Trial.unused()
         observation = self.env.reset(self._seed())
-        extras = {
-            "keys": list(self.keys.keys),
-            "fps": self.pace.fps,
-            "viewer": self.settings.viewer,
-        }
-        extras["toggle"], extras["turn_based"] = self._toggle, self.pace.turn_based
-        self._trial = Trial(observation, self._seed(), extras, self._held)
+        extras = {**self._hands.facts(), **self.pace.facts(), "viewer": self.settings.viewer}
+        self._trial = Trial(observation, self._seed(), extras, self._hands.held)
         self._outputs.append(self._trial.started())
-        self._action, self._toggled, self._turn = self.keys.idle or 0, None, None
         self._pictures.expect()
+        self._count_in(now)
+
+    def _count_in(self, now: float) -> None:
+        """Count down to the first decision."""
+        self._hands.start()
+        self._fresh, self._awaits_key = True, False
         self.pace.finish()
         self._count_down(now, 0.0 if self.pace.turn_based else self.settings.countdown)
+
+    def _play(self, now: float) -> None:
+        """Begin to play, or go on."""
+        self.state = PLAYING
+        self._pictures.wait_from(now)
+        if self._fresh and not self.pace.turn_based:
+            if self.keys.idle is None:
+                self._awaits_key = True
+            else:
+                self.pace.restart(now)
+        else:
+            self.pace.resume(now)
+        self._fresh = False
 
     def _count_down(self, now: float, seconds: float) -> None:
         self.state, self._message = COUNTDOWN, ""
@@ -356,16 +380,14 @@ class Session:
     def _pause(self, now: float) -> None:
         self.state = PAUSED
         self.pace.stop(now)
-        for key in list(self._held):
+        for key in list(self._hands.held):
             self._edge(key, now, self._pictures.drawn, down=False)
-        self._held.clear()
-        self._turn = None
+        self._hands.held.clear()
+        self._hands.turn = None
 
     def _advance(self, now: float) -> None:
         if self.state == COUNTDOWN and now >= self._countdown_end - _TOLERANCE:
-            self.state = PLAYING
-            self._pictures.wait_from(now)
-            self.pace.resume(now)
+            self._play(now)
         if self.state != PLAYING or self._trial is None:
             return
         if self._pictures.is_unanswered(now) and not self._trial.is_over:
@@ -375,11 +397,14 @@ class Session:
             return
         if self._trial.is_over:
             self.state, self._review_began = REVIEW, now
+        elif self._awaits_key and not self._hands.is_active:
+            return
         elif not self.pace.turn_based:
-            self._step(self._chosen(list(self._held)), now)
-        elif self._turn is not None:
-            held, self._turn = self._turn, None
-            self._step(self._chosen(held), now)
+            self._awaits_key = False
+            self._step(self._chosen(), now)
+        elif self._hands.turn is not None:
+            action, self._hands.turn = self._chosen(), None
+            self._step(action, now)
 
     def _waits(self) -> bool:
         """Return whether a turn may be taken now."""
@@ -388,22 +413,16 @@ class Session:
     def _has_ended(self) -> bool:
         return self._trial is not None and self._trial.is_over
 
-    def _chosen(self, held: list[str]) -> int:
-        if self._toggle and not self.pace.turn_based:
-            idle = self._action if self.keys.idle is None else self.keys.idle
-            return idle if self._toggled is None else self._toggled
-        return self.keys.action(held, self._action)
+    def _chosen(self) -> int:
+        return self._hands.chosen(turn_based=self.pace.turn_based)
 
     def _step(self, action: int, now: float) -> None:
         trial = self._trial
         if trial is None:
             return
-        measured = {
-            "frame": self._pictures.drawn,
-            "picture": self._pictures.given,
-            "speed": self.pace.speed,
-        }
-        self._action = action
+        pictures, speed = self._pictures, self.pace.speed
+        measured = {"frame": pictures.drawn, "picture": pictures.given, "speed": speed}
+        self._hands.action = action
         output = trial.step(action, self._answer(action), now, measured)
         self._outputs.append(output)
         self.pace.begin(now)
@@ -468,15 +487,13 @@ class Session:
             step=trial.n_steps if trial is not None else 0,
             saved=self.n_kept,
             target=self.settings.target,
-            action=self._action,
-            held=list(self._held),
-            speed=self.pace.speed,
-            toggle=self._toggle,
-            turn_based=self.pace.turn_based,
-            keys_chosen=self.keys.chosen,
-            actions=action_views(self.keys, self.env.schema),
-            controls=self.keys.controls(),
             episodes=episode_views(self._numbers, self.episodes),
+            coming=self._chosen() if self.state in (COUNTDOWN, PLAYING) else 0,
+            awaits_key=self.state == PLAYING and self._awaits_key,
+            task=self._task,
+            makes=self.settings.makes,
+            **hands_fields(self._hands, self.env.schema),
+            **pace_fields(self.pace, is_own=self.settings.fps is None),
             numbers=sensed(self.env.schema, trial) if self.settings.hud else None,
             size=self._pictures.size,
         )

@@ -17,6 +17,7 @@ class SessionSettings:
         fps: Decisions per second; None for the environment's ``render_fps``.
         hud: Show the observation's numbers, which the paper's expert does not see.
         countdown: Seconds before an episode; a third of it when it goes on after a pause.
+        makes: Whether a tree can be made of the demonstrations where they are recorded.
         viewer: What the person looks at, for the episode's extras.
     """
 
@@ -26,6 +27,7 @@ class SessionSettings:
     fps: float | None = None
     hud: bool = False
     countdown: float = 3.0
+    makes: bool = False
     viewer: str = ""
 
     def __post_init__(self) -> None:

@@ -1,10 +1,17 @@
 """The parts of a session's view: actions with their keys, lines of the list, the sensed numbers."""
 
+import inspect
+import re
 from collections.abc import Iterable
+from typing import Any
+
+import gymnasium
 
 from eutree.data import Episode
 from eutree.interaction.events import ActionView, EpisodeView
+from eutree.interaction.hands import Hands
 from eutree.interaction.keys import KeyMap
+from eutree.interaction.pace import QUICK, Pace
 from eutree.interaction.trial import Trial
 from eutree.schema import Schema
 
@@ -15,6 +22,29 @@ def action_views(keys: KeyMap, schema: Schema) -> list[ActionView]:
         ActionView(name, keys.keys_of(action), action == keys.idle)
         for action, name in enumerate(schema.actions)
     ]
+
+
+def hands_fields(hands: Hands, schema: Schema) -> dict[str, Any]:
+    """Return the view's fields on keys and what is done with them."""
+    return {
+        "action": hands.action,
+        "held": list(hands.held),
+        "toggle": hands.toggle,
+        "keys_chosen": hands.keys.chosen,
+        "actions": action_views(hands.keys, schema),
+        "controls": hands.keys.controls(),
+    }
+
+
+def pace_fields(pace: Pace, *, is_own: bool) -> dict[str, Any]:
+    """Return the view's fields on the pace; ``is_own`` if it is the environment's."""
+    return {
+        "speed": pace.speed,
+        "turn_based": pace.turn_based,
+        "interval": pace.interval,
+        "beat": pace.beat,
+        "is_slowed": is_own and pace.fps > QUICK and pace.speed < 1.0,
+    }
 
 
 def episode_views(numbers: Iterable[int], episodes: Iterable[Episode]) -> list[EpisodeView]:
@@ -41,3 +71,27 @@ def sensed(schema: Schema, trial: Trial | None) -> list[tuple[str, str]]:
         (feature.name, f"{value:.3g} {feature.unit}".strip())
         for feature, value in zip(schema.features, trial.observation, strict=True)
     ]
+
+
+_SECTION = re.compile(r"^#+ *Description\s*\n(.*?)(?=^#|\Z)", re.DOTALL | re.MULTILINE)
+_LINK = re.compile(r"\[([^\]]*)\](\([^)]*\))?")
+_LONGEST_TASK = 420
+
+
+def task_description(env: gymnasium.Env[Any, Any]) -> str:
+    """Return the task in the environment's own words, or an empty string.
+
+    These are its ``task_description``; else the first paragraph under *Description* in its
+    docstring, without markup, cut off after a whole sentence.
+    """
+    own = getattr(env.unwrapped, "task_description", None)
+    if isinstance(own, str):
+        return " ".join(own.split())
+    found = _SECTION.search(inspect.cleandoc(type(env.unwrapped).__doc__ or ""))
+    if found is None:
+        return ""
+    paragraph = found[1].strip().split("\n\n")[0]
+    text = " ".join(_LINK.sub(r"\1", paragraph).replace("`", "").replace("*", "").split())
+    if len(text) > _LONGEST_TASK:
+        text = text[:_LONGEST_TASK].rpartition(". ")[0] + "."
+    return text

@@ -152,6 +152,7 @@ async function draw() {
     if (canvas.width !== bitmap.width || canvas.height !== bitmap.height) {
       canvas.width = bitmap.width;
       canvas.height = bitmap.height;
+      body.style.setProperty("--aspect", bitmap.width / bitmap.height);
     }
     canvas.getContext("2d").drawImage(bitmap, 0, 0);
     bitmap.close();
@@ -172,9 +173,10 @@ async function draw() {
 function acts() { return body.dataset.role === "acting"; }
 function runs() { return view.state === "playing" || view.state === "countdown"; }
 function actionKeys() { return (view.actions || []).flatMap((a) => a.keys.flatMap((k) => k.split("+"))); }
+function goesOn() { return ["opening", "paused", "review", "asked"].includes(view.state); }
 function used(key) {
   return actionKeys().includes(key) || Object.values(view.controls || {}).includes(key)
-    || (!runs() && view.state !== "waiting" && (key === "enter" || key === "space"));
+    || (goesOn() && (key === "enter" || key === "space"));
 }
 
 /* The name of a key as it is typed; where that means nothing here (Shift was pressed meanwhile, or
@@ -225,7 +227,7 @@ addEventListener("keydown", (event) => {
   }
   const key = nameOf(event);
   if (!acts() || !used(key)) return;
-  const native = event.target.closest("button, select");
+  const native = event.target.closest("button, select, summary");
   if (native && (key === "enter" || key === "space" || native.tagName === "SELECT")
       && !(runs() && actionKeys().includes(key))) return;
   event.preventDefault();
@@ -247,6 +249,7 @@ function pad(action, key, text) {
   button.dataset.action = action;
   button.dataset.key = key;
   button.append(text, kbd(key));
+  button.setAttribute("aria-label", text || "one step without a key");
   const let_go = () => { for (const [k, source] of down) if (source === button) release(k); };
   button.addEventListener("pointerdown", (event) => {
     event.preventDefault();
@@ -265,6 +268,7 @@ function banner(text) {
   $("banner-text").textContent = text || "";
 }
 
+/* A key's cap: to be seen; a button's name for screen readers is its words alone. */
 function kbd(key) {
   const element = document.createElement("kbd");
   element.textContent = key.split("+").map((k) => GLYPHS[k] || k.toUpperCase()).join(" + ") || "+";
@@ -309,13 +313,20 @@ function show() {
   $("fill").style.width = `${Math.min(100, 100 * view.saved / view.target)}%`;
   document.title = view.asks ? `${STRETCH.includes(view.state) ? "Please show – " : ""}eutree learner`
     : `${view.saved} of ${view.target} – eutree recorder`;
-  rebuild("keys", [view.actions, view.controls, view.state === "opening", binding, view.turn_based], showKeys);
+  rebuild("keys", [view.actions, view.state === "opening", binding, view.keys_chosen, view.role], showKeys);
+  rebuild("controls", [view.controls, view.turn_based, view.asks], showControls);
   rebuild("pads", [view.actions, view.turn_based, view.controls], showPads);
-  rebuild("buttons", [view.state, watching, view.saved >= view.target, view.controls, lastKept()], showButtons);
+  rebuild("buttons", [view.state, watching, view.saved >= view.target, view.saved > 0, view.controls,
+    lastKept(), view.makes, phase()], showButtons);
+  rebuild("practise", [view.state, watching, phase(), view.tree?.worse], showPractise);
   rebuild("episodes", [view.episodes, watching, isOver()], showEpisodes);
   rebuild("numbers", view.numbers, showNumbers);
+  rebuild("tree", view.tree || null, showTree);
+  rebuild("commands", commandsNow(), showCommands);
   showPace(watching);
-  showVeil();
+  showCard();
+  showPill();
+  showBeat();
   lightPads();
   if (before !== view.state) {
     if (runs() && !body.contains(document.activeElement?.closest?.("select"))) $("picture").focus();
@@ -356,16 +367,19 @@ function showKeys() {
     row.append(cell(action.name), keys);
     return row;
   });
-  Object.keys(CONTROLS).forEach((name, place) => {
-    if (!keyFor(name) || (name === "wait" && !view.turn_based)) return;
-    const row = document.createElement("tr");
-    row.className = place ? "control" : "control divide";
-    row.append(cell(view.asks && name === "finish" ? "hand back" : CONTROLS[name]), cell(kbd(keyFor(name))));
-    rows.push(row);
-  });
   words($("keys"), ...rows);
-  $("keys-note").textContent = view.keys_chosen || view.state !== "opening" ? ""
-    : "These keys are a suggestion; change them before you start.";
+  const suggested = !view.keys_chosen && view.state === "opening";
+  $("keys-note").hidden = !suggested;
+  $("keys-note").textContent = "These keys are a suggestion; change them before you start.";
+}
+
+function showControls() {
+  const rows = Object.keys(CONTROLS).filter((name) => keyFor(name) && (name !== "wait" || view.turn_based));
+  words($("controls"), ...rows.map((name) => {
+    const row = document.createElement("tr");
+    row.append(cell(view.asks && name === "finish" ? "hand back" : CONTROLS[name]), cell(kbd(keyFor(name))));
+    return row;
+  }));
 }
 
 function showPads() {
@@ -391,30 +405,54 @@ function lightPads() {
   }
 }
 
-function showButtons() {
+function phase() { return view.tree ? view.tree.phase : ""; }
+function works() { return ["fitting", "playing", "practising"].includes(phase()); }
+
+function recordingButtons() {
   const enough = view.saved >= view.target;
-  const list = view.asks ? {
+  const more = ["end", "One more"], same = ["redo", "Same start again"], drop = ["discard", "Discard"];
+  const make = ["make", view.tree ? "Make it again" : "Make my tree", enough && !view.tree ? "enter" : ""];
+  const trees = !view.makes || !view.saved || works() ? [] : [make];
+  if (view.state === "opening") {
+    return enough && view.makes ? [...trees, more, ["finish", "Leave"]]
+      : [["start", "Start", "enter"], ...trees, ["finish", "Leave"]];
+  }
+  if (view.state === "review") {
+    const done = ["finish", "Finish"];
+    if (!enough) return [["start", "Next episode", "enter"], same, drop, ...trees, ["finish", "Finish for now"]];
+    if (!view.makes) return [["finish", "Finish", "enter"], more, same, drop];
+    return phase() === "ready" ? [done, more, same, drop, ...trees] : [...trees, more, same, drop, done];
+  }
+  return {
+    countdown: [["pause", "Pause"], drop],
+    playing: [["pause", "Pause"], ["end", "End here"], same, drop],
+    paused: [["start", "Go on", "enter"], ["end", "End here"], same, drop],
+  }[view.state] || [];
+}
+
+function askingButtons() {
+  return {
     asked: [["start", "Show it", "enter"], ["finish", "Not now"]],
     countdown: [["pause", "Pause"], ["finish", "Hand back"]],
     playing: [["pause", "Pause"], ["finish", "Hand back"]],
     paused: [["start", "Go on", "enter"], ["finish", "Hand back"]],
-  }[view.state] || [] : {
-    opening: [["start", "Start", "enter"], ["finish", "Leave"]],
-    countdown: [["pause", "Pause"], ["discard", "Discard"]],
-    playing: [["pause", "Pause"], ["end", "End here"], ["redo", "Same start again"], ["discard", "Discard"]],
-    paused: [["start", "Go on", "enter"], ["end", "End here"], ["redo", "Same start again"], ["discard", "Discard"]],
-    review: enough
-      ? [["finish", "Finish", "enter"], ["end", "One more"], ["redo", "Same start again"], ["discard", "Discard"]]
-      : [["start", "Next episode", "enter"], ["redo", "Same start again"], ["discard", "Discard"], ["finish", "Finish for now"]],
   }[view.state] || [];
+}
+
+function showButtons() {
+  const list = view.asks ? askingButtons() : recordingButtons();
   const buttons = list.map(([name, text, key], place) => {
     const button = document.createElement("button");
     button.type = "button";
     button.dataset.command = name;
-    if (place === 0 && !runs()) button.className = "first";
+    if (place === 0 && !runs() && !works()) button.className = "first";
     button.append(text);
-    const shown = key || keyFor(name);
-    if (shown) button.append(kbd(shown));
+    button.setAttribute("aria-label", text);
+    const shown = key || (["make", "practise"].includes(name) ? "" : keyFor(name));
+    if (shown) {
+      button.append(kbd(shown));
+      button.setAttribute("aria-keyshortcuts", shown);
+    }
     button.disabled = !acts() || (name === "discard" && view.state === "review" && lastKept() !== true);
     button.addEventListener("click", () => {
       if (view.state === "review" && performance.now() < deaf) return;
@@ -431,14 +469,30 @@ function mark(episode) {
   return "";
 }
 
+const MARKS = { [GOOD]: "✓", [BAD]: "✕" };
+
+function showPractise() {
+  const offered = phase() === "ready" && view.tree.worse && ["opening", "review"].includes(view.state);
+  const button = document.createElement("button");
+  button.type = "button";
+  button.className = "first";
+  button.dataset.command = "practise";
+  button.textContent = "Let it practise";
+  button.disabled = !acts();
+  button.addEventListener("click", () => act("practise"));
+  words($("tree-buttons"), ...(offered ? [button] : []));
+}
+
 function showEpisodes() {
   const rows = view.episodes.map((episode, index) => {
     const row = document.createElement("tr");
     row.className = episode.kept ? "" : "dropped";
     row.dataset.number = episode.number;
-    const dot = document.createElement("span");
-    dot.className = `dot ${mark(episode)}`;
-    const result = cell(dot);
+    const sign = document.createElement("span");
+    sign.className = `mark ${mark(episode)}`;
+    sign.setAttribute("aria-hidden", "true");
+    sign.textContent = MARKS[mark(episode)] || "–";
+    const result = cell(sign);
     result.append(episode.kept || !["redone", "discarded"].includes(episode.comment)
       ? episode.result : `${episode.result}, ${episode.comment}`);
     const use = document.createElement("button");
@@ -447,17 +501,22 @@ function showEpisodes() {
     use.setAttribute("aria-label", `${use.textContent} episode ${episode.number}`);
     use.disabled = !acts() || isOver();
     use.addEventListener("click", () => act(episode.kept ? "drop" : "keep", index));
+    const total = episode.total === null ? "" : String(Math.round(episode.total * 100) / 100);
     row.append(cell(String(episode.number)), result, cell(String(episode.length), "right"),
-      cell(String(Math.round(episode.total * 100) / 100), "right"), cell(use));
+      cell(total, "right"), cell(use));
     return row;
   });
   words($("episodes"), ...rows.reverse());
   $("episodes-table").hidden = rows.length === 0;
   $("none").hidden = rows.length > 0;
-  const early = view.episodes.filter((e) => e.kept && ["stopped", "interrupted"].includes(e.result));
+  const kept = view.episodes.filter((e) => e.kept);
+  const early = kept.filter((e) => ["stopped", "interrupted"].includes(e.result));
   $("early").hidden = early.length === 0;
   $("early").textContent = `${early.length} of them ended early (stopped or interrupted) and count like `
     + "the others. Discard those that you did not mean.";
+  $("failures").hidden = !kept.some((e) => mark(e) === BAD);
+  $("failures").textContent = "✕ failed and kept: most of its decisions were right, and the tree learns from "
+    + "them too. Discard it only if your hand slipped.";
 }
 
 function showNumbers() {
@@ -483,41 +542,196 @@ $("mode").addEventListener("change", (event) => {
 $("take").addEventListener("click", () => send({ type: "take" }));
 $("picture").addEventListener("pointerdown", () => $("picture").focus());
 
-function showVeil() {
+// ---- what to do now, below the picture
+
+function keyNames(action) {
+  return action.keys.map((key) => key.split("+").map((k) => GLYPHS[k] || k.toUpperCase()).join(" + ")).join(" or ");
+}
+
+function keySentence() {
+  const idle = view.actions.find((a) => a.is_idle);
+  const rest = view.turn_based ? "" : idle ? `; no key: ${idle.name}` : "; without a key the last one goes on";
+  const verb = view.turn_based ? "Press" : view.toggle ? "Switch with" : "Hold";
+  const parts = view.actions.filter((a) => a.keys.length).map((a) => `${keyNames(a)}: ${a.name}`);
+  return `${verb} ${parts.join(", ")}${rest}.`;
+}
+
+function askingCard() {
+  const within = `Please answer within ${view.countdown} s; else learning goes on without you.`;
+  return {
+    waiting: ["The learner practises", "It asks you here when it is unsure. Leave this page open."],
+    asked: ["How would you go on?", `${view.message} ${within}`, keySentence()],
+    paused: ["Paused", `${view.message || "All keys are released."} ${within}`],
+    finished: ["Learning has ended", "Thank you. You can close this page."],
+  }[view.state];
+}
+
+function recordingCard() {
   const last = (view.episodes || []).at(-1);
   const enough = view.saved >= view.target;
-  const left = view.target - view.saved;
-  const within = `Please answer within ${view.countdown} s; else learning goes on without you.`;
-  const shown = (view.asks && {
-    waiting: ["", "The learner practises", "It asks you here when it is unsure. Leave this page open."],
-    asked: ["", "How would you go on?", `${view.message} ${within}`],
-    paused: ["", "Paused", `${view.message || "All keys are released."} ${within}`],
-    finished: ["", "Learning has ended", "Thank you. You can close this page."],
-  }[view.state]) || {
-    opening: ["", "Show how it is done", view.saved
-      ? `${view.saved} of ${view.target} are saved; this goes on with the next.`
-      : "Act as you would have the machine act. Failures may stay: they are part of the data."],
-    countdown: [String(view.countdown || ""), "", ""],
-    paused: ["", "Paused", view.message || "All keys are released. Go on when you are ready."],
-    review: ["", last ? sentence(last) : "Nothing was recorded", enough
-      ? `${view.saved} of ${view.target} done.` : `${view.saved} of ${view.target} saved, ${left} to go.`],
-    finished: ["", enough ? `${view.saved} of ${view.target} done` : `${view.saved} of ${view.target} saved`,
-      view.saved ? "Everything is stored. You can close this page." : "Nothing was recorded. You can close this page."],
-    failed: ["", "The recording has ended", `${view.message} — what was recorded before is stored.`],
-  }[view.state] || ["", "Connecting …", ""];
-  const [big, title, text] = shown;
-  $("big").textContent = big;
-  $("big").hidden = !big;
-  $("title").textContent = title;
-  $("title").hidden = !title;
-  $("text").textContent = text;
-  $("text").hidden = !text;
-  const command = view.state === "finished" && view.saved ? view.command : "";
-  $("command").textContent = command || "";
-  $("command").hidden = !command;
-  $("veil").hidden = view.state === "playing" || !(big || title || text);
+  const so_far = `${view.saved} of ${view.target} saved`;
+  const begins = view.awaits_key !== undefined && !view.actions.some((a) => a.is_idle);
+  const slow = view.is_slowed ? " It is shown slowly at first, because it is quick; see Pace." : "";
+  return {
+    opening: () => ["Show how it is done", view.task || "Act as you would have the machine act.",
+      `${keySentence()}${slow} ${view.saved ? `${so_far}; this goes on with the next.` : "Failures may stay."}`],
+    countdown: () => ["Get ready", begins ? "The episode begins with your first key."
+      : "Hold the key while it counts: what you hold counts from the first decision on.", keySentence()],
+    playing: () => [view.awaits_key ? "Press a key to begin" : `Episode ${view.saved + 1} of ${view.target}`,
+      keySentence(), ""],
+    paused: () => ["Paused", view.message || "All keys are released. Go on when you are ready.", ""],
+    review: () => [last ? sentence(last) : "Nothing was recorded", enough ? `${view.saved} of ${view.target} done.`
+      : `${so_far}, ${view.target - view.saved} to go.`,
+    last && last.kept && mark(last) === BAD ? "It counts: failures may stay. Discard it if your hand slipped." : ""],
+    finished: () => [enough ? `${view.saved} of ${view.target} done` : so_far,
+      view.saved ? "Everything is stored. You can close this page." : "Nothing was recorded. You can close this page.", ""],
+    failed: () => ["The recording has ended", `${view.message} — what was recorded before is stored.`, ""],
+  }[view.state]?.() || ["Connecting …", "", ""];
+}
+
+function showCard() {
+  const last = (view.episodes || []).at(-1);
+  const [title, text, how] = (view.asks && askingCard()) || recordingCard();
+  const counting = view.state === "countdown" && view.countdown;
+  $("big").hidden = !counting;
+  if (counting) $("big").textContent = String(view.countdown);
+  for (const [id, words] of [["title", title], ["text", text], ["how", how || ""]]) {
+    if ($(id).textContent !== words) $(id).textContent = words;
+    $(id).hidden = !words;
+  }
   body.dataset.result = view.state === "review" && last ? mark(last)
-    : view.state === "finished" && enough ? GOOD : view.state === "failed" ? BAD : "";
+    : view.state === "finished" && view.saved >= view.target ? GOOD : view.state === "failed" ? BAD : "";
+}
+
+function showPill() {
+  const action = (view.actions || [])[view.action];
+  $("pill").hidden = !runs() || !action;
+  if ($("pill").hidden) return;
+  const coming = view.actions[view.coming];
+  $("acting").textContent = view.step || view.state === "playing" ? action.name : coming.name;
+  $("coming").hidden = coming === action || view.state !== "playing" || view.awaits_key;
+  $("coming").textContent = coming.name;
+  $("pill").classList.toggle("on", !coming.is_idle && !view.awaits_key);
+}
+
+/* The thin line: full when the next decision falls, so that a key never seems dead. */
+const SHORTEST_BEAT = 0.15; // seconds; below that a line would only flicker
+let beat = null;
+
+function showBeat() {
+  const plays = view.state === "playing" && !view.awaits_key && !view.turn_based && view.interval >= SHORTEST_BEAT;
+  rebuild("beat", [plays, view.step, view.beat, view.interval], () => {
+    beat?.cancel();
+    beat = null;
+    if (!plays) return;
+    beat = $("beat-fill").animate([{ transform: `scaleX(${view.beat})` }, { transform: "scaleX(1)" }],
+      { duration: 1000 * view.interval * (1 - view.beat), fill: "forwards" });
+  });
+}
+
+// ---- the tree, and how to go on
+
+const SVG = "http://www.w3.org/2000/svg";
+
+function svg(parent, name, attributes, text = "") {
+  const element = document.createElementNS(SVG, name);
+  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
+  element.textContent = text;
+  parent.append(element);
+  return element;
+}
+
+let scrolledAt = ""; // the phase at which the tree was last brought into view
+
+function showTree() {
+  const tree = view.tree;
+  const was = $("tree-section").hidden;
+  $("tree-section").hidden = !tree;
+  body.dataset.tree = tree ? tree.phase : "";
+  if (!tree) return;
+  $("verdict").textContent = tree.message;
+  $("tree-section").dataset.verdict = tree.phase === "failed" ? BAD : tree.phase === "ready" && !tree.worse ? GOOD : "";
+  $("tree-note").textContent = tree.note;
+  $("tree-note").hidden = !tree.note;
+  $("work").hidden = !works();
+  if (tree.of) { $("work").max = tree.of; $("work").value = tree.finished; } else { $("work").removeAttribute("value"); }
+  $("drawing").hidden = !tree.svg;
+  if (tree.svg) {
+    $("tree").src = `data:image/svg+xml;charset=utf-8,${encodeURIComponent(tree.svg)}`;
+    $("tree").alt = `Drawing of the tree, ${tree.n_leaves} leaves; the same as rules below`;
+  }
+  $("rules-details").hidden = !tree.rules;
+  $("rules").textContent = tree.rules;
+  showCurve(tree);
+  if (was || tree.phase !== scrolledAt) $("tree-section").scrollIntoView({ block: "nearest" });
+  scrolledAt = tree.phase;
+}
+
+/* What the practising tree reaches, by episodes of practice; the dashed line is the person. */
+function showCurve(tree) {
+  $("curve-figure").hidden = tree.curve.length === 0;
+  if (tree.curve.length === 0) return;
+  const values = tree.curve.map(([, value]) => value).concat(tree.yours === null ? [] : [tree.yours]);
+  const low = tree.is_share ? 0 : Math.min(...values), high = tree.is_share ? 1 : Math.max(...values);
+  const last = Math.max(tree.of, tree.curve.at(-1)[0], 1);
+  const x = (episode) => 48 + 580 * episode / last;
+  const y = (value) => 160 - 145 * (high > low ? (value - low) / (high - low) : 0.5);
+  const said = (value) => tree.is_share ? `${Math.round(100 * value)} %` : value.toFixed(1);
+  const chart = document.createElementNS(SVG, "svg");
+  chart.setAttribute("viewBox", "0 0 680 190");
+  chart.setAttribute("role", "img");
+  const what = tree.is_share ? "successful episodes" : "mean return";
+  chart.setAttribute("aria-label", `${what} by episodes of practice: `
+    + tree.curve.map(([episode, value]) => `${episode}: ${said(value)}`).join(", "));
+  for (const value of [low, high]) {
+    svg(chart, "line", { class: "axis", x1: 48, x2: 628, y1: y(value), y2: y(value) });
+    svg(chart, "text", { x: 42, y: y(value) + 4, "text-anchor": "end" }, said(value));
+  }
+  if (tree.yours !== null) {
+    svg(chart, "line", { class: "you", x1: 48, x2: 628, y1: y(tree.yours), y2: y(tree.yours) });
+    svg(chart, "text", { x: 634, y: y(tree.yours) + 4 }, "you");
+  }
+  const points = tree.curve.map(([episode, value]) => `${x(episode)},${y(value)}`).join(" ");
+  svg(chart, "polyline", { class: "line", points });
+  for (const [episode, value] of tree.curve) svg(chart, "circle", { cx: x(episode), cy: y(value), r: 3.5 });
+  svg(chart, "text", { x: 48, y: 182 }, "0");
+  svg(chart, "text", { x: 628, y: 182, "text-anchor": "end" }, `${last} episodes of practice`);
+  $("curve-caption").textContent = `What it reaches as it practises (${what})`;
+  words($("curve"), chart);
+}
+
+function commandsNow() {
+  if (phase() === "ready") return view.tree.commands;
+  return view.state === "finished" && view.saved && view.commands ? view.commands : [];
+}
+
+function showCommands() {
+  const lines = commandsNow();
+  $("commands-section").hidden = lines.length === 0;
+  words($("commands"), ...lines.map((line) => {
+    const row = document.createElement("div");
+    row.className = "command";
+    const code = document.createElement("code");
+    code.textContent = line;
+    const copy = document.createElement("button");
+    copy.type = "button";
+    copy.textContent = "Copy";
+    copy.setAttribute("aria-label", `Copy: ${line}`);
+    copy.addEventListener("click", () => copyText(code, line, copy));
+    row.append(code, copy);
+    return row;
+  }));
+}
+
+async function copyText(code, text, button) {
+  try {
+    await navigator.clipboard.writeText(text);
+  } catch { // no permission, or no secure context: select it, so that Ctrl-C copies it
+    getSelection().selectAllChildren(code);
+    document.execCommand("copy");
+  }
+  button.textContent = "Copied";
+  setTimeout(() => { button.textContent = "Copy"; }, 1500);
 }
 
 function sentence(episode) {

@@ -3,13 +3,16 @@
 import asyncio
 import logging
 import socket
+import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Any
 
-from eutree.errors import InvalidArgumentError, MissingExtraError
+import msgspec
+
+from eutree.errors import EutreeError, InvalidArgumentError, MissingExtraError
 from eutree.interaction.browser.gate import PROTOCOL, SOCKET_PATH, Gate, is_loopback, new_token
 from eutree.interaction.browser.pages import page, safe_headers
 from eutree.interaction.browser.wire import (
@@ -30,6 +33,7 @@ from eutree.interaction.engine import Engine
 from eutree.interaction.events import Away, Event, Frame, KeyDown, KeyUp, Present, Seen, Tick
 from eutree.interaction.recorder import Recorder
 from eutree.interaction.signals import orderly_end
+from eutree.interaction.tree_making import FAILED, FITTING, TreeMaker, TreeView
 
 if TYPE_CHECKING:
     from websockets.asyncio.server import Server, ServerConnection
@@ -64,7 +68,8 @@ class PageServer:
         recorder: What is recorded, and where.
         host: Address to bind to; anything but loopback can be reached from other machines.
         port: Port; None for 8765 or the next free one, 0 for any.
-        details: Further facts for the page to show, such as the next command.
+        details: Further facts for the page to show, such as the next commands.
+        maker: Makes a tree of what is recorded, when the person wants it.
     """
 
     def __init__(
@@ -74,6 +79,7 @@ class PageServer:
         host: str = "127.0.0.1",
         port: int | None = None,
         details: dict[str, Any] | None = None,
+        maker: TreeMaker | None = None,
     ) -> None:
         self.recorder = recorder
         self.token = new_token()
@@ -81,7 +87,10 @@ class PageServer:
         self.port = PORT if port is None else port
         self._wish = port
         self._gate = Gate(self.token, host)
-        self._details = details or {}
+        self._details = dict(details or {})
+        self._maker = maker
+        self._work: threading.Thread | None = None
+        self._is_closing = False
         self._viewers: list[Viewer] = []
         self._driver: Viewer | None = None
         self._events: list[Event] = []
@@ -116,6 +125,7 @@ class PageServer:
             await self._play()
             await self._say_goodbye()
         finally:
+            self._is_closing = True
             server.close()
             with suppress(TimeoutError):
                 await asyncio.wait_for(server.wait_closed(), 2.0)
@@ -283,6 +293,7 @@ class PageServer:
             events, self._events = self._events, []
             self._woken.clear()
             self._publish(self.recorder.tick(now, events))
+            self._begin_work(session.wishes.take())
             elapsed = time.monotonic() - began
             wait = min(max(session.due(elapsed) - elapsed, 0.0), IDLE_SECONDS)
             with suppress(TimeoutError):
@@ -297,6 +308,36 @@ class PageServer:
             viewer.show(self._fields)
             if tick.frame is not None and self._picture is not None:
                 viewer.picture(*self._picture)
+
+    # ---- the tree
+
+    def _begin_work(self, wish: str) -> None:
+        """Let the tree be made, or practise, in a thread; one at a time."""
+        if not wish or self._maker is None or (self._work is not None and self._work.is_alive()):
+            return
+        work = self._maker.make if wish == "make" else self._maker.practise
+        loop = asyncio.get_running_loop()
+
+        def show(view: TreeView) -> None:
+            with suppress(RuntimeError):  # the loop is closed: nobody looks any more
+                loop.call_soon_threadsafe(self._show_tree, view)
+
+        def run() -> None:
+            try:
+                work(show, lambda: self._is_closing)
+            except EutreeError as error:
+                show(TreeView(phase=FAILED, message=str(error)))
+            except Exception as error:
+                show(TreeView(phase=FAILED, message=f"{type(error).__name__}: {error}"))
+
+        self._show_tree(TreeView(phase=FITTING, message="Making your tree"))
+        self._work = threading.Thread(target=run, name="eutree tree", daemon=True)
+        self._work.start()
+
+    def _show_tree(self, view: TreeView) -> None:
+        self._details["tree"] = msgspec.to_builtins(view)
+        for viewer in self._viewers:
+            viewer.show({"tree": self._details["tree"]})
 
     def _encoded(self, frame: Frame) -> tuple[int, bytes]:
         return frame.number, encode_picture(frame.number, self._sequence, frame.pixels)
@@ -318,6 +359,7 @@ def record_in_browser(
     host: str = "127.0.0.1",
     port: int | None = None,
     details: dict[str, Any] | None = None,
+    maker: TreeMaker | None = None,
     on_ready: Callable[[PageServer], None] | None = None,
 ) -> None:
     """Let a person record in a browser until the session is over.
@@ -327,6 +369,7 @@ def record_in_browser(
         host: Address to bind to.
         port: Port; None for 8765 or the next free one, 0 for any.
         details: Further facts for the page to show.
+        maker: Makes a tree of what is recorded; ``settings.makes`` of the recorder offers it.
         on_ready: Called once the port is open; ``url`` of its argument is the page's address.
 
     Raises:
@@ -335,7 +378,7 @@ def record_in_browser(
     """
 
     async def serve_page() -> None:
-        server = PageServer(recorder, host=host, port=port, details=details)
+        server = PageServer(recorder, host=host, port=port, details=details, maker=maker)
         await server.run(on_ready)
 
     with orderly_end():

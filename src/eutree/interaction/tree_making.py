@@ -1,0 +1,93 @@
+"""What a page shows of the tree that is made of its demonstrations, and who makes it.
+
+Recording knows nothing of learning: whoever opens the page hands in a ``TreeMaker``.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+FITTING, PLAYING, PRACTISING = "fitting", "playing", "practising"
+READY, FAILED = "ready", "failed"
+
+
+@dataclass(frozen=True, kw_only=True)
+class TreeView:
+    """How far a tree is, in JSON's types.
+
+    Attributes:
+        phase: ``"fitting"``, ``"playing"``, ``"practising"``, ``"ready"`` or ``"failed"``.
+        message: What is going on, or the verdict: ``"you 13 of 15; this tree 96 of 100"``.
+        note: What follows from it; may be empty.
+        finished: Episodes played or practised so far.
+        of: How many there will be; 0 where that is not known.
+        worse: Whether the tree falls short of the person, so that practice is offered.
+        n_leaves: Leaves of the tree; 0 before there is one.
+        svg: Drawing of the tree; empty before there is one.
+        rules: The tree as nested rules.
+        curve: Episodes of practice, and what the tree reached after them.
+        yours: What the person reached, on the curve's scale; None if unknown.
+        is_share: Whether curve and ``yours`` are shares of successful episodes, else mean returns.
+        commands: What to type next in a shell, one a line.
+    """
+
+    phase: str
+    message: str = ""
+    note: str = ""
+    finished: int = 0
+    of: int = 0
+    worse: bool = False
+    n_leaves: int = 0
+    svg: str = ""
+    rules: str = ""
+    curve: tuple[tuple[int, float], ...] = ()
+    yours: float | None = None
+    is_share: bool = True
+    commands: tuple[str, ...] = ()
+
+
+Show = Callable[[TreeView], None]
+
+
+class TreeMaker(Protocol):
+    """Makes a tree of what was recorded, in a thread beside the page.
+
+    Both methods call ``show`` as they go on, with ``"ready"`` last. ``stop`` becomes true when the
+    page is closed for good; what is unfinished then is given up.
+    """
+
+    def make(self, show: Show, stop: Callable[[], bool]) -> None:
+        """Fit a tree to the demonstrations recorded so far, and let it play."""
+        ...
+
+    def practise(self, show: Show, stop: Callable[[], bool]) -> None:
+        """Let the tree learn for a while, and keep the better one."""
+        ...
+
+
+class Wishes:
+    """What the person wants done with the demonstrations, until somebody takes it up.
+
+    Args:
+        are_offered: Whether there is a ``TreeMaker``.
+    """
+
+    def __init__(self, are_offered: bool) -> None:
+        self.are_offered = are_offered
+        self._wish = ""
+        self._was_made = False
+
+    def express(self, name: str) -> None:
+        """Wish for ``"make"`` or ``"practise"``."""
+        if self.are_offered:
+            self._wish, self._was_made = name, True
+
+    def express_first(self) -> None:
+        """Wish for a tree unless one has been wished for."""
+        if not self._was_made:
+            self.express("make")
+
+    def take(self) -> str:
+        """Return the wish, once; empty if there is none."""
+        wish, self._wish = self._wish, ""
+        return wish
