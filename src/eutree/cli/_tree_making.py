@@ -107,7 +107,7 @@ class PageTree:
         """Fit a tree to the demonstrations recorded so far, and let it play."""
         from eutree.data import Demonstrations
         from eutree.interaction.tree_making import FITTING, TreeView
-        from eutree.learning.expert_tree import fit_expert_tree
+        from eutree.learners.expert_tree import fit_expert_tree
 
         show(TreeView(phase=FITTING, message="Fitting a tree to what you showed"))
         demonstrations = Demonstrations.load(self._folder)
