@@ -209,6 +209,8 @@ def test_evasion_moves_at_thirty_pictures_a_second(tmp_path) -> None:
     env = gymnasium.make("eutree/Evasion2-v0", render_mode="rgb_array")
     person = Person(tmp_path / "demos", env)
     person.tap(pygame.K_RETURN).until("playing").down(pygame.K_SPACE)
+    while person.view.step == 0:  # nothing moves before the first decision
+        person.look()
     first = person.window._frame
     person.rest(2.0)
     assert person.window._frame - first >= 20  # about 60 on a quiet machine
