@@ -13,6 +13,7 @@ import numpy as np
 
 import eutree
 from eutree.evaluation import mean_interval
+from eutree.experiments.runs import STARTS
 from eutree.learners.confidence import Confidence
 from eutree.training import Asking
 
@@ -47,8 +48,8 @@ def main() -> None:
                 result = eutree.learn(
                     env,
                     demonstrations=demos,
-                    learner=learner,
-                    preset=preset,
+                    start=STARTS[learner],
+                    method=preset,
                     episodes=AT[-1],
                     seed=seed,
                     evaluation_episodes=200,

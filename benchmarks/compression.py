@@ -78,7 +78,7 @@ def learned(name: str, runs: int, episodes: int, folder: Path) -> Iterator[Learn
                 env,
                 demonstrations=shown,
                 expert=fit_expert_tree(shown),
-                preset="paper",
+                method="paper",
                 episodes=episodes,
                 evaluate_every=episodes,
                 evaluation_episodes=1,

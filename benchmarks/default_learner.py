@@ -23,7 +23,7 @@ import numpy as np
 import eutree
 from eutree.envs.experts import Expert, RulePolicy, careless
 from eutree.evaluation import mean_interval
-from eutree.learners import DEFAULT, PAPER, Settings
+from eutree.learners import DEFAULT, PAPER, Method, PlanningMethod
 
 
 @dataclass(frozen=True)
@@ -34,9 +34,9 @@ class Case:
     expert: Expert = eutree.experts.wait_at_crossing
     demonstrations: int = 15
     episodes: int = 400
-    learner: str | None = None
+    start: str | None = None
     history: int = 0
-    settings: Settings = DEFAULT
+    method: Method = DEFAULT
     shown: dict[str, Any] = field(default_factory=dict)  # of the environment of demonstrations
     learned: dict[str, Any] = field(default_factory=dict)  # of the environment of learning
     every: int = 20
@@ -44,9 +44,9 @@ class Case:
     limit: int = 0  # leaves to which real episodes prune the last tree, if any
 
 
-def imagining(**choices: Any) -> Settings:
-    """Return the default settings with other choices of imagination."""
-    return replace(DEFAULT, imagination=replace(DEFAULT.imagination, **choices))
+def planning(**choices: Any) -> PlanningMethod:
+    """Return the default method with other choices of its planner."""
+    return replace(DEFAULT, planner=replace(DEFAULT.planner, **choices))
 
 
 def always_go(env: Any) -> RulePolicy:
@@ -56,10 +56,10 @@ def always_go(env: Any) -> RulePolicy:
 
 GATE = Case()
 PRUNING_STEPS = 10_000
-IMPROVEMENT = DEFAULT.imagination.improvement
+IMPROVEMENT = DEFAULT.planner.improvement
 CASES = {
     "eu-tree": replace(GATE, limit=15),
-    "eu-tree-dt": replace(GATE, learner="eu-tree-dt"),
+    "eu-tree-dt": replace(GATE, start="tree"),
     "c-u-tree": replace(GATE, demonstrations=0, episodes=1000),
     "three": replace(GATE, env="eutree/Evasion3-v0", episodes=600),
     "speed-4.2": replace(GATE, learned={"opponent_speed": 4.2}),
@@ -70,18 +70,18 @@ CASES = {
     "3-demonstrations": replace(GATE, demonstrations=3, episodes=600),
     "careless": replace(GATE, expert=careless(GATE.expert, 0.2), episodes=600),
     "always-go": replace(GATE, expert=always_go, episodes=600),
-    "15-leaves": replace(GATE, settings=imagining(improvement=replace(IMPROVEMENT, max_leaves=15))),
-    "paper": replace(GATE, settings=PAPER),
-    "without-pessimism": replace(GATE, settings=imagining(pessimism=0.5)),
-    "without-explorer": replace(GATE, settings=imagining(explorer_share=0.0)),
-    "few-imagined": replace(GATE, settings=imagining(n_episodes=200)),
-    "without-price": replace(GATE, settings=imagining(improvement=replace(IMPROVEMENT, price=0.0))),
+    "15-leaves": replace(GATE, method=planning(improvement=replace(IMPROVEMENT, max_leaves=15))),
+    "paper": replace(GATE, method=PAPER),
+    "without-pessimism": replace(GATE, method=planning(pessimism=0.5)),
+    "without-explorer": replace(GATE, method=planning(explorer_share=0.0)),
+    "few-imagined": replace(GATE, method=planning(n_episodes=200)),
+    "without-price": replace(GATE, method=planning(improvement=replace(IMPROVEMENT, price=0.0))),
 }
 
 TRIED = {  # and not taken; measured on seeds from 1000
-    "short-trials": replace(GATE, settings=imagining(min_trial=20, memory=30)),
-    "seldom-planned": replace(GATE, settings=imagining(growth=1.15)),
-    "dear-leaves": replace(GATE, settings=imagining(improvement=replace(IMPROVEMENT, price=0.004))),
+    "short-trials": replace(GATE, method=planning(min_trial=20, memory=30)),
+    "seldom-planned": replace(GATE, method=planning(growth=1.15)),
+    "dear-leaves": replace(GATE, method=planning(improvement=replace(IMPROVEMENT, price=0.004))),
 }
 
 
@@ -95,9 +95,9 @@ def run(case: Case, seed: int) -> dict[str, Any]:
     result = eutree.learn(
         env,
         demonstrations=demonstrations,
-        learner=case.learner,
+        start=case.start,
         history=case.history,
-        settings=case.settings,
+        method=case.method,
         episodes=case.episodes,
         seed=seed,
         evaluate_every=case.every,

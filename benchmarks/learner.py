@@ -28,7 +28,7 @@ from sklearn.tree import DecisionTreeClassifier
 import eutree
 from eutree.data import Demonstrations, Episode
 from eutree.interaction import GuardedEnv, describe, episode_seed
-from eutree.learners import DEFAULT, Settings, UTree, c_u_tree
+from eutree.learners import CORRECTED, DEFAULT, Method, Problem, Start, Step, UTree
 from eutree.mdp import TabularMDP
 from eutree.splitting import KolmogorovSmirnov, Maximal, Naive
 from eutree.splitting._kernels import best_of_sample
@@ -36,14 +36,14 @@ from eutree.splitting._kernels_sorting import sorted_labels
 from eutree.training.run import EXPANSION_STREAM, EXPLORATION_STREAM, TRAINING_STREAM, generator_of
 
 SPLITS = {
-    "maximal": replace(DEFAULT, imagination=None, significance=Maximal()),
-    "naive": replace(DEFAULT, imagination=None, significance=Naive()),
+    "maximal": replace(CORRECTED, significance=Maximal()),
+    "naive": replace(CORRECTED, significance=Naive()),
 }
 MARKS = (10_000, 100_000, 1_000_000)
 CLOCKED = (
-    (UTree, "begin_episode"), (UTree, "act"), (UTree, "observe"), (UTree, "_end_episode"),
-    (UTree, "expand"), (UTree, "_due"), (UTree, "_sample"), (KolmogorovSmirnov, "best"),
-    (Maximal, "p_value"), (Naive, "p_value"), (UTree, "_split"), (UTree, "_grow_tree"),
+    (UTree, "start_episode"), (UTree, "act"), (UTree, "observe"), (UTree, "end_episode"),
+    (UTree, "update"), (UTree, "_due"), (UTree, "_split_of"), (KolmogorovSmirnov, "best"),
+    (Maximal, "p_value"), (Naive, "p_value"), (UTree, "_split"),
     (TabularMDP, "solve"),
 )  # fmt: skip
 PLANNED = 10_000  # steps with planning
@@ -58,30 +58,31 @@ print(usage.ru_utime + usage.ru_stime)
 
 
 def learner_cost(
-    settings: Settings, steps: int, marks: tuple[int, ...], parts: Counter[str] | None = None
+    method: Method, steps: int, marks: tuple[int, ...], parts: Counter[str] | None = None
 ) -> list[tuple[int, float, int, float, Counter[str]]]:
     """Return what learning has cost at each mark.
 
     That is (steps, microseconds a step so far, leaves, bytes a transition, seconds by part).
     """
     env = GuardedEnv(gymnasium.make("eutree/Evasion2-v0", disable_env_checker=True))
-    learner = c_u_tree(env.schema, settings)
+    learner = method.start(Problem(env.schema, env.spec), Start())
     rows, spent, total, episode, left = [], 0.0, 0, 0, [mark for mark in marks if mark <= steps]
     while total < steps:
         seed = episode_seed(0, episode, TRAINING_STREAM)
         actions = []
         start = time.thread_time()
-        learner.begin_episode(env.reset(seed), generator_of(0, EXPLORATION_STREAM, episode))
+        learner.start_episode(env.reset(seed), generator_of(0, EXPLORATION_STREAM, episode))
         ended = False
         while not ended:
             action = learner.act()
             observation, reward, terminated, truncated, _ = env.step(action)
-            learner.observe(action, reward, observation, terminated=terminated, truncated=truncated)
+            learner.observe(Step(action, reward, observation, terminated, truncated))
             actions.append(action)
             ended = terminated or truncated
+        learner.end_episode()
         episode += 1
-        if episode % settings.gathering_episodes == 0:
-            learner.expand(generator_of(0, EXPANSION_STREAM, episode))
+        if episode % method.gathering_episodes == 0:
+            learner.update(generator_of(0, EXPANSION_STREAM, episode))
         spent += time.thread_time() - start
         start = time.thread_time()
         env.reset(seed)
@@ -286,7 +287,7 @@ def print_first_use() -> None:
 def print_offline(name: str, n_transitions: int) -> None:
     recorded = many_episodes(n_transitions)
     start = time.thread_time()
-    result = eutree.learn(None, demonstrations=recorded, learner="c-u-tree", settings=SPLITS[name])
+    result = eutree.learn(None, demonstrations=recorded, start="demos", method=SPLITS[name])
     spent = time.thread_time() - start
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9
     row(

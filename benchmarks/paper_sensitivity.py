@@ -13,7 +13,8 @@ import gymnasium
 
 import eutree
 from eutree.evaluation.intervals import mean_interval
-from eutree.learners import PAPER, Settings
+from eutree.experiments.runs import STARTS
+from eutree.learners import PAPER, UTreeMethod
 from eutree.splitting import KolmogorovSmirnov
 
 FIRST_SEED = 1000
@@ -23,7 +24,7 @@ def pooled(**changes: object) -> KolmogorovSmirnov:
     return replace(PAPER.splitter, **changes)
 
 
-VARIANTS: dict[str, tuple[str, Settings]] = {
+VARIANTS: dict[str, tuple[str, UTreeMethod]] = {
     "preset paper": ("", PAPER),
     "gamma 0.9": ("0.99", replace(PAPER, discount=0.9)),
     "gamma 0.999": ("0.99", replace(PAPER, discount=0.999)),
@@ -50,7 +51,7 @@ VARIANTS: dict[str, tuple[str, Settings]] = {
 TIME_STEPS = (0.5, 2.0)
 
 
-def measure(settings: Settings, learner: str, runs: int, episodes: int, time_step: float) -> str:
+def measure(method: UTreeMethod, learner: str, runs: int, episodes: int, time_step: float) -> str:
     """Return success along the way and at the end, return and leaves at the end."""
     env = gymnasium.make("eutree/Evasion2-v0", time_step=time_step)
     along, success, returns, leaves = [], [], [], []
@@ -59,8 +60,8 @@ def measure(settings: Settings, learner: str, runs: int, episodes: int, time_ste
         result = eutree.learn(
             env,
             demonstrations=demos if learner == "eu-tree" else None,
-            learner=learner,
-            settings=settings,
+            start=STARTS[learner],
+            method=method,
             episodes=episodes,
             seed=seed,
             evaluate_every=20,

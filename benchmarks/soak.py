@@ -1,8 +1,8 @@
 """Learn for very many environment steps; show time per step and memory by decade.
 
-    python -m benchmarks.soak --preset splits --max-transitions 20000 --steps 10000000
+    python -m benchmarks.soak --preset corrected --max-transitions 20000 --steps 10000000
 
-``splits`` is the default preset without planning: leaves are split by tests. A table of processor
+A table of processor
 time per step, memory and leaves at 10^3, 2 * 10^3, 5 * 10^3, 10^4, ... steps.
 Evaluations are left out, so the time is that of gathering, learning and expanding alone.
 """
@@ -17,11 +17,10 @@ from pathlib import Path
 import gymnasium
 
 import eutree
-from eutree.learners import DEFAULT, PRESETS
+from eutree.learners import PRESETS
 from eutree.training import LearningRun
 
 ENVIRONMENT = "eutree/Evasion2-v0"
-SETTINGS = {**PRESETS, "splits": replace(DEFAULT, imagination=None)}
 
 
 def marks() -> Iterator[int]:
@@ -41,13 +40,13 @@ def main() -> None:
     """Run the soak and print a row at each mark."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--steps", type=int, default=100_000)
-    parser.add_argument("--preset", default="paper", choices=SETTINGS)
+    parser.add_argument("--preset", default="paper", choices=PRESETS)
     parser.add_argument("--max-transitions", type=int)
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
     env = gymnasium.make(ENVIRONMENT)
-    settings = replace(SETTINGS[arguments.preset], max_transitions=arguments.max_transitions)
-    short = {"evaluate_every": 10**9, "evaluation_episodes": 1, "settings": settings}
+    method = replace(PRESETS[arguments.preset], max_transitions=arguments.max_transitions)
+    short = {"evaluate_every": 10**9, "evaluation_episodes": 1, "method": method}
     eutree.learn(env, episodes=40, **short)  # compile before the clock starts
     upcoming = marks()
     mark = next(upcoming)
@@ -63,7 +62,7 @@ def main() -> None:
         print(
             f"| {run.steps:,} | {run.episode:,} | {1e6 * per_step:.0f} | {spent:.0f} "
             f"| {memory():.0f} | {history.size:,} | {history.n_bytes_per_transition:.0f} "
-            f"| {run.learner.tree.n_leaves} |",
+            f"| {run.policy().n_leaves} |",
             flush=True,
         )
         last_time, last_steps = spent, run.steps

@@ -118,7 +118,7 @@ def picture_a_request() -> None:
     os.environ["SDL_VIDEODRIVER"] = "dummy"
     env = gymnasium.make("eutree/Evasion2-v0", render_mode="rgb_array")
     asker = AskInBrowser(env, port=0)
-    options: dict[str, Any] = {"preset": "paper", "episodes": 1, "evaluation_episodes": 2}
+    options: dict[str, Any] = {"method": "paper", "episodes": 1, "evaluation_episodes": 2}
     learner = threading.Thread(target=eutree.learn, args=(env,), kwargs={**options, "ask": asker})
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=QUIET.split())

@@ -42,8 +42,6 @@ if TYPE_CHECKING:
     from eutree.inspection.verify import verify as verify
     from eutree.inspection.why import why as why
     from eutree.interaction import record as record
-    from eutree.learners import Settings as Settings
-    from eutree.learners import UTree as UTree
     from eutree.learners.expert_tree import fit_expert_tree as fit_expert_tree
     from eutree.policies import LeafStatistics as LeafStatistics
     from eutree.policies import Policy as Policy
@@ -102,13 +100,11 @@ _PUBLIC = {
     "report": "eutree.report",
     "RunFolderError": "eutree.errors:RunFolderError",
     "Schema": "eutree.schema:Schema",
-    "Settings": "eutree.learners:Settings",
     "splitting": "eutree.splitting",
     "TreePolicy": "eutree.policies:TreePolicy",
     "TreePolicyClassifier": "eutree.policies.estimator:TreePolicyClassifier",
     "UnknownNameError": "eutree.errors:UnknownNameError",
     "UnsupportedSpaceError": "eutree.errors:UnsupportedSpaceError",
-    "UTree": "eutree.learners:UTree",
     "verify": "eutree.inspection.verify:verify",
     "why": "eutree.inspection.why:why",
 }

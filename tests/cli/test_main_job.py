@@ -46,12 +46,12 @@ def test_record_fit_learn_evaluate(eutree):
 
 
 @pytest.mark.promise(13)
-@pytest.mark.parametrize("learner", ["c-u-tree", "eu-tree-dt", "eu-tree"])
-def test_the_same_seed_writes_the_same_bytes(eutree, demonstrations, tmp_path, learner):
+@pytest.mark.parametrize("start", ["nothing", "tree", "tree+demos"])
+def test_the_same_seed_writes_the_same_bytes(eutree, demonstrations, tmp_path, start):
     for name in ("a", "b"):
         answer = eutree(
             *("learn", "eutree/Evasion2-v0", "--demos", demonstrations, "--out", name),
-            *("--learner", learner, "--episodes", 25, "--seed", 4, "--evaluation-episodes", 10),
+            *("--start", start, "--episodes", 25, "--seed", 4, "--evaluation-episodes", 10),
         )
         assert answer.code == 0, answer.err
     names = [

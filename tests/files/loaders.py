@@ -11,17 +11,17 @@ from eutree.data.files import DemonstrationFolder
 from eutree.data.journal import recover_episode
 from eutree.experiments.runs import RunRecord
 from eutree.files import read_document
-from eutree.learners import UTree
+from eutree.learners import Problem, Start, UTree
 from eutree.policies import TreePolicy
+from eutree.schema import Schema
 from eutree.training.checkpoint import restore_checkpoint, stored_observations
 from eutree.training.progress import GatheredEpisodes, progress_to_csv
-from eutree.training.run import LearningRun
+from eutree.training.run import Beginning, LearningRun
 from eutree.training.run_folder import ConfigDocument
-from eutree.trees import DecisionTree
 from tests.files.mutations import mutate, mutate_elements, mutate_members, mutate_records
-from tests.golden.contents import SETTINGS
+from tests.golden.contents import METHODS
 
-GOLDEN = Path(__file__).parents[1] / "golden" / "v1"
+GOLDEN = Path(__file__).parents[1] / "golden" / "v2"
 
 
 def load_header(path):
@@ -48,13 +48,14 @@ def load_observations(path):
     return stored_observations(path.parent)
 
 
-class Start:
+class Unstarted:
     """A run at its start, without an environment."""
 
     EVENT_NUMBERS = LearningRun.EVENT_NUMBERS
 
-    def __init__(self, settings):
-        self.learner = UTree(DecisionTree.single_leaf(3), 2, settings)
+    def __init__(self, method):
+        self.beginning = Beginning(method, Problem(Schema.anonymous(3, 2)), Start())
+        self.learner = self.beginning.learner()
         self.gathered = GatheredEpisodes()
 
 
@@ -62,15 +63,16 @@ def checkpoint_loader(name):
     """Return a loader of checkpoints that also uses what it has loaded."""
 
     def load(path):
-        run = Start(SETTINGS[name])
-        restore_checkpoint(path, run, SETTINGS[name])
+        run = Unstarted(METHODS[name])
+        restore_checkpoint(path, run)
         progress_to_csv(run.events, run.gathered)
         learner = run.learner
-        learner.targets(np.arange(learner.history.size))
-        learner.mdp.queue()
-        learner.mdp.sweep(20)
-        if SETTINGS[name].imagination is None:
-            learner.expand(np.random.default_rng(0))
+        learner.decisions()
+        if isinstance(learner, UTree):
+            learner.targets(np.arange(learner.history.size))
+            learner.mdp.queue()
+            learner.mdp.sweep(20)
+            learner.update(np.random.default_rng(0))
         return run
 
     return load

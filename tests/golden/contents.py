@@ -6,7 +6,7 @@ import eutree
 from eutree.experiments.runs import Performance, Point, RunRecord, RunSpec
 from eutree.imagination import Imagination
 from eutree.interaction.making import make
-from eutree.learners import PAPER
+from eutree.learners import PAPER, PlanningMethod
 from eutree.schema import EnvironmentSpec
 from tests.data.strategies import three_episodes
 from tests.data.test_files import journal_of
@@ -26,8 +26,8 @@ def write_journal(path):
 
 
 # Every number that a preset might change one day is written out.
-_PLANNED = replace(PAPER, imagination=Imagination(n_episodes=16, growth=1.5), gathering_episodes=4)
-SETTINGS = {
+_PLANNED = PlanningMethod(planner=Imagination(n_episodes=16, growth=1.5), gathering_episodes=4)
+METHODS = {
     "run": PAPER,
     "run-planned": _PLANNED,
     "run-bounded": replace(PAPER, max_transitions=60),
@@ -36,10 +36,10 @@ SETTINGS = {
 
 
 def learn(name, folder, *, episodes, resume):
-    """Start a run of one of the settings, or go on with it."""
+    """Start a run of one of the methods, or go on with it."""
     return eutree.learn(
         make(EnvironmentSpec("eutree/Evasion2-v0")),
-        settings=SETTINGS[name],
+        method=METHODS[name],
         episodes=episodes,
         evaluate_every=10,
         evaluation_episodes=2,

@@ -1,6 +1,6 @@
 """Write the golden files of this format version; run once for each version, then never again.
 
-python -m tests.golden.make_golden tests/golden/v2
+python -m tests.golden.make_golden tests/golden/v3
 """
 
 import sys
@@ -8,7 +8,7 @@ from pathlib import Path
 
 from eutree.files import write_document
 from tests.golden.contents import (
-    SETTINGS,
+    METHODS,
     demonstrations,
     experiment_run,
     learn,
@@ -25,7 +25,7 @@ def main(folder: Path) -> None:
     demonstrations().to_npz(folder / "demos.npz")
     write_journal(folder / "running.journal")
     write_document(folder / "experiment-run.json", experiment_run())
-    for name in SETTINGS:
+    for name in METHODS:
         learn(name, folder / name, episodes=12, resume=False)
         (folder / name / ".lock").unlink()
 

@@ -98,7 +98,7 @@ def test_learning_goes_on_around_a_lock_and_never_changes_it(preset, episodes, t
     env = gymnasium.make("eutree/Evasion2-v0")
     schema = eutree.record(env, eutree.experts.wait_at_crossing, episodes=1, seed=0).schema
     start = edit(halves(schema), actions={1: "stop"}, lock=[1]).policy
-    run = {"expert": start, "preset": preset, "out": tmp_path / "run"}
+    run = {"expert": start, "method": preset, "out": tmp_path / "run"}
     run |= {"evaluate_every": 200, "evaluation_episodes": 2, "seed": 1}
     short = eutree.learn(env, episodes=episodes, **run)
     longer = eutree.learn(env, episodes=episodes + 10, resume=True, **run)
@@ -123,6 +123,6 @@ def test_without_the_lock_learning_changes_that_leaf():
     """The control: the same run without the lock splits it."""
     env = gymnasium.make("eutree/Evasion2-v0")
     schema = eutree.record(env, eutree.experts.wait_at_crossing, episodes=1, seed=0).schema
-    options = {"preset": "paper", "episodes": 40, "evaluation_episodes": 2, "seed": 1}
+    options = {"method": "paper", "episodes": 40, "evaluation_episodes": 2, "seed": 1}
     policy = eutree.learn(env, expert=halves(schema), **options).policy
     assert (policy.tree.threshold[policy.tree.feature >= 0] < HALF).any()

@@ -31,7 +31,7 @@ class Run:
     def _learn(self):
         self.result = eutree.learn(
             self._env,
-            preset="paper",
+            method="paper",
             episodes=4,
             evaluation_episodes=2,
             ask=self.page,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from eutree.c45 import C45Settings, grow
-from eutree.learners import PAPER, UTree
+from eutree.learners import PAPER, Step, UTree
 from eutree.learners.confidence import FEW, UNDECIDED, Confidence, doubt
 from eutree.learners.teaching import refined
 from eutree.trees import DecisionTree
@@ -62,11 +62,10 @@ def test_other_leaves_stay():
 
 def test_what_was_shown_is_marked_and_survives_the_state():
     learner = UTree(DecisionTree.single_leaf(1), 2, PAPER)
-    learner.begin_episode(np.array([0.0]), np.random.default_rng(0))
+    learner.start_episode(np.array([0.0]), np.random.default_rng(0))
     for step, shown in enumerate((False, True, True)):
-        learner.observe(
-            1, 0.0, np.array([step + 1.0]), terminated=step == 2, truncated=False, shown=shown
-        )
+        learner.observe(Step(1, 0.0, np.array([step + 1.0]), step == 2, False, {}, shown))
+    learner.end_episode()
     assert learner.history.demonstrated.tolist() == [False, True, True]
     again = UTree.from_state(learner.state(), 2, PAPER)
     assert again.history.demonstrated.tolist() == [False, True, True]
@@ -74,6 +73,6 @@ def test_what_was_shown_is_marked_and_survives_the_state():
 
 def test_a_locked_leaf_is_sure():
     tree = DecisionTree.single_leaf(1)
-    assert UTree(tree, 2, PAPER).unsure(np.array([0.0]), SURE) == FEW
-    locked = UTree(tree, 2, PAPER, inherited=np.array([1]), locked=[0])
-    assert locked.unsure(np.array([0.0]), SURE) == ""
+    assert UTree(tree, 2, PAPER).doubt(np.array([0.0]), SURE) == FEW
+    locked = UTree(tree, 2, PAPER, prior=np.array([1]), locked=[0])
+    assert locked.doubt(np.array([0.0]), SURE) == ""

@@ -10,39 +10,40 @@ from hypothesis import strategies as st
 from scipy.stats import chisquare
 
 from eutree.data import Episode
-from eutree.learners import DEFAULT, PAPER, LambdaReturn, UTree
-from eutree.learners.foresight import transitions_of
+from eutree.learners import CORRECTED, DEFAULT, PAPER, LambdaReturn, Problem, Start, Step
 from eutree.learners.forgetting import WHOLE, LeafReservoirs, RecentEpisodes, fair_shares
 from eutree.learners.history import History
+from eutree.learners.model_planning import transitions_of
 from eutree.mdp import TabularMDP
-from eutree.splitting import Split
+from eutree.schema import Schema
+from eutree.splitting import Naive, Split
 from eutree.trees import DecisionTree
 from tests import naive_forgetting, naive_learning
 from tests.learners.test_history import assert_consistent
-from tests.learners.test_u_tree import Walk
+from tests.worlds import Walk
 
-SPLITS = replace(DEFAULT, imagination=None, max_transitions=200)
+SPLITS = replace(CORRECTED, significance=Naive(), max_transitions=200)
 PLANS = replace(
     DEFAULT,
-    imagination=replace(DEFAULT.imagination, n_episodes=40, min_trial=5),
+    planner=replace(DEFAULT.planner, n_episodes=40, min_trial=5),
     max_transitions=200,
 )
-BOUNDED = {
+SPLIT = {
     "paper": replace(PAPER, max_transitions=200),
     "splits": SPLITS,
     "returns": replace(SPLITS, target=LambdaReturn(0.8)),
-    "plans": PLANS,
 }
+BOUNDED = SPLIT | {"plans": PLANS}
 
 
-def learned(settings_, seed=0, phases=3, episodes=8, check=lambda learner: None):
-    learner = UTree(DecisionTree.single_leaf(2), 2, settings_)
+def learned(method, seed=0, phases=3, episodes=8, check=lambda learner: None):
+    learner = method.start(Walk.problem, Start())
     world = Walk(np.random.default_rng(seed))
     for phase in range(phases):
         for episode in range(episodes):
             world.run(learner, np.random.default_rng((seed, phase, episode)))
             check(learner)
-        learner.expand(np.random.default_rng((seed, phase)))
+        learner.update(np.random.default_rng((seed, phase)))
     return learner
 
 
@@ -234,15 +235,15 @@ def test_older_episodes_are_a_uniform_sample():
 
 
 @pytest.mark.promise(19)
-@pytest.mark.parametrize("name", BOUNDED)
+@pytest.mark.parametrize("name", SPLIT)
 @settings(max_examples=6, deadline=None)
 @given(seed=st.integers(0, 10_000))
 def test_labels_and_counts_equal_a_rebuild_from_what_is_stored(name, seed):
     def check(learner):
-        history, most = learner.history, learner.settings.max_transitions
+        history, most = learner.history, learner.method.max_transitions
         assert history.size <= most
         assert len(history._columns["rewards"]) <= most + 41  # and one episode
-        rebuilt = TabularMDP(learner.tree.n_leaves, 2, learner.settings.discount)
+        rebuilt = TabularMDP(learner.tree.n_leaves, 2, learner.method.discount)
         rebuilt.observe_batch(history.left, history.actions, history.rewards, history.entered)
         assert learner.mdp.visits.tolist() == rebuilt.visits.tolist()
         assert learner.mdp.reward_sums.tobytes() == rebuilt.reward_sums.tobytes()
@@ -254,7 +255,7 @@ def test_labels_and_counts_equal_a_rebuild_from_what_is_stored(name, seed):
 
     learner = learned(BOUNDED[name], seed, phases=4, check=check)
     assert_consistent(learner.tree, learner.history)
-    assert learner.history.n_seen > learner.settings.max_transitions
+    assert learner.history.n_seen > learner.method.max_transitions
 
 
 @pytest.mark.promise(8)
@@ -262,12 +263,14 @@ def test_labels_and_counts_equal_a_rebuild_from_what_is_stored(name, seed):
 def test_a_bounded_learner_restored_goes_on_to_the_same_bytes(name):
     original = learned(BOUNDED[name])
     assert original.history.n_seen > original.history.size
-    copy = UTree.from_state({k: v.copy() for k, v in original.state().items()}, 2, BOUNDED[name])
+    copy = BOUNDED[name].restore(
+        Walk.problem, Start(), {k: v.copy() for k, v in original.state().items()}
+    )
     for learner in (original, copy):
         world, generator = Walk(np.random.default_rng(5)), np.random.default_rng(6)
         for _ in range(25):
             world.run(learner, generator)
-        learner.expand(generator)
+        learner.update(generator)
     mine, theirs = original.state(), copy.state()
     assert mine.keys() == theirs.keys()
     assert all(mine[k].tobytes() == theirs[k].tobytes() for k in mine)
@@ -283,14 +286,14 @@ def test_a_bound_that_is_never_reached_changes_nothing(name):
 
 
 @pytest.mark.parametrize("name", BOUNDED)
-def test_an_aborted_episode_leaves_no_trace(name):
+def test_a_discarded_episode_leaves_no_trace(name):
     learner = learned(BOUNDED[name])
     before = learner.state()
-    learner.begin_episode(np.zeros(2), np.random.default_rng(0))
+    learner.start_episode(np.zeros(2), np.random.default_rng(0))
     for step in range(7):
         observation = np.array([step, 0.5])
-        learner.observe(learner.act(), -3.25, observation, terminated=False, truncated=False)
-    learner.abort_episode()
+        learner.observe(Step(learner.act(), -3.25, observation, False, False))
+    learner.discard_episode()
     after = learner.state()
     assert all(before[k].tobytes() == after[k].tobytes() for k in before)
 
@@ -315,9 +318,7 @@ def test_a_planner_sees_what_a_gap_divides_as_two_episodes():
 
 
 def test_the_halves_of_a_split_take_in_everything_again():
-    learner = learned(
-        replace(BOUNDED["paper"], significance=replace(PAPER.significance, alpha=1e-300))
-    )
+    learner = learned(replace(BOUNDED["paper"], significance=Naive(alpha=1e-300)))
     rule = learner.history._forgetting
     assert rule.bounds.min() < WHOLE
     learner._split(0, Split(0, 5.0, 1.0, 1.0, 1, 1))
@@ -336,22 +337,23 @@ def test_demonstrations_beyond_the_bound_are_a_sample():
         )
         for _ in range(50)
     ]
-    for settings_ in (BOUNDED["paper"], replace(PLANS, max_transitions=1200)):
-        learner = UTree(DecisionTree.single_leaf(2), 2, settings_)
-        learner.add_demonstrations(episodes)
-        assert learner.history.size <= settings_.max_transitions
+    for method in (BOUNDED["paper"], replace(PLANS, max_transitions=1200)):
+        learner = method.start(Walk.problem, Start(episodes=tuple(episodes)))
+        assert learner.history.size <= method.max_transitions
         assert learner.history.n_seen == 1500
-        assert learner.mdp.visits.sum() == learner.history.size
-    assert learner._foresight.plan.demonstrations == learner.history.n_episodes
+        if method is BOUNDED["paper"]:
+            assert learner.mdp.visits.sum() == learner.history.size
+    assert learner.plan.demonstrations == learner.history.n_episodes
 
 
 def test_an_episode_that_is_too_long_for_a_planner_is_named():
-    learner = UTree(DecisionTree.single_leaf(1), 2, replace(PLANS, max_transitions=5))
+    problem = Problem(Schema.anonymous(1, 2))
+    learner = replace(PLANS, max_transitions=5).start(problem, Start())
     for expected in (pytest.warns(UserWarning, match="6 transitions is more than"), nullcontext()):
-        learner.begin_episode(np.zeros(1), np.random.default_rng(0))
-        for _ in range(5):
-            learner.observe(0, 0.0, np.ones(1), terminated=False, truncated=False)
+        learner.start_episode(np.zeros(1), np.random.default_rng(0))
+        for step in range(6):
+            learner.observe(Step(0, 0.0, np.ones(1), step == 5, False))
         with expected:
-            learner.observe(0, 0.0, np.ones(1), terminated=True, truncated=False)
-    assert learner.history.size == learner.mdp.visits.sum() == 0
-    assert learner.expand(np.random.default_rng(0)) == ()
+            learner.end_episode()
+    assert learner.history.size == 0
+    assert learner.update(np.random.default_rng(0)).splits == ()

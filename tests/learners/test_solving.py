@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from eutree.errors import FormatError, InvalidArgumentError
-from eutree.learners import DEFAULT, PAPER, UTree
-from eutree.learners.settings import Settings
-from eutree.learners.stored_state import check_state
+from eutree.learners import CORRECTED, PAPER, Step, UTree, UTreeMethod
 from eutree.mdp import TabularMDP
-from tests.learners.test_u_tree import Walk, learned
+from eutree.splitting import Naive
+from tests.worlds import Walk
+from tests.worlds import learned_to_walk as learned
 
-SPLITS = replace(DEFAULT, imagination=None, solve_growth=1.5)
+SPLITS = replace(CORRECTED, significance=Naive(), solve_growth=1.5)
 
 
 @pytest.fixture
@@ -30,7 +30,7 @@ def go_on(learner, phases, seed=5, episodes=4):
     for _ in range(phases):
         for _ in range(episodes):
             world.run(learner, generator)
-        learner.expand(generator)
+        learner.update(generator)
 
 
 def test_expansions_between_exact_solutions_do_not_solve(solved):
@@ -62,7 +62,7 @@ def test_a_history_that_does_not_grow_is_solved_in_every_expansion(solved):
     learner = learned(SPLITS)
     n_solved = len(solved)
     for _ in range(3):
-        learner.expand(np.random.default_rng(0))
+        learner.update(np.random.default_rng(0))
     assert len(solved) >= n_solved + 2
     exact = learner.mdp.values.copy()
     learner.mdp.solve(tolerance=1e-9)
@@ -100,7 +100,7 @@ def test_a_restored_learner_solves_when_the_original_does(growth):
     original = learned(settings, phases=5)
     state = {k: v.copy() for k, v in original.state().items()}
     assert ("solved_at" in state) == (growth > 1.0)
-    check_state("checkpoint.npz", state, 2, settings)
+    settings.check_state("checkpoint.npz", state, Walk.problem)
     copy = UTree.from_state(state, 2, settings)
     for learner in (original, copy):
         go_on(learner, 8)
@@ -109,17 +109,15 @@ def test_a_restored_learner_solves_when_the_original_does(growth):
     assert all(mine[k].tobytes() == theirs[k].tobytes() for k in mine)
 
 
-def test_an_aborted_episode_leaves_no_trace_between_solutions():
+def test_a_discarded_episode_leaves_no_trace_between_solutions():
     learner = learned(replace(SPLITS, backups=1, solve_growth=100.0), phases=6)
     Walk(np.random.default_rng(8)).run(learner, np.random.default_rng(9))
     assert learner.mdp.state()["queue"].size > 1
     before = learner.state()
-    learner.begin_episode(np.zeros(2), np.random.default_rng(0))
+    learner.start_episode(np.zeros(2), np.random.default_rng(0))
     for step in range(9):
-        learner.observe(
-            learner.act(), -3.25, np.array([step, 0.5]), terminated=False, truncated=False
-        )
-    learner.abort_episode()
+        learner.observe(Step(learner.act(), -3.25, np.array([step, 0.5]), False, False))
+    learner.discard_episode()
     after = learner.state()
     assert all(before[k].tobytes() == after[k].tobytes() for k in before)
 
@@ -131,9 +129,9 @@ def test_a_stored_state_says_when_it_was_solved(solved_at):
     if solved_at is None:
         del state["solved_at"]
     with pytest.raises(FormatError, match="solved_at"):
-        check_state("checkpoint.npz", state, 2, SPLITS)
+        SPLITS.check_state("checkpoint.npz", state, Walk.problem)
 
 
 def test_a_growth_below_one_is_refused():
     with pytest.raises(InvalidArgumentError, match="solve_growth must be a number"):
-        Settings(solve_growth=0.9)
+        UTreeMethod(solve_growth=0.9)

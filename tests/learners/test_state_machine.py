@@ -18,7 +18,7 @@ from hypothesis.stateful import (
 )
 
 from eutree.files import read_arrays, write_arrays
-from eutree.learners import PAPER, UTree
+from eutree.learners import PAPER, Step, UTree
 from eutree.learners.history import TERMINAL
 from eutree.mdp import TabularMDP
 from eutree.splitting import Split
@@ -42,32 +42,35 @@ class Learner(RuleBasedStateMachine):
 
     @rule(data=st.data(), length=st.integers(1, 6), ending=st.sampled_from(["end", "cut", "stop"]))
     def add_episode(self, data, length, ending):
-        """Add an episode that terminates or is truncated; or abort it before its end."""
+        """Add an episode that terminates or is truncated; or discard it before its end."""
         learner = self.learner
         observations = [np.array(data.draw(st.tuples(NUMBERS, NUMBERS))) for _ in range(length + 1)]
-        learner.begin_episode(observations[0], np.random.default_rng(0))
+        learner.start_episode(observations[0], np.random.default_rng(0))
         for step in range(length):
             action, reward = data.draw(st.integers(0, 1)), data.draw(st.sampled_from([0.1, -2.0]))
             if ending == "stop" and step == length - 1:
-                learner.abort_episode()
+                learner.discard_episode()
                 return
             last = step == length - 1
             terminated, truncated = last and ending == "end", last and ending == "cut"
             before, after = observations[step], observations[step + 1]
-            learner.observe(action, reward, after, terminated=terminated, truncated=truncated)
+            learner.observe(Step(action, reward, after, terminated, truncated))
             if ending != "stop":
                 self.rows.append((before, action, reward, after, terminated))
+        if ending != "stop":
+            learner.end_episode()
 
     @rule(data=st.data(), feature=st.integers(0, 1), threshold=NUMBERS)
     def split(self, data, feature, threshold):
         """Split any leaf anywhere, also so that one side is empty."""
         leaf = data.draw(st.integers(0, self.learner.tree.n_leaves - 1))
         made = self.learner._split(leaf, Split(feature, threshold, 1.0, 1.0, 1, 1))
-        self.learner._grow_tree([made])
+        tree = self.learner.tree
+        self.learner.tree = tree.split_each([(made.leaf, made.feature, made.threshold)])
 
     @rule(seed=st.integers(0, 9))
-    def expand(self, seed):
-        self.learner.expand(np.random.default_rng(seed))
+    def update(self, seed):
+        self.learner.update(np.random.default_rng(seed))
 
     @rule(feature=st.integers(0, 1), threshold=NUMBERS)
     def merge(self, feature, threshold):

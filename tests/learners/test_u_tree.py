@@ -9,46 +9,13 @@ from hypothesis import strategies as st
 
 from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
-from eutree.learners import DEFAULT, PAPER, UTree
+from eutree.learners import CORRECTED, PAPER, PAPER_D, Step, UTree
 from eutree.mdp import TabularMDP
 from eutree.trees import DecisionTree
 from tests import naive_learning
+from tests.worlds import Walk, learned_to_walk, take
 
-PRESETS = {"paper": PAPER, "default": DEFAULT, "splits": replace(DEFAULT, imagination=None)}
-
-
-class Walk:
-    """A walk of ten steps to a goal; action 1 goes on, action 0 stays and costs 2."""
-
-    def __init__(self, generator):
-        self.generator = generator
-
-    def run(self, learner, generator, steps=40):
-        at = 0.0
-        learner.begin_episode(np.array([at, self.generator.random()]), generator)
-        for step in range(steps):
-            action = learner.act()
-            at += action * (0.9 + 0.2 * self.generator.random())
-            done = at >= 10
-            reward = 100.0 if done else -2.0 * (1 - action)
-            observation = np.array([at, self.generator.random()])
-            last = step == steps - 1
-            learner.observe(
-                action, reward, observation, terminated=done, truncated=last and not done
-            )
-            if done:
-                return
-
-
-def learned(settings_, seed=0, phases=3, episodes=8):
-    learner = UTree(DecisionTree.single_leaf(2), 2, settings_)
-    world = Walk(np.random.default_rng(seed))
-    generator = np.random.default_rng(seed + 1)
-    for _ in range(phases):
-        for _ in range(episodes):
-            world.run(learner, generator)
-        learner.expand(generator)
-    return learner
+PRESETS = {"paper": PAPER, "paper-d": PAPER_D, "corrected": CORRECTED}
 
 
 @pytest.mark.promise(19)
@@ -56,12 +23,12 @@ def learned(settings_, seed=0, phases=3, episodes=8):
 @settings(max_examples=8, deadline=None)
 @given(seed=st.integers(0, 10_000))
 def test_labels_and_counts_equal_a_rebuild_from_the_tuples(preset, seed):
-    learner = learned(PRESETS[preset], seed)
+    learner = learned_to_walk(PRESETS[preset], seed)
     history = learner.history
     left, entered = naive_learning.labels_of(learner.tree, history)
     assert history.left.tolist() == left
     assert history.entered.tolist() == entered
-    rebuilt = TabularMDP(learner.tree.n_leaves, 2, learner.settings.discount)
+    rebuilt = TabularMDP(learner.tree.n_leaves, 2, learner.method.discount)
     rebuilt.observe_batch(history.left, history.actions, history.rewards, history.entered)
     assert learner.mdp.visits.tolist() == rebuilt.visits.tolist()
     assert learner.mdp.reward_sums.tobytes() == rebuilt.reward_sums.tobytes()
@@ -73,7 +40,7 @@ def test_labels_and_counts_equal_a_rebuild_from_the_tuples(preset, seed):
 
 @pytest.mark.parametrize("preset", PRESETS)
 def test_it_learns_to_walk_on(preset):
-    learner = learned(PRESETS[preset], phases=4)
+    learner = learned_to_walk(PRESETS[preset], phases=4)
     goes = learner.greedy_actions()[learner.tree.leaf_index([[x, 0.5] for x in np.arange(9)])]
     assert goes.mean() > 0.7
 
@@ -81,57 +48,57 @@ def test_it_learns_to_walk_on(preset):
 def test_value_differs_away_from_the_end_too():
     """A target that uses V of the same leaf (Eq. 2 as printed) splits near the reward only."""
     settings_ = replace(PAPER, discount=0.9, exploration=0.0)
-    learner = learned(settings_, phases=6)
+    learner = learned_to_walk(settings_, phases=6)
     thresholds = learner.tree.threshold[learner.tree.feature == 0]
     assert thresholds.min() < 5 < thresholds.max()
 
 
 @pytest.mark.parametrize("preset", PRESETS)
 def test_a_learner_restored_from_its_state_goes_on_to_the_same_bytes(preset):
-    original = learned(PRESETS[preset])
+    original = learned_to_walk(PRESETS[preset])
     copy = UTree.from_state({k: v.copy() for k, v in original.state().items()}, 2, PRESETS[preset])
     for learner in (original, copy):
         world, generator = Walk(np.random.default_rng(5)), np.random.default_rng(6)
         for _ in range(10):
             world.run(learner, generator)
-        learner.expand(generator)
+        learner.update(generator)
     mine, theirs = original.state(), copy.state()
     assert mine.keys() == theirs.keys()
     assert all(mine[k].tobytes() == theirs[k].tobytes() for k in mine)
 
 
-def test_an_aborted_episode_leaves_no_trace():
-    learner = learned(PAPER)
+def test_a_discarded_episode_leaves_no_trace():
+    learner = learned_to_walk(PAPER)
     before = learner.state()
-    learner.begin_episode(np.zeros(2), np.random.default_rng(0))
+    learner.start_episode(np.zeros(2), np.random.default_rng(0))
     for step in range(7):
         action = learner.act()
-        learner.observe(action, -3.25, np.array([step, 0.5]), terminated=False, truncated=False)
-    learner.abort_episode()
+        learner.observe(Step(action, -3.25, np.array([step, 0.5]), False, False))
+    learner.discard_episode()
     after = learner.state()
     assert all(before[k].tobytes() == after[k].tobytes() for k in before)
-    learner.expand(np.random.default_rng(0))
+    learner.update(np.random.default_rng(0))
 
 
-def test_expanding_within_an_episode_is_refused():
-    learner = learned(PAPER)
-    learner.begin_episode(np.zeros(2), np.random.default_rng(0))
-    learner.observe(1, 0.0, np.ones(2), terminated=False, truncated=False)
+def test_updating_within_an_episode_is_refused():
+    learner = learned_to_walk(PAPER)
+    learner.start_episode(np.zeros(2), np.random.default_rng(0))
+    learner.observe(Step(1, 0.0, np.ones(2), False, False))
     with pytest.raises(InvalidArgumentError, match="between episodes"):
-        learner.expand(np.random.default_rng(0))
+        learner.update(np.random.default_rng(0))
 
 
 def test_a_truncated_episode_is_not_terminal_and_a_terminated_one_is():
     for terminated, last in ((True, -1), (False, 0)):
         learner = UTree(DecisionTree.single_leaf(1), 2, PAPER)
-        learner.begin_episode(np.zeros(1), np.random.default_rng(0))
-        learner.observe(1, 5.0, np.ones(1), terminated=terminated, truncated=not terminated)
+        learner.start_episode(np.zeros(1), np.random.default_rng(0))
+        take(learner, (1, 5.0, np.ones(1), terminated, not terminated))
         assert learner.history.entered.tolist() == [last]
         assert learner.mdp.successors(0, 1)[0].tolist() == [last]
 
 
 def test_only_leaves_that_exist_at_the_start_are_split_in_one_expansion():
-    learner = learned(PAPER, phases=1, episodes=60)
+    learner = learned_to_walk(PAPER, phases=1, episodes=60)
     assert learner.tree.n_leaves == 2
 
 

@@ -27,7 +27,7 @@ def gate(env):
 
 def learn(env, out=None, **options):
     defaults = {
-        "preset": "paper",
+        "method": "paper",
         "episodes": 24,
         "evaluate_every": 12,
         "evaluation_episodes": 5,
@@ -124,11 +124,11 @@ def test_who_is_asked_learns_faster(env, gate):
 @pytest.mark.parametrize("preset", ["paper", "default"])
 def test_a_resumed_run_ends_with_the_same_bytes(env, gate, tmp_path, preset):
     whole, parts = tmp_path / "whole", tmp_path / "parts"
-    learn(env, whole, ask=gate, preset=preset)
+    learn(env, whole, ask=gate, method=preset)
     steps = iter(range(10**9))
-    learn(env, parts, ask=gate, preset=preset, stop=lambda: next(steps) > 60)
+    learn(env, parts, ask=gate, method=preset, stop=lambda: next(steps) > 60)
     assert bytes_of(parts)["events.jsonl"] != bytes_of(whole)["events.jsonl"]
-    learn(env, parts, ask=gate, preset=preset, resume=True)
+    learn(env, parts, ask=gate, method=preset, resume=True)
     assert bytes_of(parts) == bytes_of(whole)
 
 

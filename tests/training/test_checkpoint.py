@@ -13,13 +13,13 @@ from eutree.training.checkpoint import (
     restore_checkpoint,
     write_checkpoint,
 )
-from tests.files.loaders import Start
-from tests.golden.contents import SETTINGS
+from tests.files.loaders import Unstarted
+from tests.golden.contents import METHODS
 from tests.golden.test_golden import VERSIONS
 
 
 def started():
-    run = Start(PAPER)
+    run = Unstarted(PAPER)
     run.episode = run.steps = 0
     run.events = []
     return run
@@ -37,13 +37,13 @@ def test_a_run_with_more_to_tell_than_a_document_holds_is_saved_and_goes_on(tmp_
     assert len(events_to_text(run.events)) > MAX_DOCUMENT
     write_checkpoint(tmp_path / "checkpoint.npz", run)
     again = started()
-    restore_checkpoint(tmp_path / "checkpoint.npz", again, PAPER)
+    restore_checkpoint(tmp_path / "checkpoint.npz", again)
     assert again.events == run.events
     assert (len(again.curve), again.curve[-1].episode) == (300, 5980)
 
 
-def newest():
-    path = VERSIONS[-1] / "run-planned-bounded" / "checkpoint.npz"
+def newest(run):
+    path = VERSIONS[-1] / run / "checkpoint.npz"
     return {name: array.copy() for name, array in read_arrays(path).items()}
 
 
@@ -85,12 +85,13 @@ DAMAGES = {
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_every_damage_is_refused_with_its_array(tmp_path, damage):
     name, change, message = DAMAGES[damage]
-    arrays = newest()
+    run = "run-bounded" if name.startswith("mdp") else "run-planned-bounded"
+    arrays = newest(run)
     changed = change(arrays.pop(name, None))
     if changed is not None:
         arrays[name] = changed
-    path, settings = tmp_path / "checkpoint.npz", SETTINGS["run-planned-bounded"]
-    write_archive(path, CheckpointDocument(episode=12, steps=200, n_actions=2), arrays)
+    path = tmp_path / "checkpoint.npz"
+    write_archive(path, CheckpointDocument(episode=12, steps=200), arrays)
     with pytest.raises(FormatError, match=message) as caught:
-        restore_checkpoint(path, Start(settings), settings)
+        restore_checkpoint(path, Unstarted(METHODS[run]))
     assert "\n" not in str(caught.value)

@@ -1,4 +1,4 @@
-"""The public ``learn``: the three learners, the protocol, histories, interruptions."""
+"""The public ``learn``: methods and starts, the protocol, histories, interruptions."""
 
 import dataclasses
 
@@ -38,13 +38,13 @@ def same(first, second):
     )
 
 
-def test_the_learner_follows_from_what_is_given(env, demonstrations):
+def test_the_start_follows_from_what_is_given(env, demonstrations):
     expert = eutree.fit_expert_tree(demonstrations)
     with_all = eutree.learn(env, demonstrations=demonstrations, **SHORT)
     with_tree = eutree.learn(env, expert=expert, **SHORT)
     with_nothing = eutree.learn(env, **SHORT)
-    names = [result.learner for result in (with_all, with_tree, with_nothing)]
-    assert names == ["eu-tree", "eu-tree-dt", "c-u-tree"]
+    names = [result.start for result in (with_all, with_tree, with_nothing)]
+    assert names == ["tree+demos", "tree", "nothing"]
     assert with_all.history.size > with_all.steps == with_all.curve[-1].steps
     assert with_tree.history.size == with_tree.steps
     assert with_nothing.expert is None
@@ -55,7 +55,7 @@ def test_the_learner_follows_from_what_is_given(env, demonstrations):
 @pytest.mark.parametrize("preset", ["paper", "default"])
 def test_the_same_seed_gives_the_same_result(env, demonstrations, preset):
     runs = [
-        eutree.learn(env, demonstrations=demonstrations, preset=preset, seed=seed, **SHORT)
+        eutree.learn(env, demonstrations=demonstrations, method=preset, seed=seed, **SHORT)
         for seed in (3, 3, 4)
     ]
     assert same(runs[0], runs[1])
@@ -100,7 +100,7 @@ class InterruptedRunError(Exception):
 def test_a_run_resumed_after_an_interruption_ends_the_same(
     env, demonstrations, tmp_path, preset, at
 ):
-    options = {"demonstrations": demonstrations, "preset": preset, "seed": 9, **SHORT}
+    options = {"demonstrations": demonstrations, "method": preset, "seed": 9, **SHORT}
 
     def interrupt(run):
         if run.episode == at:
@@ -126,7 +126,7 @@ def test_a_run_resumed_after_an_interruption_ends_the_same(
 @pytest.mark.parametrize("preset", ["paper", "default"])
 @pytest.mark.parametrize("at", [1, 20])
 def test_a_bounded_run_resumed_ends_the_same(env, demonstrations, tmp_path, preset, at):
-    options = {"demonstrations": demonstrations, "preset": preset, "max_transitions": 250, **SHORT}
+    options = {"demonstrations": demonstrations, "method": preset, "max_transitions": 250, **SHORT}
 
     def interrupt(run):
         if run.episode == at:
@@ -199,11 +199,11 @@ def test_two_processes_do_not_share_a_run_folder(env, demonstrations, tmp_path):
         eutree.learn(env, demonstrations=demonstrations, out=tmp_path / "a", on_progress=second)
 
 
-@pytest.mark.parametrize("learner", ["c-u-tree", "eu-tree"])
-def test_learning_offline_needs_no_environment(env, tmp_path, learner):
+@pytest.mark.parametrize("start", ["demos", "tree+demos"])
+def test_learning_offline_needs_no_environment(env, tmp_path, start):
     careless = eutree.experts.careless(eutree.experts.wait_at_crossing, 0.3, seed=1)
     recorded = eutree.record(env, careless, episodes=60, seed=3)
-    options = {"demonstrations": recorded, "learner": learner, "preset": "paper", "seed": 1}
+    options = {"demonstrations": recorded, "start": start, "method": "paper", "seed": 1}
     result = eutree.learn(None, out=tmp_path / "a", **options)
     assert (result.episodes, result.steps, result.curve) == (0, 0, ())
     assert result.history.size == recorded.n_transitions
@@ -211,6 +211,12 @@ def test_learning_offline_needs_no_environment(env, tmp_path, learner):
     assert same(result, eutree.learn(None, **options))
     assert eutree.TreePolicy.load(tmp_path / "a" / "policy.json") == result.policy
     assert eutree.evaluate(result.policy, env, episodes=100).mean_return > 0
+
+
+def test_a_planner_does_not_learn_offline(env, demonstrations):
+    message = "method 'planning' does not fit this task: it tries what it plans"
+    with pytest.raises(InvalidArgumentError, match=message):
+        eutree.learn(None, demonstrations=demonstrations, method="planning")
 
 
 def test_learning_offline_needs_demonstrations():
@@ -237,18 +243,18 @@ def test_demonstrations_without_rewards_are_not_learned_from(env, demonstrations
     eutree.fit_expert_tree(log)
 
 
-def test_settings_of_one_s_own(env, demonstrations):
+def test_a_method_of_one_s_own(env, demonstrations):
     mine = dataclasses.replace(PAPER, discount=1.0, gathering_episodes=5)
-    result = eutree.learn(env, demonstrations=demonstrations, settings=mine, **SHORT)
-    assert result.settings == mine
+    result = eutree.learn(env, demonstrations=demonstrations, method=mine, **SHORT)
+    assert result.method == mine
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"learner": "eu-tree"}, "'eu-tree' needs demonstrations"),
-        ({"learner": "eutree"}, "unknown learner 'eutree'. Did you mean 'eu-tree'"),
-        ({"preset": "papers"}, "unknown preset 'papers'. Did you mean 'paper'"),
+        ({"start": "tree+demos"}, "'tree.demos' needs demonstrations"),
+        ({"start": "trees"}, "unknown start 'trees'. Did you mean 'tree'"),
+        ({"method": "papers"}, "unknown method 'papers'. Did you mean 'paper'"),
         ({"episodes": -1}, "episodes must be an integer >= 0, got -1"),
         ({"evaluate_every": 0}, "evaluate_every must be an integer >= 1, got 0"),
         ({"evaluation_episodes": 0}, "evaluation_episodes must be an integer >= 1, got 0"),

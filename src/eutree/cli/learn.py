@@ -30,10 +30,11 @@ if TYPE_CHECKING:
 @path_option("--demos", text="Demonstrations to start from.")
 @path_option("--expert", text="Policy file to start from, instead of the expert tree of --demos.")
 @path_option("--out", text="Run folder to write.", required=True)
-@click.option("--learner", help="c-u-tree, eu-tree-dt or eu-tree; by default eu-tree if there "
-              "are demonstrations, else c-u-tree.")  # fmt: skip
-@click.option("--preset", default="default", show_default=True,
-              help="default (recommended) or paper (literal).")  # fmt: skip
+@click.option("--method", help="How to learn: planning (the default), u-tree, ...; or a preset.")
+@click.option("--preset", help="A method with all choices made: default, paper (literal), paper-d, "
+              "corrected (the default of --offline).")  # fmt: skip
+@click.option("--start", help="nothing, tree, tree+demos, demos or random-tree; by default what is "
+              "given.")  # fmt: skip
 @count_option("--episodes", 400, "Episodes of experience.", least=0)
 @count_option("--evaluate-every", 20, "Episodes between two frozen evaluations.")
 @count_option("--evaluation-episodes", 100, "Episodes of each frozen evaluation.")
@@ -63,8 +64,9 @@ def learn(
     demos: Path | None,
     expert: Path | None,
     out: Path,
-    learner: str | None,
-    preset: str,
+    method: str | None,
+    preset: str | None,
+    start: str | None,
     episodes: int,
     evaluate_every: int,
     evaluation_episodes: int,
@@ -98,6 +100,8 @@ def learn(
 
     output = Output(as_json=as_json)
     demonstrations = None if demos is None else Demonstrations.load(demos)
+    if method is not None and preset is not None:
+        raise InvalidArgumentError("--method and --preset both say how to learn; leave out one")
     if offline and demonstrations is None:
         raise InvalidArgumentError("--offline learns from demonstrations alone; name them: --demos")
     if offline and ask is not None:
@@ -121,8 +125,8 @@ def learn(
             env,
             demonstrations=demonstrations,
             expert=None if expert is None else TreePolicy.load(expert),
-            learner=learner,
-            preset=preset,
+            method=method or preset,
+            start=start,
             episodes=episodes,
             seed=seed,
             evaluate_every=evaluate_every,
@@ -152,6 +156,8 @@ def learn(
         )
     output.result(
         {
+            "method": result.method.name,
+            "start": result.start,
             "episodes": result.episodes,
             "steps": result.steps,
             "polish_steps": 0 if polishing is None else polishing.environment_steps,
@@ -167,7 +173,8 @@ def learn(
                 for point in result.curve
             ],
         },
-        f"{result.learner}: {result.episodes} episodes, {result.steps} steps; "
+        f"{result.method.name} from {result.start}: {result.episodes} episodes, "
+        f"{result.steps} steps; "
         f"{last}{polished}; written to {out}",
     )
 

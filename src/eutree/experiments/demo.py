@@ -21,6 +21,7 @@ from eutree.envs.experts import experts_for
 from eutree.errors import FileError
 from eutree.evaluation import CurvePoint, Evaluation, evaluate
 from eutree.evaluation.intervals import mean_interval
+from eutree.experiments.runs import STARTS
 from eutree.export import to_c, to_svg
 from eutree.files import make_folder, write_text
 from eutree.interaction import record
@@ -210,7 +211,7 @@ def _learn(
         result = learn(
             make(settings.environment),
             **start,
-            learner=name,
+            start=STARTS[name],
             episodes=settings.episodes,
             evaluate_every=settings.evaluate_every,
             evaluation_episodes=settings.evaluation_episodes,

@@ -24,6 +24,7 @@ from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
 from eutree.training import LearningResult, learn
 
+STARTS = {"c-u-tree": "nothing", "eu-tree-dt": "tree", "eu-tree": "tree+demos"}
 DEMONSTRATED_SPEED = 3.2  # m/s, the paper's
 
 
@@ -33,7 +34,8 @@ class RunSpec:
 
     Attributes:
         environment: Id of the environment.
-        learner: ``"expert"`` (no learning), ``"c-u-tree"``, ``"eu-tree-dt"`` or ``"eu-tree"``.
+        learner: ``"expert"`` (no learning), or one of the paper's three
+            learners, which are starts: ``"c-u-tree"``, ``"eu-tree-dt"`` or ``"eu-tree"``.
         preset: Settings of the learner; empty for the expert tree alone.
         opponent_speed: Speed of the opponents while learning and evaluating, in m/s.
         demonstrations: Episodes of the scripted demonstrator, always at 3.2 m/s.
@@ -131,8 +133,8 @@ def _learn(
         env,
         demonstrations=demonstrations,
         expert=expert,
-        learner=spec.learner,
-        preset=spec.preset,
+        method=spec.preset,
+        start=STARTS[spec.learner],
         episodes=spec.episodes,
         evaluate_every=spec.evaluate_every,
         evaluation_episodes=spec.evaluation_episodes,

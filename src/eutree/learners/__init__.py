@@ -1,33 +1,53 @@
-"""Learning a tree: the Continuous U-Tree of Table 1, its three starts, its settings."""
+"""Learners of trees: the protocol, the methods, their presets."""
 
 from eutree.learners.expert_tree import fit_expert_tree
-from eutree.learners.gates import AlwaysOpen, Gate
 from eutree.learners.history import History, Relabelling
-from eutree.learners.presets import DEFAULT, PAPER, PAPER_D, PRESETS, preset
-from eutree.learners.settings import Settings
-from eutree.learners.starts import LEARNERS, c_u_tree, eu_tree, eu_tree_dt
+from eutree.learners.learner import (
+    Decisions,
+    LeafSplit,
+    Learner,
+    Method,
+    Needs,
+    Problem,
+    Start,
+    Step,
+    Update,
+)
+from eutree.learners.model_planning import ModelPlanning, PlanningMethod
+from eutree.learners.presets import CORRECTED, DEFAULT, PAPER, PAPER_D, PRESETS
+from eutree.learners.registry import METHODS, method, preset
+from eutree.learners.starts import STARTS, start_of
 from eutree.learners.targets import LambdaReturn, OneStep, Target
-from eutree.learners.u_tree import LeafSplit, UTree
+from eutree.learners.u_tree import UTree, UTreeMethod
 
 __all__ = [
+    "CORRECTED",
     "DEFAULT",
-    "LEARNERS",
+    "METHODS",
     "PAPER",
     "PAPER_D",
     "PRESETS",
-    "AlwaysOpen",
-    "Gate",
+    "STARTS",
+    "Decisions",
     "History",
     "LambdaReturn",
     "LeafSplit",
+    "Learner",
+    "Method",
+    "ModelPlanning",
+    "Needs",
     "OneStep",
+    "PlanningMethod",
+    "Problem",
     "Relabelling",
-    "Settings",
+    "Start",
+    "Step",
     "Target",
     "UTree",
-    "c_u_tree",
-    "eu_tree",
-    "eu_tree_dt",
+    "UTreeMethod",
+    "Update",
     "fit_expert_tree",
+    "method",
     "preset",
+    "start_of",
 ]

@@ -73,6 +73,7 @@ class Problem:
             the actions.
         environment: How to make the environment again, where that is known.
         history: Number of previous observations among the features.
+        past_actions: Number of previous actions among the features.
         max_episode_steps: Steps after which the environment truncates; None if it never does.
         steps: The run's budget of environment steps; None where it is counted in episodes.
     """
@@ -80,6 +81,7 @@ class Problem:
     schema: Schema
     environment: EnvironmentSpec | None = None
     history: int = 0
+    past_actions: int = 0
     max_episode_steps: int | None = None
     steps: int | None = None
 
@@ -177,6 +179,7 @@ class Decisions:
             schema=problem.schema,
             environment=problem.environment,
             history=problem.history,
+            past_actions=problem.past_actions,
             leaves=self.statistics,
             locked=self.locked,
         )

@@ -1,14 +1,22 @@
-"""The methods by name, and the presets: methods with all choices made."""
+"""The methods by name, and how one is written to a file and read back."""
 
+from dataclasses import fields
+from typing import Any, cast
+
+import msgspec
+
+from eutree.errors import InvalidArgumentError
 from eutree.learners.learner import Method
+from eutree.learners.model_planning import PlanningMethod
+from eutree.learners.presets import PRESETS
+from eutree.learners.u_tree import UTreeMethod
 from eutree.validation import check_choice
 
-METHODS: dict[str, type[Method]] = {}
-PRESETS: dict[str, Method] = {}
+METHODS: dict[str, type[Method]] = {kind.name: kind for kind in (PlanningMethod, UTreeMethod)}
 
 
 def method(name: str) -> Method:
-    """Return a method by its name or that of a preset, with all choices made.
+    """Return a method by its own name or that of a preset.
 
     Raises:
         UnknownNameError: There is no such method or preset.
@@ -20,3 +28,26 @@ def method(name: str) -> Method:
 def preset(name: str) -> Method:
     """Return the method of a preset."""
     return PRESETS[check_choice("preset", name, PRESETS)]
+
+
+def to_document(chosen: Method) -> dict[str, Any]:
+    """Return a method in JSON's types: its name and all its choices."""
+    choices: dict[str, Any] = msgspec.to_builtins(chosen)
+    return {"name": chosen.name, **choices}
+
+
+def from_document(document: dict[str, Any]) -> Method:
+    """Return the method that ``to_document`` wrote; what is missing has its default.
+
+    Raises:
+        InvalidArgumentError: The document is of no known method, or a choice is not one of its.
+    """
+    choices = dict(document)
+    kind = METHODS[check_choice("method", choices.pop("name", ""), METHODS)]
+    unknown = sorted(choices.keys() - {field.name for field in fields(cast(Any, kind))})
+    if unknown:
+        raise InvalidArgumentError(f"method {kind.name!r} has no choice {unknown[0]!r}")
+    try:
+        return msgspec.convert(choices, kind)
+    except (msgspec.ValidationError, ValueError) as error:
+        raise InvalidArgumentError(f"method {kind.name!r}: {error}") from None

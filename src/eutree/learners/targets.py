@@ -1,9 +1,12 @@
-"""What q of a stored transition is: the estimate of future reward that splits compare."""
+"""What q of a stored transition is: the estimate of future reward that splits compare.
+
+A rule takes the leaves' values [L], and their greedy actions [L] if it asks for them.
+"""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Protocol
+from typing import TypeAlias
 
+import msgspec
 import numpy as np
 
 from eutree.arrays import Floats, Int32s, Integers
@@ -12,24 +15,7 @@ from eutree.learners.history import History
 from eutree.validation import check_number
 
 
-class Target(Protocol):
-    """A rule for q, given the leaves' values, and their greedy actions if it asks for them."""
-
-    def of(
-        self,
-        history: History,
-        rows: Integers,  # [n]
-        *,
-        values: Floats,  # [L]
-        greedy: Callable[[], Int32s],  # [L]
-        discount: float,
-    ) -> Floats:
-        """Return q of each of the rows, shape [n]."""
-        ...
-
-
-@dataclass(frozen=True)
-class OneStep:
+class OneStep(msgspec.Struct, frozen=True, tag=True):
     """q = r + discount * V(L(o')), the paper's Eq. 2 with o' in place of its misprinted o."""
 
     def of(
@@ -47,8 +33,7 @@ class OneStep:
         return out
 
 
-@dataclass(frozen=True)
-class LambdaReturn:
+class LambdaReturn(msgspec.Struct, frozen=True, tag=True):
     """The lambda-return, cut at the first action that is not greedy (Watkins's Q(lambda)).
 
     Through leaves that lump unlike observations together, a one-step target loses what an action
@@ -89,3 +74,6 @@ class LambdaReturn:
             out,
         )
         return out
+
+
+Target: TypeAlias = OneStep | LambdaReturn

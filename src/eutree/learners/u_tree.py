@@ -1,14 +1,16 @@
-"""The Continuous U-Tree (Table 1): a state tree, an MDP over its leaves, and the two phases.
+"""The Continuous U-Tree: Table 1 of the paper, and nothing else.
 
-Gathering: ``act`` chooses an action for an observation, ``observe`` takes what came of it, updates
-Pr, R and Q and remembers the transition. Expansion: ``expand`` looks at each leaf for a cut across
-which the distributions of q differ, splits where one does, and solves the MDP anew. The learner
-never sees an environment: it takes transitions and returns actions.
+*Gathering.* ``act`` chooses an action for an observation, ``observe`` takes what came of it and
+updates Pr, R and Q (Eqs. 3 to 6), ``end_episode`` stores the transitions.
+
+*Expansion.* ``update`` looks at each leaf for the cut across which the distributions of q (Eq. 2)
+differ most, splits where the difference is significant, and solves the MDP over the leaves.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,29 +19,107 @@ from eutree.arrays import Booleans, Floats, Int32s, Integers
 from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
 from eutree.learners.confidence import Confidence, doubt
-from eutree.learners.foresight import Foresight
-from eutree.learners.forgetting import Forgetting, LeafReservoirs, RecentEpisodes
+from eutree.learners.forgetting import LeafReservoirs
 from eutree.learners.history import TERMINAL, History
-from eutree.learners.settings import Settings
+from eutree.learners.learner import (
+    Arrays,
+    Decisions,
+    LeafSplit,
+    Needs,
+    Problem,
+    Start,
+    Step,
+    Update,
+)
 from eutree.learners.solving import Solving
-from eutree.learners.teaching import refined
+from eutree.learners.statistics import leaf_statistics
+from eutree.learners.stored_state import TREE, check_u_tree, part, prefixed
+from eutree.learners.targets import OneStep, Target
+from eutree.learners.teaching import Lessons
 from eutree.mdp import TabularMDP
-from eutree.policies import LeafStatistics, TreePolicy
-from eutree.schema import EnvironmentSpec, Schema
-from eutree.splitting import LeafSample, Split
+from eutree.splitting import KolmogorovSmirnov, LeafSample, Naive, SignificanceTest, Split
 from eutree.trees import DecisionTree
-from eutree.trees.grafting import graft
-
-_TREE_ARRAYS = ("feature", "threshold", "left", "right", "leaf")
+from eutree.validation import check_integer, check_number
 
 
-@dataclass(frozen=True)
-class LeafSplit:
-    """A split that an expansion made: ``leaf`` kept the left side, ``new_leaf`` got the right."""
+@dataclass(frozen=True, kw_only=True)
+class UTreeMethod:
+    """The choices that Table 1 makes or leaves open.
 
-    leaf: int
-    new_leaf: int
-    split: Split
+    Attributes:
+        discount: gamma of Eqs. 2 and 5.
+        exploration: epsilon, the probability of a random action while gathering.
+        gathering_episodes: Episodes of a data gathering phase, between two expansions.
+        target: What q of a transition is (Eq. 2).
+        splitter: Which cut of a leaf is its best.
+        significance: Whether the best cut is more than chance (the stopping criterion).
+        solve_each_split: Solve the MDP after every split, as Table 1 says, instead of once at the
+            end of an expansion.
+        solve_growth: Solve the MDP exactly only in an expansion to which the history has grown to
+            this many times its size at the last exact solution; those between leave it to
+            prioritized sweeping, from the leaves they split. 1 solves in every expansion.
+        retest_growth: A leaf is tested again only when it holds this many times the transitions
+            that it held at its last test; 1 tests every leaf in every expansion.
+        untried_value: Q of an action never tried in a leaf; None leaves it out of the maximum.
+        backups: Prioritized-sweeping backups after each step (Moore & Atkeson 1993).
+        max_transitions: Most transitions remembered between two episodes: a uniform sample of
+            those of each leaf and action. None remembers all.
+    """
+
+    name: ClassVar[str] = "u-tree"
+    needs: ClassVar[Needs] = Needs()
+
+    discount: float = 0.99
+    exploration: float = 0.1
+    gathering_episodes: int = 20
+    target: Target = OneStep()
+    splitter: KolmogorovSmirnov = KolmogorovSmirnov(score="scaled", compare="pooled", min_leaf=1)
+    significance: SignificanceTest = Naive()
+    solve_each_split: bool = True
+    solve_growth: float = 1.0
+    retest_growth: float = 1.0
+    untried_value: float | None = 0.0
+    backups: int = 5
+    max_transitions: int | None = None
+
+    def __post_init__(self) -> None:
+        check_number("discount", self.discount, low=0.0, high=1.0)
+        check_number("exploration", self.exploration, low=0.0, high=1.0)
+        check_integer("gathering_episodes", self.gathering_episodes, low=1)
+        check_number("solve_growth", self.solve_growth, low=1.0)
+        check_number("retest_growth", self.retest_growth, low=1.0)
+        check_integer("backups", self.backups, low=0)
+        if self.untried_value is not None:
+            check_number("untried_value", self.untried_value)
+        if self.max_transitions is not None:
+            check_integer("max_transitions", self.max_transitions, low=1)
+
+    def start(self, problem: Problem, start: Start) -> "UTree":
+        """Return the learner at its start: Table 1's initialization."""
+        expert = start.expert
+        if expert is None:
+            learner = UTree(DecisionTree.single_leaf(problem.n_features), problem.n_actions, self)
+        else:
+            learner = UTree(
+                expert.tree, problem.n_actions, self, prior=expert.actions, locked=expert.locked
+            )
+        if start.episodes:
+            learner.add_demonstrations(start.episodes)
+        return learner
+
+    def restore(self, problem: Problem, start: Start, state: Arrays) -> "UTree":
+        """Return the learner whose ``state()`` this was; it goes on to the same bytes."""
+        return UTree.from_state(state, problem.n_actions, self)
+
+    def check_state(self, path: str | Path, state: Arrays, problem: Problem) -> None:
+        """Raise FormatError unless ``restore`` can trust the state, which comes from a file."""
+        check_u_tree(
+            path,
+            state,
+            problem,
+            bounded=self.max_transitions is not None,
+            solves_at=self.solve_growth > 1.0,
+        )
 
 
 class UTree:
@@ -48,16 +128,16 @@ class UTree:
     Args:
         tree: The state tree to start from: a single leaf, or the expert tree's structure.
         n_actions: Number of actions A.
-        settings: How to learn.
-        inherited: Action of each leaf while nothing was tried in it: the expert's. The paper's
-            settings value an untried action at 0, so there nothing is inherited.
-        locked: Leaves that are never split and whose inherited action stays, without exploration.
+        method: How to learn.
+        prior: Action of each leaf while nothing was tried in it: the expert's, shape [L]. Where an
+            untried action has a value, as in the paper's settings, it is never asked for.
+        locked: Leaves that are never split and whose prior action stays, without exploration.
 
     Attributes:
         tree: The present state tree; a value, so keeping a reference freezes it.
         history: All transitions stored so far.
         mdp: The MDP over the leaves (Eqs. 3 to 6).
-        settings: How it learns.
+        method: How it learns.
         n_actions: Number of actions A.
     """
 
@@ -65,69 +145,26 @@ class UTree:
         self,
         tree: DecisionTree,
         n_actions: int,
-        settings: Settings,
+        method: UTreeMethod,
         *,
-        inherited: Integers | None = None,
+        prior: Integers | None = None,
         locked: Iterable[int] = (),
     ) -> None:
         self.tree = tree
-        self.settings = settings
-        rule = _forgetting(settings, tree.n_leaves, n_actions)
-        self.history = History(tree.n_features, tree.n_leaves, rule)
-        self.mdp = TabularMDP(
-            tree.n_leaves,
-            n_actions,
-            settings.discount,
-            untried=settings.untried_value,
-        )
-        self._solving = Solving(settings.solve_growth)
         self.n_actions = n_actions
+        self.method = method
+        self.history = History(tree.n_features, tree.n_leaves, self._reservoirs())
+        self.mdp = TabularMDP(
+            tree.n_leaves, n_actions, method.discount, untried=method.untried_value
+        )
+        self._solving = Solving(method.solve_growth)
         none = np.zeros(tree.n_leaves, dtype=np.int64)
-        self._inherited = np.array(none if inherited is None else inherited)  # [L]
+        self._prior = np.array(none if prior is None else prior)  # [L]
         self._tested_at = np.zeros(tree.n_leaves, dtype=np.int64)  # [L] seen at the last test
         self._locked = frozenset(locked)
-        self._foresight = self._new_foresight(informed=inherited is not None)
-        self._steps: list[tuple[Floats, int, float]] = []
+        self._lessons = Lessons(tree.n_features)
+        self._steps: list[Step] = []
         self._leaves: list[int] = []
-        self._shown: list[bool] = []
-        self._lessons = np.empty((0, tree.n_features))  # where something was shown of late
-
-    def state(self) -> dict[str, NDArray[Any]]:
-        """Return all that the learner knows, between two episodes; ``from_state`` takes it back."""
-        tree = {name: getattr(self.tree, name) for name in _TREE_ARRAYS}
-        history = {f"history_{k}": v for k, v in self.history.state().items()}
-        mdp = {f"mdp_{k}": v for k, v in self.mdp.state().items()}
-        own: dict[str, NDArray[Any]] = {"tested_at": self._tested_at, "inherited": self._inherited}
-        if len(self._lessons):
-            own["lessons"] = self._lessons
-        if self._locked:
-            own["locked"] = np.array(sorted(self._locked))
-        if self._foresight is None:
-            return {**tree, **history, **mdp, **own, **self._solving.state()}
-        plan = self._foresight.state()
-        return {**tree, **history, **mdp, **own, **{f"plan_{k}": v for k, v in plan.items()}}
-
-    @classmethod
-    def from_state(
-        cls, state: Mapping[str, NDArray[Any]], n_actions: int, settings: Settings
-    ) -> "UTree":
-        """Return the learner whose ``state()`` this was; it goes on to the same bytes."""
-        n_features = state["history_observations"].shape[1]
-        tree = DecisionTree(n_features, **{name: state[name] for name in _TREE_ARRAYS})
-        locked = state["locked"].tolist() if "locked" in state else ()
-        learner = cls(tree, n_actions, settings, inherited=state["inherited"], locked=locked)
-        rule = _forgetting(settings, tree.n_leaves, n_actions)
-        learner.history = History.from_state(_part(state, "history_"), tree, rule)
-        history = learner.history
-        learner.mdp.observe_batch(history.left, history.actions, history.rewards, history.entered)
-        learner.mdp.restore(_part(state, "mdp_"))
-        learner._tested_at = np.array(state["tested_at"])
-        learner._lessons = np.array(state.get("lessons", learner._lessons))
-        if "solved_at" in state:
-            learner._solving.solved_at = int(state["solved_at"][0])
-        if learner._foresight is not None:
-            learner._foresight.restore(_part(state, "plan_"))
-        return learner
 
     def add_demonstrations(self, episodes: Iterable[Episode]) -> None:
         """Store the expert's transitions and solve the MDP for the first Q-table."""
@@ -143,164 +180,100 @@ class UTree:
             self.history.forget()
         self._count_again()
         self._solving.solve(self.mdp, self.history)
-        if self._foresight is not None:
-            self._foresight.add_demonstrations(self.history.n_episodes)
 
-    def begin_episode(self, observation: Floats, generator: np.random.Generator) -> None:
-        """Start an episode at its first observation, shape [d].
+    # Data gathering phase (Table 1) -------------------------------------------------------------
 
-        All randomness of the episode comes from ``generator``, so a learner has no random state
-        of its own between episodes.
-        """
+    def start_episode(self, observation: Floats, generator: np.random.Generator) -> None:
+        """Begin an episode at its first observation, shape [d]; all its chance is ``generator``."""
         self._steps.clear()
-        self._shown.clear()
         self.mdp.savepoint()
-        if self.settings.max_transitions is not None:
+        if self.method.max_transitions is not None:
             self._rewards_before = self.mdp.reward_sums.copy()
         self._generator = generator
         self._first = observation
-        if self._foresight is not None:
-            self._foresight.begin_episode(self.settings.exploration, generator)
         self._leaves = [self.tree.leaf_of(observation.tolist())]
 
     def act(self) -> int:
         """Choose the action for the present observation: greedy (Eq. 1), random with epsilon."""
-        if self._leaves[-1] in self._locked:
-            return int(self._inherited[self._leaves[-1]])
-        if self._foresight is not None:
-            return self._foresight.act(self._steps[-1][0] if self._steps else self._first)
-        if self._generator.random() < self.settings.exploration:
-            return int(self._generator.integers(self.n_actions))
-        return self._greedy(self._leaves[-1])
-
-    def unsure(self, observation: Floats, confidence: Confidence) -> str:
-        """Return why the learner would rather be shown what to do at ``observation``, or "".
-
-        See :mod:`eutree.learners.confidence`. Nothing of the learner changes.
-        """
-        leaf = self.tree.leaf_of(observation.tolist())
+        leaf = self._leaves[-1]
         if leaf in self._locked:
-            return ""
-        rows = self.history.rows_leaving(leaf)
-        returns, actions = self.targets(rows), self.history.actions[rows]
-        best = self._greedy(leaf)
-        return doubt(returns, actions.astype(np.int64), best, self.n_actions, confidence)
+            return int(self._prior[leaf])
+        if self._generator.random() < self.method.exploration:
+            return int(self._generator.integers(self.n_actions))
+        return self._greedy(leaf)
 
-    def observe(
-        self,
-        action: int,
-        reward: float,
-        observation: Floats,
-        *,
-        terminated: bool,
-        truncated: bool,
-        shown: bool = False,
-    ) -> None:
-        """Take one transition from the present observation; store the episode at its end.
-
-        ``shown`` marks the action as somebody else's: a demonstration.
-
-        Updates Pr, R and Q by prioritized sweeping. A truncated episode is not a terminal one:
-        its last transition enters the leaf of the last observation.
-        """
-        leaf = self.tree.leaf_of(observation.tolist())
-        entered = TERMINAL if terminated else leaf
-        self.mdp.observe(self._leaves[-1], action, reward, entered, self.settings.backups)
-        self._steps.append((observation, action, reward))
+    def observe(self, step: Step) -> None:
+        """Take what came of an action; update Pr, R and Q by prioritized sweeping (Eqs. 3 to 6)."""
+        leaf = self.tree.leaf_of(step.observation.tolist())
+        entered = TERMINAL if step.terminated else leaf
+        self.mdp.observe(self._leaves[-1], step.action, step.reward, entered, self.method.backups)
+        self._steps.append(step)
         self._leaves.append(leaf)
-        self._shown.append(shown)
-        if terminated or truncated:
-            self._end_episode(terminated=terminated)
 
-    def abort_episode(self) -> None:
-        """Forget the episode that is under way; the learner is as it was before it, to the bit."""
+    def end_episode(self) -> None:
+        """Store the transitions (o, a, r, o') of the episode, each in leaf L(o)."""
+        leaves = np.array(self._leaves, dtype=np.int32)
+        actions = np.array([step.action for step in self._steps], dtype=np.int64)
+        rewards = np.array([step.reward for step in self._steps])
+        shown = np.array([step.shown for step in self._steps], dtype=np.bool_)
+        observations = np.concatenate([self._first, *(step.observation for step in self._steps)])
+        observations = observations.reshape(len(leaves), -1)
+        terminated = self._steps[-1].terminated
+        stored = self.history.append_episode(
+            observations,
+            actions,
+            rewards,
+            leaves,
+            terminated=terminated,
+            generator=self._generator,
+            demonstrated=shown,
+        )
+        self._lessons.add(observations[:-1][shown])
+        self._steps.clear()
+        if not stored.all():
+            entered = np.append(leaves[1:-1], TERMINAL if terminated else leaves[-1])
+            self._uncount(leaves[:-1], actions, rewards, entered, stored)
+        if self.history.forget() is not None:
+            self._count_again()
+
+    def discard_episode(self) -> None:
+        """Be as before ``start_episode``, to the bit; do nothing between two episodes."""
         if not self._steps:
             return
         states, entered = self._leaves[:-1], self._leaves[1:]
-        actions = [action for _, action, _ in self._steps]
-        rewards = [reward for _, _, reward in self._steps]
+        actions = [step.action for step in self._steps]
+        rewards = [step.reward for step in self._steps]
         self.mdp.forget_batch(states, actions, rewards, entered)
         self.mdp.rollback()
         self._steps.clear()
 
-    def expand(self, generator: np.random.Generator) -> tuple[LeafSplit, ...]:
+    # Expansion phase (Table 1) ------------------------------------------------------------------
+
+    def update(self, generator: np.random.Generator) -> Update:
         """Split every leaf that deserves it, and solve the MDP (Table 1, expansion phase).
 
         Only leaves that exist when the phase begins are tested. ``generator`` serves permutation
         tests.
         """
         if self._steps:
-            raise InvalidArgumentError("expand must be called between episodes, not within one")
-        self._learn_from_shown()
-        if self._foresight is not None:
-            if self._foresight.think(self.history, generator):
-                self._replace_tree(*self._foresight.policy())
-            return ()
+            raise InvalidArgumentError("update must be called between episodes, not within one")
+        self._learn_from_lessons()
         made = []
         for leaf in self._due():
             split = self._split_of(leaf, generator)
             if split is not None:
                 made.append(self._split(leaf, split))
-                if self.settings.solve_each_split:
+                if self.method.solve_each_split:
                     self._solving.solve(self.mdp, self.history)
-        self._grow_tree(made)
-        halves = [leaf for one in made for leaf in (one.leaf, one.new_leaf)]
+        self.tree = self.tree.split_each([(s.leaf, s.feature, s.threshold) for s in made])
+        halves = [leaf for split in made for leaf in (split.leaf, split.new_leaf)]
         self._solving.after_splits(self.mdp, self.history, halves)
-        return tuple(made)
-
-    def greedy_actions(self) -> Int32s:
-        """Return the action of each leaf (Eq. 1, or the plan's), shape [L]."""
-        if self._foresight is not None:
-            return self._inherited.astype(np.int32)
-        values = self.mdp.action_values
-        known = ~np.isnan(values)
-        best = np.where(known, values, -np.inf).argmax(axis=1)
-        learned = np.array(known.any(axis=1))
-        learned[list(self._locked)] = False
-        return np.where(learned, best, self._inherited).astype(np.int32)
-
-    def targets(self, rows: Integers) -> Floats:
-        """Return q of the stored transitions ``rows`` (Eq. 2), shape [n]."""
-        return self.settings.target.of(
-            self.history,
-            rows,
-            values=self.mdp.values,
-            greedy=self.greedy_actions,
-            discount=self.settings.discount,
-        )
-
-    def policy(
-        self, schema: Schema, environment: EnvironmentSpec | None = None, *, history: int = 0
-    ) -> TreePolicy:
-        """Return the present policy, frozen.
-
-        Args:
-            schema: Names of the tree's features and of the actions.
-            environment: The environment it is for.
-            history: Number of previous observations among the features.
-        """
-        return TreePolicy(
-            tree=self.tree,
-            actions=self.greedy_actions().astype(np.int64),
-            schema=schema,
-            environment=environment,
-            history=history,
-            leaves=self._statistics(),
-            locked=tuple(sorted(self._locked)),
-        )
-
-    def _greedy(self, leaf: int) -> int:
-        """Return the action of one leaf; the same rule as ``greedy_actions``, for a single step."""
-        best, best_value = -1, -np.inf
-        for action, value in enumerate(self.mdp.action_values[leaf].tolist()):
-            if value > best_value:
-                best, best_value = action, value
-        return best if best >= 0 else int(self._inherited[leaf])
+        return Update(tuple(made))
 
     def _due(self) -> list[int]:
         """Return the leaves to test now: those that have grown enough since they were tested."""
         sizes = self.history.seen_leaving()[: self.tree.n_leaves]
-        growth = self.settings.retest_growth
+        growth = self.method.retest_growth
         due = (sizes >= self._tested_at * growth) | (growth == 1.0)  # an estimate may fall
         due[list(self._locked)] = False
         self._tested_at[due] = sizes[due]
@@ -308,26 +281,20 @@ class UTree:
         return leaves
 
     def _split_of(self, leaf: int, generator: np.random.Generator) -> Split | None:
-        """Return the split that ``leaf`` deserves, or None."""
-        sample = self._sample(leaf)
-        split = self.settings.splitter.best(sample)
-        if split is None:
-            return None
-        significance = self.settings.significance
-        p = significance.p_value(split, sample, self.settings.splitter, generator)
-        if p > significance.alpha:
-            return None
-        keeps = self.settings.gate.keeps(split, sample, action=self._greedy(leaf))
-        return split if keeps else None
-
-    def _sample(self, leaf: int) -> LeafSample:
+        """Return the best cut of ``leaf`` if it is significant, or None."""
         rows = self.history.rows_leaving(leaf)
-        return LeafSample(
+        sample = LeafSample(
             observations=self.history.observations[rows],
             returns=self.targets(rows),
             actions=self.history.actions[rows].astype(np.int64),
             episodes=self.history.episodes[rows].astype(np.int64),
         )
+        split = self.method.splitter.best(sample)
+        if split is None:
+            return None
+        significance = self.method.significance
+        p = significance.p_value(split, sample, self.method.splitter, generator)
+        return None if p > significance.alpha else split
 
     def _split(self, leaf: int, split: Split) -> LeafSplit:
         """Split ``leaf`` in all but the tree; relabel its transitions and recount just those."""
@@ -346,39 +313,124 @@ class UTree:
         self.mdp.set_rewards(
             [leaf, new_leaf], self.history.left[rows], actions[rows], self.history.rewards[rows]
         )
-        self._inherited[leaf] = greedy
-        self._inherited = np.append(self._inherited, greedy)
+        self._prior[leaf] = greedy
+        self._prior = np.append(self._prior, greedy)
         self._tested_at = np.append(self._tested_at, 0)
         self._tested_at[leaf] = 0
-        return LeafSplit(leaf, new_leaf, split)
+        return LeafSplit(leaf, new_leaf, int(split.feature), float(split.threshold))
 
-    def _grow_tree(self, made: Sequence[LeafSplit]) -> None:
-        """Split the tree's leaves too: all at once, since a tree is a value."""
-        cuts = [(one.leaf, one.split.feature, one.split.threshold) for one in made]
-        self.tree = self.tree.split_each(cuts)
+    # What it knows ------------------------------------------------------------------------------
 
-    def _end_episode(self, *, terminated: bool) -> None:
-        leaves = np.array(self._leaves, dtype=np.int32)
-        actions = np.array([step[1] for step in self._steps], dtype=np.int64)
-        rewards = np.array([step[2] for step in self._steps])
-        observations = np.concatenate([self._first, *(step[0] for step in self._steps)])
-        stored = self.history.append_episode(
-            observations.reshape(len(leaves), -1),
-            actions,
-            rewards,
-            leaves,
-            terminated=terminated,
-            generator=self._generator,
-            demonstrated=np.array(self._shown, dtype=np.bool_),
+    def targets(self, rows: Integers) -> Floats:
+        """Return q of the stored transitions ``rows`` (Eq. 2), shape [n]."""
+        return self.method.target.of(
+            self.history,
+            rows,
+            values=self.mdp.values,
+            greedy=self.greedy_actions,
+            discount=self.method.discount,
         )
-        self._remember_lessons()
-        self._steps.clear()
-        if self._foresight is not None:
-            self._foresight.end_episode(self.history.n_episodes - 1, shown=any(self._shown))
-        if not stored.all():
-            entered = np.append(leaves[1:-1], TERMINAL if terminated else leaves[-1])
-            self._uncount(leaves[:-1], actions, rewards, entered, stored)
-        self._forget()
+
+    def greedy_actions(self) -> Int32s:
+        """Return the action of each leaf (Eq. 1), shape [L]."""
+        values = self.mdp.action_values
+        known = ~np.isnan(values)
+        best = np.where(known, values, -np.inf).argmax(axis=1)
+        learned = np.array(known.any(axis=1))
+        learned[list(self._locked)] = False
+        return np.where(learned, best, self._prior).astype(np.int32)
+
+    def decisions(self) -> Decisions:
+        """Return the state tree with the greedy action of each leaf, and Q."""
+        targets = self.targets(np.arange(self.history.size))
+        return Decisions(
+            self.tree,
+            self.greedy_actions().astype(np.int64),
+            leaf_statistics(
+                self.history.left,
+                self.history.actions,
+                targets,
+                visits=self.mdp.visits,
+                values=self.mdp.action_values,
+            ),
+            tuple(sorted(self._locked)),
+        )
+
+    def doubt(self, observation: Floats, confidence: Confidence) -> str:
+        """Return why the learner would rather be shown what to do at ``observation``, or "".
+
+        See :mod:`eutree.learners.confidence`. Nothing of the learner changes.
+        """
+        leaf = self.tree.leaf_of(observation.tolist())
+        if leaf in self._locked:
+            return ""
+        rows = self.history.rows_leaving(leaf)
+        actions = self.history.actions[rows].astype(np.int64)
+        best = self._greedy(leaf)
+        return doubt(self.targets(rows), actions, best, self.n_actions, confidence)
+
+    def state(self) -> Arrays:
+        """Return all that the learner knows, between two episodes; ``from_state`` takes it back."""
+        state: Arrays = {name: getattr(self.tree, name) for name in TREE}
+        state |= prefixed("history_", self.history.state())
+        state |= prefixed("mdp_", self.mdp.state())
+        state |= {"tested_at": self._tested_at, "prior": self._prior}
+        if self._locked:
+            state["locked"] = np.array(sorted(self._locked))
+        return state | self._lessons.state() | self._solving.state()
+
+    @classmethod
+    def from_state(
+        cls, state: Mapping[str, NDArray[Any]], n_actions: int, method: UTreeMethod
+    ) -> "UTree":
+        """Return the learner whose ``state()`` this was; it goes on to the same bytes."""
+        n_features = state["history_observations"].shape[1]
+        tree = DecisionTree(n_features, **{name: state[name] for name in TREE})
+        locked = state["locked"].tolist() if "locked" in state else ()
+        learner = cls(tree, n_actions, method, prior=state["prior"], locked=locked)
+        stored = part(state, "history_")
+        learner.history = History.from_state(stored, tree, learner._reservoirs())
+        history = learner.history
+        learner.mdp.observe_batch(history.left, history.actions, history.rewards, history.entered)
+        learner.mdp.restore(part(state, "mdp_"))
+        learner._tested_at = np.array(state["tested_at"])
+        learner._lessons.restore(state)
+        if "solved_at" in state:
+            learner._solving.solved_at = int(state["solved_at"][0])
+        return learner
+
+    def _greedy(self, leaf: int) -> int:
+        """Return the action of one leaf; the same rule as ``greedy_actions``, for a single step."""
+        best, best_value = -1, -np.inf
+        for action, value in enumerate(self.mdp.action_values[leaf].tolist()):
+            if value > best_value:
+                best, best_value = action, value
+        return best if best >= 0 else int(self._prior[leaf])
+
+    def _learn_from_lessons(self) -> None:
+        """Refine the leaves in which something was shown since the last expansion."""
+        refined = self._lessons.refine(
+            self.tree,
+            self.greedy_actions().astype(np.int64),
+            self.history,
+            self.n_actions,
+            self._locked,
+        )
+        if refined is not None:
+            self._replace_tree(*refined)
+
+    def _replace_tree(self, tree: DecisionTree, prior: Integers) -> None:
+        """Take another state tree; label all transitions and count them (Eqs. 3, 4)."""
+        self.tree, self._prior = tree, prior
+        self._tested_at = np.zeros(self.tree.n_leaves, dtype=np.int64)
+        self.history.relabel(self.tree)
+        self.mdp = self._counted()
+        self._solving.solve(self.mdp, self.history)
+
+    def _reservoirs(self) -> LeafReservoirs | None:
+        """Return what the history forgets by."""
+        room = self.method.max_transitions
+        return None if room is None else LeafReservoirs(room, self.tree.n_leaves, self.n_actions)
 
     def _uncount(
         self, left: Int32s, actions: Integers, rewards: Floats, entered: Integers, stored: Booleans
@@ -391,15 +443,6 @@ class UTree:
         np.add.at(state["reward_sums"], (left[stored], actions[stored]), rewards[stored])
         self.mdp.restore(state)
 
-    def _forget(self) -> None:
-        """Forget what the history holds too much; count what is left."""
-        kept = self.history.forget()
-        if kept is None:
-            return
-        if self._foresight is not None:
-            self._foresight.keep(kept)
-        self._count_again()
-
     def _count_again(self) -> None:
         """Count the stored transitions (Eqs. 3, 4); V, Q and the queue stay."""
         state = self.mdp.state()
@@ -408,91 +451,9 @@ class UTree:
 
     def _counted(self) -> TabularMDP:
         """Return the MDP of the stored transitions (Eqs. 3, 4), not solved."""
-        settings, history = self.settings, self.history
+        history, method = self.history, self.method
         mdp = TabularMDP(
-            self.tree.n_leaves, self.n_actions, settings.discount, untried=settings.untried_value
+            self.tree.n_leaves, self.n_actions, method.discount, untried=method.untried_value
         )
         mdp.observe_batch(history.left, history.actions, history.rewards, history.entered)
         return mdp
-
-    def _remember_lessons(self) -> None:
-        """Remember where in the episode somebody showed what to do, until the next expansion."""
-        if not any(self._shown):
-            return
-        observations = [self._first, *(step[0] for step in self._steps[:-1])]
-        seen = zip(observations, self._shown, strict=True)
-        shown = [observation for observation, is_shown in seen if is_shown]
-        self._lessons = np.concatenate([self._lessons, shown])
-
-    def _learn_from_shown(self) -> None:
-        """Refine the leaves in which something was shown since the last time."""
-        if not len(self._lessons):
-            return
-        lessons, self._lessons = self._lessons, self._lessons[:0]
-        history = self.history
-        rows = history.demonstrated
-        lately = set(self.tree.leaf_index(lessons).tolist()) - self._locked
-        leaves = np.array(sorted(lately & set(history.left[rows].tolist())), dtype=np.int64)
-        if not leaves.size:
-            return
-        tree, actions = refined(
-            self.tree,
-            self.greedy_actions().astype(np.int64),
-            history.observations[rows],
-            history.actions[rows].astype(np.int64),
-            self.n_actions,
-            leaves=leaves,
-        )
-        if self._foresight is None:
-            self._replace_tree(tree, actions)
-        else:
-            self._foresight.teach(tree, actions)
-
-    def _new_foresight(self, *, informed: bool) -> Foresight | None:
-        imagination = self.settings.imagination
-        if imagination is None:
-            return None
-        return Foresight(imagination, self.tree, self._inherited, self.n_actions, informed=informed)
-
-    def _replace_tree(self, tree: DecisionTree, actions: Integers) -> None:
-        """Take another state tree; label all transitions anew and count them (Eqs. 3, 4).
-
-        What is locked in the present one is kept: the new tree stands in for the rest.
-        """
-        if self._locked:
-            kept = {leaf: int(self._inherited[leaf]) for leaf in self._locked}
-            tree, actions, self._locked = graft(self.tree, kept, tree, actions)
-        self.tree, self._inherited = tree, actions
-        self._tested_at = np.zeros(tree.n_leaves, dtype=np.int64)
-        self.history.relabel(tree)
-        self.mdp = self._counted()
-        self._solving.solve(self.mdp, self.history)
-
-    def _statistics(self) -> LeafStatistics:
-        """Return visits, Q and its standard error for each leaf and action."""
-        shape = (self.tree.n_leaves, self.n_actions)
-        visits = self.mdp.visits
-        deviations = np.full(shape, np.nan)
-        for leaf in range(self.tree.n_leaves):
-            rows = self.history.rows_leaving(leaf)
-            returns, actions = self.targets(rows), self.history.actions[rows]
-            for action in range(self.n_actions):
-                mine = returns[actions == action]
-                if mine.size > 1:
-                    deviations[leaf, action] = mine.std(ddof=1) / np.sqrt(mine.size)
-        values = np.where(visits > 0, self.mdp.action_values, np.nan)
-        return LeafStatistics(visits, values, deviations)
-
-
-def _forgetting(settings: Settings, n_leaves: int, n_actions: int) -> Forgetting | None:
-    """Return what a learner of these settings forgets by: a planner needs whole episodes."""
-    if settings.max_transitions is None:
-        return None
-    if settings.imagination is not None:
-        return RecentEpisodes(settings.max_transitions)
-    return LeafReservoirs(settings.max_transitions, n_leaves, n_actions)
-
-
-def _part(state: Mapping[str, NDArray[Any]], prefix: str) -> dict[str, NDArray[Any]]:
-    """Return the entries whose names begin with ``prefix``, without it."""
-    return {k.removeprefix(prefix): v for k, v in state.items() if k.startswith(prefix)}

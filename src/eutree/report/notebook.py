@@ -76,7 +76,8 @@ def _(evaluation: Evaluation) -> str:
 @html_of.register
 def _(result: LearningResult) -> str:
     facts = {
-        "learner": result.learner,
+        "method": result.method.name,
+        "start": result.start,
         "experience": f"{result.episodes:,} episodes, {result.steps:,} steps",
         "last evaluation": result.curve[-1].describe() if result.curve else "",
     }
@@ -117,9 +118,10 @@ def _charts(result: LearningResult) -> list[str]:
         return [(float(at), *3 * (float(value),)) for at, value in found if value is not None]
 
     names = {"success_rate": "success rate", "mean_return": "return", "n_leaves": "leaves"}
+    label = result.method.name
     return [
         f"<figure><figcaption>{title.capitalize()}</figcaption>"
-        f"{chart(title, {result.learner: points(name)}, percent=name == 'success_rate')}</figure>"
+        f"{chart(title, {label: points(name)}, percent=name == 'success_rate')}</figure>"
         for name, title in names.items()
         if points(name)
     ]

@@ -4,7 +4,13 @@ from eutree.splitting.maximal import critical_value, maximal_p
 from eutree.splitting.naive import naive_p
 from eutree.splitting.permutation import permutation_p
 from eutree.splitting.search import KolmogorovSmirnov, best_split
-from eutree.splitting.significance import Maximal, Naive, Permutation, Significance
+from eutree.splitting.significance import (
+    Maximal,
+    Naive,
+    Permutation,
+    Significance,
+    SignificanceTest,
+)
 from eutree.splitting.split import LeafSample, Split
 
 __all__ = [
@@ -14,6 +20,7 @@ __all__ = [
     "Naive",
     "Permutation",
     "Significance",
+    "SignificanceTest",
     "Split",
     "best_split",
     "critical_value",

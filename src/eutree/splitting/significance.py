@@ -6,9 +6,9 @@ cuts, attributes and actions.
 """
 
 import math
-from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
+import msgspec
 import numpy as np
 
 from eutree.splitting.maximal import maximal_p
@@ -36,8 +36,7 @@ class Significance(Protocol):
         """Return the chance of a split as good as this one on noise."""
 
 
-@dataclass(frozen=True, slots=True)
-class _AtLevel:
+class _AtLevel(msgspec.Struct, frozen=True):
     """A test that has its level and nothing else."""
 
     alpha: float = 0.01
@@ -46,8 +45,7 @@ class _AtLevel:
         _check_level(self.alpha)
 
 
-@dataclass(frozen=True, slots=True)
-class Naive(_AtLevel):
+class Naive(_AtLevel, frozen=True, tag=True):
     """The two-sample test of the cut as if it had been chosen in advance (the paper)."""
 
     def p_value(
@@ -61,8 +59,7 @@ class Naive(_AtLevel):
         return naive_p(split.statistic, split.n_left, split.n_right)
 
 
-@dataclass(frozen=True, slots=True)
-class Maximal(_AtLevel):
+class Maximal(_AtLevel, frozen=True, tag=True):
     """The tabulated law of the maximum over cuts, corrected over attributes and actions.
 
     Conservative under ties: rare events among equal returns are not seen.
@@ -82,8 +79,7 @@ class Maximal(_AtLevel):
         return sidak(single, sample.observations.shape[1] * n_groups)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Permutation:
+class Permutation(msgspec.Struct, frozen=True, kw_only=True, tag=True):
     """The permutation test, exact under ties; screened by the table, which is cheaper.
 
     Attributes:
@@ -130,6 +126,9 @@ class Permutation:
             stop_after=self.stop_after,
             by_episode=by_episode,
         )
+
+
+SignificanceTest: TypeAlias = Naive | Maximal | Permutation
 
 
 def sidak(p: float, n_tests: int) -> float:

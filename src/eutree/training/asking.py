@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 
 from eutree.arrays import Floats
-from eutree.errors import FormatError
+from eutree.errors import FormatError, InvalidArgumentError
 from eutree.files import append_text, read_bytes, write_text
 from eutree.interaction import GuardedEnv
 from eutree.interaction.requests import (
@@ -27,8 +27,8 @@ from eutree.interaction.requests import (
     Stretch,
     controller_of,
 )
-from eutree.learners import UTree
 from eutree.learners.confidence import Confidence
+from eutree.learners.learner import CanDoubt, Learner
 from eutree.policies import Policy
 from eutree.validation import check_integer
 
@@ -119,7 +119,7 @@ class Questions:
         self.asking = asking
         self._answers = answers
 
-    def reason(self, learner: UTree, observation: Floats, before: int, in_episode: int) -> str:
+    def reason(self, learner: Learner, observation: Floats, before: int, in_episode: int) -> str:
         """Return why to ask now, or "".
 
         Args:
@@ -130,14 +130,14 @@ class Questions:
         """
         if before >= self.asking.max_requests or in_episode >= self.asking.max_per_episode:
             return ""
-        return learner.unsure(observation, self.asking.confidence)
+        return _doubting(learner).doubt(observation, self.asking.confidence)
 
     def ask(
         self,
         request: Request,
         observations: list[Floats],
         env: GuardedEnv,
-        learner: UTree,
+        learner: Learner,
         step: Callable[[int], StepAnswer],
         stopped: Callable[[], bool],
     ) -> dict[str, Any]:
@@ -185,14 +185,20 @@ class Questions:
             "outcome": ended or (said if stretch.n_steps else DECLINED),
         }
 
-    def _end(self, learner: UTree, answer: StepAnswer, count: int) -> str:
+    def _end(self, learner: Learner, answer: StepAnswer, count: int) -> str:
         """Return why a stretch ends with this step, or ""."""
         observation, _, terminated, truncated, _ = answer
         if terminated or truncated:
             return EPISODE_OVER
         if count >= self.asking.max_steps:
             return LONG_ENOUGH
-        return "" if learner.unsure(observation, self.asking.confidence) else CONFIDENT
+        return "" if _doubting(learner).doubt(observation, self.asking.confidence) else CONFIDENT
+
+
+def _doubting(learner: Learner) -> CanDoubt:
+    if not isinstance(learner, CanDoubt):
+        raise InvalidArgumentError("ask must be None for a method that never doubts")
+    return learner
 
 
 def questions_for(

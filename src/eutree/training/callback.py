@@ -9,8 +9,9 @@ import gymnasium
 from numpy.typing import ArrayLike
 
 from eutree.errors import InvalidArgumentError
+from eutree.learners import Step
 from eutree.policies import TreePolicy
-from eutree.training.run import LearningRun, Step
+from eutree.training.run import LearningRun
 
 
 class Logger:

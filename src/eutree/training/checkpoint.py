@@ -20,8 +20,6 @@ from eutree.arrays import Floats
 from eutree.errors import FormatError
 from eutree.evaluation import CurvePoint
 from eutree.files import Document, read_archive, write_archive
-from eutree.learners import Settings, UTree
-from eutree.learners.stored_state import check_state
 from eutree.training.offline import OfflineRun
 from eutree.training.progress import GatheredEpisodes, progress_to_csv
 from eutree.training.run import LearningRun
@@ -45,18 +43,15 @@ class CheckpointDocument(Document, frozen=True, kw_only=True):
     """Where a run stood at the end of an episode; the arrays beside it are the learner's."""
 
     FORMAT: ClassVar[str] = "eutree/checkpoint"
-    VERSION: ClassVar[int] = 1
+    VERSION: ClassVar[int] = 2
 
     episode: int
     steps: int
-    n_actions: int
 
 
 def write_checkpoint(path: Path, run: LearningRun | OfflineRun) -> None:
     """Write where a run stands, atomically."""
-    document = CheckpointDocument(
-        episode=run.episode, steps=run.steps, n_actions=run.learner.n_actions
-    )
+    document = CheckpointDocument(episode=run.episode, steps=run.steps)
     events = np.frombuffer(events_to_text(run.events).encode(), dtype=np.uint8)
     arrays = run.learner.state() | run.gathered.state() | {_EVENTS: events}
     write_archive(path, document, arrays, limit=MAX_CHECKPOINT)
@@ -67,29 +62,21 @@ def events_to_text(events: Sequence[Mapping[str, Any]]) -> str:
     return "".join(json.dumps(event, allow_nan=False) + "\n" for event in events)
 
 
-def restore_checkpoint(path: Path, run: LearningRun | OfflineRun, settings: Settings) -> None:
+def restore_checkpoint(path: Path, run: LearningRun | OfflineRun) -> None:
     """Bring ``run``, at its start, to where the checkpoint stands.
 
     Raises:
         FormatError: The file is damaged, or is the checkpoint of another run.
     """
     document, arrays = read_archive(path, CheckpointDocument, limit=MAX_CHECKPOINT)
-    start = run.learner
-    if document.n_actions != start.n_actions:
-        raise FormatError(path, "n_actions", f"must be {start.n_actions}, the environment's")
+    beginning = run.beginning
+    method, problem = beginning.method, beginning.problem
     gathered, events = _gathered(path, arrays), _events(path, arrays)
-    check_state(path, arrays, document.n_actions, settings)
-    n_features = arrays["history_observations"].shape[1]
-    if n_features != start.tree.n_features:
-        raise FormatError(
-            path,
-            "history_observations",
-            f"must have {start.tree.n_features} features, the environment's, got {n_features}",
-        )
+    method.check_state(path, arrays, problem)
     if document.episode < 0 or document.steps < 0:
         raise FormatError(path, "episode", "must not be negative")
     _check_events(path, events, run.EVENT_NUMBERS, gathered)
-    run.learner = UTree.from_state(arrays, document.n_actions, settings)
+    run.learner = method.restore(problem, beginning.start, arrays)
     run.episode, run.steps = document.episode, document.steps
     run.curve = [_point(path, event) for event in events if event["event"] == "evaluation"]
     run.events, run.gathered = events, gathered

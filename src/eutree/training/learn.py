@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import gymnasium
 
@@ -13,21 +13,27 @@ from eutree.errors import InvalidArgumentError
 from eutree.evaluation import evaluate
 from eutree.interaction import GuardedEnv
 from eutree.interaction.requests import Controller
-from eutree.learners import LEARNERS, Settings, UTree, c_u_tree, eu_tree, eu_tree_dt
-from eutree.learners.expert_tree import fit_expert_tree
-from eutree.learners.presets import preset as preset_settings
-from eutree.learners.settings import described
+from eutree.learners import Method, Problem, start_of
+from eutree.learners import method as method_of
+from eutree.learners.learner import Start, check_fits
+from eutree.learners.registry import to_document
 from eutree.policies import Policy, TreePolicy
-from eutree.schema import Schema
 from eutree.training.asking import Asking, questions_for
 from eutree.training.callback import CallbackLike, CallbackListener
 from eutree.training.offline import OfflineRun
 from eutree.training.polishing import PolishReport, polish
 from eutree.training.result import LearningResult
-from eutree.training.run import Evaluator, LearningRun, Schedule
+from eutree.training.run import (
+    START_STREAM,
+    Beginning,
+    Evaluator,
+    LearningRun,
+    Schedule,
+    generator_of,
+)
 from eutree.training.run_folder import ConfigDocument, RunFolder, SavingClock
 from eutree.training.tensorboard import TensorBoardLog
-from eutree.validation import check_choice, check_integer, check_number
+from eutree.validation import check_integer, check_number
 
 Progress = Callable[[Any], None]  # takes the LearningRun or OfflineRun
 
@@ -37,9 +43,8 @@ def learn(
     *,
     demonstrations: Demonstrations | None = None,
     expert: TreePolicy | None = None,
-    learner: str | None = None,
-    preset: str = "default",
-    settings: Settings | None = None,
+    method: str | Method | None = None,
+    start: str | None = None,
     episodes: int = 400,
     seed: int = 0,
     evaluate_every: int = 20,
@@ -62,14 +67,16 @@ def learn(
 
     Args:
         env: A Gymnasium environment with a flat observation and a Discrete action space. None
-            learns offline: the tree is grown on the transitions of ``demonstrations`` until no
-            leaf deserves a split any more.
-        demonstrations: Episodes of an expert; needed by the EU-Tree unless ``expert`` is given.
-        expert: The expert tree; fitted to the demonstrations if it is not given.
-        learner: ``"c-u-tree"``, ``"eu-tree-dt"`` or ``"eu-tree"``; by default the EU-Tree if there
-            are demonstrations, EU-Tree - DT if there is only an expert tree, else C. U-Tree.
-        preset: Settings by name: ``"default"``, or ``"paper"`` to be faithful.
-        settings: Settings of your own, instead of a preset.
+            learns offline, from ``demonstrations`` alone: the method makes its updates over them
+            until one splits nothing.
+        demonstrations: Episodes of an expert, in the features of one observation.
+        expert: The expert tree; fitted to the demonstrations if a start needs it.
+        method: How to learn: a name of ``eutree.learners.METHODS`` or of a preset, such as
+            ``"paper"`` to be faithful, or a method of your own choices. By default model-based
+            planning or, offline, ``"corrected"``.
+        start: Where learning begins: ``"nothing"``, ``"tree"``, ``"tree+demos"``, ``"demos"`` or
+            ``"random-tree"``; the paper's C. U-Tree, EU-Tree - DT and EU-Tree are the first
+            three. By default what is given.
         episodes: Episodes of experience; offline, the most expansion phases.
         seed: The same seed gives the same result, byte for byte.
         evaluate_every: Episodes between two frozen evaluations.
@@ -79,7 +86,7 @@ def learn(
         polish_steps: Environment steps spent at the end on ``eutree.polish``.
         max_transitions: Most transitions that the learner remembers between two episodes, so that
             a run of any length takes bounded memory: a uniform sample of those of each leaf and
-            action or, with planning, whole episodes. None leaves it to ``settings``.
+            action or, with planning, whole episodes. None leaves it to ``method``.
         strict: Refuse observations outside the environment's own bounds.
         out: Folder for the policy, the expert tree, the curve, the events and the checkpoints.
         resume: Go on from the last checkpoint in ``out``, to the same bytes as if nothing had
@@ -98,8 +105,8 @@ def learn(
         on_progress: Called after each episode and each evaluation, or each expansion offline.
 
     Raises:
-        InvalidArgumentError: The learner lacks the demonstrations it needs, or they are of another
-            environment.
+        InvalidArgumentError: The start lacks the demonstrations it needs, they are of another
+            environment, or the method does not fit the task.
         EnvironmentFault: The environment broke its contract; ``out`` can be resumed.
         RunFolderError: ``out`` is in use, or holds a run and ``resume`` is False.
     """
@@ -112,44 +119,39 @@ def learn(
     asking = asking or Asking()
     clock = SavingClock(checkpoint_seconds)
     schedule = Schedule(episodes=episodes, evaluate_every=evaluate_every, seed=seed)
-    chosen = preset_settings(preset) if settings is None else settings
-    if max_transitions is not None:
-        chosen = replace(chosen, max_transitions=max_transitions)
-    if env is None:
-        chosen = replace(chosen, imagination=None)  # nothing can be put on trial
-    name = check_choice("learner", learner or _default_learner(demonstrations, expert), LEARNERS)
+    chosen = _method(method, offline=env is None, max_transitions=max_transitions)
     if demonstrations is not None and history:
         demonstrations = demonstrations.with_history(history)
-    if name == "c-u-tree":
-        expert = None
-    elif expert is None:
-        expert = replace(fit_expert_tree(_needed(demonstrations, name)), history=history)
-    run: LearningRun | OfflineRun
+    offline = env is None
     if env is None:
         recorded = _needed(demonstrations, "offline learning")
-        start = _start("offline", recorded.schema, chosen, recorded, expert)
-        run = OfflineRun(start, recorded, seed=seed, max_expansions=episodes, history=history)
+        problem = Problem(recorded.schema, recorded.environment, history)
         environment = f"offline: {recorded.environment}"
     else:
         guarded = _named_as(
             expert or demonstrations, GuardedEnv(env, strict=strict, history=history)
         )
-        start = _start(name, guarded.schema, chosen, demonstrations, expert)
-        evaluator = _evaluator(env, evaluation_episodes)
+        problem = _problem(guarded)
+        environment = str(guarded.spec or guarded.name)
+    begin = _start(start, problem, demonstrations, expert, seed=seed, offline=offline)
+    check_fits(chosen, problem, begin, offline=offline)
+    beginning = Beginning(chosen, problem, begin)
+    run: LearningRun | OfflineRun
+    if env is None:
+        run = OfflineRun(beginning, seed=seed, max_updates=episodes)
+    else:
         run = LearningRun(
-            start,
+            beginning,
             guarded,
             schedule,
-            evaluator,
+            _evaluator(env, evaluation_episodes),
             stop=stop,
             questions=questions_for(ask, asking, out),
         )
-        environment = str(guarded.spec or guarded.name)
-    every = described(chosen)
     config = ConfigDocument(
         environment=environment,
-        learner=name,
-        settings={name: text for name, (text, _) in every.items()},
+        method=to_document(chosen),
+        start=begin.name,
         episodes=schedule.episodes,
         evaluate_every=schedule.evaluate_every,
         evaluation_episodes=evaluation_episodes,
@@ -164,21 +166,20 @@ def learn(
             _go_on(run, None, clock, (follow, on_progress))
         policy, polished = _polished(run, env, polish_steps, seed)
     else:
-        usual = {name: default for name, (_, default) in every.items()}
-        with RunFolder(out, config, resume=resume, usual=usual) as folder:
-            folder.save_start(expert)
-            folder.load_checkpoint(run, chosen)
+        with RunFolder(out, config, resume=resume) as folder:
+            folder.save_start(begin.expert)
+            folder.load_checkpoint(run)
             with _followed(run, listener, tensorboard) as follow:
                 _go_on(run, folder, clock, (follow, on_progress))
             policy, polished = _polished(run, env, polish_steps, seed)
             folder.save_result(policy)
     return LearningResult(
         policy=policy,
-        expert=expert,
+        expert=begin.expert,
         curve=tuple(run.curve),
         history=run.learner.history,
-        learner=name,
-        settings=chosen,
+        method=chosen,
+        start=begin.name,
         episodes=run.episode,
         steps=run.steps,
         polishing=polished,
@@ -261,10 +262,30 @@ def _go_on(
             folder.save_checkpoint(run)
 
 
-def _default_learner(demonstrations: Demonstrations | None, expert: TreePolicy | None) -> str:
-    if demonstrations is not None:
-        return "eu-tree"
-    return "c-u-tree" if expert is None else "eu-tree-dt"
+def _method(method: str | Method | None, *, offline: bool, max_transitions: int | None) -> Method:
+    """Return the method that is meant, with the bound on its memory."""
+    if method is None:
+        method = "corrected" if offline else "default"
+    chosen = method_of(method) if isinstance(method, str) else method
+    if max_transitions is None:
+        return chosen
+    if not hasattr(chosen, "max_transitions"):
+        raise InvalidArgumentError(
+            f"max_transitions must be None for method {chosen.name!r}, got {max_transitions}"
+        )
+    return cast(Method, replace(cast(Any, chosen), max_transitions=max_transitions))
+
+
+def _problem(env: GuardedEnv) -> Problem:
+    """Return what can be known of an environment before the first step."""
+    spec = env.env.spec
+    return Problem(
+        env.schema,
+        env.spec,
+        env.history,
+        env.features.actions,
+        max_episode_steps=None if spec is None else spec.max_episode_steps,
+    )
 
 
 def _named_as(given: TreePolicy | Demonstrations | None, guarded: GuardedEnv) -> GuardedEnv:
@@ -281,27 +302,22 @@ def _needed(demonstrations: Demonstrations | None, what: str) -> Demonstrations:
 
 
 def _start(
-    name: str,
-    schema: Schema,
-    settings: Settings,
+    name: str | None,
+    problem: Problem,
     demonstrations: Demonstrations | None,
     expert: TreePolicy | None,
-) -> UTree:
-    """Return one of the paper's three learners, at its start.
-
-    ``"offline"`` is the C. U-Tree or the EU-Tree with the demonstrations as its history.
-    """
+    *,
+    seed: int,
+    offline: bool,
+) -> Start:
+    """Return where learning begins; offline the demonstrations are always its history."""
     for what, given in (("demonstrations", demonstrations), ("expert", expert)):
         if given is not None:
-            schema.check_same(given.schema, what, of="the environment")
-    if name in ("offline", "eu-tree"):
-        check_rewards(_needed(demonstrations, name), alone=name == "offline")
-    if name == "offline":
-        start = c_u_tree(schema, settings) if expert is None else eu_tree_dt(expert, settings)
-        start.add_demonstrations(_needed(demonstrations, name).kept)
-        return start
-    if name == "c-u-tree" or expert is None:
-        return c_u_tree(schema, settings)
-    if name == "eu-tree-dt":
-        return eu_tree_dt(expert, settings)
-    return eu_tree(expert, _needed(demonstrations, name), settings)
+            problem.schema.check_same(given.schema, what, of="the environment")
+    chance = generator_of(seed, START_STREAM, 0)
+    start = start_of(name, problem, demonstrations=demonstrations, expert=expert, generator=chance)
+    if offline:
+        start = replace(start, episodes=_needed(demonstrations, "offline learning").kept)
+    if start.episodes:
+        check_rewards(_needed(demonstrations, start.name), alone=offline)
+    return start

@@ -26,8 +26,8 @@ from eutree.imagination.improvement import Improvement
 from eutree.imagination.planner import FEWEST_IMAGINED
 from eutree.imagination.rehearsal import Rehearsal
 from eutree.imagination.world_model import MAX_LEAVES, WorldModel
-from eutree.learners.foresight import transitions_of
 from eutree.learners.history import History
+from eutree.learners.model_planning import transitions_of
 from eutree.policies import TreePolicy
 from eutree.training.trials import FIRST_BLOCK, Trials, key
 from eutree.training.variants import Advantages, Variation

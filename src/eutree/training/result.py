@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 from eutree.display import Displayed
 from eutree.evaluation import CurvePoint
-from eutree.learners import History
-from eutree.learners.settings import Settings
+from eutree.learners import History, Method
 from eutree.policies import TreePolicy
 from eutree.training.polishing import PolishReport
 from eutree.wording import counted
@@ -17,11 +16,11 @@ class LearningResult(Displayed):
 
     Attributes:
         policy: The final policy.
-        expert: The expert tree it started from; None for the C. U-Tree.
+        expert: The expert tree it started from; None where it started from none.
         curve: Frozen evaluations along the way, the first before any learning.
         history: All stored transitions.
-        learner: Which of the three learners it was.
-        settings: How it learned.
+        method: How it learned.
+        start: Where it began: "nothing", "tree", "tree+demos", "demos" or "random-tree".
         episodes: Episodes of experience, without those of evaluations.
         steps: Environment steps of experience, without those of evaluations and polishing.
         polishing: What polishing did at the end; None without.
@@ -31,8 +30,8 @@ class LearningResult(Displayed):
     expert: TreePolicy | None
     curve: tuple[CurvePoint, ...]
     history: History
-    learner: str
-    settings: Settings
+    method: Method
+    start: str
     episodes: int
     steps: int
     polishing: PolishReport | None = None
@@ -41,4 +40,4 @@ class LearningResult(Displayed):
         """Return the result in one line; the stored transitions would be pages."""
         last = self.curve[-1].describe() if self.curve else counted(self.policy.n_leaves, "leaf")
         experience = f"{counted(self.episodes, 'episode')}, {counted(self.steps, 'step')}"
-        return f"<LearningResult: {self.learner}, {experience}; {last}>"
+        return f"<LearningResult: {self.method.name} from {self.start}, {experience}; {last}>"

@@ -18,7 +18,7 @@ from eutree.evaluation import CurvePoint, Evaluation
 from eutree.interaction import GuardedEnv, episode_seed
 from eutree.interaction.episode import success_of
 from eutree.interaction.requests import Request, StepAnswer
-from eutree.learners import UTree
+from eutree.learners import Learner, Method, Problem, Start, Step
 from eutree.policies import TreePolicy
 from eutree.training.asking import Questions
 from eutree.training.progress import GatheredEpisodes
@@ -28,6 +28,7 @@ TRAINING_STREAM = 2
 EXPLORATION_STREAM = 3
 EXPANSION_STREAM = 4
 EVALUATION_STREAM = 5
+START_STREAM = 6
 
 Evaluator = Callable[[TreePolicy, int], Evaluation]  # (policy, seed) -> evaluation
 
@@ -52,16 +53,23 @@ class Schedule:
         check_seed(self.seed)
 
 
-@dataclass(frozen=True)
-class Step:
-    """One step of experience: an action and what came of it."""
+@dataclass(frozen=True, eq=False)
+class Beginning:
+    """What a run begins with: how is learned, what, and from where.
 
-    action: int
-    reward: float
-    observation: Floats  # [d]
-    terminated: bool
-    truncated: bool
-    info: dict[str, Any]
+    Attributes:
+        method: How is learned.
+        problem: What is learned.
+        start: Where learning begins.
+    """
+
+    method: Method
+    problem: Problem
+    start: Start
+
+    def learner(self) -> Learner:
+        """Return the learner at its start."""
+        return self.method.start(self.problem, self.start)
 
 
 class Listener(Protocol):
@@ -84,7 +92,7 @@ class LearningRun:
     """A run in progress.
 
     Args:
-        learner: The learner, at its start.
+        beginning: How is learned, what, and from where.
         env: The environment it gathers in.
         schedule: How long, and when to evaluate.
         evaluator: How to evaluate a frozen policy.
@@ -92,6 +100,7 @@ class LearningRun:
         questions: Asks somebody to act where the learner is unsure; None asks nobody.
 
     Attributes:
+        beginning: What the run began with.
         learner: The learner.
         schedule: How long, and when to evaluate.
         episode: Episodes gathered so far.
@@ -110,7 +119,7 @@ class LearningRun:
 
     def __init__(
         self,
-        learner: UTree,
+        beginning: Beginning,
         env: GuardedEnv,
         schedule: Schedule,
         evaluator: Evaluator,
@@ -118,7 +127,8 @@ class LearningRun:
         stop: Callable[[], bool] = lambda: False,
         questions: Questions | None = None,
     ) -> None:
-        self.learner = learner
+        self.beginning = beginning
+        self.learner = beginning.learner()
         self.schedule = schedule
         self.episode = 0
         self.steps = 0
@@ -167,7 +177,7 @@ class LearningRun:
         """Return what is due after the present episode: an expansion, an evaluation or nothing."""
         now = takewhile(lambda event: event["episode"] == self.episode, reversed(self.events))
         made = {event["event"] for event in now} - {"record"}
-        gathered = self.episode % self.learner.settings.gathering_episodes == 0 or self._at_end
+        gathered = self.episode % self.beginning.method.gathering_episodes == 0 or self._at_end
         if gathered and self.episode and not made:
             return self._expand
         if self.episode % self.schedule.evaluate_every == 0 or self._at_end:
@@ -176,8 +186,7 @@ class LearningRun:
 
     def policy(self) -> TreePolicy:
         """Return the present policy, frozen."""
-        env = self._env
-        return self.learner.policy(env.schema, env.spec, history=env.history)
+        return self.learner.decisions().policy(self.beginning.problem)
 
     @property
     def num_timesteps(self) -> int:
@@ -191,7 +200,7 @@ class LearningRun:
         self._gathering = True
         seed = episode_seed(self.schedule.seed, self.episode, TRAINING_STREAM)
         observation = self._env.reset(seed)
-        self.learner.begin_episode(observation, self._generator(EXPLORATION_STREAM))
+        self.learner.start_episode(observation, self._generator(EXPLORATION_STREAM))
         self._observations, self._requests = [observation], []
         try:
             while not self.stopped and self._act():
@@ -222,16 +231,15 @@ class LearningRun:
         """Take a step in the environment; let the learner and the listener know."""
         answer = self._env.step(action)
         observation, reward, terminated, truncated, info = answer
-        self.learner.observe(
-            action, reward, observation, terminated=terminated, truncated=truncated, shown=shown
-        )
+        step = Step(action, reward, observation, terminated, truncated, info, shown)
+        self.learner.observe(step)
         self._observations.append(observation)
         self._steps_of_episode += 1
         self._return += reward
         if terminated or truncated:
+            self.learner.end_episode()
             self._finish_episode(info)
         if self.listener is not None:
-            step = Step(action, reward, observation, terminated, truncated, info)
             self.stopped = not self.listener.step_taken(step)
         return answer
 
@@ -278,7 +286,7 @@ class LearningRun:
 
     def _forget_episode(self) -> None:
         """Be as before the episode, unless it was finished."""
-        self.learner.abort_episode()
+        self.learner.discard_episode()
         self._steps_of_episode, self._return = 0, 0.0
         self._requests = []
         self.recorded.clear()
@@ -304,16 +312,13 @@ class LearningRun:
             self.listener.gathering_ends()
             self._note_what_was_recorded()
         self._gathering = False
-        splits = self.learner.expand(self._generator(EXPANSION_STREAM))
-        made = [
-            {
-                "leaf": s.leaf,
-                "feature": int(s.split.feature),
-                "threshold": float(s.split.threshold),
-            }
-            for s in splits
+        update = self.learner.update(self._generator(EXPANSION_STREAM))
+        splits = [
+            {"leaf": split.leaf, "feature": split.feature, "threshold": split.threshold}
+            for split in update.splits
         ]
-        self._note("expansion", {"splits": made, "n_leaves": self.learner.tree.n_leaves})
+        n_leaves = self.learner.decisions().tree.n_leaves
+        self._note("expansion", {"splits": splits, "n_leaves": n_leaves, **update.figures})
 
     def _evaluate(self) -> None:
         """Freeze the policy and evaluate it on episodes of their own."""

@@ -16,12 +16,12 @@ or the new one. The lock is the operating system's: it ends with the process tha
 
 import os
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
-from eutree.errors import RunFolderError
+from eutree.errors import FormatError, InvalidArgumentError, RunFolderError
 from eutree.evaluation import curve_to_csv
 from eutree.files import (
     Document,
@@ -31,7 +31,7 @@ from eutree.files import (
     write_text,
 )
 from eutree.files.atomic import lock, remove_orphans, reported
-from eutree.learners import Settings
+from eutree.learners.registry import from_document, to_document
 from eutree.policies import TreePolicy
 from eutree.training.checkpoint import (
     CHECKPOINT,
@@ -51,11 +51,11 @@ class ConfigDocument(Document, frozen=True, kw_only=True):
     """How a run was started; a resumed run must be started the same way."""
 
     FORMAT: ClassVar[str] = "eutree/run"
-    VERSION: ClassVar[int] = 1
+    VERSION: ClassVar[int] = 2
 
     environment: str
-    learner: str
-    settings: dict[str, str]
+    method: dict[str, Any]
+    start: str
     episodes: int
     evaluate_every: int
     evaluation_episodes: int
@@ -99,8 +99,6 @@ class RunFolder:
         path: The folder; it is made if it does not exist.
         config: How the run is started.
         resume: Go on with what is there, instead of refusing a folder that holds a run.
-        usual: Default of each setting: what a run was started with by a version that did not
-            have the setting.
 
     Raises:
         RunFolderError: Another process writes here; or a run is here and ``resume`` is False; or
@@ -113,9 +111,7 @@ class RunFolder:
         config: ConfigDocument,
         *,
         resume: bool,
-        usual: Mapping[str, str] | None = None,
     ) -> None:
-        self._usual = usual or {}
         self.path = make_folder(path)
         self._lock = _lock(self.path)
         try:
@@ -147,12 +143,12 @@ class RunFolder:
         write_text(self.path / "progress.csv", progress)
         write_text(self.path / "events.jsonl", events_to_text(run.events))
 
-    def load_checkpoint(self, run: LearningRun | OfflineRun, settings: Settings) -> bool:
+    def load_checkpoint(self, run: LearningRun | OfflineRun) -> bool:
         """Bring ``run`` to where the checkpoint stands; return whether there is one."""
         path = self.path / CHECKPOINT
         if not path.exists():
             return False
-        restore_checkpoint(path, run, settings)
+        restore_checkpoint(path, run)
         return True
 
     def save_result(self, policy: TreePolicy) -> None:
@@ -170,25 +166,44 @@ class RunFolder:
                 f"{self.path} already holds a run; go on with it (--resume) or choose another "
                 "folder"
             )
-        _check_same(path, read_document(path, ConfigDocument), config, self._usual)
+        _check_same(path, read_document(path, ConfigDocument), config)
 
 
-def _check_same(
-    path: Path, found: ConfigDocument, wanted: ConfigDocument, usual: Mapping[str, str]
-) -> None:
+def _check_same(path: Path, found: ConfigDocument, wanted: ConfigDocument) -> None:
     """Raise RunFolderError unless the run was started as it is resumed; its length may differ."""
-    free = ("format", "version", "made_by", "episodes", "settings")
+    free = ("format", "version", "made_by", "episodes", "method")
     names = [name for name in ConfigDocument.__struct_fields__ if name not in free]
     pairs = {name: (repr(getattr(found, name)), repr(getattr(wanted, name))) for name in names}
-    for name in (*wanted.settings, *found.settings):
-        before = found.settings.get(name, usual.get(name, "unknown"))
-        pairs[name] = (before, wanted.settings.get(name, "nothing"))
+    pairs |= _choices(_method(path, found), wanted.method)
     for name, (one, other) in pairs.items():
         if one != other:
             raise RunFolderError(
                 f"{path}: the run was started with {name} {one}, "
                 f"so it cannot be resumed with {other}"
             )
+
+
+def _method(path: Path, config: ConfigDocument) -> dict[str, Any]:
+    """Return the method of a stored configuration; choices that it does not name are usual ones."""
+    try:
+        return to_document(from_document(config.method))
+    except InvalidArgumentError as error:
+        raise FormatError(path, "method", str(error)) from None
+
+
+def _choices(
+    one: dict[str, Any], other: dict[str, Any], prefix: str = ""
+) -> dict[str, tuple[str, str]]:
+    """Return each choice of two methods, those of a part as ``"planner.growth"``."""
+    pairs: dict[str, tuple[str, str]] = {}
+    for name in one | other:
+        mine, theirs = one.get(name), other.get(name)
+        if isinstance(mine, dict) and isinstance(theirs, dict):
+            pairs |= _choices(mine, theirs, f"{prefix}{name}.")
+        else:
+            label = "method" if name == "name" and not prefix else prefix + name
+            pairs[label] = (repr(mine), repr(theirs))
+    return pairs
 
 
 def _lock(folder: Path) -> int:

@@ -20,7 +20,7 @@ from eutree.schema import EnvironmentSpec
 
 SEEDS = range(5)
 PRESETS = ("paper", "paper-d", "default")
-STARTS = {"nothing": "c-u-tree", "tree": "eu-tree-dt", "tree+demos": "eu-tree"}
+STARTS = ("nothing", "tree", "tree+demos")
 
 
 @dataclass(frozen=True)
@@ -55,8 +55,8 @@ def behaviour(preset, start, task, seed):
     result = eutree.learn(
         environment(setting),
         demonstrations=None if start == "nothing" else shown,
-        learner=STARTS[start],
-        preset=preset.removesuffix("-raced"),
+        start=start,
+        method=preset.removesuffix("-raced"),
         episodes=setting.episodes,
         evaluate_every=20,
         evaluation_episodes=5,

@@ -1,0 +1,396 @@
+"""Model-based planning of a tree: the default method.
+
+The learner acts by whole trees. The incumbent is the policy; challengers are planned in a world
+model that is fitted to what was lived through, and act in episodes of their own before one of them
+becomes the incumbent (:mod:`eutree.imagination.planner`). There is no table of values over leaves:
+what decides are returns.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eutree.arrays import Floats, Int32s, Integers
+from eutree.data import Episode
+from eutree.errors import InvalidArgumentError
+from eutree.imagination import ActionTree, Imagination, Plan, Transitions
+from eutree.imagination.action_trees import from_decision_tree, to_decision_tree
+from eutree.learners.confidence import Confidence, doubt
+from eutree.learners.forgetting import RecentEpisodes
+from eutree.learners.history import TERMINAL, History
+from eutree.learners.learner import Arrays, Decisions, Needs, Problem, Start, Step, Update
+from eutree.learners.statistics import returns_by_action
+from eutree.learners.stored_state import TREE, check_planning, part, prefixed
+from eutree.learners.teaching import Lessons
+from eutree.policies import LeafStatistics
+from eutree.trees import DecisionTree
+from eutree.trees.grafting import graft
+from eutree.validation import check_integer, check_number
+
+_TREES = ("policy", "candidate", "explorer", "taught")
+_EPISODES = ("proved", "tried", "helped")
+_NUMBERS = ("planned_at", "demonstrations", "outdated")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanningMethod:
+    """The choices of model-based planning.
+
+    Attributes:
+        gathering_episodes: Episodes between two plannings.
+        exploration: Probability of a random action in the explorer's episodes.
+        planner: How trees are planned, and when a challenger replaces the incumbent.
+        max_transitions: Most transitions remembered between two episodes: the most recent
+            episodes, and a sample of older ones. None remembers all.
+    """
+
+    name: ClassVar[str] = "planning"
+    needs: ClassVar[Needs] = Needs(gathering=True)
+
+    gathering_episodes: int = 20
+    exploration: float = 0.1
+    planner: Imagination = Imagination()
+    max_transitions: int | None = None
+
+    def __post_init__(self) -> None:
+        check_integer("gathering_episodes", self.gathering_episodes, low=1)
+        check_number("exploration", self.exploration, low=0.0, high=1.0)
+        if self.max_transitions is not None:
+            check_integer("max_transitions", self.max_transitions, low=1)
+
+    def start(self, problem: Problem, start: Start) -> "ModelPlanning":
+        """Return the learner at its start: the expert tree, if there is one, is the incumbent."""
+        if start.expert is None:
+            tree = DecisionTree.single_leaf(problem.n_features)
+            actions, locked = np.zeros(1, dtype=np.int64), tuple[int, ...]()
+        else:
+            tree, actions = start.expert.tree, start.expert.actions
+            locked = start.expert.locked
+        informed = start.expert is not None and not start.random
+        learner = ModelPlanning(
+            tree, actions, problem.n_actions, self, informed=informed, locked=locked
+        )
+        if start.episodes:
+            learner.add_demonstrations(start.episodes)
+        return learner
+
+    def restore(self, problem: Problem, start: Start, state: Arrays) -> "ModelPlanning":
+        """Return the learner whose ``state()`` this was; it goes on to the same bytes."""
+        return ModelPlanning.from_state(state, problem.n_actions, self)
+
+    def check_state(self, path: str | Path, state: Arrays, problem: Problem) -> None:
+        """Raise FormatError unless ``restore`` can trust the state, which comes from a file."""
+        check_planning(path, state, problem, bounded=self.max_transitions is not None)
+
+
+class ModelPlanning:
+    """A learner that plans whole trees in a world model, and tries them.
+
+    Args:
+        tree: The tree to start from.
+        actions: Action of each of its leaves, shape [L].
+        n_actions: Number of actions A.
+        method: How to plan.
+        informed: Whether the actions are an expert's; if not, the first explorer acts at random.
+        locked: Leaves that stay as they are, without exploration.
+
+    Attributes:
+        tree: The incumbent's tree; a value, so keeping a reference freezes it.
+        actions: Action of each of its leaves.
+        history: All transitions stored so far.
+        plan: The incumbent, its challenger, the explorer, and the evidence on them.
+        method: How it plans.
+        n_actions: Number of actions A.
+    """
+
+    def __init__(
+        self,
+        tree: DecisionTree,
+        actions: Integers,
+        n_actions: int,
+        method: PlanningMethod,
+        *,
+        informed: bool,
+        locked: Iterable[int] = (),
+    ) -> None:
+        self.tree, self.actions = tree, np.array(actions)
+        self.n_actions = n_actions
+        self.method = method
+        self.plan = Plan(from_decision_tree(tree, actions))
+        self.history = History(tree.n_features, 1, _forgetting(method))
+        self._informed = informed
+        self._locked = frozenset(locked)
+        self._lessons = Lessons(tree.n_features)
+        self._steps: list[Step] = []
+
+    def add_demonstrations(self, episodes: Iterable[Episode]) -> None:
+        """Store the expert's episodes; they are taken for what the incumbent can do."""
+        for episode in episodes:
+            self.history.append_episode(
+                episode.observations,
+                episode.actions,
+                episode.rewards,
+                _no_leaves(len(episode) + 1),
+                terminated=episode.terminated,
+                demonstrated=True,
+            )
+            self.history.forget()
+        n_episodes = self.history.n_episodes
+        self.plan = replace(self.plan, proved=tuple(range(n_episodes)), demonstrations=n_episodes)
+
+    def start_episode(self, observation: Floats, generator: np.random.Generator) -> None:
+        """Begin an episode at its first observation, shape [d]; choose who acts in it."""
+        self._steps.clear()
+        self._generator = generator
+        self._first = self._present = observation
+        plan = self.plan
+        blind = plan.explorer is None and not self._informed
+        self._explores = blind or generator.random() < self.method.planner.explorer_share
+        actor, self._exploration = plan.on_trial, 0.0
+        if self._explores:
+            actor = plan.policy if plan.explorer is None else plan.explorer
+            self._exploration = 1.0 if blind else self.method.exploration
+        tree, actions = to_decision_tree(actor, self.tree.n_features)
+        self._actor = _Actor(tree, actions, self.history, self.n_actions)
+
+    def act(self) -> int:
+        """Return the acting tree's action for the present observation; the explorer's may err."""
+        if self._locked:
+            leaf = self.tree.leaf_of(self._present.tolist())
+            if leaf in self._locked:
+                return int(self.actions[leaf])
+        if self._exploration > 0.0 and self._generator.random() < self._exploration:
+            return int(self._generator.integers(self.n_actions))
+        return self._actor.act(self._present)
+
+    def observe(self, step: Step) -> None:
+        """Take what came of an action."""
+        self._steps.append(step)
+        self._present = step.observation
+
+    def end_episode(self) -> None:
+        """Store the episode; it is evidence on the tree that acted, unless somebody helped it."""
+        actions = np.array([step.action for step in self._steps], dtype=np.int64)
+        rewards = np.array([step.reward for step in self._steps])
+        shown = np.array([step.shown for step in self._steps], dtype=np.bool_)
+        observations = np.concatenate([self._first, *(step.observation for step in self._steps)])
+        observations = observations.reshape(len(actions) + 1, -1)
+        self.history.append_episode(
+            observations,
+            actions,
+            rewards,
+            _no_leaves(len(actions) + 1),
+            terminated=self._steps[-1].terminated,
+            generator=self._generator,
+            demonstrated=shown,
+        )
+        self._lessons.add(observations[:-1][shown])
+        self._steps.clear()
+        episode = self.history.n_episodes - 1
+        if shown.any():
+            self.plan = replace(self.plan, helped=(*self.plan.helped, episode))
+        elif not self._explores:
+            self.plan = self.plan.with_episode(episode)
+        kept = self.history.forget()
+        if kept is not None:
+            self.plan = self.plan.keeping(kept)
+
+    def discard_episode(self) -> None:
+        """Forget the episode that is under way."""
+        self._steps.clear()
+
+    def update(self, generator: np.random.Generator) -> Update:
+        """Plan if it is time: judge the challenger, and plan the next one and the explorer."""
+        if self._steps:
+            raise InvalidArgumentError("update must be called between episodes, not within one")
+        self._learn_from_lessons()
+        history, planner = self.history, self.method.planner
+        if not history.size or not planner.due(self.plan, history.n_seen):
+            return Update()
+        before = self.plan.policy
+        plan = planner.plan(self.plan, transitions_of(history, self.n_actions), generator)
+        self.plan = replace(plan, planned_at=history.n_seen)
+        if self.plan.policy is not before:
+            self._adopt(*to_decision_tree(self.plan.policy, self.tree.n_features))
+        return Update()
+
+    def decisions(self) -> Decisions:
+        """Return the incumbent, with the returns to go of its own episodes."""
+        return Decisions(self.tree, self.actions, self._returns(), tuple(sorted(self._locked)))
+
+    def doubt(self, observation: Floats, confidence: Confidence) -> str:
+        """Return why the learner would rather be shown what to do at ``observation``, or "".
+
+        It is about the action of the tree that acts in this episode, by the returns to go of all
+        stored transitions in its leaf. Nothing of the learner changes.
+        """
+        if self.tree.leaf_of(observation.tolist()) in self._locked:
+            return ""
+        best, rows = self._actor.experience(observation)
+        actions = self.history.actions[rows].astype(np.int64)
+        returns = self._actor.returns_to_go[rows]
+        return doubt(returns, actions, best, self.n_actions, confidence)
+
+    def state(self) -> Arrays:
+        """Return all that the learner knows, between two episodes; ``from_state`` takes it back."""
+        state: Arrays = {name: getattr(self.tree, name) for name in TREE}
+        state |= prefixed("history_", self.history.state())
+        state["actions"] = self.actions
+        if self._locked:
+            state["locked"] = np.array(sorted(self._locked))
+        return state | self._lessons.state() | prefixed("plan_", self._plan_state())
+
+    @classmethod
+    def from_state(
+        cls, state: Mapping[str, NDArray[Any]], n_actions: int, method: PlanningMethod
+    ) -> "ModelPlanning":
+        """Return the learner whose ``state()`` this was; it goes on to the same bytes."""
+        n_features = state["history_observations"].shape[1]
+        tree = DecisionTree(n_features, **{name: state[name] for name in TREE})
+        learner = cls(
+            tree,
+            state["actions"],
+            n_actions,
+            method,
+            informed=bool(state["plan_informed"][0]),
+            locked=state["locked"].tolist() if "locked" in state else (),
+        )
+        learner.history = History.from_state(
+            part(state, "history_"), DecisionTree.single_leaf(n_features), _forgetting(method)
+        )
+        learner._lessons.restore(state)
+        learner.plan = _plan_of(part(state, "plan_"))
+        return learner
+
+    def _learn_from_lessons(self) -> None:
+        """Plan from a tree that does what somebody has shown since the last time."""
+        refined = self._lessons.refine(
+            self.tree, self.actions, self.history, self.n_actions, self._locked
+        )
+        if refined is not None:
+            self.plan = replace(self.plan, taught=from_decision_tree(*refined))
+
+    def _adopt(self, tree: DecisionTree, actions: Integers) -> None:
+        """Let another tree decide, but where leaves are locked in the present one."""
+        if self._locked:
+            kept = {leaf: int(self.actions[leaf]) for leaf in self._locked}
+            tree, actions, self._locked = graft(self.tree, kept, tree, actions)
+        self.tree, self.actions = tree, actions
+
+    def _returns(self) -> LeafStatistics | None:
+        """Return what followed each action in the incumbent's own episodes; None if it has none."""
+        history = self.history
+        mine = np.isin(history.episodes, self.plan.proved) & ~history.demonstrated
+        if not mine.any():
+            return None
+        return returns_by_action(
+            self.tree.leaf_index(history.observations[mine]),
+            history.actions[mine],
+            transitions_of(history, self.n_actions).returns_to_go[mine],
+            n_leaves=self.tree.n_leaves,
+            n_actions=self.n_actions,
+        )
+
+    def _plan_state(self) -> Arrays:
+        """Return all that the plan consists of."""
+        plan = self.plan
+        state: Arrays = {
+            name: np.array(getattr(plan, name), dtype=np.int64) for name in (*_EPISODES, *_NUMBERS)
+        }
+        state |= {name: state[name].reshape(1) for name in _NUMBERS}
+        state["informed"] = np.array([self._informed])
+        for name in _TREES:
+            tree = getattr(plan, name)
+            if tree is not None:
+                state |= {f"{name}_{field}": getattr(tree, field) for field in ActionTree._fields}
+        return state
+
+
+class _Actor:
+    """The tree that acts in an episode, and what was lived through in its leaves.
+
+    The experience is looked up when it is first asked for: the history is the same throughout an
+    episode.
+    """
+
+    def __init__(
+        self, tree: DecisionTree, actions: Integers, history: History, n_actions: int
+    ) -> None:
+        self._tree, self._actions = tree, actions.tolist()
+        self._history, self._n_actions = history, n_actions
+
+    def act(self, observation: Floats) -> int:
+        """Return the action at an observation, shape [d]."""
+        action: int = self._actions[self._tree.leaf_of(observation.tolist())]
+        return action
+
+    def experience(self, observation: Floats) -> tuple[int, Integers]:
+        """Return the action at an observation, and the stored transitions of its leaf, [n]."""
+        leaf = self._tree.leaf_of(observation.tolist())
+        return self._actions[leaf], self._rows[leaf]
+
+    @cached_property
+    def returns_to_go(self) -> Floats:
+        """Sum of rewards from each stored transition to the end of its episode, shape [N]."""
+        return transitions_of(self._history, self._n_actions).returns_to_go
+
+    @cached_property
+    def _rows(self) -> list[Integers]:
+        """Stored transitions of each leaf, ascending."""
+        leaves = self._tree.leaf_index(self._history.observations)
+        order = np.argsort(leaves, kind="stable")
+        sizes = np.bincount(leaves, minlength=self._tree.n_leaves)
+        return np.split(order, np.cumsum(sizes)[:-1])
+
+
+def transitions_of(history: History, n_actions: int) -> Transitions:
+    """Return a history as planning sees it; what a gap divides counts as two episodes."""
+    numbers = history.episodes.astype(np.int64)
+    gaps = ~history.continues
+    gaps[1:] &= numbers[1:] == numbers[:-1]
+    gaps[:1] = False
+    return Transitions(
+        history.observations,
+        history.actions.astype(np.int64),
+        history.rewards,
+        history.next_observations,
+        history.entered == TERMINAL,
+        numbers + np.cumsum(gaps),
+        n_actions,
+    )
+
+
+def _forgetting(method: PlanningMethod) -> RecentEpisodes | None:
+    """Return what the history forgets by: a planner needs whole episodes."""
+    return None if method.max_transitions is None else RecentEpisodes(method.max_transitions)
+
+
+def _no_leaves(n: int) -> Int32s:
+    """Return the leaf of each of n observations where there is but one."""
+    return np.zeros(n, dtype=np.int32)
+
+
+def _plan_of(state: Mapping[str, NDArray[Any]]) -> Plan:
+    """Return the plan of a ``_plan_state``."""
+    trees = {
+        name: ActionTree(*(np.array(state[f"{name}_{field}"]) for field in ActionTree._fields))
+        for name in _TREES
+        if f"{name}_feature" in state
+    }
+    return Plan(
+        policy=trees["policy"],
+        candidate=trees.get("candidate"),
+        explorer=trees.get("explorer"),
+        taught=trees.get("taught"),
+        proved=tuple(state["proved"].tolist()),
+        tried=tuple(state["tried"].tolist()),
+        helped=tuple(state["helped"].tolist()),
+        planned_at=int(state["planned_at"][0]),
+        demonstrations=int(state["demonstrations"][0]),
+        outdated=int(state["outdated"][0]),
+    )
