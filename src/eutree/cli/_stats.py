@@ -132,7 +132,9 @@ def _text(
     for conflict in values["conflicts"]:
         seen = conflict["observation"].items()
         where = ", ".join(f"{name} {value:.4g}" for name, value in seen)
-        counts = ", ".join(f"{name} {count}" for name, count in conflict["counts"].items() if count)
+        counts = ", ".join(
+            f"{name} ({count})" for name, count in conflict["counts"].items() if count
+        )
         lines.append(f"  at {where}: {counts} ({_said(conflict['places'])})")
     if values["neighbour_disagreement"] is not None:
         lines.append(

@@ -24,7 +24,7 @@ from eutree.experiments.experiment import Experiment, Records, Scale
 from eutree.experiments.results import Results
 from eutree.experiments.runs import RunSpec
 from eutree.files import write_bytes, write_text
-from eutree.report.html import asset, base_style, page
+from eutree.report.html import asset, page
 
 PRESETS = ("paper", "default")
 
@@ -195,8 +195,7 @@ def _page(
         f"<p>{len(claims)} verdicts. {escape(counts.capitalize())}.</p></header>"
         f"{''.join(sections)}</main>"
     )
-    style = base_style() + asset("run.css")
-    return page(title="The paper's results, reproduced", body=body, style=style)
+    return page(title="The paper's results, reproduced", body=body, style=asset("run.css"))
 
 
 def _figure(svg: str, title: str) -> str:

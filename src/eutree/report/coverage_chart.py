@@ -107,5 +107,5 @@ def _titled(feature: Feature) -> str:
 
 
 def _said(counts: list[int], schema: Schema) -> str:
-    """Return counts as text: "stop 3, go 1"."""
-    return ", ".join(f"{schema.actions[a]} {count}" for a, count in enumerate(counts) if count)
+    """Return counts as text: "stop (3), go (1)"."""
+    return ", ".join(f"{schema.actions[a]} ({count})" for a, count in enumerate(counts) if count)

@@ -78,7 +78,7 @@ def demonstrations_page(
         _section("Episodes", _episodes(demonstrations, figures, numbers)),
         "</main>",
     ]
-    style = asset("page.css") + asset("run.css") + asset("demonstrations.css")
+    style = "".join(map(asset, ("chart.css", "run.css", "demonstrations.css")))
     return page(title=title, body="\n".join(body), style=style)
 
 
@@ -178,7 +178,7 @@ def _conflict_row(conflict: Conflict, schema: Schema, numbers: Sequence[int]) ->
     values = zip(schema.features, conflict.observation, strict=True)
     around = ", ".join(f"{f.name} {value:.4g} {f.unit}".strip() for f, value in values)
     counts = zip(schema.actions, conflict.counts, strict=True)
-    actions = ", ".join(f"{name} {count}" for name, count in counts if count)
+    actions = ", ".join(f"{name} ({count})" for name, count in counts if count)
     return around, actions, ", ".join(_place(numbers, place) for place in conflict.places)
 
 

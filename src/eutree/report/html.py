@@ -18,7 +18,7 @@ def asset(name: str) -> str:
 
 
 def base_style() -> str:
-    """Return the style that all pages share."""
+    """Return the style that all pages share: the colours, the type, the tables."""
     return asset("colours.css") + asset("page.css")
 
 
@@ -28,10 +28,11 @@ def page(*, title: str, body: str, style: str, script: str = "", data: Any = Non
     Args:
         title: The page's title, as plain text.
         body: HTML of the body; whoever makes it escapes what it holds.
-        style: The one style sheet.
+        style: What it adds to the style that all pages share, for example ``asset("chart.css")``.
         script: The one script; it runs after the body.
         data: What the script reads as JSON from the element ``data``; numbers must be finite.
     """
+    style = base_style() + style
     sources = {
         "default-src": "'none'",
         "img-src": "data:",

@@ -57,8 +57,9 @@ def policy_page(
     )
     data = _data(policy, episodes, demonstrations) | {"file": file}
     scripts = "".join(asset(f"{name}.js") for name in _SCRIPTS)
-    style = base_style() + asset("policy.css")
-    room = size_limit - len(as_json(data)) - len((body + scripts + style).encode()) - 4096
+    style = asset("policy.css")
+    text = body + scripts + base_style() + style
+    room = size_limit - len(as_json(data)) - len(text.encode()) - 4096
     for entry, watched in zip(data["episodes"], episodes, strict=True):
         frames = _frames(watched)
         room -= sum(map(len, frames)) + 3 * len(frames)

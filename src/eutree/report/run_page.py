@@ -9,7 +9,7 @@ from eutree.export import to_svg
 from eutree.export.svg import STYLE
 from eutree.policies import TreePolicy
 from eutree.report.chart import Series, chart, legend
-from eutree.report.html import asset, base_style, page
+from eutree.report.html import asset, page
 from eutree.wording import counted
 
 
@@ -50,7 +50,7 @@ def run_page(report: RunReport) -> str:
     return page(
         title=report.title,
         body="\n".join(["<main>", heading, *filter(None, sections), "</main>"]),
-        style=base_style() + asset("chart.css") + asset("run.css") + STYLE,
+        style=asset("chart.css") + asset("run.css") + STYLE,
     )
 
 
