@@ -173,10 +173,23 @@ class Schema:
 
 @dataclass(frozen=True)
 class EnvironmentSpec:
-    """How to make the environment again: ``gymnasium.make(id, **arguments)``."""
+    """How to make the environment again: ``gymnasium.make(id, **arguments)``.
+
+    Attributes:
+        id: Its id.
+        arguments: What it is made with.
+        from_file: Names of the arguments that a file chose and no user: with them an environment
+            is made only if they are its own, and name no file or module.
+    """
 
     id: str
     arguments: Mapping[str, Any] = field(default_factory=dict)
+    from_file: frozenset[str] = field(default=frozenset(), compare=False, repr=False)
+
+    def override(self, arguments: Mapping[str, Any]) -> "EnvironmentSpec":
+        """Return the spec with some arguments replaced by a user's."""
+        merged = {**self.arguments, **arguments}
+        return EnvironmentSpec(self.id, merged, self.from_file - arguments.keys())
 
     def __str__(self) -> str:
         """Return the id and the arguments that differ from the environment's own defaults."""

@@ -10,7 +10,7 @@ from gymnasium.spaces import Box, Discrete
 from eutree.interaction.spaces import MAX_ACTIONS
 from tests.interaction.sick import Healthy
 
-POLICY = Path(__file__).parents[1] / "golden" / "v1" / "policy.json"
+POLICY = Path(__file__).parents[1] / "golden" / "v2" / "policy.json"
 DIGITS = "1" * 5000
 EDIT, LEARN = ("edit", POLICY, "--out", "x"), ("learn", "--out", "x", "eutree/Evasion2-v0")
 MODULES = {

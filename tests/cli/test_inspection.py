@@ -1,5 +1,7 @@
 """``eutree diff``, ``verify`` and ``why``: texts, JSON, exit codes."""
 
+import json
+
 
 def test_diff_of_a_policy_with_itself_is_empty(eutree, expert):
     answer = eutree("diff", expert, expert, "--json")
@@ -61,6 +63,22 @@ def test_edit_names_mistakes(eutree, expert):
     assert "--out must name the file" in eutree("edit", expert, "--lock", "0").err
     assert "must be NUMBER=VALUE" in eutree("edit", expert, "--set-action", "go").err
     assert "needs a number" in eutree("edit", expert, "--set-threshold", "0=x").err
+
+
+def test_edit_accepts_a_file_that_was_changed_by_hand(eutree, expert, tmp_path):
+    """A digit that had changed, in whatever way, was loaded and acted on."""
+    text = expert.read_text()
+    threshold = json.dumps(json.loads(text)["nodes"][0]["threshold"])
+    path = tmp_path / "mine.json"
+    path.write_text(text.replace(f'"threshold":{threshold}', '"threshold":3.25', 1))
+    answer = eutree("evaluate", path, "--episodes", "2")
+    assert (answer.code, f"eutree edit {path} --reseal" in answer.err) == (2, True)
+    line = ("edit", path, "--reseal")
+    assert eutree(*line, "--out", tmp_path / "copy.json").code == 0
+    assert eutree("evaluate", path, "--episodes", "2").code == 2
+    assert eutree(*line).code == 0
+    assert path.read_bytes() == (tmp_path / "copy.json").read_bytes()
+    assert eutree("evaluate", path, "--episodes", "2").code == 0
 
 
 def test_edit_enforces_a_rule_that_verify_then_proves(eutree, expert, tmp_path):

@@ -24,6 +24,10 @@ from tests.golden.contents import METHODS
 GOLDEN = Path(__file__).parents[1] / "golden" / "v2"
 
 
+def load_edited(path):
+    return TreePolicy.load(path, hand_edited=True)
+
+
 def load_header(path):
     return DemonstrationFolder(path.parent)
 
@@ -81,6 +85,8 @@ def checkpoint_loader(name):
 # kind: (golden file, name it must have, loader, damages)
 LOADERS = {
     "policy": ("policy.json", "policy.json", TreePolicy.load, (mutate,)),
+    # Below the checksum, which stops nearly all of the above.
+    "edited policy": ("policy.json", "policy.json", load_edited, (mutate,)),
     "header": ("demonstrations/demonstrations.json", "demonstrations.json", load_header, (mutate,)),
     "episode": (
         "demonstrations/episode-00000.npz",

@@ -108,6 +108,7 @@ def remove(*path):
     return apply
 
 
+CHANGED = "checksum: the file was changed after .* eutree edit .*policy.json --reseal"
 BAD = {
     "cycle": (change("nodes", 2, "left", to=0), r"nodes\[2\]: child 0 must come after"),
     "self": (change("nodes", 2, "left", to=2), r"nodes\[2\]: child 2 must come after"),
@@ -136,9 +137,18 @@ BAD = {
     "no features": (change("schema", "features", to=[]), "schema must name at least one"),
     "bounds": (change("schema", "features", 0, "high", to=-1.0), "must have low <= high"),
     "history": (change("history", to=2), "history . 1 must divide"),
-    "newer": (change("version", to=2), "made by eutree .* as version 2 .* reads versions up to 1"),
+    "newer": (change("version", to=3), "made by eutree .* as version 3 .* reads versions up to 2"),
     "other": (change("format", to="eutree/other"), "format: expected 'eutree/policy'"),
     "module": (change("environment", "id", to="os:x"), "environment.id: must name no module"),
+    "window": (
+        change("environment", "arguments", to={"render_mode": "human"}),
+        "environment.arguments: must not choose a render_mode",
+    ),
+    "a digit of a threshold": (change("nodes", 0, "threshold", to=0.51), CHANGED),
+    "an action": (change("leaves", 1, "action", to=0), CHANGED),
+    "a bound": (change("schema", "features", 0, "high", to=9.0), CHANGED),
+    "an argument": (change("environment", "arguments", "opponent_speed", to=4.3), CHANGED),
+    "no checksum": (remove("checksum"), CHANGED),
     "extra key": (change("nodes", 1, "code", to="x"), r"nodes\[1\]: Object contains unknown field"),
 }
 
@@ -161,6 +171,35 @@ def test_a_policy_that_breaks_a_rule_is_refused(tmp_path, name):
 def test_the_rules_hold_against_a_control(tmp_path):
     """The unchanged document loads, so each refusal above is due to its one change."""
     document = json.loads(small_policy().to_bytes())
+    assert TreePolicy.from_bytes(json.dumps(document).encode()) == small_policy()
+
+
+def test_a_hand_edited_file_is_taken_where_that_is_said(tmp_path):
+    path = tmp_path / "policy.json"
+    document = json.loads(small_policy().to_bytes())
+    change("nodes", 0, "threshold", to=0.51)(document)
+    path.write_text(json.dumps(document))
+    edited = TreePolicy.load(path, hand_edited=True)
+    assert edited.tree.threshold[0] == 0.51
+    edited.save(path)
+    assert TreePolicy.load(path) == edited
+    change("nodes", 0, "feature", to=2)(document)
+    path.write_text(json.dumps(document))
+    with pytest.raises(FormatError, match="feature must be in"):
+        TreePolicy.load(path, hand_edited=True)
+
+
+@pytest.mark.parametrize("spelled", [lambda d: json.dumps(d, indent=3), json.dumps])
+def test_the_checksum_is_over_what_is_said_and_not_how(spelled):
+    document = json.loads(small_policy().to_bytes())
+    document["schema"]["features"][0]["low"] = 0  # 0.0 as JavaScript writes it
+    shuffled = dict(reversed(document.items())) | {"made_by": "eutree 9.9.9"}
+    assert TreePolicy.from_bytes(spelled(shuffled).encode()) == small_policy()
+
+
+def test_a_file_of_the_first_version_has_no_checksum():
+    document = json.loads(small_policy().to_bytes()) | {"version": 1}
+    del document["checksum"]
     assert TreePolicy.from_bytes(json.dumps(document).encode()) == small_policy()
 
 

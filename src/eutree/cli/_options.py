@@ -142,4 +142,4 @@ def _parsed(value: str) -> Any:
 
 def override(spec: EnvironmentSpec, arguments: dict[str, Any]) -> EnvironmentSpec:
     """Return ``spec`` with some of its arguments replaced."""
-    return EnvironmentSpec(spec.id, {**spec.arguments, **arguments})
+    return spec.override(arguments)

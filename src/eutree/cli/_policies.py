@@ -9,11 +9,14 @@ if TYPE_CHECKING:
     from eutree.policies import TreePolicy
 
 
-def load_policy(path: Path) -> "TreePolicy":
-    """Return the policy in a file, or the one that a run folder ended with."""
+def load_policy(path: Path, *, hand_edited: bool = False) -> "TreePolicy":
+    """Return the policy in a file, or the one that a run folder ended with.
+
+    With ``hand_edited`` the file may have been changed after it was written.
+    """
     from eutree.policies import TreePolicy
 
-    return TreePolicy.load(policy_file(path))
+    return TreePolicy.load(policy_file(path), hand_edited=hand_edited)
 
 
 def policy_file(path: Path) -> Path:

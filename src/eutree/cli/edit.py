@@ -16,7 +16,7 @@ from eutree.cli._options import (
     seed_option,
 )
 from eutree.cli._output import Output
-from eutree.cli._policies import load_policy
+from eutree.cli._policies import load_policy, policy_file
 from eutree.errors import InvalidArgumentError, shown
 
 _NUMBER = re.compile(r"[0-9]{1,9}")  # of a node or a leaf
@@ -36,6 +36,9 @@ _NUMBER = re.compile(r"[0-9]{1,9}")  # of a node or a leaf
               help="Node below which nothing stays locked; repeatable.")  # fmt: skip
 @click.option("--enforce", "rules", multiple=True, metavar="PROPERTY",
               help="Make true, and lock: 'always ACTION when CONDITIONS'; repeatable.")  # fmt: skip
+@click.option("--reseal", is_flag=True,
+              help="Accept a file that was changed by hand; without --out it is written "
+              "again where it is.")  # fmt: skip
 @path_option("--out", text="File to write; without it the tree is shown with its numbers.")
 @count_option(
     "--episodes",
@@ -54,6 +57,7 @@ def edit(
     lock: tuple[int, ...],
     unlock: tuple[int, ...],
     rules: tuple[str, ...],
+    reseal: bool,
     out: Path | None,
     episodes: int,
     env_arguments: dict[str, Any],
@@ -65,7 +69,8 @@ def edit(
     from eutree.inspection import edit as change
     from eutree.inspection import enforce, numbered
 
-    output, before = Output(as_json=as_json), load_policy(policy)
+    output, before = Output(as_json=as_json), load_policy(policy, hand_edited=reseal)
+    out = policy_file(policy) if reseal and out is None else out
     edited = change(
         before,
         thresholds={node: _number(value) for node, value in _pairs("threshold", thresholds)},

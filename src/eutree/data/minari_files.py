@@ -215,7 +215,10 @@ def _header(
         if spec is None or spec.max_episode_steps is None
         else {"max_episode_steps": spec.max_episode_steps}
     )
-    environment = None if spec is None else EnvironmentSpec(spec.id, {**spec.kwargs, **limit})
+    arguments = {} if spec is None else {**spec.kwargs, **limit}
+    arguments.pop("render_mode", None)
+    chosen = frozenset(arguments)
+    environment = None if spec is None else EnvironmentSpec(spec.id, arguments, chosen)
     actions = Schema.anonymous(1, n_actions).actions
     expert = str(metadata.get("algorithm_name") or dataset.id)
     return Schema(_features(space), actions), environment, expert

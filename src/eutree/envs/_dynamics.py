@@ -143,6 +143,10 @@ class EvasionParameters:
         return nearest if is_whole else math.ceil(steps)
 
 
+DEFAULTS = {parameter.name: parameter.default for parameter in fields(EvasionParameters)
+            if parameter.init}  # fmt: skip
+
+
 @dataclass(frozen=True, slots=True)
 class EvasionState:
     """Where everybody is, and where the opponents are heading."""

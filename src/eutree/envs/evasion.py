@@ -1,5 +1,6 @@
 """The N-Evasion domain of the paper as a Gymnasium environment."""
 
+import inspect
 from typing import Any
 
 import gymnasium
@@ -118,6 +119,14 @@ class EvasionEnv(gymnasium.Env[Any, Any]):
         "render_modes": list(RENDER_MODES),
         "render_fps": 1.0,
     }
+
+    # The parameters by name, for help() and for whoever asks which arguments there are.
+    __signature__ = inspect.Signature(
+        [
+            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default)
+            for name, default in {"render_mode": None, **dynamics.DEFAULTS}.items()
+        ]
+    )
 
     def __init__(self, *, render_mode: str | None = None, **arguments: Any) -> None:
         self.parameters = EvasionParameters.from_arguments(arguments)

@@ -71,7 +71,7 @@ def _spec(environment: EnvironmentSpec | str, more: Mapping[str, Any] | None) ->
             f"environment must be a gymnasium.Env, an id or an EnvironmentSpec, got {environment!r}"
         )
     spec = EnvironmentSpec(environment) if isinstance(environment, str) else environment
-    return EnvironmentSpec(spec.id, {**spec.arguments, **(more or {})})
+    return spec.override(more or {})
 
 
 def _evaluate(policy: Policy, env: gymnasium.Env[Any, Any], seeds: Sequence[int]) -> Evaluation:

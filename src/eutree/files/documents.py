@@ -13,8 +13,10 @@ null. Reading refuses whatever is not exactly what the document's type declares.
 import json
 import math
 import re
+import struct
 import sys
-from collections.abc import Iterator
+import zlib
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, ClassVar, NoReturn, TypeVar
 
@@ -26,6 +28,7 @@ from eutree.files import atomic
 MAX_DEPTH = 50  # of nested lists and objects; interpreters differ in what they can take
 MAX_DOCUMENT = 16 * 2**20  # bytes; Python objects take up to 25 times the room of their text
 
+_LENGTH, _DOUBLE = struct.Struct("<I"), struct.Struct("<d")
 _TEXT = re.compile(rb'"(?:[^"\\]|\\.)*"')
 _BRACKET = re.compile(rb"[\[\]{}]")
 _HEADER = ("format", "version", "made_by")
@@ -99,6 +102,8 @@ def encode_document(document: Document) -> bytes:
     content = dict(zip(_HEADER, header, strict=True)) | {
         key: value for key, value in content.items() if key not in _HEADER
     }
+    if "checksum" in kind.__struct_fields__:
+        content["checksum"] = checksum_of(content)
     for place, number in _floats(content, ""):
         if not math.isfinite(number):
             raise InvalidArgumentError(f"{kind.FORMAT}: {place} must be finite, got {number}")
@@ -109,6 +114,43 @@ def encode_document(document: Document) -> bytes:
             f"{kind.FORMAT}: {len(data):,} bytes are more than the {MAX_DOCUMENT:,} allowed"
         )
     return data
+
+
+def checksum_of(content: Mapping[str, Any]) -> str:
+    """Return the checksum of a document's content: CRC-32, eight hexadecimal digits.
+
+    It is over what the content says and not over how it is spelled, so that a page can make the
+    same one in JavaScript: a number counts as a double, however it is written, and the keys of an
+    object in the order of their UTF-16. Left out are the checksum itself and who wrote the file.
+    It tells damage and edits by hand; it is no signature, because anybody can make it anew.
+    """
+    sealed = {key: value for key, value in content.items() if key not in ("checksum", "made_by")}
+    return f"{zlib.crc32(b''.join(_spelled(sealed))):08x}"
+
+
+def _spelled(value: Any) -> Iterator[bytes]:
+    """Yield the bytes that a checksum is over."""
+    if isinstance(value, str):
+        text = value.encode("utf-8", "replace")
+        yield b"s" + _LENGTH.pack(len(text)) + text
+    elif value is None or isinstance(value, bool):
+        yield b"n" if value is None else b"t" if value else b"f"
+    elif isinstance(value, int | float):
+        try:
+            yield b"#" + _DOUBLE.pack(value + 0.0)  # -0.0 becomes 0.0: JavaScript writes both as 0
+        except OverflowError:
+            yield b"#" + _DOUBLE.pack(math.copysign(math.inf, value))
+    elif isinstance(value, Mapping):
+        yield b"{"
+        for key in sorted(value, key=lambda key: key.encode("utf-16-be", "replace")):
+            yield from _spelled(key)
+            yield from _spelled(value[key])
+        yield b"}"
+    else:
+        yield b"["
+        for item in value:
+            yield from _spelled(item)
+        yield b"]"
 
 
 def decode_document(data: bytes, kind: type[_Document], path: str | Path) -> _Document:

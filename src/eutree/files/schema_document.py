@@ -84,13 +84,15 @@ def environment_from_document(
     """Return how to make the environment; ``path`` is for the messages.
 
     Gymnasium imports the module before the colon in an id. No file may make us import anything,
-    so such an id is refused.
+    so such an id is refused; and none may open a window.
     """
     if document is None:
         return None
     if ":" in document.id:
         raise FormatError(path, "environment.id", f"must name no module, got {document.id!r}")
-    return EnvironmentSpec(document.id, document.arguments)
+    if "render_mode" in document.arguments:
+        raise FormatError(path, "environment.arguments", "must not choose a render_mode")
+    return EnvironmentSpec(document.id, document.arguments, frozenset(document.arguments))
 
 
 def plain_json(value: Any, name: str, *, depth: int = 0) -> Any:

@@ -1,8 +1,18 @@
-"""Make an environment from its id, with errors that a user can act on."""
+"""Make an environment from its id, with errors that a user can act on.
 
+A file of demonstrations or of a policy names the environment it is of, and says how it was made. It
+may come from a stranger, and the registry holds environments that import, load or open what their
+arguments name. So what a file chooses is limited: parameters that the environment's own constructor
+names, never ``render_mode``, and no text that could be the name of a file, a module or an address.
+"""
+
+import inspect
+import re
+from collections.abc import Iterator
 from typing import Any
 
 import gymnasium
+from gymnasium.envs.registration import load_env_creator
 from gymnasium.error import Error as GymnasiumError
 
 from eutree.errors import (
@@ -16,6 +26,8 @@ from eutree.interaction.names import given_names
 from eutree.schema import EnvironmentSpec
 
 _IMPORT = "One of your own is known once its module is imported: --import MODULE."
+MAKE_ARGUMENTS = frozenset({"max_episode_steps", "disable_env_checker"})  # of gymnasium.make
+_NAMES_A_PLACE = re.compile(r"[.:/\\]")
 
 
 def make(spec: EnvironmentSpec | str, *, render_mode: str | None = None) -> gymnasium.Env[Any, Any]:
@@ -23,8 +35,9 @@ def make(spec: EnvironmentSpec | str, *, render_mode: str | None = None) -> gymn
 
     Raises:
         UnknownNameError: No environment of that id is registered; names the nearest.
-        InvalidArgumentError: The environment cannot be made: it does not take these arguments, it
-            raises, or the module that its id names before a colon cannot be imported.
+        InvalidArgumentError: The environment cannot be made: it does not take these arguments, a
+            file chose what only a user may, it raises, or the module that its id names before a
+            colon cannot be imported.
         MissingExtraError: The environment needs a package that is not installed.
     """
     spec = EnvironmentSpec(spec) if isinstance(spec, str) else spec
@@ -33,6 +46,7 @@ def make(spec: EnvironmentSpec | str, *, render_mode: str | None = None) -> gymn
     if render_mode is not None:
         arguments["render_mode"] = render_mode
     try:
+        _check_chosen_by_file(spec)
         env = gymnasium.make(spec.id, **arguments)
     except EutreeError:
         raise
@@ -46,6 +60,44 @@ def make(spec: EnvironmentSpec | str, *, render_mode: str | None = None) -> gymn
     if names is not None:
         names.give(env)
     return env
+
+
+def _check_chosen_by_file(spec: EnvironmentSpec) -> None:
+    """Raise InvalidArgumentError for an argument that no file may choose; see the module."""
+    if not spec.from_file:
+        return
+    registered = gymnasium.registry[spec.id]
+    creator: Any = registered.entry_point
+    creator = load_env_creator(creator) if isinstance(creator, str) else creator
+    named = inspect.signature(creator).parameters.values()
+    own = {p.name: p.default for p in named if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)}
+    own |= registered.kwargs
+    allowed = (own.keys() | MAKE_ARGUMENTS) - {"render_mode"}
+    for name in sorted(spec.from_file):
+        value = spec.arguments[name]
+        if name not in allowed:
+            what = f"is none of its own: {', '.join(sorted(allowed))}"
+        elif any(map(_NAMES_A_PLACE.search, _texts(value))) and value != own.get(name):
+            what = f"could name a file or a module: {shown(value)}"
+        else:
+            continue
+        raise InvalidArgumentError(
+            f"no file may choose the argument {name!r} of {spec.id}, which {what}; "
+            f"choose it yourself if you trust it: --env-arg {name}=..."
+        )
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """Yield every text inside nested lists and dicts."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict):
+        for key, item in value.items():
+            yield key
+            yield from _texts(item)
+    elif isinstance(value, list | tuple):
+        for item in value:
+            yield from _texts(item)
 
 
 def _reason(error: BaseException) -> str:

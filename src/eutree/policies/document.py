@@ -8,7 +8,7 @@ import numpy as np
 
 from eutree.arrays import Floats, Integers
 from eutree.errors import FormatError, InvalidArgumentError
-from eutree.files.documents import Document, decode_document, encode_document
+from eutree.files.documents import Document, checksum_of, decode_document, encode_document
 from eutree.files.schema_document import (
     EnvironmentDocument,
     Index,
@@ -35,10 +35,13 @@ class LeafDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit
 
 
 class PolicyDocument(Document, frozen=True, kw_only=True, omit_defaults=True):
-    """A ``TreePolicy``; ``leaves`` are in order of their numbers."""
+    """A ``TreePolicy``; ``leaves`` are in order of their numbers.
+
+    From version 2 on there is a checksum, so that a digit that changed does not go unnoticed.
+    """
 
     FORMAT: ClassVar[str] = "eutree/policy"
-    VERSION: ClassVar[int] = 1
+    VERSION: ClassVar[int] = 2
 
     environment: EnvironmentDocument | None
     schema: SchemaDocument
@@ -46,6 +49,7 @@ class PolicyDocument(Document, frozen=True, kw_only=True, omit_defaults=True):
     nodes: list[NodeDocument]
     leaves: list[LeafDocument]
     past_actions: Index = 0
+    checksum: str = ""  # filled in on writing
 
 
 class PolicyParts(TypedDict):
@@ -75,9 +79,13 @@ def policy_to_bytes(parts: PolicyParts) -> bytes:
     )
 
 
-def policy_from_bytes(data: bytes, path: str | Path) -> PolicyParts:
-    """Return what the bytes hold, each field checked; ``path`` is for the messages."""
-    document = decode_document(data, PolicyDocument, path)
+def policy_document(data: bytes, path: str | Path) -> PolicyDocument:
+    """Return the document that the bytes hold; ``path`` is for the messages."""
+    return decode_document(data, PolicyDocument, path)
+
+
+def policy_parts(document: PolicyDocument, path: str | Path) -> PolicyParts:
+    """Return what the document says, each field checked; ``path`` is for the messages."""
     schema = schema_from_document(document.schema, path)
     tree = tree_from_document(document.nodes, schema.n_features, path)
     if len(document.leaves) != tree.n_leaves:
@@ -97,6 +105,24 @@ def policy_from_bytes(data: bytes, path: str | Path) -> PolicyParts:
         leaves=_statistics(document.leaves, schema.n_actions, path),
         locked=tuple(number for number, leaf in enumerate(document.leaves) if leaf.locked),
     )
+
+
+def check_unchanged(document: PolicyDocument, path: str | Path) -> None:
+    """Raise FormatError unless the content is what its checksum is of.
+
+    Files of version 1 have none.
+    """
+    if document.version < 2:
+        return
+    found = checksum_of(msgspec.to_builtins(document))
+    if document.checksum != found:
+        raise FormatError(
+            path,
+            "checksum",
+            f"the file was changed after eutree wrote it: its checksum is {document.checksum!r}, "
+            f"that of its content {found!r}. If the change is meant, look at it and accept it: "
+            f"eutree edit {path} --reseal",
+        )
 
 
 def _leaves_to_document(parts: PolicyParts) -> list[LeafDocument]:

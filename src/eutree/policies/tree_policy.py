@@ -14,7 +14,13 @@ from eutree.errors import FormatError, InvalidArgumentError
 from eutree.features import FeatureMap
 from eutree.files import read_bytes, write_bytes
 from eutree.files.documents import MAX_DOCUMENT
-from eutree.policies.document import PolicyParts, policy_from_bytes, policy_to_bytes
+from eutree.policies.document import (
+    PolicyParts,
+    check_unchanged,
+    policy_document,
+    policy_parts,
+    policy_to_bytes,
+)
 from eutree.policies.leaf_statistics import LeafStatistics
 from eutree.policies.sklearn_tree import parts_of
 from eutree.schema import EnvironmentSpec, Schema
@@ -116,14 +122,20 @@ class TreePolicy(Displayed):
         write_bytes(path, self.to_bytes())
 
     @classmethod
-    def load(cls, path: str | Path) -> "TreePolicy":
+    def load(cls, path: str | Path, *, hand_edited: bool = False) -> "TreePolicy":
         """Read a policy from a file, checking everything; no code in it is ever run.
 
+        Args:
+            path: The file.
+            hand_edited: Take a file that was changed after it was written, which its checksum
+                tells. Everything else in it is checked as always.
+
         Raises:
-            FormatError: The file is no policy, or was made by a newer version.
+            FormatError: The file is no policy, was changed by hand, or was made by a newer version.
             FileError: The file is missing or cannot be read.
         """
-        return cls.from_bytes(read_bytes(path, limit=MAX_DOCUMENT), path)
+        data = read_bytes(path, limit=MAX_DOCUMENT)
+        return cls.from_bytes(data, path, hand_edited=hand_edited)
 
     def to_bytes(self) -> bytes:
         """Return the content of the policy's file; the same policy gives the same bytes."""
@@ -141,13 +153,18 @@ class TreePolicy(Displayed):
         )
 
     @classmethod
-    def from_bytes(cls, data: bytes, path: str | Path = "policy") -> "TreePolicy":
+    def from_bytes(
+        cls, data: bytes, path: str | Path = "policy", *, hand_edited: bool = False
+    ) -> "TreePolicy":
         """Return the policy that ``to_bytes`` wrote; ``path`` is for the messages."""
-        parts = policy_from_bytes(data, path)
+        document = policy_document(data, path)
         try:
-            return cls(**parts)
+            policy = cls(**policy_parts(document, path))
         except InvalidArgumentError as error:
             raise FormatError(path, "", str(error)) from None
+        if not hand_edited:  # last: a message about what is wrong in a file says more
+            check_unchanged(document, path)
+        return policy
 
     @classmethod
     def from_sklearn(cls, classifier: Any, schema: Schema | None = None) -> "TreePolicy":

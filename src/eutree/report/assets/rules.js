@@ -255,6 +255,47 @@ function commandOf(options) {
   return ["eutree edit", path(data.file), ...options.flat().map(quoted), "--out", path(nameOfCopy())].join(" ");
 }
 
+const CRC = Uint32Array.from({ length: 256 }, (_, byte) => {
+  for (let bit = 0; bit < 8; bit += 1) byte = byte & 1 ? (byte >>> 1) ^ 0xedb88320 : byte >>> 1;
+  return byte;
+});
+
+/** Return the checksum of a document as eutree.files.documents.checksum_of makes it. */
+function checksumOf(content) {
+  let crc = 0xffffffff;
+  const take = (bytes) => bytes.forEach((byte) => { crc = CRC[(crc ^ byte) & 255] ^ (crc >>> 8); });
+  const number = (size, set) => {
+    const view = new DataView(new ArrayBuffer(size));
+    set(view);
+    take(new Uint8Array(view.buffer));
+  };
+  const mark = (sign) => take([sign.charCodeAt(0)]);
+  const spell = (value) => {
+    if (typeof value === "string") {
+      const text = new TextEncoder().encode(value);
+      mark("s");
+      number(4, (view) => view.setUint32(0, text.length, true));
+      take(text);
+    } else if (typeof value === "number") {
+      mark("#");
+      number(8, (view) => view.setFloat64(0, value + 0, true)); // -0 becomes 0
+    } else if (value === null || typeof value === "boolean") {
+      mark(value === null ? "n" : value ? "t" : "f");
+    } else if (Array.isArray(value)) {
+      mark("[");
+      value.forEach(spell);
+      mark("]");
+    } else {
+      mark("{");
+      Object.keys(value).sort().forEach((key) => { spell(key); spell(value[key]); });
+      mark("}");
+    }
+  };
+  const { checksum, made_by, ...sealed } = content;
+  spell(sealed);
+  return ((crc ^ 0xffffffff) >>> 0).toString(16).padStart(8, "0");
+}
+
 /** Return the content of the edited policy's file. */
 function editedFile() {
   const policy = structuredClone(data.document);
@@ -268,6 +309,7 @@ function editedFile() {
     else delete leaf.locked;
     if (moved) for (const name of ["visits", "values", "deviations"]) delete leaf[name];
   });
+  policy.checksum = checksumOf(policy);
   return `${JSON.stringify(policy, null, 1)}\n`;
 }
 
