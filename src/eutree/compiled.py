@@ -1,11 +1,14 @@
 """The one place that imports numba: ``@compiled`` turns a plain loop into machine code.
 
 Kernels live in files named ``_kernels.py``. Compiled code is cached on disk, uses no fast-math
-(it would change the order of sums and the meaning of NaN) and no threads. With ``EUTREE_JIT=0``
-in the environment the same functions run as plain Python, slowly but with equal results.
+(it would change the order of sums and the meaning of NaN) and no threads. Where no folder for the
+cache can be written, as in a container with everything read-only, each process compiles anew. With
+``EUTREE_JIT=0`` in the environment the same functions run as plain Python, slowly but with equal
+results.
 """
 
 import os
+import warnings
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -29,15 +32,47 @@ if ENABLED:
             try:
                 return super().load_overload(sig, target_context)
             except (AttributeError, ImportError, EOFError, caching.pickle.UnpicklingError):
-                self.flush()
+                try:
+                    self.flush()
+                except OSError as error:
+                    self._do_without(error)
                 return None
+
+        def save_overload(self, sig: Any, data: Any) -> None:
+            """Keep the compiled code; without room for it on the disk it is merely not kept."""
+            try:
+                super().save_overload(sig, data)
+            except OSError as error:
+                self._do_without(error)
+
+        def _do_without(self, error: OSError) -> None:
+            self.disable()
+            _say_that_nothing_is_kept(f"{self.cache_path}: {error.strerror or error}")
+
+
+_said = False
+
+
+def _say_that_nothing_is_kept(reason: str) -> None:
+    """Warn, once in a process, that its next run will have to compile again."""
+    global _said
+    if not _said:
+        _said = True
+        warnings.warn(
+            f"compiled code cannot be kept ({reason}), so every process compiles again, which "
+            "takes seconds; set NUMBA_CACHE_DIR to a folder that can be written (said once)",
+            stacklevel=4,
+        )
 
 
 def compiled(function: _Function) -> _Function:
     """Compile ``function`` with numba (cached on disk); return it unchanged if EUTREE_JIT=0."""
     if not ENABLED:
         return function
-    dispatcher = numba.njit(cache=True)(function)
-    dispatcher._cache = _Cache(function)
+    dispatcher = numba.njit(function)
+    try:
+        dispatcher._cache = _Cache(function)  # what njit(cache=True) does, with our cache
+    except RuntimeError:  # neither the package's folder nor the user's can be written
+        _say_that_nothing_is_kept("neither the package's folder nor the home can be written")
     kernel: _Function = dispatcher
     return kernel
