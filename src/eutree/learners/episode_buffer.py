@@ -1,0 +1,90 @@
+"""The episode under way: what a learner keeps of it until it has ended."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from eutree.arrays import Booleans, Floats, Int32s, Integers
+from eutree.learners.history import History
+from eutree.learners.learner import Step
+
+
+@dataclass(frozen=True, eq=False)
+class FinishedEpisode:
+    """An episode as arrays.
+
+    Attributes:
+        observations: Observations, the first one included.
+        actions: Actions.
+        rewards: Their rewards.
+        shown: Whether each action was a demonstration.
+        terminated: Whether the task ended it.
+    """
+
+    observations: Floats  # [T + 1, d]
+    actions: Integers  # [T]
+    rewards: Floats  # [T]
+    shown: Booleans  # [T]
+    terminated: bool
+
+
+class EpisodeBuffer:
+    """Collects the steps of an episode.
+
+    Attributes:
+        present: The present observation, shape [d].
+        generator: Source of all chance of the episode.
+    """
+
+    def __init__(self) -> None:
+        self._steps: list[Step] = []
+
+    def __len__(self) -> int:
+        """Return the number of steps so far."""
+        return len(self._steps)
+
+    def start(self, observation: Floats, generator: np.random.Generator) -> None:
+        """Begin an episode at its first observation, shape [d]."""
+        self._steps.clear()
+        self._first = self.present = observation
+        self.generator = generator
+
+    def add(self, step: Step) -> None:
+        """Take a step."""
+        self._steps.append(step)
+        self.present = step.observation
+
+    def clear(self) -> None:
+        """Forget the episode."""
+        self._steps.clear()
+
+    def finish(self) -> FinishedEpisode:
+        """Return the episode, which has ended, and forget it."""
+        observations = np.concatenate([self._first, *(step.observation for step in self._steps)])
+        episode = FinishedEpisode(
+            observations=observations.reshape(len(self._steps) + 1, -1),
+            actions=np.array([step.action for step in self._steps], dtype=np.int64),
+            rewards=np.array([step.reward for step in self._steps]),
+            shown=np.array([step.shown for step in self._steps], dtype=np.bool_),
+            terminated=self._steps[-1].terminated,
+        )
+        self._steps.clear()
+        return episode
+
+
+def store(
+    history: History,
+    episode: FinishedEpisode,
+    leaves: Int32s,  # [T + 1]
+    generator: np.random.Generator | None = None,
+) -> None:
+    """Append an episode to the store of transitions; ``generator`` serves a bounded one."""
+    history.append_episode(
+        episode.observations,
+        episode.actions,
+        episode.rewards,
+        leaves,
+        terminated=episode.terminated,
+        demonstrated=episode.shown,
+        generator=generator,
+    )
