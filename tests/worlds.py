@@ -1,7 +1,18 @@
-"""Small worlds that learners live in, without an environment."""
+"""Toy worlds that tests share, each with a known answer.
 
+``Walk`` is lived in without an environment. ``Corridor`` is a ``gymnasium.Env`` of exact arithmetic;
+``play`` lets a learner act in one, as the loop of a run does, and ``recorded`` gives demonstrations
+of its expert.
+"""
+
+from typing import Any
+
+import gymnasium
 import numpy as np
+from gymnasium import spaces
 
+from eutree.data import Demonstrations
+from eutree.interaction import GuardedEnv, record
 from eutree.learners import Problem, Start, Step
 from eutree.schema import Schema
 
@@ -49,3 +60,102 @@ def take(learner, *steps):
         learner.observe(Step(action, reward, np.array(observation), terminated, truncated))
         if terminated or truncated:
             learner.end_episode()
+
+
+class Corridor(gymnasium.Env[Any, Any]):
+    """Walk to the goal at the right end of a corridor of length 1, which has a closed door.
+
+    Observation: position in [0, 1], whether the door at 0.5 is open, and a constant. Actions: 0
+    waits, 1 walks 0.1. Walking into the closed door ends the episode with -10; the goal is worth
+    10, every step -0.1. The door opens and closes at random, so the best rule needs two cuts:
+    wait just before the door while it is closed, walk everywhere else. ``scale`` multiplies the
+    position, the way another unit would.
+    """
+
+    metadata = {"render_modes": []}  # noqa: RUF012
+
+    def __init__(self, scale: float = 1.0) -> None:
+        self.scale = scale
+        high = np.array([scale, 1.0, 2.0])
+        self.observation_space = spaces.Box(np.array([0.0, 0.0, 2.0]), high, dtype=np.float64)
+        self.action_space = spaces.Discrete(2)
+        self.spec = None
+
+    def reset(self, *, seed: int | None = None, options: Any = None) -> tuple[Any, dict[str, Any]]:
+        super().reset(seed=seed)
+        self.place = int(self.np_random.integers(4))  # tenths
+        self.open = bool(self.np_random.random() < 0.5)
+        self.left = 60
+        return self._observation(), {}
+
+    def step(self, action: int) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        crashed = action == 1 and self.place == 4 and not self.open
+        self.place += int(action == 1 and not crashed)
+        self.left -= 1
+        done = self.place >= 10
+        self.open = bool(self.np_random.random() < 0.5)
+        reward = 10.0 if done else -10.0 if crashed else -0.1
+        info = {"is_success": done}
+        ended = done or crashed
+        return self._observation(), reward, ended, self.left == 0 and not ended, info
+
+    def _observation(self) -> Any:
+        return np.array([self.place * 0.125 * self.scale, float(self.open), 2.0])
+
+
+class CorridorExpert:
+    """Waits before the closed door, walks everywhere else."""
+
+    def __init__(self, scale: float = 1.0) -> None:
+        self.scale = scale
+
+    def predict(
+        self,
+        observation: Any,
+        state: Any = None,
+        episode_start: Any = None,
+        deterministic: bool = True,
+    ) -> tuple[Any, Any]:
+        rows = np.atleast_2d(observation)
+        before_the_door = np.abs(rows[:, 0] / self.scale - 0.5) < 0.01
+        actions = np.where(before_the_door & (rows[:, 1] < 0.5), 0, 1)
+        return (actions if np.ndim(observation) > 1 else int(actions[0])), state
+
+
+def problem_of(env: gymnasium.Env[Any, Any], **options: Any) -> Problem:
+    """Return what a learner may know of an environment."""
+    guarded = GuardedEnv(env)
+    return Problem(schema=guarded.schema, environment=guarded.spec, **options)
+
+
+def recorded(scale: float = 1.0, episodes: int = 12, seed: int = 0) -> Demonstrations:
+    """Return demonstrations of the corridor's expert."""
+    return record(Corridor(scale), CorridorExpert(scale), episodes=episodes, seed=seed)
+
+
+def play(learner: Any, env: gymnasium.Env[Any, Any], seed: int) -> float:
+    """Let a learner act for one episode; return what it earned."""
+    guarded = GuardedEnv(env)
+    learner.start_episode(guarded.reset(seed), np.random.default_rng(seed))
+    earned = 0.0
+    while True:
+        action = learner.act()
+        observation, reward, terminated, truncated, info = guarded.step(action)
+        learner.observe(Step(action, reward, observation, terminated, truncated, info))
+        earned += reward
+        if terminated or truncated:
+            learner.end_episode()
+            return earned
+
+
+def play_in_part(learner: Any, env: gymnasium.Env[Any, Any], seed: int, steps: int) -> None:
+    """Let a learner act for some steps of an episode, and discard it."""
+    guarded = GuardedEnv(env)
+    learner.start_episode(guarded.reset(seed), np.random.default_rng(seed))
+    for _ in range(steps):
+        action = learner.act()
+        observation, reward, terminated, truncated, info = guarded.step(action)
+        learner.observe(Step(action, reward, observation, terminated, truncated, info))
+        if terminated or truncated:
+            break
+    learner.discard_episode()
