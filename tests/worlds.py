@@ -1,8 +1,7 @@
 """Toy worlds that tests share, each with a known answer.
 
-``Walk`` is lived in without an environment. ``Corridor`` is a ``gymnasium.Env`` of exact arithmetic;
-``play`` lets a learner act in one, as the loop of a run does, and ``recorded`` gives demonstrations
-of its expert.
+``Walk`` is lived in without an environment. ``Corridor`` is a ``gymnasium.Env``: ``play`` lets a
+learner act in one, as the loop of a run does, and ``recorded`` gives demonstrations of its expert.
 """
 
 from typing import Any
@@ -66,8 +65,8 @@ class Corridor(gymnasium.Env[Any, Any]):
     """Walk to the goal at the right end of a corridor of length 1, which has a closed door.
 
     Observation: position in [0, 1], whether the door at 0.5 is open, and a constant. Actions: 0
-    waits, 1 walks 0.1. Walking into the closed door ends the episode with -10; the goal is worth
-    10, every step -0.1. The door opens and closes at random, so the best rule needs two cuts:
+    waits, 1 walks an eighth. Walking into the closed door ends the episode with -10; the goal is
+    worth 10, every step -0.1. The door opens and closes at random, so the best rule needs two cuts:
     wait just before the door while it is closed, walk everywhere else. ``scale`` multiplies the
     position, the way another unit would.
     """
@@ -92,7 +91,7 @@ class Corridor(gymnasium.Env[Any, Any]):
         crashed = action == 1 and self.place == 4 and not self.open
         self.place += int(action == 1 and not crashed)
         self.left -= 1
-        done = self.place >= 10
+        done = self.place >= 8
         self.open = bool(self.np_random.random() < 0.5)
         reward = 10.0 if done else -10.0 if crashed else -0.1
         info = {"is_success": done}

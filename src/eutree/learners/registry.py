@@ -6,15 +6,18 @@ from typing import Any, cast
 import msgspec
 
 from eutree.errors import InvalidArgumentError
-from eutree.learners.learner import Method
 from eutree.learners.adaptive_q import AdaptiveQMethod
+from eutree.learners.learner import Method
 from eutree.learners.model_planning import PlanningMethod
 from eutree.learners.presets import PRESETS
 from eutree.learners.u_tree import UTreeMethod
 from eutree.learners.vector_quantization import VectorQuantizationMethod
 from eutree.validation import check_choice
 
-METHODS: dict[str, type[Method]] = {kind.name: kind for kind in (PlanningMethod, UTreeMethod)}
+METHODS: dict[str, type[Method]] = {
+    kind.name: kind
+    for kind in (PlanningMethod, UTreeMethod, VectorQuantizationMethod, AdaptiveQMethod)
+}
 
 
 def method(name: str) -> Method:

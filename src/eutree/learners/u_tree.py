@@ -241,6 +241,8 @@ class UTree:
         if not self._steps:
             return
         states, entered = self._leaves[:-1], self._leaves[1:]
+        if self._steps[-1].terminated:
+            entered[-1] = TERMINAL
         actions = [step.action for step in self._steps]
         rewards = [step.reward for step in self._steps]
         self.mdp.forget_batch(states, actions, rewards, entered)
