@@ -107,11 +107,12 @@ class MissingExtraError(EutreeError, ImportError):
 
     Args:
         package: The package that could not be imported.
-        extra: The extra of eutree that installs it.
+        extra: The extra of eutree that installs it; empty if none does.
     """
 
     def __init__(self, package: str, extra: str) -> None:
-        super().__init__(f"{package} is not installed; get it with: pip install 'eutree[{extra}]'")
+        wanted = f"'eutree[{extra}]'" if extra else package
+        super().__init__(f"{package} is not installed; get it with: pip install {wanted}")
 
 
 def _printable(text: str) -> str:

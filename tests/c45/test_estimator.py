@@ -253,3 +253,45 @@ def test_a_continuous_tree_goes_through_every_export() -> None:
     assert "digraph" in eutree.export.to_dot(policy)
     for drawing in (model.export_svg(), model.export_dot(), model.export_text()):
         assert "x3" in drawing
+
+
+def naive_importances(model, X, y):
+    """Ask at each node what its test tells of the classes of the rows that come there."""
+
+    def bits(rows):
+        _, counts = np.unique(y[rows], return_counts=True)
+        return -sum(n * np.log2(n / counts.sum()) for n in counts)
+
+    visits = model.decision_path(X).toarray().astype(bool)
+    told = np.zeros(X.shape[1])
+    for node, feature in enumerate(model.tree_.feature.tolist()):
+        if feature >= 0:
+            below = sum(bits(visits[:, child]) for child in model.tree_.children(node))
+            told[feature] += bits(visits[:, node]) - below
+    return told / told.sum() if told.any() else told
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_importances_are_the_information_that_the_tests_gain(seed):
+    generator = np.random.default_rng(seed)
+    X = generator.integers(0, 9, (300, 4)).astype(float)
+    y = (X[:, 1] > 4) * 1 + (X[:, 3] > X[:, 0]) * 2 + (generator.random(300) < 0.1)
+    model = C45Classifier().fit(X, y)
+    np.testing.assert_allclose(model.feature_importances_, naive_importances(model, X, y))
+    assert model.feature_importances_.sum() == pytest.approx(1.0)
+    assert model.feature_importances_.argmax() in (1, 3, 0)
+    assert model.feature_importances_[2] == model.feature_importances_.min()
+
+
+def test_a_tree_without_a_test_finds_nothing_important():
+    assert C45Classifier().fit([[1.0, 2.0], [2.0, 1.0]], [0, 0]).feature_importances_.tolist() == [
+        0.0,
+        0.0,
+    ]
+
+
+def test_columns_of_strings_point_to_nominal_features():
+    rows = [["sunny", 1.0], ["rain", 2.0]]
+    with pytest.raises(InvalidArgumentError, match="name columns of strings in nominal_features"):
+        C45Classifier().fit(rows, [0, 1])
+    assert C45Classifier(nominal_features=[0]).fit(rows, [0, 1]).n_features_in_ == 2

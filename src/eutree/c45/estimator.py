@@ -12,7 +12,7 @@ from eutree.c45.learner import grow
 from eutree.c45.settings import C45Settings, Dialect
 from eutree.c45.tree import C45Tree
 from eutree.display import framed
-from eutree.errors import MissingExtraError
+from eutree.errors import InvalidArgumentError, MissingExtraError
 from eutree.trees import DecisionTree
 from eutree.validation import check_choice
 
@@ -151,6 +151,14 @@ class C45Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # sk
         shape = (len(paths), self.tree_.n_nodes)
         return csr_matrix((np.ones(len(nodes), dtype=np.int64), nodes, ends), shape=shape)
 
+    @property
+    def feature_importances_(self) -> Floats:
+        """Importance of each column, shape [d]: its share of the information that tests gain.
+
+        As in scikit-learn's trees they add up to 1, or are all 0 for a tree without a test.
+        """
+        return self._tree().importances
+
     def get_depth(self) -> int:
         """Return the number of tests on the longest path."""
         return self._tree().depth
@@ -236,7 +244,15 @@ class C45Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # sk
             checks = {"dtype": object, "ensure_all_finite": False}
         else:
             checks = {"dtype": np.float64, "ensure_all_finite": "allow-nan", "order": "C"}
-        checked = validate_data(self, X, **extra, **checks)
+        try:
+            checked = validate_data(self, X, **extra, **checks)
+        except ValueError as error:
+            if "could not convert string" not in str(error):
+                raise
+            raise InvalidArgumentError(
+                "X must hold numbers in columns that are not nominal; name columns of strings in "
+                f"nominal_features, or give them the dtype category: {error}"
+            ) from None
         table, y = checked if fitting else (checked, None)
         if fitting:
             self.categories_: list[NDArray[Any] | None] = self._categories(X, table, nominal)

@@ -16,6 +16,7 @@ from eutree.data.rows import episodes_from_rows, schema_for
 from eutree.display import Displayed
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.features import FeatureMap
+from eutree.frames import data_frame
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.wording import counted
 
@@ -110,6 +111,32 @@ class Demonstrations(Displayed):
     def actions(self) -> Integers:
         """Action of each transition of the kept episodes, shape [N]."""
         return np.concatenate([np.empty(0, np.int64), *(e.actions for e in self.kept)])
+
+    def to_pandas(self) -> Any:
+        """Return a data frame with a row for each transition of the kept episodes.
+
+        Its index is the number of the episode among ``episodes`` and the step; its columns are the
+        features, ``action`` (by name) and ``reward`` (NaN where it is not known).
+
+        Raises:
+            InvalidArgumentError: A feature is called ``action`` or ``reward``.
+            MissingExtraError: pandas is not installed.
+        """
+        names = self.schema.feature_names
+        if {"action", "reward"} & set(names):
+            raise InvalidArgumentError(
+                f"features must not be named action or reward for a data frame, got {list(names)}"
+            )
+        numbered = [(k, episode) for k, episode in enumerate(self.episodes) if episode.kept]
+        steps = [np.arange(len(episode)) for _, episode in numbered]
+        rewards = [e.rewards if e.has_rewards else np.full(len(e), np.nan) for _, e in numbered]
+        columns = dict(zip(names, self.observations.T, strict=True))
+        columns["action"] = np.array(self.schema.actions, dtype=object)[self.actions]
+        columns["reward"] = np.concatenate([np.empty(0), *rewards])
+        lengths = [len(episode) for _, episode in numbered]
+        episodes = np.repeat(np.array([k for k, _ in numbered], dtype=np.int64), lengths)
+        index = {"episode": episodes, "step": np.concatenate([np.empty(0, np.int64), *steps])}
+        return data_frame(columns, index=index)
 
     def with_history(self, steps: int, actions: int = 0) -> "Demonstrations":
         """Return the demonstrations with the past among their observations.

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from eutree.arrays import Booleans, Floats, Integers, frozen
 from eutree.display import Displayed
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation.intervals import Interval, mean_interval, wilson_interval
+from eutree.frames import data_frame
 from eutree.wording import counted
 
 
@@ -60,6 +62,13 @@ class Evaluation(Displayed):
             f"{counted(self.episodes, 'episode')}: {success}mean return {self.mean_return:.2f} "
             f"[{low:.2f}, {high:.2f}], {self.mean_length:.1f} steps{leaves}"
         )
+
+    def to_pandas(self) -> Any:
+        """Return a data frame with a row for each episode: return, length, ending, success."""
+        columns = {"return": self.returns, "length": self.lengths, "ending": self.endings}
+        if self.successes is not None:
+            columns["success"] = self.successes
+        return data_frame(columns, index={"episode": np.arange(self.episodes)})
 
     @property
     def episodes(self) -> int:

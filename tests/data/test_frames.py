@@ -1,0 +1,62 @@
+"""Demonstrations and evaluations as data frames: a row for each transition, and each episode."""
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from eutree.errors import InvalidArgumentError, MissingExtraError
+from eutree.evaluation import Evaluation
+from eutree.schema import Feature, Schema
+from tests.data.strategies import three_episodes
+
+
+def test_a_row_for_each_transition_of_the_kept_episodes():
+    pytest.importorskip("pandas")
+    demos = three_episodes()
+    frame = demos.to_pandas()
+    assert frame.index.names == ["episode", "step"]
+    assert list(frame.columns) == [*demos.schema.feature_names, "action", "reward"]
+    np.testing.assert_array_equal(frame[list(demos.schema.feature_names)], demos.observations)
+    assert [demos.schema.actions.index(name) for name in frame["action"]] == demos.actions.tolist()
+    for number, episode in enumerate(demos.episodes):
+        assert (number in frame.index.get_level_values("episode")) == episode.kept
+        if episode.kept:
+            assert frame.loc[number]["reward"].tolist() == episode.rewards.tolist()
+            assert frame.loc[number].index.tolist() == list(range(len(episode)))
+    assert len(replace(demos, episodes=()).to_pandas()) == 0
+
+
+def test_unknown_rewards_are_not_zero():
+    pytest.importorskip("pandas")
+    demos = three_episodes()
+    silent = [replace(e, rewards=e.rewards * 0, has_rewards=False) for e in demos.episodes]
+    assert replace(demos, episodes=tuple(silent)).to_pandas()["reward"].isna().all()
+
+
+def test_a_feature_called_action_is_refused():
+    demos = three_episodes()
+    names = ["action", *demos.schema.feature_names[1:]]
+    schema = Schema(tuple(map(Feature, names)), demos.schema.actions)
+    with pytest.raises(InvalidArgumentError, match="must not be named action or reward"):
+        replace(demos, schema=schema).to_pandas()
+
+
+def test_a_row_for_each_episode_of_an_evaluation():
+    pytest.importorskip("pandas")
+    values = {"returns": [1.0, 2.5], "lengths": [3, 4], "endings": ["goal", "crash"]}
+    frame = Evaluation(**values, successes=[True, False]).to_pandas()
+    assert frame["return"].mean() == 1.75
+    assert frame["ending"].tolist() == ["goal", "crash"]
+    assert frame["success"].tolist() == [True, False]
+    assert frame.index.name == "episode"
+    assert "success" not in Evaluation(**values).to_pandas()
+
+
+def test_without_pandas_it_says_how_to_get_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(
+        MissingExtraError, match="pandas is not installed; get it with: pip install"
+    ):
+        three_episodes().to_pandas()
