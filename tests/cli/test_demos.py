@@ -1,6 +1,7 @@
 """``eutree demos``: each command, its JSON, and one line for each mistake."""
 
 import json
+from dataclasses import replace
 
 import gymnasium
 import numpy as np
@@ -230,3 +231,28 @@ def test_a_full_disk_is_one_line_and_loses_nothing(folder, ask, recorded):
     assert len(Demonstrations.load(folder)) == len(recorded)
     assert not os.path.exists(folder + ".csv")
     assert not any(name.startswith(".") for name in os.listdir(folder))
+
+
+def test_stats_tell_a_person_s_delay_and_fit_shifts_by_it(eutree, tmp_path) -> None:
+    from tests.data.test_timing import SMOOTH, timed
+
+    demos = timed(SMOOTH, [(2.5, 46)])
+    replace(demos, episodes=demos.episodes * 3).save(tmp_path / "demos")
+    answer = eutree("demos", "stats", "demos")
+    assert "a key waited 0.50 s on average for the step that took it (3 keys)" in answer.out
+    assert "cannot be told from these episodes" in answer.out
+    assert eutree("demos", "stats", "demos", "--json").json["delay"]["wait"] == 0.5
+    plain = eutree("fit", "demos", "--out", "a.json", "--json", "--min-objects", 1)
+    shifted = eutree(
+        "fit", "demos", "--out", "b.json", "--json", "--shift-delay", "--min-objects", 1
+    )
+    assert (plain.code, shifted.code) == (0, 0)
+    first, second = ((tmp_path / name).read_text() for name in ("a.json", "b.json"))
+    assert first != second
+
+
+def test_a_script_has_no_delay(eutree, demonstrations) -> None:
+    assert eutree("demos", "stats", demonstrations, "--json").json["delay"] is None
+    answer = eutree("fit", demonstrations, "--out", "e.json", "--shift-delay")
+    assert answer.code == 2
+    assert "recorded by a person" in answer.err

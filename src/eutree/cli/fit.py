@@ -15,6 +15,8 @@ from eutree.cli._output import Output
 @click.option("--confidence", type=float, default=0.25, show_default=True,
               help="C4.5's CF: the smaller, the more is pruned.")  # fmt: skip
 @click.option("--no-pruning", is_flag=True, help="Keep the unpruned tree.")
+@click.option("--shift-delay", is_flag=True,
+              help="Label what was on the screen when the key was pressed.")  # fmt: skip
 @json_option
 def fit(
     demonstrations: Path,
@@ -22,6 +24,7 @@ def fit(
     min_objects: int,
     confidence: float,
     no_pruning: bool,
+    shift_delay: bool,
     as_json: bool,
 ) -> None:
     """Fit the expert tree to DEMONSTRATIONS with C4.5: observations to the expert's actions."""
@@ -31,6 +34,10 @@ def fit(
 
     output = Output(as_json=as_json)
     demos = Demonstrations.load(demonstrations)
+    if shift_delay:
+        from eutree.data.timing import shift_delay as shifted
+
+        demos = shifted(demos)
     settings = C45Settings(min_objects=min_objects, confidence=confidence, prune=not no_pruning)
     expert = fit_expert_tree(demos, settings=settings)
     expert.save(out)
