@@ -7,6 +7,7 @@ import msgspec
 
 from eutree.errors import InvalidArgumentError
 from eutree.learners.adaptive_q import AdaptiveQMethod
+from eutree.learners.density_tree import DensityTreeMethod
 from eutree.learners.learner import Method
 from eutree.learners.model_planning import PlanningMethod
 from eutree.learners.presets import PRESETS
@@ -16,7 +17,13 @@ from eutree.validation import check_choice
 
 METHODS: dict[str, type[Method]] = {
     kind.name: kind
-    for kind in (PlanningMethod, UTreeMethod, VectorQuantizationMethod, AdaptiveQMethod)
+    for kind in (
+        PlanningMethod,
+        UTreeMethod,
+        VectorQuantizationMethod,
+        AdaptiveQMethod,
+        DensityTreeMethod,
+    )
 }
 
 

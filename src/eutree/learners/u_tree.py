@@ -10,7 +10,7 @@ differ most, splits where the difference is significant, and solves the MDP over
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,18 +94,17 @@ class UTreeMethod:
         if self.max_transitions is not None:
             check_integer("max_transitions", self.max_transitions, low=1)
 
+    def cut(self, sample: LeafSample, generator: np.random.Generator) -> Split | None:
+        """Return the best cut of a leaf if it is significant, or None (the stopping criterion)."""
+        split = self.splitter.best(sample)
+        if split is None:
+            return None
+        p = self.significance.p_value(split, sample, self.splitter, generator)
+        return None if p > self.significance.alpha else split
+
     def start(self, problem: Problem, start: Start) -> "UTree":
         """Return the learner at its start: Table 1's initialization."""
-        expert = start.expert
-        if expert is None:
-            learner = UTree(DecisionTree.single_leaf(problem.n_features), problem.n_actions, self)
-        else:
-            learner = UTree(
-                expert.tree, problem.n_actions, self, prior=expert.actions, locked=expert.locked
-            )
-        if start.episodes:
-            learner.add_demonstrations(start.episodes)
-        return learner
+        return UTree.begun(problem, start, self)
 
     def restore(self, problem: Problem, start: Start, state: Arrays) -> "UTree":
         """Return the learner whose ``state()`` this was; it goes on to the same bytes."""
@@ -120,6 +119,36 @@ class UTreeMethod:
             bounded=self.max_transitions is not None,
             solves_at=self.solve_growth > 1.0,
         )
+
+
+class Discretization(Protocol):
+    """What the learner asks of its method: when to cut a leaf, and how to treat the MDP over them.
+
+    The attributes are those of ``UTreeMethod``.
+    """
+
+    @property
+    def discount(self) -> float: ...  # noqa: D102
+    @property
+    def exploration(self) -> float: ...  # noqa: D102
+    @property
+    def target(self) -> Target: ...  # noqa: D102
+    @property
+    def solve_each_split(self) -> bool: ...  # noqa: D102
+    @property
+    def solve_growth(self) -> float: ...  # noqa: D102
+    @property
+    def retest_growth(self) -> float: ...  # noqa: D102
+    @property
+    def untried_value(self) -> float | None: ...  # noqa: D102
+    @property
+    def backups(self) -> int: ...  # noqa: D102
+    @property
+    def max_transitions(self) -> int | None: ...  # noqa: D102
+
+    def cut(self, sample: LeafSample, generator: np.random.Generator) -> Split | None:
+        """Return the cut that a leaf deserves, or None."""
+        ...
 
 
 class UTree:
@@ -145,7 +174,7 @@ class UTree:
         self,
         tree: DecisionTree,
         n_actions: int,
-        method: UTreeMethod,
+        method: Discretization,
         *,
         prior: Integers | None = None,
         locked: Iterable[int] = (),
@@ -165,6 +194,21 @@ class UTree:
         self._lessons = Lessons(tree.n_features)
         self._steps: list[Step] = []
         self._leaves: list[int] = []
+
+    @classmethod
+    def begun(cls, problem: Problem, start: Start, method: Discretization) -> "UTree":
+        """Return the learner at its start: a single leaf or the expert tree, its history."""
+        expert = start.expert
+        if expert is None:
+            tree = DecisionTree.single_leaf(problem.n_features)
+            learner = cls(tree, problem.n_actions, method)
+        else:
+            learner = cls(
+                expert.tree, problem.n_actions, method, prior=expert.actions, locked=expert.locked
+            )
+        if start.episodes:
+            learner.add_demonstrations(start.episodes)
+        return learner
 
     def add_demonstrations(self, episodes: Iterable[Episode]) -> None:
         """Store the expert's transitions and solve the MDP for the first Q-table."""
@@ -283,7 +327,7 @@ class UTree:
         return leaves
 
     def _split_of(self, leaf: int, generator: np.random.Generator) -> Split | None:
-        """Return the best cut of ``leaf`` if it is significant, or None."""
+        """Return the cut that ``leaf`` deserves by what left it, or None."""
         rows = self.history.rows_leaving(leaf)
         sample = LeafSample(
             observations=self.history.observations[rows],
@@ -291,12 +335,7 @@ class UTree:
             actions=self.history.actions[rows].astype(np.int64),
             episodes=self.history.episodes[rows].astype(np.int64),
         )
-        split = self.method.splitter.best(sample)
-        if split is None:
-            return None
-        significance = self.method.significance
-        p = significance.p_value(split, sample, self.method.splitter, generator)
-        return None if p > significance.alpha else split
+        return self.method.cut(sample, generator)
 
     def _split(self, leaf: int, split: Split) -> LeafSplit:
         """Split ``leaf`` in all but the tree; relabel its transitions and recount just those."""
@@ -383,7 +422,7 @@ class UTree:
 
     @classmethod
     def from_state(
-        cls, state: Mapping[str, NDArray[Any]], n_actions: int, method: UTreeMethod
+        cls, state: Mapping[str, NDArray[Any]], n_actions: int, method: Discretization
     ) -> "UTree":
         """Return the learner whose ``state()`` this was; it goes on to the same bytes."""
         n_features = state["history_observations"].shape[1]
