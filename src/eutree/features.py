@@ -65,10 +65,10 @@ class FeatureMap:
         seen = features[..., : self.n_observed * self.observations]
         if not self.actions:
             return np.concatenate([observation, seen], axis=-1)
-        done = features[..., self.n_observed * (self.observations + 1) :]
+        taken = features[..., self.n_observed * (self.observations + 1) :]
         latest = np.eye(self.n_actions)[action]
-        done = done[..., : self.n_actions * (self.actions - 1)]
-        return np.concatenate([observation, seen, latest, done], axis=-1)
+        taken = taken[..., : self.n_actions * (self.actions - 1)]
+        return np.concatenate([observation, seen, latest, taken], axis=-1)
 
     def of_episode(self, observations: Floats, actions: Integers) -> Floats:
         """Return the features at every observation of an episode, shape [T + 1, n_features].

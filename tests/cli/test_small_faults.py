@@ -6,9 +6,12 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 
+from eutree.data import Demonstrations, Episode
 from eutree.policies import TreePolicy
+from eutree.schema import Schema
 
 
 @pytest.mark.parametrize(
@@ -89,3 +92,23 @@ def test_thresholds_are_rounded_to_steps(eutree, expert, demonstrations):
         ("0", "the step of position must be a number in (0, inf"),
     ):
         assert message in eutree(*line, "--round", wrong).err
+
+
+def test_counts_of_unnamed_actions_cannot_be_misread(eutree, tmp_path):
+    """Contradictions were told as "action 1 2, action 2 2"."""
+    rows = np.tile([[0.0], [1.0]], (4, 1))
+    episodes = tuple(Episode(rows[:2], [k % 2 + 1], [0.0], True, False) for k in range(4))
+    Demonstrations(episodes, Schema.anonymous(1, 3)).save(tmp_path / "demos")
+    said = eutree("demos", "stats", "demos", "--html", "demos.html").out
+    assert "action_1 (2), action_2 (2)" in said
+    assert "action_1 (2), action_2 (2)" in (tmp_path / "demos.html").read_text()
+
+
+def test_learning_from_a_log_does_not_speak_of_no_episodes(eutree, demonstrations):
+    """It ended with "eu-tree: 0 episodes, 0 steps"."""
+    line = ("learn", "--demos", demonstrations, "--offline", "--episodes", 1, "--out", "run")
+    answer = eutree(*line)
+    assert answer.code == 0, answer.err
+    said = " ".join(answer.out.split())
+    assert "8 recorded episodes, none of its own" in said
+    assert "0 steps" not in said

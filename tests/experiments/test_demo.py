@@ -47,6 +47,9 @@ def test_the_demo_makes_all_its_files_and_a_self_contained_report(tmp_path, envi
     small = TreePolicy.load(tmp_path / "out" / "small.json")
     assert small.n_leaves == result.compression.n_leaves_after
     assert any("expert tree of" in text for text in said)
+    header, rows = demo.table_rows(result.policies, result.evaluations)
+    assert header[:3] == ["Policy", "Leaves", "Return"]
+    assert rows[0][1] == str(result.policies[rows[0][0]].n_leaves)
     assert set(result.evaluations) == set(result.policies)
 
 

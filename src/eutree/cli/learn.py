@@ -19,6 +19,7 @@ from eutree.cli._options import (
 from eutree.cli._output import Output
 from eutree.errors import InvalidArgumentError
 from eutree.schema import EnvironmentSpec
+from eutree.wording import counted
 
 if TYPE_CHECKING:
     from eutree.data import Demonstrations
@@ -119,7 +120,7 @@ def learn(
             if run.curve:
                 progress.update(run.episode, run.curve[-1].describe())
             elif run.events:
-                progress.update(len(run.events), f"{run.events[-1]['n_leaves']} leaves")
+                progress.update(len(run.events), counted(run.events[-1]["n_leaves"], "leaf"))
 
         result = learn_policy(
             env,
@@ -146,7 +147,10 @@ def learn(
         )
         if stop():
             raise KeyboardInterrupt
-    last = result.curve[-1].describe() if result.curve else f"{result.policy.n_leaves} leaves"
+    last = result.curve[-1].describe() if result.curve else counted(result.policy.n_leaves, "leaf")
+    experience = f"{counted(result.episodes, 'episode')}, {counted(result.steps, 'step')}"
+    if offline and demonstrations is not None:
+        experience = f"{counted(len(demonstrations), 'recorded episode')}, none of its own"
     polishing = result.polishing
     polished = ""
     if polishing is not None:
@@ -173,9 +177,8 @@ def learn(
                 for point in result.curve
             ],
         },
-        f"{result.method.name} from {result.start}: {result.episodes} episodes, "
-        f"{result.steps} steps; "
-        f"{last}{polished}; written to {out}",
+        f"{result.method.name} from {result.start}: {experience}; {last}{polished}; "
+        f"written to {out}",
     )
 
 
