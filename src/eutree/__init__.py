@@ -38,6 +38,8 @@ if TYPE_CHECKING:
     from eutree.errors import UnsupportedSpaceError as UnsupportedSpaceError
     from eutree.evaluation import Evaluation as Evaluation
     from eutree.evaluation.evaluate import evaluate as evaluate
+    from eutree.fitting import FitReport as FitReport
+    from eutree.fitting.fit import fit as fit
     from eutree.inspection.diff import diff as diff
     from eutree.inspection.verify import verify as verify
     from eutree.inspection.why import why as why
@@ -82,7 +84,9 @@ _PUBLIC = {
     "export": "eutree.export",
     "Feature": "eutree.schema:Feature",
     "FileError": "eutree.errors:FileError",
+    "fit": "eutree.fitting.fit:fit",
     "fit_expert_tree": "eutree.learners.expert_tree:fit_expert_tree",
+    "FitReport": "eutree.fitting:FitReport",
     "FormatError": "eutree.errors:FormatError",
     "inspection": "eutree.inspection",
     "interaction": "eutree.interaction",

@@ -49,5 +49,7 @@ def demonstrations(tmp_path_factory):
 def expert(demonstrations, tmp_path_factory):
     """Return the file of the expert tree of these demonstrations."""
     path = tmp_path_factory.mktemp("fitted") / "expert.json"
-    assert run(["fit", str(demonstrations), "--out", str(path)]) == 0
+    assert (
+        run(["fit", str(demonstrations), "--out", str(path), "--release-8", "--episodes", "0"]) == 0
+    )
     return path

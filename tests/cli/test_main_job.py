@@ -13,7 +13,17 @@ def test_record_fit_learn_evaluate(eutree):
     assert answer.json["episodes"] == 15
     answer = eutree("fit", "demos", "--out", "expert.json", "--json")
     assert answer.code == 0
-    assert answer.json.keys() >= {"n_leaves", "n_transitions", "training_accuracy", "path"}
+    assert answer.json.keys() >= {
+        *("n_leaves", "n_transitions", "training_accuracy", "path"),
+        *("person", "played", "choice", "warnings"),
+    }
+    assert answer.json["person"]["episodes"] == 15
+    assert answer.json["person"]["success_rate"] == 1.0
+    played = answer.json["played"]
+    assert played["episodes"] == 200
+    low, high = played["interval"]
+    assert 0.9 < low <= played["success_rate"] <= high
+    assert answer.json["warnings"] == []
     assert 7 <= answer.json["n_leaves"] <= 13
     assert answer.json["training_accuracy"] > 0.98
     answer = eutree(
@@ -86,8 +96,11 @@ def test_evaluate_in_a_changed_environment(eutree, expert):
 
 
 def test_results_go_to_standard_output_and_messages_to_standard_error(eutree, demonstrations):
-    answer = eutree("fit", demonstrations, "--out", "expert.json")
+    answer = eutree("fit", demonstrations, "--out", "expert.json", "--episodes", 10)
     assert "leaves" in answer.out
+    assert "judging 10/10" in answer.err.splitlines()
+    assert "leaves" not in answer.err
+    answer = eutree("fit", demonstrations, "--out", "expert.json", "--episodes", 0)
     assert answer.err == ""
 
 

@@ -1,55 +1,172 @@
-"""``eutree fit``: demonstrations to expert tree."""
+"""``eutree fit``: demonstrations to a tree, played and compared with its demonstrator."""
 
+from contextlib import ExitStack
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from eutree.cli._options import count_option, json_option, path_option
+from eutree.cli._options import (
+    count_option,
+    env_arg_option,
+    json_option,
+    override,
+    path_option,
+    seed_option,
+)
 from eutree.cli._output import Output
+
+if TYPE_CHECKING:
+    from eutree.c45 import C45Settings
+    from eutree.fitting import FitReport
 
 
 @click.command(epilog="Example: eutree fit demos/ --out expert.json")
 @click.argument("demonstrations", type=click.Path(path_type=Path))
 @path_option("--out", text="File to write.", required=True)
-@count_option("--min-objects", 2, "C4.5's m: the fewest transitions on a side of a test.")
-@click.option("--confidence", type=float, default=0.25, show_default=True,
-              help="C4.5's CF: the smaller, the more is pruned.")  # fmt: skip
-@click.option("--no-pruning", is_flag=True, help="Keep the unpruned tree.")
-@click.option("--shift-delay", is_flag=True,
-              help="Label what was on the screen when the key was pressed.")  # fmt: skip
+@count_option(
+    "--episodes",
+    200,
+    "Fresh episodes that judge the tree; choosing takes three times as many and more. 0: play "
+    "nothing.",
+    least=0,
+)
+@count_option(
+    "--practise",
+    0,
+    "Go on with so many episodes of learning; the better of both trees is kept.",
+    least=0,
+)
+@count_option(
+    "--history",
+    None,
+    "Previous observations as features; by default 0, or 1 where that explains more.",
+    least=0,
+)
+@click.option("--release-8", is_flag=True, help="C4.5 of release 8 as it is; choose nothing.")
+@count_option(
+    "--min-objects",
+    None,
+    "C4.5's m, chosen by you: the fewest transitions on a side of a test.",
+)
+@click.option(
+    "--confidence",
+    type=float,
+    help="C4.5's CF, chosen by you: the smaller, the more is pruned.",
+)
+@click.option("--no-pruning", is_flag=True, help="Keep C4.5's unpruned tree.")
+@click.option(
+    "--shift-delay", is_flag=True, help="Label what was on the screen when the key was pressed."
+)
+@env_arg_option
+@seed_option
 @json_option
 def fit(
     demonstrations: Path,
     out: Path,
-    min_objects: int,
-    confidence: float,
+    episodes: int,
+    practise: int,
+    history: int | None,
+    release_8: bool,
+    min_objects: int | None,
+    confidence: float | None,
     no_pruning: bool,
     shift_delay: bool,
+    env_arguments: dict[str, Any],
+    seed: int,
     as_json: bool,
 ) -> None:
-    """Fit the expert tree to DEMONSTRATIONS with C4.5: observations to the expert's actions."""
-    from eutree.c45 import C45Settings
+    """Fit a tree to DEMONSTRATIONS with C4.5, play it, and say how good it is beside them.
+
+    Some trees are compared by episodes left out and by playing; --release-8, --min-objects,
+    --confidence and --no-pruning fix how the one is made. What ails the result is said as
+    warnings.
+    """
     from eutree.data import Demonstrations
-    from eutree.learners.expert_tree import fit_expert_tree
+    from eutree.files import check_writable
+    from eutree.fitting.fit import fit as fit_tree
 
     output = Output(as_json=as_json)
     demos = Demonstrations.load(demonstrations)
-    if shift_delay:
-        from eutree.data.timing import shift_delay as shifted
+    check_writable(out)
+    env = override(demos.environment, env_arguments) if demos.environment else None
+    with _Stages(output) as stages:
+        report = fit_tree(
+            demos,
+            env if env_arguments else None,
+            episodes=episodes,
+            practise=practise,
+            settings=_settings(release_8, min_objects, confidence, no_pruning),
+            history=history,
+            shift_delay=shift_delay,
+            seed=seed,
+            on_progress=stages.show,
+        )
+    report.policy.save(out)
+    hint = ""
+    if report.as_good_as_shown is False and not practise:
+        hint = f"\neutree fit {demonstrations} --out {out} --practise 100 goes on with learning"
+    output.result(_values(report, out), f"{report.policy}\n{report}\nwritten to {out}{hint}")
 
-        demos = shifted(demos)
-    settings = C45Settings(min_objects=min_objects, confidence=confidence, prune=not no_pruning)
-    expert = fit_expert_tree(demos, settings=settings)
-    expert.save(out)
-    right = expert.predict(demos.observations)[0] == demos.actions
-    accuracy = float(right.mean())
-    output.result(
-        {
-            "n_leaves": expert.n_leaves,
-            "n_transitions": demos.n_transitions,
-            "training_accuracy": accuracy,
-            "path": str(out),
+
+class _Stages:
+    """Shows the progress of each stage in a line of its own."""
+
+    def __init__(self, output: Output) -> None:
+        self._output = output
+        self._stage = ""
+        self._open = ExitStack()
+
+    def __enter__(self) -> "_Stages":
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._open.close()
+
+    def show(self, stage: str, done: int, most: int) -> None:
+        """Show that ``done`` episodes of at most ``most`` were played."""
+        if stage != self._stage:
+            self._open.close()
+            self._stage = stage
+            self._line = self._open.enter_context(self._output.progress(stage, most))
+        self._line.update(done)
+
+
+def _settings(
+    release_8: bool, min_objects: int | None, confidence: float | None, no_pruning: bool
+) -> "C45Settings | None":
+    """Return the choices of C4.5 that were made on the command line; None if none was."""
+    from eutree.c45 import C45Settings
+
+    given = {"min_objects": min_objects, "confidence": confidence}
+    chosen: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+    if not (chosen or release_8 or no_pruning):
+        return None
+    return C45Settings(**chosen, prune=not no_pruning)
+
+
+def _values(report: "FitReport", out: Path) -> dict[str, Any]:
+    person, played = report.person, report.played
+    return {
+        "n_leaves": report.policy.n_leaves,
+        "n_transitions": report.n_transitions,
+        "training_accuracy": report.training_accuracy,
+        "path": str(out),
+        "person": {
+            "success_rate": person.success_rate,
+            "mean_return": person.mean_return,
+            "episodes": person.episodes,
         },
-        f"{expert}\n{expert.n_leaves} leaves from {demos.n_transitions} transitions of "
-        f"{len(demos)} episodes; {accuracy:.1%} of the expert's actions; written to {out}",
-    )
+        "played": played
+        and {
+            "success_rate": played.success_rate,
+            "interval": played.success_interval,
+            "mean_return": played.mean_return,
+            "return_interval": played.return_interval,
+            "episodes": played.episodes,
+        },
+        "choice": report.choice,
+        "candidates": report.n_candidates,
+        "episodes_played": report.episodes_played,
+        "warnings": list(report.warnings),
+    }

@@ -14,7 +14,7 @@ from eutree.errors import EutreeError, UnknownNameError
 COMMANDS = {
     "record": "Record demonstrations, by a person or a scripted expert.",
     "demos": "List, check, replay, edit, import and export demonstrations.",
-    "fit": "Fit the expert tree to demonstrations (C4.5).",
+    "fit": "Fit a tree to demonstrations (C4.5), play it, and set it beside them.",
     "learn": "Learn a tree policy by reinforcement, starting from demonstrations.",
     "distill": "Make a small tree of another policy (cloning, DAgger, VIPER).",
     "evaluate": "Evaluate a policy over many episodes.",

@@ -1,0 +1,191 @@
+"""What an engineer has to know before relying on a fitted tree, in sentences."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from eutree.arrays import Booleans, Floats, Integers
+from eutree.data import Demonstrations
+from eutree.evaluation import Evaluation
+from eutree.fitting.person import Person
+from eutree.fitting.playing import Played
+from eutree.fitting.repair import blame, shown_in
+from eutree.inspection.regions import Region, domain
+from eutree.policies import TreePolicy
+from eutree.trees.boxes import leaf_boxes
+from eutree.trees.text import printable
+
+OFTEN = 0.05  # share of the episodes with one bad ending that is worth a sentence
+MIXED = 0.1  # share of another action in a leaf that makes its decision doubtful
+FEW = 10  # steps that say little
+STILL = 0.5  # share of an episode's steps up to its end, all by one leaf: nothing moves on
+
+
+@dataclass(frozen=True)
+class Harm:
+    """A leaf that ends episodes badly.
+
+    Attributes:
+        leaf: The leaf.
+        ending: How these episodes end, in the environment's words.
+        share: Share of all episodes that fail with this ending.
+        share_in_leaf: Share of those that end in the leaf, or pass through it.
+        holds_on: Whether the leaf decides for at least half of such an episode, up to its end.
+        shown: How often each action was shown there.
+    """
+
+    leaf: int
+    ending: str
+    share: float
+    share_in_leaf: float
+    holds_on: bool
+    shown: tuple[int, ...]
+
+
+def about_demonstrations(demonstrations: Demonstrations) -> list[str]:
+    """Return what is wrong with the demonstrations as a whole."""
+    names = demonstrations.schema.actions
+    counts = np.bincount(demonstrations.actions, minlength=len(names))
+    found = []
+    missing = [printable(name) for name, count in zip(names, counts, strict=True) if not count]
+    if missing:
+        found.append(
+            f"The demonstrations never show {' nor '.join(missing)}: no tree made of them can "
+            "take that action. Show when it is right."
+        )
+    person = Person.of(demonstrations)
+    if not person.episodes:
+        found.append(
+            f"None of the {len(demonstrations)} demonstrations was played to its end: all were "
+            "interrupted or stopped. Nothing says how well this way of acting does."
+        )
+    elif person.success_rate == 0.0:
+        found.append(
+            f"All {person.episodes} demonstrations failed: the tree copies what fails. Show at "
+            "least some that succeed, or let it learn from the start."
+        )
+    return found
+
+
+def about_size(policy: TreePolicy, demonstrations: Demonstrations) -> list[str]:
+    """Return that a tree has one leaf although several actions were shown."""
+    counts = np.bincount(demonstrations.actions, minlength=policy.schema.n_actions)
+    if policy.n_leaves > 1 or np.count_nonzero(counts) < 2:
+        return []
+    names = policy.schema.actions
+    shown = _listing(counts.tolist(), names)
+    return [
+        f"The tree is a single leaf: it always takes {printable(names[policy.actions[0]])}, "
+        f"although {shown} were shown. No test of the observation explains when."
+    ]
+
+
+def about_result(person: Person, tree: Evaluation) -> list[str]:
+    """Return that a tree falls short of its demonstrator, if it does."""
+    if not person.is_above(tree):
+        return []
+    if person.success_rate is not None and tree.success_rate is not None:
+        return [
+            f"The tree succeeds in {tree.success_rate:.1%} of {tree.episodes} episodes, the "
+            f"demonstrations in {person.success_rate:.1%} of {person.episodes}."
+        ]
+    return [
+        f"The tree earns {tree.mean_return:.4g} on average in {tree.episodes} episodes, the "
+        f"demonstrations {person.mean_return:.4g} in {person.episodes}."
+    ]
+
+
+def harms(played: Played, demonstrations: Demonstrations) -> list[Harm]:
+    """Return for each frequent bad ending the leaf that has most to do with it, worst first."""
+    failed = played.failed(Person.of(demonstrations).mean_return)
+    endings, shown = played.evaluation.endings, shown_in(played.policy, demonstrations)
+    found = []
+    for ending in np.unique(endings[failed]).tolist():
+        so = failed & (endings == ending)
+        if so.mean() >= OFTEN:
+            found.append(_harm(played, so, ending, shown))
+    return sorted(found, key=lambda harm: -harm.share)
+
+
+def _harm(played: Played, so: Booleans, ending: str, shown: Integers) -> Harm:
+    """Return the harm of the episodes ``so`` [E]; ``shown`` are the actions in each leaf [L, A]."""
+    chosen = np.flatnonzero(so).tolist()
+    leaves = played.leaves()
+    paths = [leaves[number] for number in chosen]
+    last = np.bincount([path[-1] for path in paths])
+    stuck = int(last.argmax())
+    cut_short = np.mean([played.episodes[number].truncated for number in chosen])
+    holds_on = bool(cut_short >= 0.5 and np.mean([_stay(p, stuck) for p in paths]) >= STILL)
+    leaf = stuck if holds_on else _doubtful(played, so, paths, shown)
+    inside = [path[-1] == leaf if holds_on else bool((path == leaf).any()) for path in paths]
+    return Harm(
+        leaf=leaf,
+        ending=ending,
+        share=float(so.mean()),
+        share_in_leaf=float(np.mean(inside)),
+        holds_on=holds_on,
+        shown=tuple(shown[leaf].tolist()),
+    )
+
+
+def _doubtful(played: Played, so: Booleans, paths: list[Integers], shown: Integers) -> int:
+    """Return the leaf to blame: one that was shown mixed, if it decided in half of the episodes."""
+    guilt = blame(played, so)
+    visited = np.mean([np.bincount(p, minlength=guilt.size) > 0 for p in paths], axis=0)
+    agreed = shown[np.arange(guilt.size), played.policy.actions]
+    mixed = (visited >= 0.5) & (agreed < (1.0 - MIXED) * shown.sum(axis=1))
+    return int(np.where(mixed, guilt, -1.0).argmax() if mixed.any() else guilt.argmax())
+
+
+def in_words(harm: Harm, policy: TreePolicy, n_shown: int) -> str:
+    """Return what a leaf does, and why.
+
+    Args:
+        harm: The leaf and what comes of it.
+        policy: The tree.
+        n_shown: How many steps were shown in all.
+    """
+    names = policy.schema.actions
+    taken = printable(names[policy.actions[harm.leaf]])
+    low, high = (_rounded(bounds[harm.leaf]) for bounds in leaf_boxes(policy.tree))
+    region = Region(low, high).words(policy.schema, domain(policy.schema))
+    how = "hold on to the end in" if harm.holds_on else "pass through"
+    return (
+        f"{harm.share:.0%} of the episodes end badly, in {harm.ending!r}; {harm.share_in_leaf:.0%} "
+        f"of these {how} leaf {harm.leaf} ({taken} where {region}). {_cause(harm, policy, n_shown)}"
+    )
+
+
+def _cause(harm: Harm, policy: TreePolicy, n_shown: int) -> str:
+    names, total = policy.schema.actions, sum(harm.shown)
+    taken = int(policy.actions[harm.leaf])
+    action = printable(names[taken])
+    if not total:
+        return "Nothing was shown there: show such situations."
+    if harm.shown[taken] < (1.0 - MIXED) * total:
+        return (
+            f"There {_listing(list(harm.shown), names)} were shown, and no test of the tree tells "
+            f"them apart, so it always takes {action}."
+        )
+    if total < FEW:
+        return f"Only {total} of the {n_shown} steps shown were there: show such situations."
+    return (
+        f"{action} was shown in {harm.shown[taken]} of {total} steps there, so what made the "
+        "difference is not in the numbers that the tree sees, for example where something heads, "
+        "or it lies earlier."
+    )
+
+
+def _stay(path: Integers, leaf: int) -> float:
+    """Return the share of an episode's steps, up to its end, that one leaf decided."""
+    elsewhere = np.flatnonzero(path != leaf)
+    return (len(path) - 1 - (int(elsewhere[-1]) if elsewhere.size else -1)) / len(path)
+
+
+def _rounded(bounds: Floats) -> Floats:
+    return np.array([float(f"{value:.4g}") for value in bounds])
+
+
+def _listing(counts: list[int], names: tuple[str, ...]) -> str:
+    parts = [f"{printable(names[a])} {count} times" for a, count in enumerate(counts) if count]
+    return " and ".join(parts)

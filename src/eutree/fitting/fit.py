@@ -1,0 +1,264 @@
+"""Fit a tree that can be trusted: chosen by playing, set beside its demonstrator, explained."""
+
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from typing import Any
+
+import gymnasium
+
+from eutree.c45 import C45Settings
+from eutree.data import Demonstrations, Episode, timing
+from eutree.errors import EutreeError, InvalidArgumentError
+from eutree.fitting.candidates import SETTINGS, Candidate, candidates, promising
+from eutree.fitting.choosing import COMPARING, JUDGING, MOST_REPAIR_PLAYS, mend, race
+from eutree.fitting.diagnosis import (
+    about_demonstrations,
+    about_result,
+    about_size,
+    harms,
+    in_words,
+)
+from eutree.fitting.person import Person
+from eutree.fitting.playing import Played, Player, Progress
+from eutree.fitting.report import FitReport
+from eutree.interaction import describe
+from eutree.interaction.making import make
+from eutree.schema import EnvironmentSpec
+from eutree.training.learn import learn
+from eutree.validation import check_integer, check_seed
+
+MOST_RACING = 8  # candidates
+RACE_SHARE, REPAIR_SHARE = 3.0, 0.3  # of the episodes that judge the tree
+MOST_KNOWN = 20_000  # steps of what a tree has played that practice begins with
+
+
+Environment = gymnasium.Env[Any, Any] | EnvironmentSpec | str
+
+
+def fit(
+    demonstrations: Demonstrations,
+    env: Environment | None = None,
+    *,
+    episodes: int = 200,
+    practise: int = 0,
+    settings: C45Settings | None = None,
+    history: int | None = None,
+    shift_delay: bool = False,
+    seed: int = 0,
+    on_progress: Progress | None = None,
+) -> FitReport:
+    """Return the best tree that C4.5 makes of demonstrations, and how good it is beside them.
+
+    C4.5 of release 8 and a few variants (``eutree.fitting.candidates``) are compared by episodes
+    left out, the best eight by playing. While the winner falls short of the demonstrator, the leaf
+    that has most to do with failing is repaired by what else was shown there, where playing
+    confirms that. At last it plays fresh episodes; what is wrong with it is in ``warnings``.
+
+    Args:
+        demonstrations: What was shown; at least one step.
+        env: Where to play: an environment, its id, or how to make it. None makes the environment
+            that the demonstrations name; where that fails, the tree is not played, and the
+            warnings say so.
+        episodes: Fresh episodes that judge the tree, 100 to 300 for most purposes. Choosing takes
+            three times as many, a repair about as many again. 0 plays nothing: the choice is made
+            by episodes left out alone.
+        practise: Episodes of ``eutree.learn`` to go on with, from the tree, the demonstrations and
+            what the tree has played. The better of both by fresh episodes is returned.
+        settings: The choices of C4.5. None chooses.
+        history: Number of previous observations as features. None chooses between 0 and 1.
+        shift_delay: Whether the tree is fitted to what was on the screen at each key
+            (``eutree.data.timing``). The demonstrations need the times of a recording.
+        seed: The same seed gives the same report.
+        on_progress: Called after each episode played with what it is for and how many there were.
+
+    Raises:
+        InvalidArgumentError: There is nothing to fit, the environment is another one than that of
+            the demonstrations, or ``practise`` has no environment.
+        EnvironmentFault: The environment broke its contract.
+    """
+    check_integer("episodes", episodes, low=0)
+    check_integer("practise", practise, low=0)
+    check_seed(seed)
+    if history is not None:
+        check_integer("history", history, low=0)
+    if practise and not episodes:
+        raise InvalidArgumentError(
+            f"episodes must be at least 1 to practise, which has to be judged, got {episodes}"
+        )
+    lessons = timing.shift_delay(demonstrations) if shift_delay else demonstrations
+    found = candidates(
+        lessons,
+        settings=SETTINGS if settings is None else (settings,),
+        histories=(0, 1) if history is None and settings is None else (history or 0,),
+    )
+    with ExitStack() as stack:
+        world, missing = _world(demonstrations, env, stack) if episodes else (None, "")
+        if world is None:
+            if practise:
+                raise InvalidArgumentError(f"practise must be 0 without an environment: {missing}")
+            notes = [f"The tree was not played: {missing}"] if missing else []
+            return _report(_best_left_out(found), None, lessons, found, notes)
+        player = Player(world, seed, on_progress)
+        fitting = _Fitting(demonstrations, lessons, world, player, episodes, seed)
+        chosen, known = fitting.choose(found, repair=settings is None)
+        judged = fitting.judge(chosen)
+        report = _report(chosen, judged, lessons, found, [], player.episodes)
+        if not practise:
+            return report
+        better = fitting.practise(chosen, known + judged.episodes, practise, on_progress)
+        count = player.episodes + practise
+        if better is None:
+            note = f"{practise} episodes of practice made nothing better of it."
+            warnings = (*report.warnings, note)
+            return replace(report, warnings=warnings, episodes_played=count, before_practice=report)
+        after = _report(*better, lessons, found, [], count)
+        return replace(after, before_practice=report)
+
+
+@dataclass(frozen=True, eq=False)
+class _Fitting:
+    """The steps of a fit in an environment.
+
+    Attributes:
+        demonstrations: What was shown; practice begins with it.
+        lessons: What trees are fitted to: the same, or what was on the screen.
+        world: Where to play.
+        player: Plays there and counts.
+        episodes: Fresh episodes that judge a tree.
+        seed: Seed of the fit.
+    """
+
+    demonstrations: Demonstrations
+    lessons: Demonstrations
+    world: gymnasium.Env[Any, Any]
+    player: Player
+    episodes: int
+    seed: int
+
+    def choose(
+        self, found: list[Candidate], *, repair: bool
+    ) -> tuple[Candidate, tuple[Episode, ...]]:
+        """Return the tree to judge and what it has played so far."""
+        rivals = promising(found, MOST_RACING)
+        if not repair and len(rivals) == 1:
+            return rivals[0], ()
+        budget = max(1, int(RACE_SHARE * self.episodes))
+        self.player.begin("choosing", budget)
+        chosen, played = race(rivals, self.player, budget)
+        if repair:
+            budget = max(1, int(REPAIR_SHARE * self.episodes))
+            self.player.begin("repairing", MOST_REPAIR_PLAYS * budget)
+            chosen, played = mend(chosen, played, self.lessons, self.player, budget)
+        return chosen, played.episodes
+
+    def judge(self, chosen: Candidate) -> Played:
+        """Return what the tree does in fresh episodes."""
+        self.player.begin("judging", self.episodes)
+        return self.player.play(chosen.policy, self.episodes, JUDGING)
+
+    def practise(
+        self,
+        chosen: Candidate,
+        known: tuple[Episode, ...],
+        episodes: int,
+        on_progress: Progress | None,
+    ) -> tuple[Candidate, Played] | None:
+        """Return what learning makes of the tree and its play; None if that is no better.
+
+        Learning begins with what the tree has played too: the model of the world that it plans in
+        is better by that, for nothing.
+        """
+
+        def tell(run: Any) -> None:
+            if on_progress is not None:
+                on_progress("practising", run.episode, episodes)
+
+        shown = (*self.demonstrations.episodes, *_recent(known))
+        learned = learn(
+            self.world,
+            demonstrations=replace(self.demonstrations, episodes=shown),
+            expert=chosen.policy,
+            history=chosen.policy.history,
+            episodes=episodes,
+            evaluate_every=episodes,
+            evaluation_episodes=1,
+            seed=self.seed,
+            on_progress=tell,
+        ).policy
+        self.player.begin("comparing", 2 * self.episodes)
+        mine = self.player.play(chosen.policy, self.episodes, COMPARING)
+        rival = self.player.play(learned, self.episodes, COMPARING)
+        if rival.merit <= mine.merit:
+            return None
+        words = f"{episodes} episodes of practice"
+        return replace(chosen, policy=learned, repairs=(*chosen.repairs, words)), rival
+
+
+def _world(
+    demonstrations: Demonstrations, env: Environment | None, stack: ExitStack
+) -> tuple[gymnasium.Env[Any, Any] | None, str]:
+    """Return the environment to play in, or None and why there is none."""
+    if isinstance(env, gymnasium.Env):
+        world = env
+    elif env is not None:
+        world = make(env)
+        stack.callback(world.close)
+    elif demonstrations.environment is None:
+        return None, "the demonstrations name no environment."
+    else:
+        try:
+            world = make(demonstrations.environment)
+        except EutreeError as error:
+            return None, str(error)
+        stack.callback(world.close)
+    describe(world).check_same(demonstrations.schema, "demonstrations", of="the environment")
+    return world, ""
+
+
+def _best_left_out(found: list[Candidate]) -> Candidate:
+    """Return the candidate that decides most like the episodes left out."""
+    return max(promising(found, len(found)), key=lambda entry: float(entry.correct.mean()))
+
+
+def _recent(episodes: tuple[Episode, ...]) -> tuple[Episode, ...]:
+    """Return the last episodes, of ``MOST_KNOWN`` steps at most."""
+    steps, kept = 0, []
+    for episode in reversed(episodes):
+        steps += len(episode)
+        if steps > MOST_KNOWN:
+            break
+        kept.append(episode)
+    return tuple(reversed(kept))
+
+
+def _report(
+    chosen: Candidate,
+    judged: Played | None,
+    demonstrations: Demonstrations,
+    found: list[Candidate],
+    notes: list[str],
+    episodes_played: int = 0,
+) -> FitReport:
+    policy, person = chosen.policy, Person.of(demonstrations)
+    warnings = [*about_demonstrations(demonstrations), *about_size(policy, demonstrations)]
+    if judged is not None:
+        worse = about_result(person, judged.evaluation)
+        warnings += worse
+        warnings += [
+            in_words(harm, policy, demonstrations.n_transitions)
+            for harm in harms(judged, demonstrations)
+            if worse or harm.holds_on
+        ]
+    shown = demonstrations.with_history(policy.history)
+    decided = policy.actions[policy.tree.leaf_index(shown.observations)]
+    return FitReport(
+        policy=policy,
+        person=person,
+        played=None if judged is None else judged.evaluation,
+        choice=str(chosen),
+        warnings=(*warnings, *notes),
+        n_transitions=demonstrations.n_transitions,
+        training_accuracy=float((decided == shown.actions).mean()),
+        n_candidates=len(found),
+        episodes_played=episodes_played,
+    )

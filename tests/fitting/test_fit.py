@@ -1,0 +1,338 @@
+"""Fitting: what is chosen, what is repaired, what is said about it."""
+
+from dataclasses import replace
+
+import gymnasium
+import numpy as np
+import pytest
+from benchmarks.people import folder
+
+import eutree
+from eutree.c45 import C45Settings
+from eutree.data import Demonstrations, Episode
+from eutree.errors import InvalidArgumentError
+from eutree.fitting import Person
+from eutree.fitting.candidates import RELEASE_8, SETTINGS, Candidate, candidates, promising
+from eutree.fitting.choosing import mend, race
+from eutree.fitting.playing import Played, Player
+from eutree.fitting.repair import blame, repairs, shown_in
+from eutree.policies import TreePolicy
+from eutree.schema import EnvironmentSpec, Schema
+from eutree.trees import DecisionTree
+
+STANDS_STILL = 16  # a folder of which the tree of release 8 never arrives
+
+
+class Corridor(gymnasium.Env):
+    """Five steps to the door; it opens and shuts by chance, and hits who walks into it shut."""
+
+    observation_space = gymnasium.spaces.Box(0.0, 6.0, (2,), np.float64)
+    action_space = gymnasium.spaces.Discrete(2)
+    action_names = ("wait", "walk")
+    feature_names = ("place", "gap")
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.place, self.steps, self.gap = 0, 0, float(self.np_random.random())
+        return self._seen(), {}
+
+    def step(self, action):
+        hit = bool(action and self.place == 4 and self.gap < 0.7)
+        self.place += int(action and not hit)
+        self.steps += 1
+        self.gap = float(self.np_random.random())
+        arrived = self.place == 5
+        ended = hit or arrived
+        info = {"is_success": arrived}
+        return self._seen(), 10.0 * arrived - 5.0 * hit, ended, self.steps >= 40, info
+
+    def _seen(self):
+        return np.array([float(self.place), self.gap])
+
+
+class Careful:
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        place, gap = np.asarray(observation)
+        return int(place < 4 or gap >= 0.7), state
+
+
+@pytest.fixture(scope="module")
+def corridor():
+    return Corridor()
+
+
+@pytest.fixture(scope="module")
+def shown(corridor):
+    return eutree.record(corridor, Careful(), episodes=12, seed=0)
+
+
+def leaf(action, schema):
+    return TreePolicy(DecisionTree.single_leaf(schema.n_features), np.array([action]), schema)
+
+
+def by_hand(schema, *, door):
+    """Return the tree place <= 3.5: walk, else ``door`` = (action where gap <= 0.5, elsewhere)."""
+    tree = DecisionTree.single_leaf(2).split(leaf=0, feature=0, threshold=3.5)
+    tree = tree.split(leaf=1, feature=1, threshold=0.5)
+    return TreePolicy(tree, np.array([1, *door]), schema)
+
+
+def wrong(episode, **changes):
+    return replace(episode, **changes)
+
+
+class TestFit:
+    def test_a_tree_that_is_as_good_is_returned_without_a_warning(self, corridor, shown):
+        report = eutree.fit(shown, corridor, episodes=40)
+        assert report.warnings == ()
+        assert report.as_good_as_shown
+        assert report.played.success_rate == report.person.success_rate == 1.0
+        assert report.person.episodes == 12
+        assert report.training_accuracy == 1.0
+        assert "12 of 12 episodes succeed" in str(report)
+        assert "40 of 40" in str(report)
+
+    def test_the_same_seed_gives_the_same_report(self, corridor, shown):
+        first, again = (eutree.fit(shown, corridor, episodes=10, seed=3) for _ in range(2))
+        assert first.policy.to_bytes() == again.policy.to_bytes()
+        assert str(first) == str(again)
+
+    def test_who_waits_is_not_turned_into_a_tree_that_waits_for_ever(self):
+        demonstrations = folder("evasion", STANDS_STILL)
+        plain = eutree.fit(demonstrations, settings=RELEASE_8, episodes=60)
+        assert plain.policy == eutree.fit_expert_tree(demonstrations)
+        assert plain.played.success_rate < 0.1
+        assert not plain.as_good_as_shown
+        (harm,) = [text for text in plain.warnings if "hold on to the end in leaf" in text]
+        assert "'time limit'" in harm
+        assert "stop where" in harm
+        chosen = eutree.fit(demonstrations, episodes=100)
+        assert chosen.played.success_rate > 0.6
+        assert not [text for text in chosen.warnings if "hold on to the end" in text]
+
+    def test_practice_makes_what_is_missing_and_is_kept_where_it_is_better(self):
+        demonstrations = folder("evasion", 2)
+        alone = eutree.fit(demonstrations, episodes=100)
+        told = []
+        report = eutree.fit(
+            demonstrations,
+            episodes=100,
+            practise=100,
+            on_progress=lambda stage, count, most: told.append((stage, count, most)),
+        )
+        assert not alone.as_good_as_shown
+        assert "The tree succeeds in" in alone.warnings[0]
+        assert "leaf" in alone.warnings[1]
+        assert report.played.success_rate > alone.played.success_rate + 0.1
+        assert "100 episodes of practice" in report.choice
+        stages = list(dict.fromkeys(stage for stage, _, _ in told))
+        assert stages == ["choosing", "repairing", "judging", "practising", "comparing"]
+        assert ("judging", 100, 100) in told
+        assert all(0 <= count <= most for _, count, most in told)
+        assert report.before_practice.policy == alone.policy
+        assert report.before_practice.warnings == alone.warnings
+
+    def test_practice_that_gains_nothing_is_said_and_dropped(self, corridor, shown):
+        report = eutree.fit(shown, corridor, episodes=20, practise=2)
+        assert report.warnings == ("2 episodes of practice made nothing better of it.",)
+
+    def test_every_episode_is_counted(self, corridor, shown):
+        told = []
+        report = eutree.fit(shown, corridor, episodes=20, on_progress=lambda *a: told.append(a))
+        assert report.episodes_played == len(told)
+        assert sum(stage == "judging" for stage, _, _ in told) == 20
+        fixed = eutree.fit(shown, corridor, episodes=20, settings=RELEASE_8)
+        assert fixed.episodes_played == 20
+        assert fixed.n_candidates == 1
+
+    def test_without_playing_the_choice_is_made_by_episodes_left_out(self, shown):
+        report = eutree.fit(shown, episodes=0)
+        assert report.played is None
+        assert report.as_good_as_shown is None
+        assert report.warnings == ()
+
+    def test_an_environment_that_cannot_be_made_is_said(self, shown):
+        unknown = replace(shown, environment=EnvironmentSpec("Nowhere-v3"))
+        report = eutree.fit(unknown, episodes=10)
+        assert report.played is None
+        assert "was not played" in report.warnings[-1]
+        assert "Nowhere-v3" in report.warnings[-1]
+        with pytest.raises(InvalidArgumentError, match="practise must be 0 without"):
+            eutree.fit(unknown, practise=1)
+
+    def test_another_environment_is_refused(self, shown):
+        with pytest.raises(InvalidArgumentError, match="the environment"):
+            eutree.fit(shown, "eutree/Evasion2-v0")
+
+    def test_practice_has_to_be_judged(self, corridor, shown):
+        with pytest.raises(InvalidArgumentError, match="episodes must be at least 1 to practise"):
+            eutree.fit(shown, corridor, episodes=0, practise=10)
+
+    def test_an_environment_without_successes_is_judged_by_its_return(self):
+        demonstrations = folder("cartpole", 0, episodes=4)
+        report = eutree.fit(demonstrations, episodes=2)
+        assert report.person.success_rate is None
+        assert report.played.success_rate is None
+        assert "on average in 4 episodes" in str(report)
+
+
+class TestBadInput:
+    def sentences(self, demonstrations, corridor):
+        return eutree.fit(demonstrations, corridor, episodes=5).warnings
+
+    def test_an_action_that_never_occurs(self, corridor, shown):
+        episodes = [wrong(e, actions=np.ones_like(e.actions)) for e in shown]
+        found = self.sentences(replace(shown, episodes=tuple(episodes)), corridor)
+        assert found[0].startswith("The demonstrations never show wait:")
+
+    def test_nothing_but_failures(self, corridor, shown):
+        episodes = [wrong(e, is_success=False) for e in shown]
+        found = self.sentences(replace(shown, episodes=tuple(episodes)), corridor)
+        assert found[0].startswith("All 12 demonstrations failed:")
+
+    def test_nothing_but_interruptions(self, corridor, shown):
+        episodes = [wrong(e, terminated=False, ending="interrupted") for e in shown]
+        found = self.sentences(replace(shown, episodes=tuple(episodes)), corridor)
+        assert found[0].startswith("None of the 12 demonstrations was played to its end")
+
+    def test_one_leaf_where_two_actions_were_shown(self, corridor, shown):
+        generator = np.random.default_rng(0)
+        by_chance = [wrong(e, actions=(generator.random(len(e)) < 0.8).astype(int)) for e in shown]
+        noise = replace(shown, episodes=tuple(by_chance))
+        report = eutree.fit(noise, corridor, episodes=5, settings=C45Settings(min_objects=100))
+        assert report.policy.n_leaves == 1
+        (found,) = [text for text in report.warnings if "single leaf" in text]
+        assert "always takes walk, although wait" in found
+
+    def test_nothing_at_all(self, shown):
+        with pytest.raises(InvalidArgumentError, match="at least one transition"):
+            eutree.fit(replace(shown, episodes=()))
+
+
+class TestCandidates:
+    def test_release_8_comes_first_and_no_tree_twice(self, shown):
+        found = candidates(shown, settings=SETTINGS, histories=(0, 1))
+        assert found[0].policy == eutree.fit_expert_tree(shown)
+        assert str(found[0]) == "C4.5 of release 8"
+        assert len({entry.policy.to_bytes() for entry in found}) == len(found)
+
+    def test_episodes_left_out_are_never_learned_from(self):
+        """Each episode has a place of its own: a tree of the others knows nothing of it."""
+        schema = Schema.anonymous(1, 2)
+        episodes = tuple(
+            Episode(
+                observations=np.array([[float(k)], [float(k)]]),
+                actions=np.array([k % 2]),
+                rewards=np.zeros(1),
+                terminated=True,
+                truncated=False,
+            )
+            for k in range(10)
+        )
+        lossless = C45Settings.lossless()
+        (found,) = candidates(
+            Demonstrations(episodes, schema), settings=(lossless,), histories=(0,)
+        )
+        decided = found.policy.predict(np.arange(10.0)[:, np.newaxis])[0]
+        assert (decided == np.arange(10) % 2).all()
+        assert found.correct.mean() < 0.5
+
+    def test_what_was_seen_before_is_taken_where_it_explains_more(self, corridor):
+        """The action is the one that the observation before asks for."""
+        generator = np.random.default_rng(0)
+        episodes = []
+        for _ in range(10):
+            seen = generator.random((31, 1))
+            before = np.concatenate([seen[:1], seen[:-2]])
+            actions = (before[:, 0] > 0.5).astype(int)
+            episodes.append(Episode(seen, actions, np.zeros(30), True, False))
+        late = Demonstrations(tuple(episodes), Schema.anonymous(1, 2))
+        report = eutree.fit(late, episodes=0)
+        assert report.policy.history == 1
+        assert "with one previous observation" in report.choice
+        assert eutree.fit(late, episodes=0, history=0).policy.history == 0
+        prompt = [wrong(e, actions=(e.observations[:-1, 0] > 0.5).astype(int)) for e in episodes]
+        found = candidates(
+            replace(late, episodes=tuple(prompt)), settings=SETTINGS, histories=(0, 1)
+        )
+        assert {entry.policy.history for entry in promising(found, 8)} == {0}
+
+
+class TestRace:
+    def test_the_better_tree_wins_within_the_budget(self, corridor, shown):
+        trees = [leaf(0, shown.schema), leaf(1, shown.schema), eutree.fit_expert_tree(shown)]
+        found = [Candidate(tree, RELEASE_8, np.ones(1)) for tree in trees]
+        player = Player(corridor, seed=0)
+        winner, played = race(found, player, 60)
+        assert winner is found[2]
+        assert played.policy is trees[2]
+        assert player.episodes <= 60
+        assert len(played.episodes) == 10 + 15
+
+    def test_the_first_wins_ties_and_a_block_is_the_same_for_all(self, corridor, shown):
+        tree = eutree.fit_expert_tree(shown)
+        found = [Candidate(tree, RELEASE_8, np.ones(1)) for _ in range(2)]
+        assert race(found, Player(corridor, seed=0), 20)[0] is found[0]
+        player = Player(corridor, seed=5)
+        first, again = (player.play(tree, 3, block=2) for _ in range(2))
+        other = player.play(tree, 3, block=3)
+        assert all(a.equals(b) for a, b in zip(first.episodes, again.episodes, strict=True))
+        assert not first.episodes[0].equals(other.episodes[0])
+
+
+class TestRepair:
+    def test_the_leaf_that_waits_for_ever_is_blamed(self, corridor, shown):
+        tree = by_hand(shown.schema, door=(0, 0))
+        played = Player(corridor, seed=0).play(tree, 10, block=0)
+        guilt = blame(played, played.failed(0.0))
+        assert played.failed(0.0).all()
+        assert guilt.argmax() in (1, 2)
+        assert guilt.max() > guilt[0]
+
+    def test_the_three_repairs_of_a_leaf(self, shown):
+        tree = by_hand(shown.schema, door=(0, 0))
+        counts = shown_in(tree, shown)
+        assert counts.sum() == shown.n_transitions
+        assert counts[0].tolist() == [0, 48]
+        assert counts[2, 1] == 12
+        found = list(repairs(tree, shown, 2))
+        relabelled, cut, dropped = (policy for policy, _ in found)
+        assert relabelled.predict([[4.0, 0.6]])[0] == [1]
+        assert relabelled.predict([[4.0, 0.4]])[0] == [0]
+        assert cut.predict([[4.0, 0.6], [4.0, 0.9], [4.0, 0.4], [1.0, 0.1]])[0].tolist() == [
+            *(0, 1, 0, 1)
+        ]
+        assert dropped.n_leaves == 2
+        assert "walk in place of wait" in found[0][1]
+
+    def test_a_repair_is_what_makes_the_tree_move(self, corridor, shown):
+        stuck = Candidate(by_hand(shown.schema, door=(0, 0)), RELEASE_8, np.ones(1))
+        player = Player(corridor, seed=1)
+        played = player.play(stuck.policy, 20, block=0)
+        assert played.evaluation.success_rate == 0.0
+        mended, again = mend(stuck, played, shown, player, 20)
+        assert again.evaluation.success_rate > 0.9
+        assert "a leaf cut further" in str(mended)
+
+    def test_a_tree_as_good_as_the_person_is_left_alone(self, corridor, shown):
+        good = Candidate(eutree.fit_expert_tree(shown), RELEASE_8, np.ones(1))
+        player = Player(corridor, seed=1)
+        played = player.play(good.policy, 20, block=0)
+        assert mend(good, played, shown, player, 20) == (good, played)
+        assert player.episodes == 20
+
+
+class TestPerson:
+    def test_only_what_ended_counts(self, shown):
+        person = Person.of(shown)
+        assert (person.success_rate, person.episodes) == (1.0, 12)
+        assert person.mean_return == 10.0
+        left = [wrong(shown.episodes[0], terminated=False), *shown.episodes[1:]]
+        assert Person.of(replace(shown, episodes=tuple(left))).episodes == 11
+
+    @pytest.mark.parametrize(("rate", "above"), [(0.96, False), (0.98, False), (0.9, True)])
+    def test_three_points_are_the_same(self, shown, rate, above):
+        successes = np.arange(100) < 100 * rate
+        episodes = [wrong(shown.episodes[0], is_success=bool(success)) for success in successes]
+        figures = Played(eutree.fit_expert_tree(shown), tuple(episodes)).evaluation
+        assert Person(0.985, 10.0, 15).is_above(figures) is above
