@@ -5,8 +5,8 @@ Run: python benchmarks/small_trees.py TASK [TASK ...] [--seeds 10] [--first 0] [
 
 For each seed 15 demonstrations of a mediocre scripted controller are recorded, and `learn` goes on
 from them with what is left of the steps: the teacher's, DAgger's and the races' steps all count,
-demonstrations too. The last tree is evaluated on 200 fresh episodes, and beside it its start, C4.5's
-tree of the demonstrations.
+demonstrations too. The last tree is evaluated on 200 fresh episodes, and beside it its start,
+C4.5's tree of the demonstrations.
 Seeds from 1000 on are for tuning; reported are seeds below.
 """
 

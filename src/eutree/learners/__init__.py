@@ -1,5 +1,6 @@
 """Learners of trees: the protocol, the methods, their presets."""
 
+from eutree.learners.distilled_dqn import DistilledDQN
 from eutree.learners.expert_tree import fit_expert_tree
 from eutree.learners.history import History, Relabelling
 from eutree.learners.learner import (
@@ -29,6 +30,7 @@ __all__ = [
     "PRESETS",
     "STARTS",
     "Decisions",
+    "DistilledDQN",
     "History",
     "LambdaReturn",
     "LeafSplit",

@@ -15,7 +15,7 @@ The loop of a run, for every method:
     whenever a policy is wanted:           learner.decisions().policy(problem)
 
 What only some learners can do is a protocol of its own, which its user checks for by
-``isinstance``: ``CanDoubt``, ``CanRace``, ``HasPolicy``.
+``isinstance``: ``CanDoubt``, ``CanRace``, ``ChoosesStarts``, ``HasPolicy``.
 """
 
 from collections.abc import Mapping
@@ -310,6 +310,18 @@ class CanRace(Protocol):
 
     def heat_run(self, episode: Episode) -> None:
         """Take the episode that the tree of ``next_heat`` ran."""
+        ...
+
+
+@runtime_checkable
+class ChoosesStarts(Protocol):
+    """A learner that compares trees in its own episodes, on starts that they have in common."""
+
+    def next_start(self) -> int | None:
+        """Return the number of the start of the next episode; None if any will do.
+
+        Episodes of one number begin alike: the environment is reset with the same seed.
+        """
         ...
 
 

@@ -8,6 +8,7 @@ import msgspec
 from eutree.errors import InvalidArgumentError
 from eutree.learners.adaptive_q import AdaptiveQMethod
 from eutree.learners.density_tree import DensityTreeMethod
+from eutree.learners.distilled_dqn import DistilledDQN
 from eutree.learners.learner import Method
 from eutree.learners.model_planning import PlanningMethod
 from eutree.learners.presets import PRESETS
@@ -23,6 +24,7 @@ METHODS: dict[str, type[Method]] = {
         VectorQuantizationMethod,
         AdaptiveQMethod,
         DensityTreeMethod,
+        DistilledDQN,
     )
 }
 
