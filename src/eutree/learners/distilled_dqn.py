@@ -15,6 +15,7 @@ learner numbers: all entrants run from the same ones.
 The policy changes only by winning a race. The network is never handed over.
 """
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -61,7 +62,7 @@ ALL_TIME_BEST = 2  # that meet the policy again in every race
 LAST_ENTRANTS = 5
 FEW_RETURNS, MANY_RETURNS = 4, 12  # below which a contender's mean says nothing, or little
 ROW_OF_RACE = 10_000  # starts of one race are numbered from this times the race's number on
-_NUMBERS = ("steps", "stage", "labelled_from", "round_from", "incumbent", "n_races")
+_NUMBERS = ("steps", "stage", "labelled_from", "round_from", "incumbent", "n_races", "taught")
 
 
 class Stage(IntEnum):
@@ -86,7 +87,8 @@ class DistilledDQN:
         last_share: Share of the steps that is kept for the last races.
         exploration: Chance of a random action of the teacher at first.
         last_exploration: The same from a fifth of its steps on.
-        demonstration_updates: Updates of the teacher before its first step.
+        demonstration_updates: Updates of the teacher before its first step; at most one for each
+            transition shown.
         teacher: How the teacher learns.
         world_model: How the world model is fitted.
     """
@@ -154,6 +156,7 @@ class DistilledDQNLearner:
             self._store(episode.observations, episode.actions, episode.rewards,
                         terminated=episode.terminated, shown=True)  # fmt: skip
         self._n_shown = self.history.size
+        self._n_demonstrations = self._taught = self.history.n_episodes  # known to the teacher
         self._budget = method.steps if problem.steps is None else problem.steps
         self._teacher_steps = min(int(method.teacher_share * self._budget), method.teacher_steps)
         self._dagger_steps = int(method.dagger_share * self._budget)
@@ -312,16 +315,21 @@ class DistilledDQNLearner:
         if not shown:
             self.steps += len(actions)
 
+    @property
+    def _first_updates(self) -> int:
+        """Updates of the teacher on the demonstrations alone."""
+        return min(self._method.demonstration_updates, self._n_shown)
+
     def _new_teacher(self, start: Start) -> DoubleDQN:
         """Return the teacher after its updates on the demonstrations."""
-        method, settings = self._method, self._method.teacher
+        settings = self._method.teacher
         learned = int(settings.updates_per_step * self._teacher_steps)
         teacher = DoubleDQN(
             settings,
             Scaling.of(self.history.observations),
             self._problem.n_actions,
             reward_scale=reward_scale_of([e.rewards for e in start.episodes], settings.discount),
-            updates=method.demonstration_updates + learned,
+            updates=max(self._first_updates + learned, 1),
             generator=self._generator,
         )
         for episode in start.episodes:
@@ -330,19 +338,14 @@ class DistilledDQNLearner:
         return teacher
 
     def _teach(self, generator: np.random.Generator) -> dict[str, float | int | str | None]:
-        """Let the teacher learn from the last episode stored."""
+        """Let the teacher learn from the episodes that are new."""
         if not self._teacher.updates:
-            self._teacher.update(self._method.demonstration_updates, generator)
-        rows = self._rows_of_last()
-        history = self.history
-        observations = np.concatenate([history.observations[rows], history.next_observations[-1:]])
-        self._teacher.add(
-            observations,
-            history.actions[rows].astype(np.int64),
-            history.rewards[rows],
-            terminated=bool(history.entered[-1] == TERMINAL),
-        )
-        n_steps = rows.stop - rows.start
+            self._teacher.update(self._first_updates, generator)
+        history, rows = self.history, self._rows_of_last()
+        first = int(np.searchsorted(history.episodes, self._taught))
+        self._show(self._taught, history.n_episodes)
+        self._taught = history.n_episodes
+        n_steps = history.size - first
         self._teacher.update(round(self._method.teacher.updates_per_step * n_steps), generator)
         if self.steps >= self._teacher_steps:
             self._labelled_from = self._first_of_last(min(LAST_OF_TEACHER, self._dagger_steps))
@@ -500,7 +503,7 @@ class DistilledDQNLearner:
     def state(self) -> Arrays:
         """Return all that is known; labels and the teacher's replay follow from the history."""
         numbers = [self.steps, int(self.stage), self._labelled_from, self._round_from,
-                   self.incumbent, self._n_races]  # fmt: skip
+                   self.incumbent, self._n_races, self._taught]  # fmt: skip
         state: Arrays = {"numbers": np.array(numbers, dtype=np.int64)}
         state |= _prefixed("history", self.history.state())
         state |= _prefixed("teacher", self._teacher.state())
@@ -526,8 +529,9 @@ class DistilledDQNLearner:
         self._labelled_from, self._round_from = numbers["labelled_from"], numbers["round_from"]
         self.incumbent, self._n_races = numbers["incumbent"], numbers["n_races"]
         self._teacher.restore(_part(state, "teacher"))
+        self._taught = numbers["taught"]
         if self.stage is Stage.TEACHER:
-            self._replay()
+            self._show(self._n_demonstrations, self._taught)
         self._students.begin(self._labelled_from)
         self.contenders = unpacked_contenders(_part(state, "contender"))
         (self._student,) = unpacked_trees(_part(state, "student"))
@@ -545,19 +549,18 @@ class DistilledDQNLearner:
             self._race = PatientRace(len(self._entrants), looks, state["race_returns"])
             self._call(self._race)
 
-    def _replay(self) -> None:
-        """Show the teacher all own episodes again."""
+    def _show(self, first: int, last: int) -> None:
+        """Store the episodes ``first`` to ``last`` - 1 in the teacher's replay."""
         history = self.history
-        numbers = history.episodes[self._n_shown :]
-        bounds = self._n_shown + np.flatnonzero(np.diff(numbers, prepend=-1))
-        for first, last in zip(bounds, [*bounds[1:], history.size], strict=True):
-            rows = slice(int(first), int(last))
-            ahead = history.next_observations[rows.stop - 1 : rows.stop]
+        bounds = np.searchsorted(history.episodes, np.arange(first, last + 1)).tolist()
+        for begin, end in itertools.pairwise(bounds):
+            rows = slice(begin, end)
+            ahead = history.next_observations[end - 1 : end]
             self._teacher.add(
                 np.concatenate([history.observations[rows], ahead]),
                 history.actions[rows].astype(np.int64),
                 history.rewards[rows],
-                terminated=bool(history.entered[rows.stop - 1] == TERMINAL),
+                terminated=bool(history.entered[end - 1] == TERMINAL),
             )
 
 
