@@ -10,6 +10,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
+from eutree.cli._standard_output import results
+
 
 class Output:
     """Prints the result of a command once, as text or as one JSON object.
@@ -29,7 +31,7 @@ class Output:
     def result(self, values: dict[str, Any], text: Any) -> None:
         """Print ``values`` as one JSON object, or else ``text`` (a string or a rich renderable)."""
         if self.as_json:
-            click.echo(json.dumps(_plain(values), allow_nan=False))
+            click.echo(json.dumps(_plain(values), allow_nan=False), file=results())
         else:
             Console(highlight=False, soft_wrap=isinstance(text, str | Text)).print(
                 text, markup=not isinstance(text, str)

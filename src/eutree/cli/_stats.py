@@ -24,9 +24,11 @@ def show(
 
     ``numbers`` are those of the episodes in the folder.
     """
-    from eutree.files import write_text
+    from eutree.files import check_writable, write_text
     from eutree.report import demonstration_figures, demonstrations_page
 
+    if html is not None:
+        check_writable(html)
     figures = demonstration_figures(demonstrations)
     values = _values(demonstrations, figures, numbers)
     lines = _text(demonstrations, figures, values)

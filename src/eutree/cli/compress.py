@@ -72,6 +72,7 @@ def compress(
 ) -> None:
     """Make the tree of SOURCE, a run folder or a policy file, smaller; report what changed."""
     from eutree.compression import compress as compress_policy
+    from eutree.files import check_writable
 
     output = Output(as_json=as_json)
     policy, observations = _read(source, demos)
@@ -85,6 +86,7 @@ def compress(
     elif env_arguments:
         raise InvalidArgumentError("--env-arg needs --evaluate or --return-margin")
     rounding = _rounding(round_thresholds)
+    check_writable(out)
     small, report = compress_policy(
         policy, observations, env=spec, margin=return_margin, round_thresholds=rounding, **options
     )

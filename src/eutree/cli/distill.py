@@ -47,12 +47,14 @@ def distill(
     """Make a small tree that decides in ENVIRONMENT as the teacher does."""
     from eutree.data import Demonstrations
     from eutree.distillation.distill import distill as distill_teacher
+    from eutree.files import check_writable
     from eutree.interaction.making import make
 
     output = Output(as_json=as_json)
     spec = EnvironmentSpec(environment, env_arguments)
     teacher = _teacher(spec, expert, policy)
     shown = None if demos is None else Demonstrations.load(demos)
+    check_writable(out)
     with output.progress("distilling", options["iterations"]) as progress:
         tree, report = distill_teacher(
             teacher,

@@ -66,6 +66,7 @@ def edit(
 ) -> None:
     """Change POLICY, a policy file, by hand; say what that does to its return."""
     from eutree.evaluation import evaluate
+    from eutree.files import check_writable
     from eutree.inspection import edit as change
     from eutree.inspection import enforce, numbered
 
@@ -83,6 +84,8 @@ def edit(
         edited = replace(ruled, changes=edited.changes + ruled.changes, warnings=edited.warnings)
     if edited.changes and out is None:
         raise InvalidArgumentError("--out must name the file to write, got none")
+    if out is not None:
+        check_writable(out)
     returns: list[float] = []
     if edited.changes and before.environment is not None and episodes:
         spec = override(before.environment, env_arguments)

@@ -5,9 +5,11 @@ import os
 import sys
 import traceback
 from collections.abc import Sequence
+from contextlib import nullcontext
 
 import click
 
+from eutree.cli._standard_output import kept_for_results
 from eutree.errors import EutreeError, UnknownNameError
 
 # Loaded when called, so that `eutree --help` does not import what it does not need.
@@ -100,8 +102,10 @@ def run(arguments: Sequence[str]) -> int:
     """Run the command line and return the exit code: 0, 1 (a bug), 2 (a mistake), 130."""
     debug = "--debug" in arguments
     rest = [argument for argument in arguments if argument != "--debug"]
+    wants_json = "--json" in rest and not {"-h", "--help", "--version"} & set(rest)
     try:
-        code = eutree.main(rest, prog_name="eutree", standalone_mode=False)
+        with kept_for_results() if wants_json else nullcontext():
+            code = eutree.main(rest, prog_name="eutree", standalone_mode=False)
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message(), err=True)
         return EXIT_MISTAKE

@@ -44,7 +44,7 @@ def show(
     The page plays episodes of the policy with pictures where its environment can draw them.
     """
     from eutree.cli._tree import drawn
-    from eutree.files import write_text
+    from eutree.files import check_writable, write_text
 
     output = Output(as_json=as_json)
     loaded = load_policy(policy)
@@ -58,6 +58,7 @@ def show(
     if html is None:
         output.result(values, drawn(loaded))
         return
+    check_writable(html)
     content, n_episodes = _page(output, loaded, policy.name, episodes, demos, env_arguments, seed)
     write_text(html, content)
     values |= {"path": str(html), "episodes": n_episodes, "bytes": len(content.encode())}

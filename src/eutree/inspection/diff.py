@@ -9,10 +9,8 @@ from eutree.arrays import Floats, Integers
 from eutree.display import Displayed
 from eutree.inspection.regions import Region, domain, finite_box, volumes
 from eutree.policies import TreePolicy
-from eutree.trees.boxes import leaf_boxes
+from eutree.trees.boxes import leaf_boxes, meetings
 from eutree.trees.text import condition, printable
-
-_CHUNK = 2_000_000  # bounds held at once
 
 
 @dataclass(frozen=True)
@@ -99,16 +97,16 @@ def _pieces(first: TreePolicy, second: TreePolicy) -> tuple[Floats, Floats, Inte
     other_low, other_high = leaf_boxes(second.tree)
     inside = domain(first.schema)
     parts: list[tuple[Floats, Floats, Integers]] = []
-    step = max(1, _CHUNK // other_low.size)
-    for start in range(0, first.n_leaves, step):
-        mine = slice(start, start + step)
-        both_low = np.maximum(low[mine, np.newaxis], other_low)  # [l, L', d]
-        both_high = np.minimum(high[mine, np.newaxis], other_high)
-        differ = first.actions[mine, np.newaxis] != second.actions
-        here = np.maximum(both_low, inside.low) < np.minimum(both_high, inside.high)
-        one, two = np.nonzero(differ & here.all(axis=-1))
-        actions = np.stack([first.actions[mine][one], second.actions[two]], axis=1)
-        parts.append((both_low[one, two], both_high[one, two], actions))
+    here = np.maximum(low, inside.low), np.minimum(high, inside.high)
+    for one, two in meetings(*here, second.tree):
+        differ = first.actions[one] != second.actions[two]
+        one, two = one[differ], two[differ]
+        actions = np.stack([first.actions[one], second.actions[two]], axis=1)
+        both = np.maximum(low[one], other_low[two]), np.minimum(high[one], other_high[two])
+        parts.append((*both, actions))
+    if not parts:  # no leaf within the bounds
+        nothing = np.empty((0, first.tree.n_features))
+        return nothing, nothing, np.empty((0, 2), dtype=np.int64)
     lows, highs, pairs = (np.concatenate(part) for part in zip(*parts, strict=True))
     return lows, highs, pairs
 

@@ -18,12 +18,11 @@ from eutree.inspection.properties import Property, parse
 from eutree.inspection.regions import Region, domain, finite_box, is_box, volumes
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
-from eutree.trees.boxes import leaf_boxes
+from eutree.trees.boxes import leaf_boxes, meetings
 from eutree.trees.text import printable
 from eutree.validation import check_observations
 from eutree.wording import counted
 
-_CHUNK = 2_000_000  # bounds held at once
 _MOST_SWITCHES = 20
 
 
@@ -121,9 +120,7 @@ def verify(
     else:
         has = policy.actions[reaching] == asked.action
         wrong = reaching[has if asked.kind == "never" else ~has]
-        found = [
-            _example(policy, region, leaf, Region(low[leaf], high[leaf])) for leaf in wrong.tolist()
-        ]
+        found = _examples(policy, region, wrong, low, high)
     found.sort(key=lambda example: -example.share)
     shares = [example.share for example in found]
     return Verification(
@@ -146,18 +143,19 @@ def _within(region: Region, schema: Schema) -> Region:
     return both
 
 
-def _example(policy: TreePolicy, whole: Region, leaf: int, region: Region) -> CounterExample:
-    action, schema = int(policy.actions[leaf]), policy.schema
-    name = printable(schema.actions[action])
-    return CounterExample(
-        region=region,
-        point=region.point(),
-        raised=None,
-        action=action,
-        leaf=leaf,
-        share=_share(policy, whole, region),
-        words=f"{name} where {region.words(schema, domain(schema))} (leaf {leaf})",
-    )
+def _examples(
+    policy: TreePolicy, whole: Region, leaves: Integers, low: Floats, high: Floats
+) -> list[CounterExample]:
+    """Return the boxes of some leaves, as parts of a region, as counter-examples."""
+    schema, inside = policy.schema, domain(policy.schema)
+    names = [printable(name) for name in schema.actions]
+    shares = volumes(low[leaves], high[leaves], *_finite(policy, whole))
+    examples = []
+    for leaf, share in zip(leaves.tolist(), shares.tolist(), strict=True):
+        region, action = Region(low[leaf], high[leaf]), int(policy.actions[leaf])
+        words = f"{names[action]} where {region.words(schema, inside)} (leaf {leaf})"
+        examples.append(CounterExample(region, region.point(), None, action, leaf, share, words))
+    return examples
 
 
 def _switching(
@@ -169,26 +167,24 @@ def _switching(
     """
     has = policy.actions[reaching] == asked.action
     keeps, others = reaching[has], reaching[~has]
-    free = np.arange(low.shape[1]) != asked.feature
+    is_other = np.zeros(policy.n_leaves, dtype=bool)
+    is_other[others] = True
     found: list[_Pair] = []
     whole = _finite(policy, domain(policy.schema))
-    step = max(1, _CHUNK // max(1, others.size * low.shape[1]))
-    for start in range(0, keeps.size, step):
-        mine = keeps[start : start + step]
-        both_low = np.maximum(low[mine, np.newaxis], low[others])  # [k, o, d]
-        both_high = np.minimum(high[mine, np.newaxis], high[others])
-        both_low[..., asked.feature] = low[mine, asked.feature][:, np.newaxis]
-        both_high[..., asked.feature] = high[mine, asked.feature][:, np.newaxis]
-        meets = (both_low < both_high)[..., free].all(axis=-1)
-        if asked.falls:
-            beyond = high[others, asked.feature] <= low[mine, asked.feature][:, np.newaxis]
-        else:
-            beyond = low[others, asked.feature] >= high[mine, asked.feature][:, np.newaxis]
-        ones, twos = np.nonzero(meets & beyond)
-        lows, highs = both_low[ones, twos], both_high[ones, twos]
+    j = asked.feature
+    ways = low[keeps], high[keeps]  # where raising (or lowering) the feature leads from each
+    ways[0][:, j], ways[1][:, j] = (
+        (-np.inf, low[keeps, j]) if asked.falls else (high[keeps, j], np.inf)
+    )
+    for number, two in meetings(*ways, policy.tree):
+        one = keeps[number]
+        beyond = high[two, j] <= low[one, j] if asked.falls else low[two, j] >= high[one, j]
+        one, two = (leaves[is_other[two] & beyond] for leaves in (one, two))
+        lows, highs = np.maximum(low[one], low[two]), np.minimum(high[one], high[two])
+        lows[:, j], highs[:, j] = low[one, j], high[one, j]
         shares = volumes(lows, highs, *whole)
         for k in np.argsort(-shares, kind="stable")[:_MOST_SWITCHES].tolist():
-            leaves = int(mine[ones[k]]), int(others[twos[k]])
+            leaves = int(one[k]), int(two[k])
             found.append(_Pair(float(shares[k]), *leaves, Region(lows[k], highs[k])))
     found.sort(key=lambda pair: -pair.share)
     return [_switch(policy, asked, pair, low, high) for pair in found[:_MOST_SWITCHES]]
@@ -219,15 +215,7 @@ def _dead(policy: TreePolicy, observations: ArrayLike | None) -> list[CounterExa
     reached = np.bincount(policy.tree.leaf_index(rows), minlength=policy.n_leaves) > 0
     low, high = leaf_boxes(policy.tree)
     whole = domain(policy.schema)
-    return [
-        _example(policy, whole, leaf, Region(low[leaf], high[leaf]))
-        for leaf in np.flatnonzero(~reached).tolist()
-    ]
-
-
-def _share(policy: TreePolicy, whole: Region, region: Region) -> float:
-    """Return the share of a region that a box takes."""
-    return float(volumes(region.low, region.high, *_finite(policy, whole)))
+    return _examples(policy, whole, np.flatnonzero(~reached), low, high)
 
 
 def _finite(policy: TreePolicy, whole: Region) -> tuple[Floats, Floats]:
