@@ -1,11 +1,12 @@
-"""From the README to one's own expert tree: a new person with scripted hands, at real speed.
+"""From `eutree record --web` to a tree that succeeds: a player who sees only the page's picture.
 
-    PYTHONPATH=src python benchmarks/ten_minutes.py
+    PYTHONPATH=src:. python -m benchmarks.ten_minutes
 
-Opens the page that `eutree record ... --web` prints in headless Chromium, records fifteen episodes
-at speed 1 (Space is held where the gate demonstrator would go), and runs the commands that the page
-and its docs name. The hands read the state from `--hud`, which the page shows as text. Prints how
-long each part took.
+Opens the page in headless Chromium and plays fifteen episodes at speed 1: it finds the blue disc,
+the red ones and the orange lines by their colours in what is drawn, 200 ms late, waits at a line
+until the disc behind it is near an end of its path, and holds or releases Space. Then it presses
+*Make my tree*, and *Let it practise* where that is offered. Prints how long each part took, and
+plays 1,000 episodes of the tree in the end.
 """
 
 import argparse
@@ -15,40 +16,148 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
-import gymnasium
-import numpy as np
 from playwright.sync_api import sync_playwright
 
-import eutree
-
-PATIENCE = 60_000.0
+PATIENCE = 120_000.0
 ROOT = Path(__file__).parents[1]
+CHROMIUM = "/usr/bin/chromium"
+
+# Mean places of pixels near a colour: the agent's blue, the goal's green, the lines' orange, red.
+LOOK = """() => {
+  const canvas = document.getElementById("picture");
+  const { width, height } = canvas;
+  const data = canvas.getContext("2d").getImageData(0, 0, width, height).data;
+  const colours = { blue: [38, 98, 196], orange: [214, 150, 40], red: [222, 78, 62] };
+  const found = { blue: {}, orange: {}, red: {} };  // colour -> column of 20 pixels -> sums
+  for (let y = 0; y < height; y += 2) {
+    for (let x = 0; x < width; x += 1) {
+      const at = 4 * (y * width + x);
+      for (const [name, [r, g, b]] of Object.entries(colours)) {
+        const [red, green, blue] = data.subarray(at, at + 3);
+        if (Math.abs(red - r) + Math.abs(green - g) + Math.abs(blue - b) > 80) continue;
+        const sums = (found[name][Math.round(x / 20)] ||= [0, 0, 0]);
+        sums[0] += 1; sums[1] += x; sums[2] += y;
+      }
+    }
+  }
+  const places = {};
+  for (const [name, columns] of Object.entries(found)) {
+    places[name] = Object.values(columns).map(([n, x, y]) => [n, x / n, y / n]);
+  }
+  return { state: document.body.dataset.state, ...places };
+}"""
 
 
-def sensed(page) -> np.ndarray:
-    """Return what the page shows of the observation."""
-    cells = page.locator("#numbers td.right").all_inner_texts()
-    return np.array([float(cell.split()[0]) for cell in cells])
+def merged(spots: list[list[float]], within: float = 24.0) -> list[tuple[float, float]]:
+    """Return the centres of groups of near spots, weighted by their pixels."""
+    groups: list[list[float]] = []
+    for count, x, y in sorted(spots, key=lambda spot: spot[1]):
+        if groups and abs(groups[-1][1] / groups[-1][0] - x) < within:
+            group = groups[-1]
+            group[0], group[1], group[2] = (
+                group[0] + count,
+                group[1] + count * x,
+                group[2] + count * y,
+            )
+        else:
+            groups.append([count, count * x, count * y])
+    return [(x / count, y / count) for count, x, y in groups if count >= 4]
 
 
-def record_one(page, hands, kind: str) -> str:
-    """Play an episode: look ten times a second, press and let go of Space."""
-    page.keyboard.press("Enter")
-    page.locator("body[data-state=playing]").wait_for(timeout=PATIENCE)
-    held = False
-    while page.locator("body").get_attribute("data-state") == "playing":
-        wants = bool(hands.predict(sensed(page))[0])
-        if wants != held:
-            (page.keyboard.down if wants else page.keyboard.up)("Space")
-            held = wants
-        page.wait_for_timeout(100.0)
-    if held:
-        page.keyboard.up("Space")
-    page.locator(f"body[data-state={kind}]").wait_for(timeout=PATIENCE)
-    page.wait_for_timeout(900.0)
-    return page.locator("#title").inner_text()
+class PixelPlayer:
+    """Plays 2-Evasion by its picture.
+
+    Args:
+        page: The recorder's page.
+        delay: Seconds from what is drawn to the key.
+    """
+
+    METRE = 15.0  # pixels
+
+    def __init__(self, page, *, delay: float = 0.2, margin: float = 2.6, wait: float = 8.3) -> None:
+        self.page, self.delay = page, delay
+        self.margin, self.wait = margin * self.METRE, wait * self.METRE
+        self.lines: list[float] = []
+
+    def wants_to_go(self, seen: dict) -> bool:
+        """Return whether to hold Space, from one look at the picture."""
+        if not seen["blue"]:
+            return False  # in a collision, or at the goal
+        agent = max(merged(seen["blue"]), key=lambda spot: -spot[0])
+        for line in self.lines:
+            if not line - self.margin <= agent[0] < line:
+                continue
+            behind = [spot for spot in merged(seen["red"]) if 0 < spot[0] - line < 4 * self.METRE]
+            if any(abs(y - agent[1]) < self.wait for _, y in behind):
+                return False
+        return True
+
+    def play(self) -> str:
+        """Play one episode, from Enter to the page's word on how it ended."""
+        lines = [spot[0] for spot in merged(self.page.evaluate(LOOK)["orange"])]
+        self.lines = self.lines or lines[:2]
+        self.page.keyboard.press("Enter")
+        self.page.locator("body:is([data-state=countdown], [data-state=playing])").wait_for()
+        looks: list[tuple[float, bool]] = []
+        held = False
+        while True:
+            seen = self.page.evaluate(LOOK)
+            if seen["state"] not in ("countdown", "playing"):
+                break
+            now = time.monotonic()
+            looks.append((now, self.wants_to_go(seen)))
+            known = [wants for when, wants in looks if when <= now - self.delay]
+            if known and known[-1] != held:
+                held = known[-1]
+                (self.page.keyboard.down if held else self.page.keyboard.up)("Space")
+            self.page.wait_for_timeout(20.0)
+        if held:
+            self.page.keyboard.up("Space")
+        self.page.wait_for_timeout(900.0)
+        return self.page.locator("#title").inner_text()
+
+    def make_tree(self) -> str:
+        """Press the last button and wait for the verdict."""
+        self.page.locator("#buttons button[data-command=make]").click()
+        return self._verdict()
+
+    def practise(self) -> str | None:
+        """Press the button for practice if it is offered, and wait for the verdict."""
+        button = self.page.locator("#tree-buttons button[data-command=practise]")
+        if not button.count():
+            return None
+        button.click()
+        self.page.locator("body[data-tree=practising]").wait_for(timeout=PATIENCE)
+        return self._verdict()
+
+    def _verdict(self) -> str:
+        settled = self.page.locator("body:is([data-tree=ready], [data-tree=failed])")
+        settled.wait_for(timeout=10.0 * PATIENCE)
+        return self.page.locator("#verdict").inner_text()
+
+
+@contextmanager
+def recording(folder: Path, *options: str) -> Iterator[tuple[subprocess.Popen, str]]:
+    """Start `eutree record` in ``folder``; yield its process and the page's address."""
+    line = [sys.executable, "-m", "eutree", "record", "eutree/Evasion2-v0", "--web", "--port", "0"]
+    own = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
+    process = subprocess.Popen(
+        [*line, *options, "--out", "my-demos"],
+        cwd=folder,
+        env=own,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        yield process, re.search(r"open (http://\S+)", process.stderr.readline())[1]
+    finally:
+        process.kill()
+        process.communicate()
 
 
 def run(folder: Path, *arguments: str) -> str:
@@ -56,52 +165,46 @@ def run(folder: Path, *arguments: str) -> str:
     began = time.monotonic()
     command = [sys.executable, "-m", "eutree", *arguments]
     own = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
-    done = subprocess.run(command, cwd=folder, env=own, capture_output=True, text=True, check=False)
+    ran = subprocess.run(command, cwd=folder, env=own, capture_output=True, text=True, check=False)
     print(f"$ eutree {' '.join(arguments)}    [{time.monotonic() - began:.0f} s]")
-    print(done.stdout + done.stderr, flush=True)
-    assert done.returncode == 0
-    return done.stdout
+    print(ran.stdout + ran.stderr, flush=True)
+    assert ran.returncode == 0
+    return ran.stdout
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--episodes", type=int, default=15)
-    parser.add_argument("--pictures", type=Path, help="Folder for a screenshot of each screen.")
+    parser.add_argument("--delay", type=float, default=0.2)
     arguments = parser.parse_args()
-    hands = eutree.experts.wait_at_crossing(gymnasium.make("eutree/Evasion2-v0"))
     began = time.monotonic()
     with tempfile.TemporaryDirectory() as name, sync_playwright() as playwright:
         folder = Path(name)
-        line = [sys.executable, "-m", "eutree", "record", "eutree/Evasion2-v0", "--web", "--hud"]
-        line += ["--episodes", str(arguments.episodes), "--port", "0", "--out", "my-demos"]
-        own = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
-        recorder = subprocess.Popen(line, cwd=folder, env=own, stderr=subprocess.PIPE, text=True)
-        url = re.search(r"open (http://\S+)", recorder.stderr.readline())[1]
-        browser = playwright.chromium.launch(
-            executable_path="/usr/bin/chromium", args=["--no-sandbox", "--disable-gpu"]
-        )
-        page = browser.new_page(viewport={"width": 1180, "height": 810})
-        page.goto(url)
-        page.locator("body[data-state=opening]").wait_for(timeout=PATIENCE)
-        results = []
-        for number in range(arguments.episodes):
-            results.append(record_one(page, hands, "review"))
-            if arguments.pictures is not None and number in (0, arguments.episodes - 1):
-                page.screenshot(path=arguments.pictures / f"after-{number + 1}.png")
-        page.keyboard.press("Enter")
-        page.locator("body[data-state=finished]").wait_for(timeout=PATIENCE)
-        named = page.locator("#command").inner_text()
-        print(f"{len(results)} episodes in {time.monotonic() - began:.0f} s: {results}")
-        print(f"the page names: {named}", flush=True)
-        if arguments.pictures is not None:
-            page.screenshot(path=arguments.pictures / "finished.png")
-        browser.close()
-        recorder.wait(30)
-        run(folder, "demos", "check", "my-demos")
-        for line in named.splitlines():
-            run(folder, *line.split()[1:])
-        run(folder, "evaluate", "expert.json", "--episodes", "1000")
-    print(f"in all {(time.monotonic() - began) / 60:.1f} minutes")
+        with recording(folder, "--episodes", str(arguments.episodes)) as (process, url):
+            browser = playwright.chromium.launch(
+                executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"]
+            )
+            page = browser.new_page(viewport={"width": 1180, "height": 810})
+            page.goto(url)
+            page.locator("body[data-state=opening][data-frame]").wait_for(timeout=PATIENCE)
+            player = PixelPlayer(page, delay=arguments.delay)
+            results = [player.play() for _ in range(arguments.episodes)]
+            minutes = (time.monotonic() - began) / 60.0
+            print(f"{len(results)} episodes in {minutes:.1f} minutes: {results}", flush=True)
+            print(f"the page says: {player.make_tree()}", flush=True)
+            while (verdict := player.practise()) is not None:
+                print(f"and after practice: {verdict}", flush=True)
+                if (time.monotonic() - began) > 1200.0:
+                    break
+            minutes = (time.monotonic() - began) / 60.0
+            print(f"a tree after {minutes:.1f} minutes in all", flush=True)
+            evaluate = page.locator("#commands code").nth(1).inner_text()
+            page.keyboard.press("Escape")
+            page.locator("body[data-state=finished]").wait_for(timeout=PATIENCE)
+            browser.close()
+            process.wait(30)
+        run(folder, "demos", "stats", "my-demos")
+        run(folder, *evaluate.split()[1:])
 
 
 if __name__ == "__main__":

@@ -236,7 +236,7 @@ def test_a_full_disk_is_one_line_and_loses_nothing(folder, ask, recorded):
 def test_stats_tell_a_person_s_delay_and_fit_shifts_by_it(eutree, tmp_path) -> None:
     from tests.data.test_timing import SMOOTH, timed
 
-    demos = timed(SMOOTH, [(2.5, 46)])
+    demos = timed(SMOOTH, [(1.5, 16)])
     replace(demos, episodes=demos.episodes * 3).save(tmp_path / "demos")
     answer = eutree("demos", "stats", "demos")
     assert "a key waited 0.50 s on average for the step that took it (3 keys)" in answer.out
