@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import eutree
 from eutree.experiments.runs import Performance, Point, RunRecord, RunSpec
-from eutree.imagination import Imagination
 from eutree.interaction.making import make
 from eutree.learners import PAPER, PlanningMethod
+from eutree.policy_search.planner import Planner
 from eutree.schema import EnvironmentSpec
 from tests.data.strategies import three_episodes
 from tests.data.test_files import journal_of
@@ -26,7 +26,7 @@ def write_journal(path):
 
 
 # Every number that a preset might change one day is written out.
-_PLANNED = PlanningMethod(planner=Imagination(n_episodes=16, growth=1.5), gathering_episodes=4)
+_PLANNED = PlanningMethod(planner=Planner(n_episodes=16, growth=1.5), gathering_episodes=4)
 METHODS = {
     "run": PAPER,
     "run-planned": _PLANNED,

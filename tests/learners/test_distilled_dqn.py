@@ -9,11 +9,11 @@ import pytest
 from eutree.data import Demonstrations
 from eutree.envs.experts import follow_the_fall
 from eutree.errors import FormatError, InvalidArgumentError
-from eutree.imagination.ensemble import EnsembleSettings
 from eutree.interaction import GuardedEnv, episode_seed, record
 from eutree.learners.distilled_dqn import DistilledDQN, Stage
 from eutree.learners.learner import Problem, Start, Step
 from eutree.neural import DoubleDQNSettings
+from eutree.world_model.ensemble import EnsembleSettings
 
 BUDGET = 6000
 METHOD = DistilledDQN(

@@ -25,7 +25,7 @@ from tests.worlds import Walk
 SPLITS = replace(CORRECTED, significance=Naive(), max_transitions=200)
 PLANS = replace(
     DEFAULT,
-    planner=replace(DEFAULT.planner, n_episodes=40, min_trial=5),
+    planner=replace(DEFAULT.planner, n_episodes=40, min_episodes=5),
     max_transitions=200,
 )
 SPLIT = {

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from eutree.imagination import Transitions
-from eutree.imagination.action_trees import n_leaves, nested, packed
-from eutree.imagination.ensemble import EnsembleSettings, fit_ensemble
-from eutree.imagination.ensemble_rollouts import EnsembleRollouts
 from eutree.policy_search.patient_race import PatientRace
 from eutree.policy_search.rank_correlation import rank_correlation, ranks
 from eutree.policy_search.rollout_pruning import pruned_by_rollouts
+from eutree.world_model import Transitions
+from eutree.world_model.action_trees import n_leaves, nested, packed
+from eutree.world_model.ensemble import EnsembleSettings, fit_ensemble
+from eutree.world_model.ensemble_rollouts import EnsembleRollouts
 
 
 def slopes(n_episodes, seed):

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from eutree.imagination import Transitions
-from eutree.imagination.action_trees import n_leaves, packed
 from eutree.training.variants import LAMBDA, Advantages, Variation, _add_what_follows
+from eutree.world_model import Transitions
+from eutree.world_model.action_trees import n_leaves, packed
 
 TREE = packed((0, 0.5, 0, (1, 0.3, 1, 2)))
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eutree.imagination import ActionTree
+from eutree.world_model import ActionTree
 
 ORIGINS = ("start", "cart", "pruned", "pruned-weighted")
 UNKNOWN = float("nan")

@@ -27,10 +27,6 @@ from numpy.typing import NDArray
 
 from eutree.arrays import Floats, Integers
 from eutree.errors import FormatError
-from eutree.imagination import ActionTree, Transitions
-from eutree.imagination.action_trees import from_decision_tree, n_leaves, to_decision_tree
-from eutree.imagination.ensemble import Ensemble, EnsembleSettings, fit_ensemble
-from eutree.imagination.ensemble_rollouts import EnsembleRollouts
 from eutree.learners.contenders import (
     Contender,
     packed_contenders,
@@ -48,6 +44,10 @@ from eutree.policy_search.rank_correlation import RankCorrelation, rank_correlat
 from eutree.policy_search.rollout_pruning import pruned_by_rollouts
 from eutree.trees import DecisionTree
 from eutree.validation import check_integer, check_number
+from eutree.world_model import ActionTree, Transitions
+from eutree.world_model.action_trees import from_decision_tree, n_leaves, to_decision_tree
+from eutree.world_model.ensemble import Ensemble, EnsembleSettings, fit_ensemble
+from eutree.world_model.ensemble_rollouts import EnsembleRollouts
 
 N_STARTS = 50  # first observations of imagined episodes
 STUDENT_LEAVES = 400  # of DAgger's trees: they gather data, nobody reads them

@@ -1,9 +1,9 @@
 """Model-based planning of a tree: the default method.
 
 The learner acts by whole trees. The incumbent is the policy; challengers are planned in a world
-model that is fitted to what was lived through, and act in episodes of their own before one of them
-becomes the incumbent (:mod:`eutree.imagination.planner`). There is no table of values over leaves:
-what decides are returns.
+model that is fitted to all stored transitions, and act in episodes of their own before one of them
+becomes the incumbent (:mod:`eutree.policy_search.planner`). There is no table of values over
+leaves: what decides are returns.
 """
 
 from collections.abc import Iterable, Mapping
@@ -18,8 +18,6 @@ from numpy.typing import NDArray
 from eutree.arrays import Floats, Int32s, Integers
 from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
-from eutree.imagination import ActionTree, Imagination, Plan, Transitions
-from eutree.imagination.action_trees import from_decision_tree, to_decision_tree
 from eutree.learners.confidence import Confidence, doubt
 from eutree.learners.forgetting import RecentEpisodes
 from eutree.learners.history import TERMINAL, History
@@ -28,13 +26,16 @@ from eutree.learners.statistics import returns_by_action
 from eutree.learners.stored_state import TREE, check_planning, part, prefixed
 from eutree.learners.teaching import Lessons
 from eutree.policies import LeafStatistics
+from eutree.policy_search.planner import Plan, Planner
 from eutree.trees import DecisionTree
 from eutree.trees.grafting import graft
 from eutree.validation import check_integer, check_number
+from eutree.world_model import ActionTree, Transitions
+from eutree.world_model.action_trees import from_decision_tree, to_decision_tree
 
-_TREES = ("policy", "candidate", "explorer", "taught")
-_EPISODES = ("proved", "tried", "helped")
-_NUMBERS = ("planned_at", "demonstrations", "outdated")
+_TREES = ("incumbent", "challenger", "explorer", "corrected")
+_EPISODES = ("incumbent_episodes", "challenger_episodes", "assisted_episodes")
+_NUMBERS = ("planned_at", "demonstrations", "valid_from")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +55,7 @@ class PlanningMethod:
 
     gathering_episodes: int = 20
     exploration: float = 0.1
-    planner: Imagination = Imagination()
+    planner: Planner = Planner()
     max_transitions: int | None = None
 
     def __post_init__(self) -> None:
@@ -141,7 +142,9 @@ class ModelPlanning:
             )
             self.history.forget()
         n_episodes = self.history.n_episodes
-        self.plan = replace(self.plan, proved=tuple(range(n_episodes)), demonstrations=n_episodes)
+        self.plan = replace(
+            self.plan, incumbent_episodes=tuple(range(n_episodes)), demonstrations=n_episodes
+        )
 
     def start_episode(self, observation: Floats, generator: np.random.Generator) -> None:
         """Begin an episode at its first observation, shape [d]; choose who acts in it."""
@@ -151,9 +154,9 @@ class ModelPlanning:
         plan = self.plan
         blind = plan.explorer is None and not self._informed
         self._explores = blind or generator.random() < self.method.planner.explorer_share
-        actor, self._exploration = plan.on_trial, 0.0
+        actor, self._exploration = plan.evaluated, 0.0
         if self._explores:
-            actor = plan.policy if plan.explorer is None else plan.explorer
+            actor = plan.incumbent if plan.explorer is None else plan.explorer
             self._exploration = 1.0 if blind else self.method.exploration
         tree, actions = to_decision_tree(actor, self.tree.n_features)
         self._actor = _Actor(tree, actions, self.history, self.n_actions)
@@ -193,7 +196,9 @@ class ModelPlanning:
         self._steps.clear()
         episode = self.history.n_episodes - 1
         if shown.any():
-            self.plan = replace(self.plan, helped=(*self.plan.helped, episode))
+            self.plan = replace(
+                self.plan, assisted_episodes=(*self.plan.assisted_episodes, episode)
+            )
         elif not self._explores:
             self.plan = self.plan.with_episode(episode)
         kept = self.history.forget()
@@ -212,11 +217,11 @@ class ModelPlanning:
         history, planner = self.history, self.method.planner
         if not history.size or not planner.due(self.plan, history.n_seen):
             return Update()
-        before = self.plan.policy
+        before = self.plan.incumbent
         plan = planner.plan(self.plan, transitions_of(history, self.n_actions), generator)
         self.plan = replace(plan, planned_at=history.n_seen)
-        if self.plan.policy is not before:
-            self._adopt(*to_decision_tree(self.plan.policy, self.tree.n_features))
+        if self.plan.incumbent is not before:
+            self._adopt(*to_decision_tree(self.plan.incumbent, self.tree.n_features))
         return Update()
 
     def decisions(self) -> Decisions:
@@ -273,7 +278,7 @@ class ModelPlanning:
             self.tree, self.actions, self.history, self.n_actions, self._locked
         )
         if refined is not None:
-            self.plan = replace(self.plan, taught=from_decision_tree(*refined))
+            self.plan = replace(self.plan, corrected=from_decision_tree(*refined))
 
     def _adopt(self, tree: DecisionTree, actions: Integers) -> None:
         """Let another tree decide, but where leaves are locked in the present one."""
@@ -285,7 +290,7 @@ class ModelPlanning:
     def _returns(self) -> LeafStatistics | None:
         """Return what followed each action in the incumbent's own episodes; None if it has none."""
         history = self.history
-        mine = np.isin(history.episodes, self.plan.proved) & ~history.demonstrated
+        mine = np.isin(history.episodes, self.plan.incumbent_episodes) & ~history.demonstrated
         if not mine.any():
             return None
         return returns_by_action(
@@ -383,14 +388,14 @@ def _plan_of(state: Mapping[str, NDArray[Any]]) -> Plan:
         if f"{name}_feature" in state
     }
     return Plan(
-        policy=trees["policy"],
-        candidate=trees.get("candidate"),
+        incumbent=trees["incumbent"],
+        challenger=trees.get("challenger"),
         explorer=trees.get("explorer"),
-        taught=trees.get("taught"),
-        proved=tuple(state["proved"].tolist()),
-        tried=tuple(state["tried"].tolist()),
-        helped=tuple(state["helped"].tolist()),
+        corrected=trees.get("corrected"),
+        incumbent_episodes=tuple(state["incumbent_episodes"].tolist()),
+        challenger_episodes=tuple(state["challenger_episodes"].tolist()),
+        assisted_episodes=tuple(state["assisted_episodes"].tolist()),
         planned_at=int(state["planned_at"][0]),
         demonstrations=int(state["demonstrations"][0]),
-        outdated=int(state["outdated"][0]),
+        valid_from=int(state["valid_from"][0]),
     )

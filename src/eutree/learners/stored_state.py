@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eutree.errors import EutreeError, FormatError
-from eutree.imagination import ActionTree
-from eutree.imagination.action_trees import to_decision_tree
 from eutree.learners.forgetting import WHOLE
 from eutree.learners.learner import Problem
 from eutree.trees import DecisionTree
+from eutree.world_model import ActionTree
+from eutree.world_model.action_trees import to_decision_tree
 
 State = Mapping[str, NDArray[Any]]
 Expected = dict[str, tuple[str, str]]
@@ -55,15 +55,15 @@ _U_TREE: Expected = {
 }
 _PLAN: Expected = {
     "actions": ("i", "L"),
-    "plan_proved": ("i", "P"),
-    "plan_tried": ("i", "R"),
-    "plan_helped": ("i", "H"),
+    "plan_incumbent_episodes": ("i", "P"),
+    "plan_challenger_episodes": ("i", "R"),
+    "plan_assisted_episodes": ("i", "H"),
     "plan_planned_at": ("i", "1"),
     "plan_demonstrations": ("i", "1"),
-    "plan_outdated": ("i", "1"),
+    "plan_valid_from": ("i", "1"),
     "plan_informed": ("b", "1"),
 }
-_PLANNED_TREES = ("policy", "candidate", "explorer", "taught")
+_PLANNED_TREES = ("incumbent", "challenger", "explorer", "corrected")
 
 
 class StateCheck:
@@ -197,7 +197,7 @@ def check_planning(path: str | Path, state: State, problem: Problem, *, bounded:
     """Raise FormatError unless model-based planning can go on from the state in a file."""
     expected = dict(_PLAN)
     for name, size in zip(_PLANNED_TREES, "TUVW", strict=True):
-        if name == "policy" or f"plan_{name}_feature" in state:
+        if name == "incumbent" or f"plan_{name}_feature" in state:
             expected |= {
                 f"plan_{name}_{field}": ("f" if field == "threshold" else "i", size)
                 for field in ActionTree._fields
@@ -207,12 +207,12 @@ def check_planning(path: str | Path, state: State, problem: Problem, *, bounded:
     last = check.n_episodes - 1
     check.within({
         "actions": (0, problem.n_actions - 1),
-        "plan_proved": (0, last),
-        "plan_tried": (0, last),
-        "plan_helped": (0, last),
+        "plan_incumbent_episodes": (0, last),
+        "plan_challenger_episodes": (0, last),
+        "plan_assisted_episodes": (0, last),
         "plan_planned_at": (0, MOST),
         "plan_demonstrations": (0, check.n_episodes),
-        "plan_outdated": (0, check.n_episodes),
+        "plan_valid_from": (0, check.n_episodes),
     })  # fmt: skip
     for name in _PLANNED_TREES:
         if f"plan_{name}_feature" in state:

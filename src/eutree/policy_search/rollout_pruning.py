@@ -1,15 +1,15 @@
-"""Prune a tree by imagined returns: cut where the policy loses least, not where labels do.
+"""Prune a tree by returns of rollouts: cut where the policy loses least, not where labels do.
 
 A tree that copies a teacher is cut to size one node at a time. A node gives way to one of its
-children; of some such cuts, drawn at random, those that cost least on a few imagined episodes are
+children; of some such cuts, drawn at random, those that cost least in a few rollouts are
 compared on all of them, and the best is made.
 """
 
 import numpy as np
 
-from eutree.imagination._kernels import ActionTree
-from eutree.imagination.action_trees import collapsed, n_leaves
-from eutree.imagination.ensemble_rollouts import EnsembleRollouts
+from eutree.world_model._kernels import ActionTree
+from eutree.world_model.action_trees import n_leaves, with_child
+from eutree.world_model.ensemble_rollouts import EnsembleRollouts
 
 TRIED = 48  # cuts that are looked at before one is made
 FIRST_LOOK = 40  # episodes, about
@@ -26,7 +26,7 @@ def pruned_by_rollouts(
 
     Args:
         tree: The tree.
-        rollouts: Where episodes are imagined; they end with the result run.
+        rollouts: Where rollouts are run; they end with the result run.
         max_leaves: Most leaves of the result.
         generator: Source of the cuts that are tried.
     """
@@ -46,7 +46,7 @@ def _best_cut(rollouts: EnsembleRollouts, generator: np.random.Generator) -> Act
     few = max(few, rollouts.n_members)
     looked_at = []
     for place in places.tolist():
-        rival, _ = collapsed(policy, int(inner[place // 2]), goes_left=place % 2 == 0)
+        rival, _ = with_child(policy, int(inner[place // 2]), goes_left=place % 2 == 0)
         looked_at.append((rollouts.score(rollouts.returns_of(rival, few)), place, rival))
     looked_at.sort(key=lambda one: (-one[0], one[1]))
     best = [

@@ -20,18 +20,18 @@ from eutree.compression.candidates import Ladder, merged
 from eutree.compression.costs import Costs
 from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
-from eutree.imagination import ActionTree, Transitions, fit_world_models
-from eutree.imagination.action_trees import from_decision_tree, to_decision_tree
-from eutree.imagination.improvement import Improvement
-from eutree.imagination.planner import FEWEST_IMAGINED
-from eutree.imagination.rehearsal import Rehearsal
-from eutree.imagination.world_model import MAX_LEAVES, WorldModel
 from eutree.learners.history import History
 from eutree.learners.model_planning import transitions_of
 from eutree.policies import TreePolicy
+from eutree.policy_search.improvement import Improvement
+from eutree.policy_search.planner import FEWEST_ROLLOUTS
 from eutree.training.trials import FIRST_BLOCK, Trials, key
 from eutree.training.variants import Advantages, Variation
 from eutree.validation import check_integer, check_number, check_seed
+from eutree.world_model import ActionTree, Transitions, fit_world_models
+from eutree.world_model.action_trees import from_decision_tree, to_decision_tree
+from eutree.world_model.dynamics import MAX_LEAVES, WorldModel
+from eutree.world_model.rollouts import PairedRollouts
 
 PROPOSING_STREAM = 32
 MOST_LEAVES = 40
@@ -274,14 +274,14 @@ class _Polishing:
         """Yield what each way of imagining makes of the policy, at several prices of a leaf."""
         start = from_decision_tree(policy.tree, policy.actions)
         for model in self._models():
-            rehearsal = self._rehearsal(model)
+            rollouts = self._rehearsal(model)
             if policy.n_leaves > self._improvement.max_leaves:
-                yield _policy_of(policy, self._improvement.shrink(rehearsal, start, self._scale))
+                yield _policy_of(policy, self._improvement.shrink(rollouts, start, self._scale))
                 continue
             tree = start
             for factor in DEARER:
                 dearer = replace(self._improvement, price=self._improvement.price * factor)
-                tree = dearer.improve(rehearsal, tree, self._scale)
+                tree = dearer.improve(rollouts, tree, self._scale)
                 yield _policy_of(policy, tree)
 
     def _models(self) -> Iterator[WorldModel]:
@@ -294,15 +294,15 @@ class _Polishing:
             (model,) = fit_world_models(known, [way.gap], max_leaves=size)
             yield model if way.noise else model.without_noise()
 
-    def _rehearsal(self, model: WorldModel) -> Rehearsal:
-        n_episodes = max(int(self._n_steps / self._data.mean_length), FEWEST_IMAGINED)
-        return Rehearsal(model, n_episodes, 1.0, self._generator)
+    def _rehearsal(self, model: WorldModel) -> PairedRollouts:
+        n_episodes = max(int(self._n_steps / self._data.mean_length), FEWEST_ROLLOUTS)
+        return PairedRollouts(model, n_episodes, 1.0, self._generator)
 
     def _prefers(self, model: WorldModel, policy: TreePolicy, rival: TreePolicy) -> bool:
         """Return whether the rival earns more in a world model, by a standard error."""
-        rehearsal = self._rehearsal(model)
-        rehearsal.rehearse(from_decision_tree(policy.tree, policy.actions))
-        gain = rehearsal.gain(from_decision_tree(rival.tree, rival.actions))
+        rollouts = self._rehearsal(model)
+        rollouts.run(from_decision_tree(policy.tree, policy.actions))
+        gain = rollouts.gain(from_decision_tree(rival.tree, rival.actions))
         return gain.mean > gain.error
 
 

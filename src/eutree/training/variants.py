@@ -14,11 +14,11 @@ import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.compiled import compiled
-from eutree.imagination import ActionTree
-from eutree.imagination._kernels import leaf_node
-from eutree.imagination.action_trees import carved, collapsed, n_leaves, nested, packed
-from eutree.imagination.transitions import Transitions
-from eutree.imagination.world_model import fit_model_tree
+from eutree.world_model import ActionTree
+from eutree.world_model._kernels import leaf_node
+from eutree.world_model.action_trees import n_leaves, nested, packed, with_box, with_child
+from eutree.world_model.dynamics import fit_model_tree
+from eutree.world_model.transitions import Transitions
 
 SHIFTS = (0.015, 0.05, 0.15, 0.45)  # of the visited observations that change sides, at most
 MORE = 0.4  # chance of one more change
@@ -43,7 +43,12 @@ class Variation:
         self._n_actions = n_actions
         self._max_leaves = max_leaves
         self._generator = generator
-        self._ways = (self._shift, self._turn, self._carve, self._collapse)
+        self._ways = (
+            self._perturb_thresholds,
+            self._flip_label,
+            self._insert_boxes,
+            self._replace_subtrees,
+        )
 
     def of(self, tree: ActionTree, visited: Floats) -> ActionTree | None:
         """Return a variant; None if it came out too large or too small.
@@ -58,7 +63,7 @@ class Variation:
             if self._generator.random() >= MORE:
                 return tree if 2 <= n_leaves(tree) <= self._max_leaves else None
 
-    def _shift(self, tree: ActionTree, visited: Floats) -> ActionTree:
+    def _perturb_thresholds(self, tree: ActionTree, visited: Floats) -> ActionTree:
         inner = np.flatnonzero(tree.feature >= 0)
         if not inner.size:
             return tree
@@ -72,13 +77,13 @@ class Variation:
         thresholds[node] = 0.5 * (values[at - 1] + values[at])
         return tree._replace(threshold=thresholds)
 
-    def _turn(self, tree: ActionTree, visited: Floats) -> ActionTree:
+    def _flip_label(self, tree: ActionTree, visited: Floats) -> ActionTree:
         leaf = self._generator.choice(np.flatnonzero(tree.feature < 0))
         actions = tree.action.copy()
         actions[leaf] = self._other(actions[leaf])
         return tree._replace(action=actions)
 
-    def _carve(self, tree: ActionTree, visited: Floats) -> ActionTree:
+    def _insert_boxes(self, tree: ActionTree, visited: Floats) -> ActionTree:
         x = visited[self._generator.integers(len(visited))]
         leaf = leaf_node(tree, 0, x)
         some = visited[self._generator.integers(len(visited), size=BOX_ROWS)]
@@ -90,14 +95,14 @@ class Variation:
             if edge != x[feature]:
                 box[feature, int(edge > x[feature])] = edge
         taken = int(tree.action[leaf])
-        return packed(nested(tree, instead={int(leaf): carved(box, self._other(taken), taken)}))
+        return packed(nested(tree, instead={int(leaf): with_box(box, self._other(taken), taken)}))
 
-    def _collapse(self, tree: ActionTree, visited: Floats) -> ActionTree:
+    def _replace_subtrees(self, tree: ActionTree, visited: Floats) -> ActionTree:
         inner = np.flatnonzero(tree.feature >= 0)
         if not inner.size:
             return tree
         node = int(self._generator.choice(inner))
-        return collapsed(tree, node, goes_left=bool(self._generator.random() < 0.5))[0]
+        return with_child(tree, node, goes_left=bool(self._generator.random() < 0.5))[0]
 
     def _other(self, action: int) -> int:
         others = [a for a in range(self._n_actions) if a != action]

@@ -1,13 +1,17 @@
-"""Imagined episodes of one policy, and how rivals would have done with the same luck."""
+"""Paired rollouts: episodes of a policy in a world model, and rivals with common random numbers.
+
+All chance comes from one table of draws, indexed by episode and step. So two policies differ in
+their returns only by what they do, and only episodes in which they act differently are run again.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from eutree.arrays import Floats, Integers
-from eutree.imagination import _kernels, _kernels_policy
-from eutree.imagination._kernels import ActionTree, Episodes
-from eutree.imagination.world_model import WorldModel
+from eutree.world_model import _kernels, _kernels_policy
+from eutree.world_model._kernels import ActionTree, Episodes
+from eutree.world_model.dynamics import WorldModel
 
 DRAWS = 2**18
 
@@ -21,17 +25,17 @@ class Gain:
     complete: bool
 
 
-class Rehearsal:
-    """Imagined episodes of a policy in a world model.
+class PairedRollouts:
+    """Rollouts of a policy in a world model.
 
     Args:
         model: The world model.
         n_episodes: Number of episodes E.
         discount: gamma.
-        generator: Source of the luck of ``reshuffle``.
+        generator: Source of the random numbers of ``redraw``.
 
     Attributes:
-        policy: The policy rehearsed last.
+        policy: The policy that was run last.
     """
 
     policy: ActionTree
@@ -47,7 +51,7 @@ class Rehearsal:
         self._episodes, self._spare = (_empty(n_episodes, room, d) for _ in range(2))
         self._departs = np.empty(n_episodes, dtype=np.int64)
         self._steps = np.empty(room, dtype=np.int64)
-        self.reshuffle()
+        self.redraw()
 
     @property
     def n_episodes(self) -> int:
@@ -74,18 +78,18 @@ class Rehearsal:
         """Mean return of the policy's episodes."""
         return float(self._episodes.returns.mean())
 
-    def reshuffle(self) -> None:
-        """Draw new luck, and deal the starts anew; the next ``rehearse`` uses both."""
+    def redraw(self) -> None:
+        """Draw other random numbers and another order of starts; the next ``run`` uses both."""
         self._draws = self.generator.random(DRAWS)
         starts = self.model.starts
-        _kernels.deal(starts[self.generator.permutation(starts.shape[0])], self._episodes)
+        _kernels.assign_starts(starts[self.generator.permutation(starts.shape[0])], self._episodes)
         self._departs[:] = self._episodes.first[:-1]
         self._within = np.zeros(1, dtype=np.int64)
-        self._dealt = True
+        self._drawn = True
 
-    def rehearse(self, policy: ActionTree) -> None:
-        """Imagine the policy's episodes; what it does like the one before is not done again."""
-        if not self._dealt:
+    def run(self, policy: ActionTree) -> None:
+        """Run the policy's episodes; what it does like the policy before is not run again."""
+        if not self._drawn:
             self._compare(policy)
         _kernels.record(
             self.model.world,
@@ -99,7 +103,7 @@ class Rehearsal:
             self._spare,
         )
         self._episodes, self._spare = self._spare, self._episodes
-        self.policy, self._dealt = policy, False
+        self.policy, self._drawn = policy, False
         self._begin = np.empty(policy.feature.size + 1, dtype=np.int64)
         _kernels_policy.bucket(self.node, self._begin, self._steps)
 

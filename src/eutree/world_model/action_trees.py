@@ -9,9 +9,9 @@ from typing import TypeAlias
 import numpy as np
 
 from eutree.arrays import Floats, Integers
-from eutree.imagination import _kernels_policy
-from eutree.imagination._kernels import ActionTree
 from eutree.trees import DecisionTree
+from eutree.world_model import _kernels_policy
+from eutree.world_model._kernels import ActionTree
 
 Nested: TypeAlias = "int | tuple[int, float, Nested, Nested]"
 
@@ -63,7 +63,7 @@ def nested(
     )
 
 
-def collapsed(tree: ActionTree, node: int, *, goes_left: bool) -> tuple[ActionTree, Integers]:
+def with_child(tree: ActionTree, node: int, *, goes_left: bool) -> tuple[ActionTree, Integers]:
     """Return the tree with ``node`` replaced by a child, and the node that each node was, [M].
 
     Sibling leaves of equal action are merged.
@@ -71,11 +71,11 @@ def collapsed(tree: ActionTree, node: int, *, goes_left: bool) -> tuple[ActionTr
     out = ActionTree._make(np.empty_like(array) for array in tree)
     source = np.empty_like(tree.action)
     child = int((tree.left if goes_left else tree.right)[node])
-    n = _kernels_policy.collapse(tree, node, child, out, source)
+    n = _kernels_policy.replace_by_child(tree, node, child, out, source)
     return ActionTree._make(array[:n] for array in out), source[:n]
 
 
-def carved(box: Floats, inside: int, outside: int) -> Nested:
+def with_box(box: Floats, inside: int, outside: int) -> Nested:
     """Return the tree that takes ``inside`` within the box [d, 2] and ``outside`` elsewhere."""
     result: Nested = inside
     for feature, (low, high) in enumerate(box.tolist()):

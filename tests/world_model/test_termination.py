@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from eutree.imagination import _kernels_ends
-from eutree.imagination import ends as ends_module
-from eutree.imagination.ends import FEW, MOST_ROWS, PRICE, grow_ends
-from tests import naive_imagination
+from eutree.world_model import _kernels_termination
+from eutree.world_model import termination as termination_module
+from eutree.world_model.termination import FEW, MOST_ROWS, PRICE, fit_termination
+from tests import naive_world_model
 
 
 def chances(ends, X):
     """The fitted chance of an end at each row."""
     d = X.shape[1]
-    leaves = [naive_imagination.leaf(ends, x) for x in X]
+    leaves = [naive_world_model.leaf(ends, x) for x in X]
     lines = ends.lines[leaves]
     odds = (lines[:, :d] * X).sum(axis=1) + (lines[:, d : 2 * d] * X**2).sum(axis=1) + lines[:, -1]
     return 1 / (1 + np.exp(np.minimum(-odds, 40.0)))
@@ -43,14 +43,14 @@ def test_the_fit_is_the_least_penalised_deviance(squares):
     X = generator.normal(size=(300, 2)) * [3.0, 0.2] + [5.0, -1.0]
     y = generator.random(300) < 1 / (1 + np.exp(-(X[:, 0] - 5.0) - 4.0 * (X[:, 1] + 1.0)))
     out = np.empty(5)
-    ours = _kernels_ends.fit_log_odds(X, y, squares, out)
+    ours = _kernels_termination.fit_log_odds(X, y, squares, out)
     Z = (X - X.mean(axis=0)) / X.std(axis=0)
     columns = [np.ones(300), *Z.T, *(Z.T**2 if squares else ())]
     Z = np.stack(columns, axis=1)
 
     def deviance(weights):
         odds = Z @ weights
-        ridge = 0.5 * _kernels_ends.RIDGE * (weights[1:] ** 2).sum()
+        ridge = 0.5 * _kernels_termination.RIDGE * (weights[1:] ** 2).sum()
         return 2 * (np.logaddexp(0, odds).sum() - odds[y].sum() + ridge)
 
     best = minimize(deviance, np.zeros(Z.shape[1]), tol=1e-10)
@@ -65,10 +65,10 @@ def test_the_step_is_newtons():
     y = generator.random(200) < 0.3
     weights = generator.normal(size=4)
     H, step = np.zeros((4, 4)), np.zeros(4)
-    ours = _kernels_ends.newton_step(Z, y, weights, H, step)
+    ours = _kernels_termination.newton_step(Z, y, weights, H, step)
     odds = Z @ weights
     p = 1 / (1 + np.exp(-odds))
-    ridge = np.diag([0.0, *[_kernels_ends.RIDGE] * 3])
+    ridge = np.diag([0.0, *[_kernels_termination.RIDGE] * 3])
     assert ours == pytest.approx(
         2 * (np.logaddexp(0, odds) - odds * y).sum() + weights @ ridge @ weights, rel=1e-6
     )
@@ -82,20 +82,20 @@ def test_what_is_not_described_could_not_have_been_shorter(monkeypatch):
 
     def described(X, y, rows):
         d, mine = X.shape[1], y[rows]
-        constant = ends_module._described(X, y, rows)
+        constant = termination_module._described(X, y, rows)
         if not FEW <= mine.sum() <= mine.size - FEW:
             return constant
         found = [(constant.cost, constant.line)]
         for squares, parameters in ((False, d + 1), (True, 2 * d + 1)):
             line = np.empty(2 * d + 1)
-            fit = _kernels_ends.fit_log_odds(X[rows], mine, squares, line)
+            fit = _kernels_termination.fit_log_odds(X[rows], mine, squares, line)
             found.append((fit + PRICE * parameters, line))
         cost, line = min(found, key=lambda item: item[0])
-        return ends_module._Leaf(rows, float(cost), line)
+        return termination_module._Leaf(rows, float(cost), line)
 
     def best_test(X, y, leaf):
         found = []
-        for feature, threshold in ends_module._tests(X, y, leaf.rows):
+        for feature, threshold in termination_module._tests(X, y, leaf.rows):
             below = X[leaf.rows, feature] <= threshold
             if below.any() and not below.all():
                 sides = described(X, y, leaf.rows[below]), described(X, y, leaf.rows[~below])
@@ -104,10 +104,10 @@ def test_what_is_not_described_could_not_have_been_shorter(monkeypatch):
 
     for seed in range(6):
         X, y = two_balls(700, seed)
-        fast = grow_ends(X, y)
+        fast = fit_termination(X, y)
         with monkeypatch.context() as patch:
-            patch.setattr(ends_module, "_best_test", best_test)
-            slow = grow_ends(X, y)
+            patch.setattr(termination_module, "_best_test", best_test)
+            slow = fit_termination(X, y)
         assert fast.feature.tolist() == slow.feature.tolist()
         assert np.array_equal(fast.threshold, slow.threshold)
         assert np.array_equal(fast.lines, slow.lines)
@@ -116,7 +116,7 @@ def test_what_is_not_described_could_not_have_been_shorter(monkeypatch):
 def test_a_few_ends_describe_two_balls():
     X, y = two_balls(1000, 0)
     assert y.sum() < 60
-    ends = grow_ends(X, y)
+    ends = fit_termination(X, y)
     assert n_leaves(ends) == 2
     assert ends.feature[0] == 0
     assert 12 < ends.threshold[0] < 18
@@ -126,7 +126,7 @@ def test_a_few_ends_describe_two_balls():
 
 def test_a_threshold_is_a_test_or_a_line():
     X = np.random.default_rng(2).uniform(-3, 3, size=(1000, 2))
-    ends = grow_ends(X, X[:, 0] > 2.4)
+    ends = fit_termination(X, X[:, 0] > 2.4)
     fresh = np.random.default_rng(3).uniform(-3, 3, size=(2000, 2))
     assert ((chances(ends, fresh) > 0.5) != (fresh[:, 0] > 2.4)).mean() < 0.005
 
@@ -134,27 +134,27 @@ def test_a_threshold_is_a_test_or_a_line():
 def test_corners_that_no_ball_describes_are_paved():
     X = np.random.default_rng(5).uniform(-1, 1, size=(3000, 2))
     y = (X[:, 0] > 0.5) & (X[:, 1] > 0.5)
-    ends = grow_ends(X, y)
+    ends = fit_termination(X, y)
     assert ((chances(ends, X) > 0.5) != y).mean() < 0.01
 
 
 def test_chance_without_a_place_is_one_share():
     generator = np.random.default_rng(6)
-    ends = grow_ends(generator.normal(size=(1000, 3)), generator.random(1000) < 0.2)
+    ends = fit_termination(generator.normal(size=(1000, 3)), generator.random(1000) < 0.2)
     assert n_leaves(ends) == 1
     assert chances(ends, np.zeros((1, 3))) == pytest.approx(0.2, abs=0.05)
 
 
 @pytest.mark.parametrize("always", [False, True])
 def test_one_kind_of_rows_leaves_no_doubt(always):
-    ends = grow_ends(np.arange(8.0).reshape(4, 2), np.full(4, always))
+    ends = fit_termination(np.arange(8.0).reshape(4, 2), np.full(4, always))
     assert chances(ends, np.zeros((1, 2))) == pytest.approx(float(always), abs=1e-5)
 
 
 def test_thinned_rows_keep_the_chance():
     generator = np.random.default_rng(7)
     X = generator.normal(size=(5 * MOST_ROWS, 1))
-    ends = grow_ends(X, generator.random(len(X)) < 0.1 / (1 + np.exp(-4 * X[:, 0])))
+    ends = fit_termination(X, generator.random(len(X)) < 0.1 / (1 + np.exp(-4 * X[:, 0])))
     assert chances(ends, np.array([[2.0]])) == pytest.approx(0.1, abs=0.03)
     assert chances(ends, np.array([[-2.0]])) == pytest.approx(0.0, abs=0.01)
 
@@ -162,9 +162,13 @@ def test_thinned_rows_keep_the_chance():
 def test_pessimism_makes_bad_ends_likelier_and_good_ones_less_likely():
     X, y = two_balls(2000, 0)
     edge = np.array([[12.0, 0.1, 5.0]])
-    danger = np.where(y, 1.0, 0.0)
-    bad = [chances(grow_ends(X, y).seen(X, danger, g, 1.0), edge)[0] for g in (0.1, 0.5, 0.9)]
-    good = [chances(grow_ends(X, y).seen(X, -danger, g, -1.0), edge)[0] for g in (0.1, 0.5, 0.9)]
+    outcome = np.where(y, 1.0, 0.0)
+    bad = [
+        chances(fit_termination(X, y).seen(X, outcome, g, 1.0), edge)[0] for g in (0.1, 0.5, 0.9)
+    ]
+    good = [
+        chances(fit_termination(X, y).seen(X, -outcome, g, -1.0), edge)[0] for g in (0.1, 0.5, 0.9)
+    ]
     assert bad == sorted(bad)
     assert good == sorted(good, reverse=True)
     assert bad[0] < bad[2]

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
-from eutree.imagination import _kernels_ends
-from eutree.imagination._kernels_regression import shift_towards_better
+from eutree.world_model import _kernels_termination
+from eutree.world_model._kernels_regression import move_towards_better
 
 PRICE = 4.0  # of a parameter or a test, in units of deviance
 SURE = 14.0  # log-odds of a leaf all of whose rows agree
@@ -31,7 +31,7 @@ class _Leaf:
 
 
 @dataclass(frozen=True, eq=False)
-class Ends:
+class TerminationTree:
     """A logistic model tree; feature -1 marks a leaf, node 0 is the root, parents come first."""
 
     feature: Integers  # [M]
@@ -41,7 +41,7 @@ class Ends:
     lines: Floats  # [M, 2 d + 1]
     rows: tuple[Integers, ...]  # of the data, for each node
 
-    def seen(self, X: Floats, danger: Floats, gap: float, sign: float) -> "Ends":
+    def seen(self, X: Floats, outcome: Floats, gap: float, sign: float) -> "TerminationTree":
         """Return how the tree looks if ``gap`` of what is unknown counts as the worse.
 
         Thresholds move inside their gaps, and the log-odds by those of ``gap``: a place counts as
@@ -50,19 +50,19 @@ class Ends:
 
         Args:
             X: o' of the rows, shape [N, d].
-            danger: What kind of end each row is, shape [N].
+            outcome: What kind of end each row is, shape [N].
             gap: Share of the unknown that counts as the worse.
             sign: 1 if these ends are bad, -1 if they are good.
         """
         threshold, lines = self.threshold.copy(), self.lines.copy()
         for node in np.flatnonzero(self.feature >= 0):
             x: Floats = np.ascontiguousarray(X[:, self.feature[node]])
-            threshold[node] = shift_towards_better(x, danger, self.rows[node], threshold[node], gap)
+            threshold[node] = move_towards_better(x, outcome, self.rows[node], threshold[node], gap)
         lines[:, -1] += sign * np.log(gap / (1.0 - gap))
         return replace(self, threshold=threshold, lines=lines)
 
 
-def grow_ends(X: Floats, y: Booleans) -> Ends:
+def fit_termination(X: Floats, y: Booleans) -> TerminationTree:
     """Grow the tree of the shortest description found.
 
     Args:
@@ -116,7 +116,7 @@ def _described(X: Floats, y: Booleans, rows: Integers) -> _Leaf:
             if price >= cost:
                 break
             fit = np.empty(2 * d + 1)
-            deviance = _kernels_ends.fit_log_odds(places, mine, squares, fit)
+            deviance = _kernels_termination.fit_log_odds(places, mine, squares, fit)
             if deviance + price < cost:
                 cost, line = deviance + price, fit
     return _Leaf(rows, float(cost), line)
@@ -174,7 +174,7 @@ def _between(low: float, high: float) -> float:
 
 def _pruned(
     leaves: list[_Leaf], tests: list[tuple[int, float, int, int] | None], correction: float
-) -> Ends:
+) -> TerminationTree:
     """Keep a test where its sides are a shorter description than the node itself."""
     costs = [leaf.cost for leaf in leaves]
     for node in range(len(leaves) - 1, -1, -1):
@@ -193,4 +193,6 @@ def _pruned(
             feature[node], threshold[node], left[node], right[node] = test
     lines = np.array([leaf.line for leaf in leaves])
     lines[:, -1] += correction
-    return Ends(feature, threshold, left, right, lines, tuple(leaf.rows for leaf in leaves))
+    return TerminationTree(
+        feature, threshold, left, right, lines, tuple(leaf.rows for leaf in leaves)
+    )

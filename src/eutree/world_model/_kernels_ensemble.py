@@ -1,4 +1,4 @@
-"""Compiled loops of the neural world model: fitting its members, and episodes imagined in it.
+"""Compiled loops of the neural world model: fitting its members, and rollouts in it.
 
 One output vector of a member, for d features, reads
 
@@ -18,8 +18,8 @@ import numpy as np
 
 from eutree.arrays import Booleans, Float32s, Floats, Integers
 from eutree.compiled import compiled
-from eutree.imagination._kernels import EPISODE_STRIDE, ActionTree, Episodes, leaf_node
 from eutree.neural._kernels import Network, adam_step, backward, forward, room
+from eutree.world_model._kernels import EPISODE_STRIDE, ActionTree, Episodes, leaf_node
 
 GOES_ON, BAD, GOOD = 0, 1, 2  # kinds of step
 FAR = 3.0  # scaled errors count linearly from here on (Huber)
@@ -267,7 +267,7 @@ def record(
     world: EnsembleWorld,
     draws: Draws,
     before: Episodes,
-    departs: Integers,  # [E] first step of each episode to imagine anew, -1 where there is none
+    departs: Integers,  # [E] first step of each episode to run again, -1 where there is none
     within: Integers,  # [M] node of the policy that holds all steps of a node before
     policy: ActionTree,
     horizon: int,

@@ -1,7 +1,7 @@
-"""Compiled loops of imagination: a step of the world model, episodes under a policy tree.
+"""Compiled loops of rollouts: a step of the world model, episodes under a policy tree.
 
 All chance comes from a table of uniform draws: step t of episode e reads the same entries whatever
-the policy is, so two policies meet the same luck (common random numbers).
+the policy is, so two policies meet common random numbers.
 """
 
 import math
@@ -172,7 +172,7 @@ def go_on(
 
 
 @compiled
-def deal(
+def assign_starts(
     starts: Floats,  # [S, d]
     out: Episodes,
 ) -> None:
@@ -193,14 +193,14 @@ def record(
     world: World,
     draws: Floats,
     before: Episodes,
-    departs: Integers,  # [E] first step of each episode to imagine anew, -1 where there is none
+    departs: Integers,  # [E] first step of each episode to run again, -1 where there is none
     within: Integers,  # [M] node of the policy that holds all steps of a node before
     policy: ActionTree,
     horizon: int,
     discount: float,
     out: Episodes,
 ) -> None:
-    """Imagine the policy's episodes: those of ``before`` as far as it acts alike, then its own."""
+    """Run the policy's episodes: those of ``before`` as far as it acts alike, then its own."""
     d = before.states.shape[1] // 2
     state, move = np.zeros(2 * d), np.zeros(d)
     k = 0

@@ -1,4 +1,4 @@
-"""World models, paired comparisons, improvement and trials of eutree.imagination."""
+"""World models, paired rollouts, local search and online evaluation."""
 
 import os
 import subprocess
@@ -11,22 +11,23 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eutree.errors import InvalidArgumentError
-from eutree.imagination import Imagination, Plan, Transitions, _kernels, fit_world_models
-from eutree.imagination import _kernels_regression as regression
-from eutree.imagination import _kernels_search as search
-from eutree.imagination.action_trees import (
-    carved,
-    collapsed,
+from eutree.policy_search import _kernels_search as search
+from eutree.policy_search.improvement import Improvement
+from eutree.policy_search.planner import Plan, Planner
+from eutree.world_model import Transitions, _kernels, fit_world_models
+from eutree.world_model import _kernels_regression as regression
+from eutree.world_model.action_trees import (
     from_decision_tree,
     n_leaves,
     nested,
     packed,
     single_action,
     to_decision_tree,
+    with_box,
+    with_child,
 )
-from eutree.imagination.improvement import Improvement
-from eutree.imagination.rehearsal import Rehearsal
-from tests import naive_imagination
+from eutree.world_model.rollouts import PairedRollouts
+from tests import naive_world_model
 
 STAY, GO = 0, 1
 
@@ -65,7 +66,7 @@ def walks(n_episodes, seed, *, pit=(5.0, 7.0), policy=None):
 
 def mean_return(tree, seed=9, n_episodes=400):
     policy = nested(tree)
-    data = walks(n_episodes, seed, policy=lambda o: naive_imagination.act(policy, o))
+    data = walks(n_episodes, seed, policy=lambda o: naive_world_model.act(policy, o))
     return data.episode_returns.mean()
 
 
@@ -73,8 +74,8 @@ def model_of(data, gap=0.5):
     return fit_world_models(data, [gap])[0]
 
 
-def rehearsal_of(data, n_episodes=400, seed=0, gap=0.5):
-    return Rehearsal(model_of(data, gap), n_episodes, 1.0, np.random.default_rng(seed))
+def rollouts_of(data, n_episodes=400, seed=0, gap=0.5):
+    return PairedRollouts(model_of(data, gap), n_episodes, 1.0, np.random.default_rng(seed))
 
 
 trees = st.recursive(
@@ -89,7 +90,7 @@ def test_trees_keep_their_actions_when_packed_merged_and_made_state_trees(tree):
     arrays = packed(tree)
     state_tree, actions = to_decision_tree(arrays, 2)
     points = np.random.default_rng(0).uniform(-4, 10, (60, 2))
-    expected = [naive_imagination.act(tree, point) for point in points]
+    expected = [naive_world_model.act(tree, point) for point in points]
     assert actions[state_tree.leaf_index(points)].tolist() == expected
     assert nested(from_decision_tree(state_tree, actions)) == nested(arrays)
     assert state_tree.n_leaves == n_leaves(arrays) == len(actions)
@@ -97,17 +98,17 @@ def test_trees_keep_their_actions_when_packed_merged_and_made_state_trees(tree):
 
 def test_a_carved_box_takes_its_action_inside_only():
     box = np.array([[1.0, 3.0], [-np.inf, 0.5]])
-    tree = carved(box, GO, STAY)
+    tree = with_box(box, GO, STAY)
     for point in np.random.default_rng(1).uniform(-1, 4, (200, 2)):
         inside = 1.0 < point[0] <= 3.0 and point[1] <= 0.5
-        assert naive_imagination.act(tree, point) == (GO if inside else STAY)
+        assert naive_world_model.act(tree, point) == (GO if inside else STAY)
 
 
 def test_collapsing_keeps_the_chosen_child():
     tree = packed((0, 1.0, (1, 2.0, STAY, GO), GO))
-    assert nested(collapsed(tree, 0, goes_left=True)[0]) == (1, 2.0, STAY, GO)
-    assert nested(collapsed(tree, 1, goes_left=True)[0]) == (0, 1.0, STAY, GO)
-    assert nested(collapsed(tree, 1, goes_left=False)[0]) == GO
+    assert nested(with_child(tree, 0, goes_left=True)[0]) == (1, 2.0, STAY, GO)
+    assert nested(with_child(tree, 1, goes_left=True)[0]) == (0, 1.0, STAY, GO)
+    assert nested(with_child(tree, 1, goes_left=False)[0]) == GO
 
 
 @given(tree=trees, choice=st.randoms(use_true_random=False))
@@ -119,11 +120,11 @@ def test_collapsing_arrays_is_collapsing_the_nested_tree(tree, choice):
     if arrays.feature[node] < 0:
         return
     keeps_left = choice.random() < 0.5
-    ours, source = collapsed(arrays, node, goes_left=keeps_left)
+    ours, source = with_child(arrays, node, goes_left=keeps_left)
     tests = ours.feature >= 0
     assert (ours.feature[tests] == arrays.feature[source[tests]]).all()
     assert (ours.threshold[tests] == arrays.threshold[source[tests]]).all()
-    theirs = packed(naive_imagination.collapsed(nested(arrays), path, keeps_left))
+    theirs = packed(naive_world_model.with_child(nested(arrays), path, keeps_left))
     for one, other in zip(ours, theirs, strict=True):
         assert one.tolist() == other.tolist()
 
@@ -138,7 +139,7 @@ def test_the_best_interval_is_the_best_of_all_intervals(data, min_rows, shape):
     values, gains = (np.array(column, dtype=float) for column in zip(*data, strict=True))
     order = np.argsort(values, kind="stable")
     best, begin, end = search.best_interval(values, gains, order, min_rows, shape == 0, shape == 1)
-    expected = naive_imagination.best_interval(values, gains, min_rows, shape == 0, shape == 1)
+    expected = naive_world_model.best_interval(values, gains, min_rows, shape == 0, shape == 1)
     assert best == expected
     if np.isfinite(expected):
         assert gains[order][begin : end + 1].sum() == expected
@@ -160,7 +161,7 @@ def test_the_best_cut_leaves_the_least_squared_error(data, min_leaf):
     bins = np.zeros((2, len(table)), dtype=np.int64)
     regression.bin_columns(X, 256, edges, n_edges, bins)
     feature, cut = regression.best_cut(X, y, rows, edges, n_edges, bins, min_leaf)
-    expected = naive_imagination.best_cut(X, y, rows, min_leaf)
+    expected = naive_world_model.best_cut(X, y, rows, min_leaf)
     before = ((y - y.mean()) ** 2).sum()
     if feature < 0:
         assert not expected < before - 1e-9
@@ -181,11 +182,11 @@ def test_a_linear_leaf_needs_no_split():
 
 
 def test_the_gap_between_safe_and_fatal_goes_to_the_side_that_is_asked():
-    x, danger = np.array([0.0, 1.0, 2.0, 3.0]), np.array([0.0, 0.0, 1.0, 1.0])
+    x, outcome = np.array([0.0, 1.0, 2.0, 3.0]), np.array([0.0, 0.0, 1.0, 1.0])
     rows = np.arange(4)
-    assert regression.shift_towards_better(x, danger, rows, 1.5, 0.9) == pytest.approx(1.1)
-    assert regression.shift_towards_better(x, danger, rows, 1.5, 0.1) == pytest.approx(1.9)
-    assert regression.shift_towards_better(x, -danger, rows, 1.5, 0.9) == pytest.approx(1.9)
+    assert regression.move_towards_better(x, outcome, rows, 1.5, 0.9) == pytest.approx(1.1)
+    assert regression.move_towards_better(x, outcome, rows, 1.5, 0.1) == pytest.approx(1.9)
+    assert regression.move_towards_better(x, -outcome, rows, 1.5, 0.9) == pytest.approx(1.9)
 
 
 def test_transitions_know_their_episodes():
@@ -197,27 +198,27 @@ def test_transitions_know_their_episodes():
         assert data.first[rows].tolist() == [True] + [False] * (len(rows) - 1)
         assert not data.previous_displacements[rows[0]].any()
     fell = data.rewards == -50.0
-    assert (data.danger[fell] == 1).all()
-    assert (data.danger[data.rewards == 100.0] == -1).all()
-    assert (data.danger[~data.terminated] == 0).all()
+    assert (data.outcome[fell] == 1).all()
+    assert (data.outcome[data.rewards == 100.0] == -1).all()
+    assert (data.outcome[~data.terminated] == 0).all()
     assert data.recent(50).rewards.size <= 50
     assert data.recent(50).first[0]
 
 
 def test_what_is_imagined_is_what_happens():
-    rehearsal = rehearsal_of(walks(800, 3), n_episodes=2000)
-    rehearsal.rehearse(single_action(GO))
+    rollouts = rollouts_of(walks(800, 3), n_episodes=2000)
+    rollouts.run(single_action(GO))
     happens = mean_return(single_action(GO), n_episodes=2000)
-    assert rehearsal.mean_return == pytest.approx(happens, abs=10)
+    assert rollouts.mean_return == pytest.approx(happens, abs=10)
 
 
-def naive_episodes(rehearsal, tree):
-    draws, stride = rehearsal._draws, _kernels.EPISODE_STRIDE
-    d = rehearsal.observations.shape[1]
-    starts = rehearsal.observations[rehearsal._episodes.first[:-1]]
+def naive_episodes(rollouts, tree):
+    draws, stride = rollouts._draws, _kernels.EPISODE_STRIDE
+    d = rollouts.observations.shape[1]
+    starts = rollouts.observations[rollouts._episodes.first[:-1]]
     return [
-        naive_imagination.episode(
-            rehearsal.model,
+        naive_world_model.episode(
+            rollouts.model,
             nested(tree),
             start,
             lambda t, i, e=e: draws[(e * stride + t * (d + 1) + i) % draws.size],
@@ -229,113 +230,113 @@ def naive_episodes(rehearsal, tree):
 @settings(max_examples=25, deadline=None)
 @given(first=trees, second=trees)
 def test_rehearsals_are_naive_episodes_to_the_bit_however_they_come_about(first, second):
-    rehearsal = rehearsal_of(walks(25, 8), n_episodes=10)
+    rollouts = rollouts_of(walks(25, 8), n_episodes=10)
     returns = []
     for tree in (packed(first), packed(second)):
-        rehearsal.rehearse(tree)  # the second goes on from the first
-        naive = naive_episodes(rehearsal, tree)
+        rollouts.run(tree)  # the second goes on from the first
+        naive = naive_episodes(rollouts, tree)
         returns.append(np.array([sum(rewards) for _, _, rewards in naive]))
         states = np.concatenate([states for states, _, _ in naive])
-        assert (rehearsal._episodes.states[: rehearsal.n_steps] == states).all()
+        assert (rollouts._episodes.states[: rollouts.n_steps] == states).all()
         actions = [action for _, actions, _ in naive for action in actions]
-        assert tree.action[rehearsal.node].tolist() == actions
-        assert (rehearsal._episodes.returns == returns[-1]).all()
-    gain = rehearsal.gain(packed(first))
+        assert tree.action[rollouts.node].tolist() == actions
+        assert (rollouts._episodes.returns == returns[-1]).all()
+    gain = rollouts.gain(packed(first))
     assert gain.mean == pytest.approx((returns[0] - returns[1]).mean(), abs=1e-9)
 
 
 @settings(max_examples=100, deadline=None)
 @given(first=trees, second=trees)
 def test_departures_are_the_first_steps_with_another_action(first, second):
-    rehearsal = rehearsal_of(walks(25, 8), n_episodes=30)
-    rehearsal.rehearse(packed(first))
-    rehearsal._compare(packed(second))
-    begin = rehearsal._episodes.first
-    for e, departs in enumerate(rehearsal._departs):
+    rollouts = rollouts_of(walks(25, 8), n_episodes=30)
+    rollouts.run(packed(first))
+    rollouts._compare(packed(second))
+    begin = rollouts._episodes.first
+    for e, departs in enumerate(rollouts._departs):
         steps = range(begin[e], begin[e + 1])
         differs = [
             k
             for k in steps
-            if naive_imagination.act(first, rehearsal.observations[k])
-            != naive_imagination.act(second, rehearsal.observations[k])
+            if naive_world_model.act(first, rollouts.observations[k])
+            != naive_world_model.act(second, rollouts.observations[k])
         ]
         assert departs == (differs[0] if differs else -1)
 
 
 def test_the_values_at_a_node_are_those_of_the_steps_that_pass_it():
-    rehearsal = rehearsal_of(walks(50, 8))
-    rehearsal.rehearse(packed((0, 3.0, (1, 0.2, STAY, GO), (0, 6.0, GO, STAY))))
-    seen = rehearsal.observations
+    rollouts = rollouts_of(walks(50, 8))
+    rollouts.run(packed((0, 3.0, (1, 0.2, STAY, GO), (0, 6.0, GO, STAY))))
+    seen = rollouts.observations
     below = seen[seen[:, 0] <= 3.0]
-    assert (rehearsal.values_at(0, 0) == np.sort(seen[:, 0])).all()
-    assert (rehearsal.values_at(1, 1) == np.sort(below[:, 1])).all()
+    assert (rollouts.values_at(0, 0) == np.sort(seen[:, 0])).all()
+    assert (rollouts.values_at(1, 1) == np.sort(below[:, 1])).all()
 
 
 def test_a_gain_is_the_difference_of_two_rehearsals_with_the_same_luck():
-    rehearsal = rehearsal_of(walks(100, 4))
+    rollouts = rollouts_of(walks(100, 4))
     one, other = single_action(GO), packed((0, 3.0, (1, 0.2, STAY, GO), GO))
-    rehearsal.rehearse(one)
-    gain = rehearsal.gain(other)
-    first = rehearsal.mean_return
-    rehearsal.rehearse(other)
+    rollouts.run(one)
+    gain = rollouts.gain(other)
+    first = rollouts.mean_return
+    rollouts.run(other)
     assert gain.complete
-    assert gain.mean == pytest.approx(rehearsal.mean_return - first, abs=1e-9)
+    assert gain.mean == pytest.approx(rollouts.mean_return - first, abs=1e-9)
 
 
 def test_a_hopeless_rival_is_given_up_early():
-    rehearsal = rehearsal_of(walks(100, 4))
-    rehearsal.rehearse(single_action(GO))
-    assert not rehearsal.gain(single_action(STAY), hopeless=0.0).complete
+    rollouts = rollouts_of(walks(100, 4))
+    rollouts.run(single_action(GO))
+    assert not rollouts.gain(single_action(STAY), hopeless=0.0).complete
 
 
 def test_a_deviation_is_the_gain_of_acting_otherwise_once():
-    rehearsal = rehearsal_of(walks(100, 5))
-    rehearsal.rehearse(single_action(GO))
-    steps = np.arange(0, rehearsal.n_steps, 7)
-    gains = rehearsal.deviations(steps)
+    rollouts = rollouts_of(walks(100, 5))
+    rollouts.run(single_action(GO))
+    steps = np.arange(0, rollouts.n_steps, 7)
+    gains = rollouts.deviations(steps)
     assert (gains[:, GO] == 0).all()
-    phase = rehearsal.observations[steps, 1]
-    at = rehearsal.observations[steps, 0]
+    phase = rollouts.observations[steps, 1]
+    at = rollouts.observations[steps, 0]
     about_to_fall = (at > 3.5) & (at < 4.5) & (phase < -0.1)
     assert gains[about_to_fall, STAY].mean() > 50
 
 
 def test_improvement_finds_when_to_wait():
-    rehearsal = rehearsal_of(walks(300, 6))
+    rollouts = rollouts_of(walks(300, 6))
     improvement = Improvement(rounds=2)
-    tree = improvement.improve(rehearsal, single_action(GO), 100.0)
+    tree = improvement.improve(rollouts, single_action(GO), 100.0)
     assert mean_return(tree) > 95 > 40 > mean_return(single_action(GO))
     assert n_leaves(tree) <= 5
 
 
 def test_improvement_removes_tests_that_do_nothing():
     useless = (1, 0.3, (0, 20.0, GO, STAY), GO)
-    rehearsal = rehearsal_of(walks(300, 6, pit=(50.0, 60.0)))
-    tree = Improvement().improve(rehearsal, packed(useless), 100.0)
+    rollouts = rollouts_of(walks(300, 6, pit=(50.0, 60.0)))
+    tree = Improvement().improve(rollouts, packed(useless), 100.0)
     assert nested(tree) == GO
 
 
 def planned(plan, data, seed=0, **choices):
-    imagination = Imagination(n_episodes=200, **choices)
+    imagination = Planner(n_episodes=200, **choices)
     return imagination.plan(plan, data, np.random.default_rng(seed))
 
 
-def test_a_candidate_is_not_the_policy_before_its_trial():
-    plan = planned(Plan(single_action(GO), proved=tuple(range(200))), walks(200, 7))
-    assert nested(plan.policy) == GO
-    assert plan.candidate is not None
-    assert mean_return(plan.candidate) > 80
+def test_a_challenger_is_not_the_incumbent_before_it_was_evaluated():
+    plan = planned(Plan(single_action(GO), incumbent_episodes=tuple(range(200))), walks(200, 7))
+    assert nested(plan.incumbent) == GO
+    assert plan.challenger is not None
+    assert mean_return(plan.challenger) > 80
 
 
 @pytest.mark.parametrize("good", [True, False])
-def test_a_candidate_is_adopted_if_its_trial_went_well(good):
+def test_a_challenger_is_adopted_if_its_evaluation_went_well(good):
     data = walks(200, 7)
-    plan = planned(Plan(single_action(GO), proved=tuple(range(200))), data)
+    plan = planned(Plan(single_action(GO), incumbent_episodes=tuple(range(200))), data)
     ends_well = data.rewards[data.last] == 100.0
     episodes = np.flatnonzero(ends_well if good else ~ends_well)[:25]
-    plan = replace(plan, tried=tuple(episodes.tolist()))
+    plan = replace(plan, challenger_episodes=tuple(episodes.tolist()))
     after = planned(plan, data)
-    assert (nested(after.policy) == nested(plan.candidate)) == good
+    assert (nested(after.incumbent) == nested(plan.challenger)) == good
 
 
 @pytest.mark.parametrize("good", [True, False])
@@ -344,8 +345,8 @@ def test_an_untested_policy_is_compared_with_chance(good):
     plan = planned(Plan(single_action(STAY)), data)
     ends_well = data.rewards[data.last] == 100.0
     episodes = np.flatnonzero(ends_well if good else ~ends_well)[:25]
-    plan = replace(plan, tried=tuple(episodes.tolist()))
-    assert (nested(planned(plan, data).policy) != STAY) == good
+    plan = replace(plan, challenger_episodes=tuple(episodes.tolist()))
+    assert (nested(planned(plan, data).incumbent) != STAY) == good
 
 
 @pytest.mark.parametrize("changed", [True, False])
@@ -361,38 +362,40 @@ def test_demonstrations_of_another_world_are_forgotten(changed):
         np.concatenate([shown.episodes, own.episodes + 15]),
         2,
     )
-    after = planned(Plan(single_action(GO), proved=tuple(range(35)), demonstrations=15), data)
-    assert after.outdated == (15 if changed else 0)
-    assert len(after.proved) == (20 if changed else 35)
+    after = planned(
+        Plan(single_action(GO), incumbent_episodes=tuple(range(35)), demonstrations=15), data
+    )
+    assert after.valid_from == (15 if changed else 0)
+    assert len(after.incumbent_episodes) == (20 if changed else 35)
     assert data.since(15).rewards.tolist() == own.rewards.tolist()
 
 
 def test_fewer_episodes_are_imagined_where_they_are_long():
     data = walks(30, 4)
     length = data.rewards.size / 30
-    assert Imagination(n_steps=round(300 * length))._affordable(data) == pytest.approx(300, abs=1)
-    assert Imagination(n_steps=1)._affordable(data) == 100
-    assert Imagination(n_steps=1, n_episodes=20)._affordable(data) == 20
-    assert Imagination()._affordable(data) == 1000
+    assert Planner(n_steps=round(300 * length))._affordable(data) == pytest.approx(300, abs=1)
+    assert Planner(n_steps=1)._affordable(data) == 100
+    assert Planner(n_steps=1, n_episodes=20)._affordable(data) == 20
+    assert Planner()._affordable(data) == 1000
 
 
-def test_the_explorer_is_imagined_in_fewer_episodes(monkeypatch):
+def test_the_explorer_runs_fewer_rollouts(monkeypatch):
     asked = []
 
-    class Counting(Rehearsal):
+    class Counting(PairedRollouts):
         def __init__(self, model, n_episodes, discount, generator):
             asked.append(n_episodes)
             super().__init__(model, n_episodes, discount, generator)
 
-    monkeypatch.setattr("eutree.imagination.planner.Rehearsal", Counting)
+    monkeypatch.setattr("eutree.policy_search.planner.PairedRollouts", Counting)
     plan, data = Plan(single_action(GO)), walks(30, 4)
     for choices in ({"n_episodes": 60, "n_explorer_episodes": 20}, {"n_episodes": 60}):
-        Imagination(**choices).plan(plan, data, np.random.default_rng(0))
+        Planner(**choices).plan(plan, data, np.random.default_rng(0))
     assert asked == [60, 20, 60, 60]
 
 
 def test_planning_waits_until_the_history_has_grown():
-    imagination = Imagination(growth=1.5)
+    imagination = Planner(growth=1.5)
     plan = Plan(single_action(GO), planned_at=100)
     assert not imagination.due(plan, 150)
     assert imagination.due(plan, 151)
@@ -401,8 +404,8 @@ def test_planning_waits_until_the_history_has_grown():
 @pytest.mark.parametrize(
     ("kind", "choice"),
     [
-        (Imagination, {"n_episodes": 1}),
-        (Imagination, {"growth": 0.5}),
+        (Planner, {"n_episodes": 1}),
+        (Planner, {"growth": 0.5}),
         (Improvement, {"price": -1.0}),
     ],
 )
@@ -413,13 +416,13 @@ def test_bad_choices_are_refused(kind, choice):
 
 TWIN = """
 import numpy as np
-from eutree.imagination.action_trees import nested, single_action
-from eutree.imagination.improvement import Improvement
-from tests.imagination.test_imagination import rehearsal_of, walks
+from eutree.world_model.action_trees import nested, single_action
+from eutree.policy_search.improvement import Improvement
+from tests.world_model.test_world_model import rollouts_of, walks
 
-rehearsal = rehearsal_of(walks(25, 6), n_episodes=16)
-tree = Improvement(deviations=60).improve(rehearsal, single_action(1), 100.0)
-print(nested(tree), rehearsal.mean_return)
+rollouts = rollouts_of(walks(25, 6), n_episodes=16)
+tree = Improvement(deviations=60).improve(rollouts, single_action(1), 100.0)
+print(nested(tree), rollouts.mean_return)
 """
 
 

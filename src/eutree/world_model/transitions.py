@@ -69,15 +69,15 @@ class Transitions:
         return returns
 
     @cached_property
-    def bad_level(self) -> float:
+    def failure_level(self) -> float:
         """What a transition that goes on still earns on average; a last reward below it is bad."""
         goes_on = ~self.terminated
         return float(self.returns_to_go[goes_on].mean()) if goes_on.any() else 0.0
 
     @cached_property
-    def danger(self) -> Floats:
+    def outcome(self) -> Floats:
         """1 where an episode ended badly, -1 where it ended well, 0 elsewhere, shape [N]."""
-        kind = np.where(self.rewards < self.bad_level, 1.0, -1.0)
+        kind = np.where(self.rewards < self.failure_level, 1.0, -1.0)
         return np.where(self.terminated, kind, 0.0)
 
     @property

@@ -1,13 +1,13 @@
 """Compiled loops on policy trees: where two of them differ, and how one is cut down.
 
-Apart from ``_kernels.py`` because they imagine nothing: they look at trees and at recorded steps.
+Apart from ``_kernels.py`` because they run nothing: they look at trees and at recorded steps.
 """
 
 import numpy as np
 
 from eutree.arrays import Integers
 from eutree.compiled import compiled
-from eutree.imagination._kernels import ActionTree, Episodes, leaf_node
+from eutree.world_model._kernels import ActionTree, Episodes, leaf_node
 
 
 @compiled
@@ -85,7 +85,7 @@ def departures(
 
 
 @compiled
-def collapse(
+def replace_by_child(
     tree: ActionTree,
     node: int,
     child: int,

@@ -1,13 +1,13 @@
-"""Episodes imagined in every member of an ensemble, and rivals with the same random numbers."""
+"""Rollouts in every member of an ensemble, and rivals with the same random numbers."""
 
 import numpy as np
 
 from eutree.arrays import Floats
-from eutree.imagination import _kernels, _kernels_policy
-from eutree.imagination import _kernels_ensemble as kernels
-from eutree.imagination._kernels import ActionTree, Episodes
-from eutree.imagination._kernels_ensemble import Draws
-from eutree.imagination.ensemble import Ensemble
+from eutree.world_model import _kernels, _kernels_policy
+from eutree.world_model import _kernels_ensemble as kernels
+from eutree.world_model._kernels import ActionTree, Episodes
+from eutree.world_model._kernels_ensemble import Draws
+from eutree.world_model.ensemble import Ensemble
 
 DRAWS = 2**18
 
@@ -48,7 +48,9 @@ class EnsembleRollouts:
         n = n_starts * self.n_members
         self._episodes, self._spare = (_empty(n, n * self._horizon, d) for _ in range(2))
         chosen = generator.integers(len(ensemble.starts), size=n_starts)
-        _kernels.deal(np.repeat(ensemble.starts[chosen], self.n_members, axis=0), self._episodes)
+        _kernels.assign_starts(
+            np.repeat(ensemble.starts[chosen], self.n_members, axis=0), self._episodes
+        )
         self._departs = self._episodes.first[:-1].copy()
         self._within = np.zeros(1, dtype=np.int64)
         self._steps = np.empty(n * self._horizon, dtype=np.int64)

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from eutree.imagination.action_trees import n_leaves, packed
-from eutree.imagination.improvement import Improvement
-from eutree.imagination.world_model import fit_model_tree
-from tests.imagination.test_imagination import GO, STAY, mean_return, rehearsal_of, walks
+from eutree.policy_search.improvement import Improvement
+from eutree.world_model.action_trees import n_leaves, packed
+from eutree.world_model.dynamics import fit_model_tree
+from tests.world_model.test_world_model import GO, STAY, mean_return, rollouts_of, walks
 
 # Waits before the pit while it is open; all other tests do harm or nothing.
 WAITS = (0, 3.1, (0, 1.0, GO, (1, 0.9, GO, STAY)), (0, 4.9, (1, 0.0, STAY, GO), GO))
@@ -15,7 +15,7 @@ def test_a_tree_is_cut_where_that_costs_least():
     data = walks(400, 0)
     tree = packed(WAITS)
     small = Improvement(max_leaves=4, deviations=500)
-    cut = small.shrink(rehearsal_of(data), tree, 100.0)
+    cut = small.shrink(rollouts_of(data), tree, 100.0)
     assert n_leaves(tree) > 4 >= n_leaves(cut) > 1
     assert mean_return(cut) >= mean_return(tree) - 1.0
 

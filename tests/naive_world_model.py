@@ -1,4 +1,4 @@
-"""Slow, obvious twins of the kernels of eutree.imagination."""
+"""Slow, obvious twins of the kernels of eutree.world_model."""
 
 import math
 
@@ -96,10 +96,10 @@ def episode(model, nested, start, luck):
     return np.array(states), actions, rewards
 
 
-def collapsed(nested, path, keeps_left):
+def with_child(nested, path, keeps_left):
     """A nested tree with the node at a path of sides replaced by one of its children."""
     if not path:
         return nested[2] if keeps_left else nested[3]
     children = list(nested[2:])
-    children[path[0]] = collapsed(children[path[0]], path[1:], keeps_left)
+    children[path[0]] = with_child(children[path[0]], path[1:], keeps_left)
     return (*nested[:2], *children)

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from eutree.imagination import Transitions
-from eutree.imagination import _kernels_ensemble as kernels
-from eutree.imagination.action_trees import packed
-from eutree.imagination.ensemble import EnsembleSettings, fit_ensemble, kinds
-from eutree.imagination.ensemble_rollouts import EnsembleRollouts
+from eutree.world_model import Transitions
+from eutree.world_model import _kernels_ensemble as kernels
+from eutree.world_model.action_trees import packed
+from eutree.world_model.ensemble import EnsembleSettings, fit_ensemble, kinds
+from eutree.world_model.ensemble_rollouts import EnsembleRollouts
 from tests import naive_neural
 
 STAY, GO = 0, 1

@@ -1,6 +1,6 @@
 """Compiled search for the box of a leaf in which another action pays most.
 
-Apart from ``_kernels.py`` because it looks at data and imagines nothing.
+Apart from ``_kernels.py`` because it looks at data and runs nothing.
 """
 
 import numpy as np

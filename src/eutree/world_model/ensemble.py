@@ -17,18 +17,18 @@ from numpy.typing import NDArray
 
 from eutree.arrays import Booleans, Float32s, Floats, Integers
 from eutree.errors import InvalidArgumentError
-from eutree.imagination import _kernels_ensemble as kernels
-from eutree.imagination._kernels_ensemble import BAD, GOES_ON, GOOD, EnsembleWorld, Fitting, Steps
-from eutree.imagination.transitions import Transitions
 from eutree.neural.network import copied, network_of, random_network
 from eutree.validation import check_integer, check_number
+from eutree.world_model import _kernels_ensemble as kernels
+from eutree.world_model._kernels_ensemble import BAD, GOES_ON, GOOD, EnsembleWorld, Fitting, Steps
+from eutree.world_model.transitions import Transitions
 
 N_KINDS = 3
 _SCALES = ("centre", "spread", "move", "moves", "binary", "low", "high", "earned")
 CHUNK = 256  # updates between two chances to interrupt
 SLOWEST = 0.1  # share of the rate that is left at the end
 EXTRA_ENDS = 32  # rows of a batch that are last steps
-TAIL = 0.02  # percent of rewards and displacements beyond what is imagined, on either side
+TAIL = 0.02  # percent of rewards and displacements beyond what is predicted, on either side
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,7 +135,7 @@ class Ensemble:
         weights: Of each member.
         n_actions: Number of actions A.
         starts: First observations of the stored episodes.
-        horizon: Steps after which an imagined episode is cut.
+        horizon: Steps after which a rollout is cut.
         returns: The 1st and 98th percentile of the stored episodes' returns.
     """
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from eutree.data import Episode
-from eutree.imagination import Transitions
+from eutree.world_model import Transitions
 
 
 def episode(*places, terminated):

@@ -1,9 +1,10 @@
-"""Improve a policy tree in imagination, one provable change at a time.
+"""Improve a policy tree in a world model: a local search, one tested change at a time.
 
-Carve: in each leaf find the box in which another action pays most, judged by single deviations.
-Collapse: replace a node by one of its children where that costs less than the leaves it saves.
-Shift: move a threshold where that pays. Each change is accepted only if the changed policy earns
-more than the present one, with the same luck, by more than its price in leaves.
+*Box insertion*: in each leaf find the box in which another action pays most, judged by one-step
+deviations, and give it that action. *Subtree replacement*: replace a node by one of its children
+where that costs less than the leaves it saves. *Threshold perturbation*: move a threshold where
+that pays. A change is accepted only if the changed policy earns more than the present one, by
+paired rollouts, by more than its price in leaves.
 """
 
 from dataclasses import dataclass
@@ -11,13 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from eutree.arrays import Floats
-from eutree.imagination import _kernels_search
-from eutree.imagination._kernels import ActionTree
-from eutree.imagination.action_trees import Nested, carved, collapsed, n_leaves, nested, packed
-from eutree.imagination.rehearsal import Rehearsal
+from eutree.policy_search import _kernels_search
 from eutree.validation import check_integer, check_number
+from eutree.world_model._kernels import ActionTree
+from eutree.world_model.action_trees import Nested, n_leaves, nested, packed, with_box, with_child
+from eutree.world_model.rollouts import PairedRollouts
 
-MOST_CARVES = 12
+MOST_BOXES = 12
 SHIFTS = (0.02, 0.05, 0.1, 0.2, 0.4)
 FEW = 20
 
@@ -27,7 +28,8 @@ class Improvement:
     """How a policy tree is improved.
 
     Attributes:
-        rounds: Rounds of carving, collapsing and shifting, each with new luck.
+        rounds: Rounds of box insertion, subtree replacement and threshold perturbation, each with
+            other random numbers.
         price: Return per episode that a leaf must earn, as a share of a typical return's size.
         deviations: Steps at which single deviations are tried, at most.
         min_rows: Fewest of them inside a box.
@@ -47,71 +49,71 @@ class Improvement:
         check_integer("min_rows", self.min_rows, low=1)
         check_integer("max_leaves", self.max_leaves, low=2)
 
-    def improve(self, rehearsal: Rehearsal, policy: ActionTree, scale: float) -> ActionTree:
+    def improve(self, rollouts: PairedRollouts, policy: ActionTree, scale: float) -> ActionTree:
         """Return a policy that earns more or is smaller.
 
         Args:
-            rehearsal: Where to imagine; it ends with the result rehearsed.
+            rollouts: Where to run rollouts; they end with the result run.
             policy: The policy to start from.
             scale: A typical size of returns.
         """
         price = self.price * scale
         for _ in range(self.rounds):
-            rehearsal.reshuffle()
-            rehearsal.rehearse(policy)
-            self._carve(rehearsal, price)
-            _collapse(rehearsal, price)
-            _shift(rehearsal)
-            policy = packed(nested(rehearsal.policy))
+            rollouts.redraw()
+            rollouts.run(policy)
+            self._insert_boxes(rollouts, price)
+            _replace_subtrees(rollouts, price)
+            _perturb_thresholds(rollouts)
+            policy = packed(nested(rollouts.policy))
         return policy
 
-    def shrink(self, rehearsal: Rehearsal, policy: ActionTree, scale: float) -> ActionTree:
-        """Return a policy of at most ``max_leaves``: collapsed where that costs least, improved.
+    def shrink(self, rollouts: PairedRollouts, policy: ActionTree, scale: float) -> ActionTree:
+        """Return a policy of at most ``max_leaves``: subtrees replaced where that costs least.
 
         Arguments are those of ``improve``.
         """
-        rehearsal.reshuffle()
-        rehearsal.rehearse(policy)
-        while n_leaves(rehearsal.policy) > self.max_leaves:
-            policy = rehearsal.policy
+        rollouts.redraw()
+        rollouts.run(policy)
+        while n_leaves(rollouts.policy) > self.max_leaves:
+            policy = rollouts.policy
             most, chosen = -np.inf, policy
             for node in np.flatnonzero(policy.feature >= 0).tolist():
                 for goes_left in (True, False):
-                    rival, _ = collapsed(policy, node, goes_left=goes_left)
-                    gain = rehearsal.gain(rival, hopeless=most)
+                    rival, _ = with_child(policy, node, goes_left=goes_left)
+                    gain = rollouts.gain(rival, hopeless=most)
                     if gain.mean > most and n_leaves(rival) > 1:
                         most, chosen = gain.mean, rival
-            rehearsal.rehearse(chosen)
-        return self.improve(rehearsal, rehearsal.policy, scale)
+            rollouts.run(chosen)
+        return self.improve(rollouts, rollouts.policy, scale)
 
-    def _carve(self, rehearsal: Rehearsal, price: float) -> None:
-        """Carve the most promising boxes, one for each leaf, that stand the test."""
-        base = rehearsal.policy
+    def _insert_boxes(self, rollouts: PairedRollouts, price: float) -> None:
+        """Insert the most promising boxes, one for each leaf, that pass the test."""
+        base = rollouts.policy
         changes: dict[int, Nested] = {}
-        for leaf, change in self._boxes(rehearsal, price)[:MOST_CARVES]:
+        for leaf, change in self._boxes(rollouts, price)[:MOST_BOXES]:
             if leaf in changes:
                 continue
             rival = packed(nested(base, instead={**changes, leaf: change}))
             if n_leaves(rival) > self.max_leaves:
                 continue
-            needed = price * (n_leaves(rival) - n_leaves(rehearsal.policy))
-            gain = rehearsal.gain(rival, hopeless=needed)
+            needed = price * (n_leaves(rival) - n_leaves(rollouts.policy))
+            gain = rollouts.gain(rival, hopeless=needed)
             if gain.complete and gain.mean - gain.error > needed:
                 changes[leaf] = change
-                rehearsal.rehearse(rival)
+                rollouts.run(rival)
 
-    def _boxes(self, rehearsal: Rehearsal, price: float) -> list[tuple[int, Nested]]:
+    def _boxes(self, rollouts: PairedRollouts, price: float) -> list[tuple[int, Nested]]:
         """Return leaf nodes and what to put in their place, the most promising first."""
-        n_steps = rehearsal.n_steps
+        n_steps = rollouts.n_steps
         n = min(self.deviations, n_steps)
-        steps = np.sort(rehearsal.generator.choice(n_steps, n, replace=False))
-        gains = rehearsal.deviations(steps) * (n_steps / n / rehearsal.n_episodes)  # [n, A]
-        observations, node = rehearsal.observations[steps], rehearsal.node[steps]
+        steps = np.sort(rollouts.generator.choice(n_steps, n, replace=False))
+        gains = rollouts.deviations(steps) * (n_steps / n / rollouts.n_episodes)  # [n, A]
+        observations, node = rollouts.observations[steps], rollouts.node[steps]
         found: list[tuple[float, int, Nested]] = []
         box = np.empty((observations.shape[1], 2))
         for leaf in np.unique(node):
             rows = np.flatnonzero(node == leaf)
-            taken = int(rehearsal.policy.action[leaf])
+            taken = int(rollouts.policy.action[leaf])
             for action in range(gains.shape[1]):
                 if rows.size < 2 * self.min_rows or action == taken:
                     continue
@@ -120,22 +122,22 @@ class Improvement:
                     observations, mine, rows, self.min_rows, price, box
                 )
                 if gain > price * cuts:
-                    found.append((price * cuts - gain, int(leaf), carved(box, action, taken)))
+                    found.append((price * cuts - gain, int(leaf), with_box(box, action, taken)))
         return [(leaf, change) for _, leaf, change in sorted(found, key=lambda item: item[:2])]
 
 
-def _collapse(rehearsal: Rehearsal, price: float) -> None:
-    """Collapse the node that pays most, again and again, while any pays.
+def _replace_subtrees(rollouts: PairedRollouts, price: float) -> None:
+    """Replace the node that pays most by a child, again and again, while any pays.
 
-    What another node pays is weighed anew only when its turn comes, and all once more at the end.
+    What another node pays is weighed again only when its turn comes, and all once more at the end.
     """
     while True:
-        policy = rehearsal.policy
+        policy = rollouts.policy
         pays: dict[tuple[int, bool], float] = {}
         for node in np.flatnonzero(policy.feature >= 0).tolist():
             for goes_left in (True, False):
-                rival, _ = collapsed(policy, node, goes_left=goes_left)
-                worth = _worth(rehearsal, rival, price)
+                rival, _ = with_child(policy, node, goes_left=goes_left)
+                worth = _worth(rollouts, rival, price)
                 if worth > 0.0:
                     pays[node, goes_left] = worth
         if not pays:
@@ -143,31 +145,31 @@ def _collapse(rehearsal: Rehearsal, price: float) -> None:
         weighed = set(pays)
         while pays:
             node, goes_left = best = max(pays, key=pays.__getitem__)
-            rival, source = collapsed(rehearsal.policy, node, goes_left=goes_left)
+            rival, source = with_child(rollouts.policy, node, goes_left=goes_left)
             if best not in weighed:
                 weighed.add(best)
-                pays[best] = _worth(rehearsal, rival, price)
+                pays[best] = _worth(rollouts, rival, price)
                 if pays[best] <= 0.0:
                     del pays[best]
                 continue
-            rehearsal.rehearse(rival)
+            rollouts.run(rival)
             now = {old: new for new, old in enumerate(source.tolist()) if rival.feature[new] >= 0}
             pays = {(now[old], side): w for (old, side), w in pays.items() if old in now}
             weighed = set()
 
 
-def _worth(rehearsal: Rehearsal, rival: ActionTree, price: float) -> float:
+def _worth(rollouts: PairedRollouts, rival: ActionTree, price: float) -> float:
     """Return what a smaller rival gains, leaves included; 0 if that is clearly not more than 0."""
-    saved = price * (n_leaves(rehearsal.policy) - n_leaves(rival))
-    gain = rehearsal.gain(rival, hopeless=-saved)
+    saved = price * (n_leaves(rollouts.policy) - n_leaves(rival))
+    gain = rollouts.gain(rival, hopeless=-saved)
     return gain.mean + saved if gain.complete else 0.0
 
 
-def _shift(rehearsal: Rehearsal) -> None:
+def _perturb_thresholds(rollouts: PairedRollouts) -> None:
     """Move each threshold to the best of a few places near it, if that pays."""
-    for node in rehearsal.generator.permutation(np.flatnonzero(rehearsal.policy.feature >= 0)):
-        policy = rehearsal.policy
-        values = rehearsal.values_at(int(node), int(policy.feature[node]))
+    for node in rollouts.generator.permutation(np.flatnonzero(rollouts.policy.feature >= 0)):
+        policy = rollouts.policy
+        values = rollouts.values_at(int(node), int(policy.feature[node]))
         if values.size < FEW:
             continue
         best, best_rival = 0.0, None
@@ -177,14 +179,14 @@ def _shift(rehearsal: Rehearsal) -> None:
                 thresholds = policy.threshold.copy()
                 thresholds[node] = threshold
                 rival = policy._replace(threshold=thresholds)
-                gain = rehearsal.gain(rival, hopeless=last)
+                gain = rollouts.gain(rival, hopeless=last)
                 if not gain.complete:
                     break
                 last = max(last, gain.mean)
                 if gain.mean > max(best, gain.error):
                     best, best_rival = gain.mean, rival
         if best_rival is not None:
-            rehearsal.rehearse(best_rival)
+            rollouts.run(best_rival)
 
 
 def _places(values: Floats, threshold: float, sign: int) -> list[float]:

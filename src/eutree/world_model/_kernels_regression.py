@@ -7,7 +7,7 @@ import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers, Uint32s
 from eutree.compiled import compiled
-from eutree.imagination._kernels import LEAF
+from eutree.world_model._kernels import LEAF
 
 MANY_ROWS = 256  # nodes above this look at bin edges only, nodes below at every cut
 RIDGE = 1e-5
@@ -194,9 +194,9 @@ def best_cut(
 
 
 @compiled
-def shift_towards_better(
+def move_towards_better(
     x: Floats,  # [N]
-    danger: Floats,  # [N]
+    outcome: Floats,  # [N]
     rows: Integers,  # [n]
     threshold: float,
     share: float,
@@ -208,10 +208,10 @@ def shift_towards_better(
         value = x[rows[i]]
         if value <= threshold:
             n_below += 1
-            below += danger[rows[i]]
+            below += outcome[rows[i]]
             low = max(low, value)
         else:
-            above += danger[rows[i]]
+            above += outcome[rows[i]]
             high = min(high, value)
     if n_below == 0 or n_below == rows.size:
         return threshold

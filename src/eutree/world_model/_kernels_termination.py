@@ -9,7 +9,7 @@ import numpy as np
 
 from eutree.arrays import Booleans, Floats
 from eutree.compiled import compiled
-from eutree.imagination._kernels_regression import TINY, solve_positive
+from eutree.world_model._kernels_regression import TINY, solve_positive
 
 CERTAIN = 18.0  # log-odds beyond which a row cannot pull a fit
 RIDGE = 1e-5

@@ -3,8 +3,8 @@
 Where: for each feature a model tree (axis-parallel tests, linear leaves; Quinlan's M5) of the
 displacement o' - o, given o, the displacement before it and the action. A displacement carries
 what one observation hides, such as a direction of movement. A leaf's residuals are its noise.
-Whether: for bad and for good ends a logistic model tree over o' (see ``ends``). What: trees over
-o', o' - o and the action, one each for the reward of steps that go on, end badly and end well.
+Whether: for bad and for good ends a logistic model tree over o' (``termination``). What: trees
+over o', o' - o and the action, one each for the reward of steps that go on, end badly, end well.
 
 What lies between the safe and the fatal transitions seen so far is unknown. ``gap`` is the share
 of that gap that counts as fatal: 0.5 is the usual middle, more is pessimistic, less optimistic.
@@ -17,10 +17,10 @@ from typing import NamedTuple
 import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
-from eutree.imagination import _kernels_regression as kernels
-from eutree.imagination._kernels import World
-from eutree.imagination.ends import Ends, grow_ends
-from eutree.imagination.transitions import Transitions
+from eutree.world_model import _kernels_regression as kernels
+from eutree.world_model._kernels import World
+from eutree.world_model.termination import TerminationTree, fit_termination
+from eutree.world_model.transitions import Transitions
 
 N_BINS = 256
 MAX_LEAVES = 64
@@ -79,7 +79,7 @@ class WorldModel:
             that ends badly, of one that ends well, and of the log-odds of a bad and a good end.
         world: The same, laid out to be run.
         starts: First observations of the stored episodes.
-        horizon: Steps after which an imagined episode is cut.
+        horizon: Steps after which a rollout is cut.
         n_actions: Number of actions.
     """
 
@@ -127,13 +127,13 @@ _REWARDS = _Growth(min_leaf=1, max_leaves=MAX_LEAVES, floor=1e-6)
 
 
 def fit_world_models(
-    data: Transitions, gaps: Sequence[float], *, max_leaves: int = MAX_LEAVES
+    data: Transitions, pessimism_levels: Sequence[float], *, max_leaves: int = MAX_LEAVES
 ) -> tuple[WorldModel, ...]:
     """Fit one world model for each ``gap``; they share all but how they look at ends.
 
     Args:
         data: What to fit.
-        gaps: Share of the gap between safe and fatal transitions that counts as fatal.
+        pessimism_levels: Share of the gap between safe and fatal transitions that counts as fatal.
         max_leaves: Most leaves of a tree of displacements.
     """
     growth = replace(_MOVES, max_leaves=max_leaves)
@@ -145,16 +145,16 @@ def fit_world_models(
         _grow(before, data.displacements[:, i], everything, growth)
         for i in range(data.observations.shape[1])
     ]
-    bad, good = data.danger > 0, data.danger < 0
+    bad, good = data.outcome > 0, data.outcome < 0
     kinds = ~data.terminated, bad, good
     rewards = [_grow(after, data.rewards, _rows(kind), _REWARDS) for kind in kinds]
     places = data.next_observations
-    ends = (grow_ends(places, bad), 1.0), (grow_ends(places, good), -1.0)
+    ends = (fit_termination(places, bad), 1.0), (fit_termination(places, good), -1.0)
     starts = np.ascontiguousarray(data.observations[data.first])
     models = []
-    for gap in gaps:
+    for gap in pessimism_levels:
         seen = [
-            _as_tree(tree.seen(places, data.danger, gap, sign), data.n_actions)
+            _as_tree(tree.seen(places, data.outcome, gap, sign), data.n_actions)
             for tree, sign in ends
         ]
         trees = (*moves, *rewards, *seen)
@@ -176,7 +176,7 @@ def fit_model_tree(X: Floats, y: Floats, *, max_leaves: int, min_leaf: int) -> M
     return _grow(_Design.of(X), y, np.arange(y.size), growth)
 
 
-def _as_tree(ends: Ends, n_actions: int) -> ModelTree:
+def _as_tree(ends: TerminationTree, n_actions: int) -> ModelTree:
     """Return a tree of ends in the form of the others; the columns of actions count nothing."""
     m, width = ends.lines.shape
     nothing = np.zeros(m, dtype=np.int64)

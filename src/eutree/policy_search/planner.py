@@ -1,0 +1,233 @@
+"""Plan, evaluate online, adopt: how improvements in a world model become the policy.
+
+After a gathering phase two trees are planned. The *challenger* is planned in a pessimistic world
+model; it acts in some episodes, without exploration, and becomes the *incumbent*, the policy, when
+the model still prefers it with their transitions known and the returns that it really earned do not
+speak against it. The *explorer* is planned in an optimistic model; where it is wrong it finds out
+what the model did not know. The incumbent never changes without an online evaluation.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from eutree.arrays import Floats, Integers
+from eutree.policy_search.improvement import Improvement
+from eutree.validation import check_integer, check_number
+from eutree.world_model._kernels import ActionTree
+from eutree.world_model.dynamics import fit_world_models
+from eutree.world_model.rollouts import PairedRollouts
+from eutree.world_model.transitions import Transitions
+
+FEWEST_ROLLOUTS = 100  # episodes
+_FEWEST_EPISODES = 5  # episodes
+_FEW_OWN = 10  # episodes
+_CLEARLY = 3.0  # standard errors
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What a planning learner acts by.
+
+    Attributes:
+        incumbent: The policy.
+        challenger: What is evaluated online to replace it; None while there is nothing better.
+        explorer: What acts to find out; None before the first planning.
+        incumbent_episodes: Episodes in which the incumbent acted without exploration.
+        challenger_episodes: Episodes in which challengers did, since the last adoption.
+        corrected: The incumbent with the corrective demonstrations since the last planning, a tree
+            to begin from; None if there were none.
+        assisted_episodes: Episodes with a demonstration in them: evidence on no tree.
+        planned_at: Number of transitions seen at the last planning.
+        demonstrations: How many of the first episodes are demonstrations that still count.
+        valid_from: First episode that world models are fitted to; the dynamics have changed since
+            those before.
+    """
+
+    incumbent: ActionTree
+    challenger: ActionTree | None = None
+    explorer: ActionTree | None = None
+    corrected: ActionTree | None = None
+    incumbent_episodes: tuple[int, ...] = ()
+    challenger_episodes: tuple[int, ...] = ()
+    assisted_episodes: tuple[int, ...] = ()
+    planned_at: int = 0
+    demonstrations: int = 0
+    valid_from: int = 0
+
+    @property
+    def evaluated(self) -> ActionTree:
+        """The challenger, or the incumbent while there is none."""
+        return self.incumbent if self.challenger is None else self.challenger
+
+    def with_episode(self, episode: int) -> "Plan":
+        """Return the plan after ``evaluated`` acted in an episode without exploration."""
+        if self.challenger is None:
+            return replace(self, incumbent_episodes=(*self.incumbent_episodes, episode))
+        return replace(self, challenger_episodes=(*self.challenger_episodes, episode))
+
+    def keeping(self, episodes: Integers) -> "Plan":
+        """Return the plan when all but these episodes, ascending, are forgotten.
+
+        Those that are left are numbered from 0, as their places in ``episodes`` are.
+        """
+        place = {number: new for new, number in enumerate(episodes.tolist())}
+        return replace(
+            self,
+            incumbent_episodes=tuple(
+                place[number] for number in self.incumbent_episodes if number in place
+            ),
+            challenger_episodes=tuple(
+                place[number] for number in self.challenger_episodes if number in place
+            ),
+            assisted_episodes=tuple(
+                place[number] for number in self.assisted_episodes if number in place
+            ),
+            demonstrations=int(np.searchsorted(episodes, self.demonstrations)),
+            valid_from=int(np.searchsorted(episodes, self.valid_from)),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Planner:
+    """The choices of planning in a world model.
+
+    Attributes:
+        n_episodes: Rollouts that judge each change, at most.
+        n_steps: Steps of these episodes together, about: fewer episodes where they are long, so
+            that planning costs as much whatever their length; at least 100 episodes.
+        n_explorer_episodes: The same for the explorer, at most: what it does need not be good, it
+            has to be different where that may pay.
+        improvement: How trees are improved.
+        explorer_share: Share of the gathered episodes in which the explorer acts.
+        pessimism: Share of what is unknown that counts as fatal in the challenger's world model.
+        optimism: The same in the explorer's; smaller.
+        min_episodes: Fewest episodes of an online evaluation.
+        memory: Most recent of its episodes that count.
+        growth: Plan again when the history has grown by this factor.
+        max_transitions: Most recent transitions a world model is fitted to.
+        discount: gamma of rollouts.
+    """
+
+    n_episodes: int = 1000
+    n_steps: int = 50_000
+    n_explorer_episodes: int = 300
+    improvement: Improvement = Improvement()
+    explorer_share: float = 0.3
+    pessimism: float = 0.99
+    optimism: float = 0.4
+    min_episodes: int = 30
+    memory: int = 60
+    growth: float = 1.06
+    max_transitions: int = 50_000
+    discount: float = 1.0
+
+    def __post_init__(self) -> None:
+        check_integer("n_episodes", self.n_episodes, low=8)
+        check_integer("n_steps", self.n_steps, low=1)
+        check_integer("n_explorer_episodes", self.n_explorer_episodes, low=8)
+        check_number("explorer_share", self.explorer_share, low=0.0, high=1.0)
+        for name in ("pessimism", "optimism"):
+            check_number(
+                name, getattr(self, name), low=0.0, high=1.0, low_open=True, high_open=True
+            )
+        check_integer("min_episodes", self.min_episodes, low=2)
+        check_integer("memory", self.memory, low=2)
+        check_number("growth", self.growth, low=1.0)
+        check_integer("max_transitions", self.max_transitions, low=1)
+        check_number("discount", self.discount, low=0.0, high=1.0)
+
+    def due(self, plan: Plan, n_seen: int) -> bool:
+        """Return whether enough transitions were seen to plan again."""
+        return n_seen > plan.planned_at * self.growth
+
+    def plan(self, plan: Plan, data: Transitions, generator: np.random.Generator) -> Plan:
+        """Return the next plan: adopt the challenger or not, then plan both trees."""
+        plan = _without_invalid(plan, data.episode_returns)
+        known = data.since(plan.valid_from).recent(self.max_transitions)
+        n_episodes = self._affordable(known)
+        n_explorer_episodes = min(n_episodes, self.n_explorer_episodes)
+        pessimist, optimist = fit_world_models(known, (self.pessimism, self.optimism))
+        pessimistic = PairedRollouts(pessimist, n_episodes, self.discount, generator)
+        optimistic = PairedRollouts(optimist, n_explorer_episodes, self.discount, generator)
+        scale = known.typical_return
+        if plan.challenger is not None and self._deserves(plan, plan.challenger, data, pessimistic):
+            own = plan.challenger_episodes[-self.memory :]
+            plan = replace(
+                plan,
+                incumbent=plan.challenger,
+                challenger=None,
+                incumbent_episodes=own,
+                challenger_episodes=(),
+            )
+        begin = plan.corrected or plan.explorer or plan.incumbent
+        explorer = self.improvement.improve(optimistic, begin, scale)
+        challenger = self._challenger(plan, pessimistic, scale)
+        return replace(plan, challenger=challenger, explorer=explorer, corrected=None)
+
+    def _affordable(self, data: Transitions) -> int:
+        """Return how many rollouts to make, were they as long as the stored ones."""
+        fewest = min(FEWEST_ROLLOUTS, self.n_episodes)
+        return int(np.clip(self.n_steps / data.mean_length, fewest, self.n_episodes))
+
+    def _deserves(
+        self, plan: Plan, challenger: ActionTree, data: Transitions, pessimistic: PairedRollouts
+    ) -> bool:
+        """Return whether the model prefers the challenger, and real returns do too."""
+        returns = data.episode_returns  # [E]
+        tried = returns[list(plan.challenger_episodes[-self.memory :])]
+        known = plan.incumbent_episodes[-3 * self.memory :] or _others(plan, returns.size)
+        proved = returns[list(known)]
+        if tried.size < _FEWEST_EPISODES or not proved.size:
+            return False
+        if tried.size < self.min_episodes and not _clearly_better(tried, proved):
+            return False
+        if tried.mean() <= proved.mean():
+            return False
+        pessimistic.run(plan.incumbent)
+        gain = pessimistic.gain(challenger)
+        return gain.mean > gain.error
+
+    def _challenger(
+        self, plan: Plan, pessimistic: PairedRollouts, scale: float
+    ) -> ActionTree | None:
+        """Return the best of incumbent, last challenger and corrected incumbent, each improved.
+
+        None if none of them is better than the incumbent.
+        """
+        best = self.improvement.improve(pessimistic, plan.incumbent, scale)
+        for begin in (plan.challenger, plan.corrected):
+            if begin is None:
+                continue
+            rival = self.improvement.improve(pessimistic, begin, scale)
+            pessimistic.redraw()
+            pessimistic.run(best)
+            if pessimistic.gain(rival).mean > 0.0:
+                best = rival
+        pessimistic.redraw()
+        pessimistic.run(plan.incumbent)
+        gain = pessimistic.gain(best)
+        return best if gain.mean > gain.error else None
+
+
+def _without_invalid(plan: Plan, returns: Floats) -> Plan:
+    """Return the plan without the demonstrations if the incumbent is much worse than they."""
+    n = plan.demonstrations
+    own = [episode for episode in plan.incumbent_episodes if episode >= n]
+    shown, earned = returns[:n], returns[own]
+    if not n or len(own) < _FEW_OWN or not _clearly_better(shown, earned):
+        return plan
+    return replace(plan, incumbent_episodes=tuple(own), demonstrations=0, valid_from=n)
+
+
+def _others(plan: Plan, n_episodes: int) -> tuple[int, ...]:
+    """Return the episodes of no challenger: evidence where the incumbent has no episodes."""
+    return tuple(
+        sorted(set(range(n_episodes)) - set(plan.challenger_episodes) - set(plan.assisted_episodes))
+    )
+
+
+def _clearly_better(tried: Floats, proved: Floats) -> bool:
+    """Return whether few episodes are enough: a difference of several standard errors."""
+    error = np.sqrt(tried.var() / tried.size + proved.var() / proved.size)
+    return bool(tried.mean() - proved.mean() > _CLEARLY * error)
