@@ -109,7 +109,7 @@ def report(name: str, task: Task, rows: list[dict[str, Any]], command: str) -> s
         f"commit: {commit}",
         f"date: {time.strftime('%Y-%m-%d')}",
         "sources: benchmarks/small_trees.py src/eutree/learners/distilled_dqn.py "
-        "src/eutree/neural src/eutree/imagination src/eutree/policy_search src/eutree/cart",
+        "src/eutree/neural src/eutree/world_model src/eutree/policy_search src/eutree/cart",
         "---",
         "",
         f"# {task.env}: a small tree from a counted teacher",

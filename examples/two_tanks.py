@@ -18,8 +18,8 @@ import gymnasium
 import numpy as np
 
 import eutree
-from eutree.imagination.ensemble import EnsembleSettings
 from eutree.learners.distilled_dqn import DistilledDQN
+from eutree.world_model.ensemble import EnsembleSettings
 
 EPISODE_STEPS = 200
 STEP = 5.0  # seconds
