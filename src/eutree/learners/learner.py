@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from eutree.arrays import Floats, Integers
 from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
+from eutree.features import FeatureMap
 from eutree.learners.confidence import Confidence
 from eutree.learners.history import History
 from eutree.policies import LeafStatistics, Policy, TreePolicy
@@ -163,6 +164,8 @@ class Decisions:
         locked: Leaves that nothing may change, in order.
         fidelity: Share of the learner's own decisions on its observations that the tree makes
             too; 1.0 unless the tree is fitted to a policy that is no tree.
+        features: How the problem's observations become the features of the tree, if the learner
+            remembers more of the past than the problem does; None if they are its observations.
     """
 
     tree: DecisionTree
@@ -170,16 +173,26 @@ class Decisions:
     statistics: LeafStatistics | None = None
     locked: tuple[int, ...] = ()
     fidelity: float = 1.0
+    features: FeatureMap | None = None
 
     def policy(self, problem: Problem) -> TreePolicy:
         """Return the decisions as a policy with the names of the problem."""
+        schema, history, past_actions = problem.schema, problem.history, problem.past_actions
+        if self.features is not None and not self.features.is_identity:
+            if history or past_actions:
+                raise InvalidArgumentError(
+                    "history must be 0 with a method that remembers by itself, got "
+                    f"{max(history, past_actions)}"
+                )
+            history, past_actions = self.features.observations, self.features.actions
+            schema = schema.with_history(history, past_actions)
         return TreePolicy(
             tree=self.tree,
             actions=self.actions,
-            schema=problem.schema,
+            schema=schema,
             environment=problem.environment,
-            history=problem.history,
-            past_actions=problem.past_actions,
+            history=history,
+            past_actions=past_actions,
             leaves=self.statistics,
             locked=self.locked,
         )

@@ -9,6 +9,7 @@ from eutree.errors import InvalidArgumentError
 from eutree.learners.adaptive_q import AdaptiveQMethod
 from eutree.learners.density_tree import DensityTreeMethod
 from eutree.learners.distilled_dqn import DistilledDQN
+from eutree.learners.history_u_tree import HistoryUTreeMethod
 from eutree.learners.learner import Method
 from eutree.learners.model_planning import PlanningMethod
 from eutree.learners.presets import PRESETS
@@ -25,6 +26,7 @@ METHODS: dict[str, type[Method]] = {
         AdaptiveQMethod,
         DensityTreeMethod,
         DistilledDQN,
+        HistoryUTreeMethod,
     )
 }
 
