@@ -11,7 +11,7 @@ from eutree.world_model._kernels import ActionTree
 from eutree.world_model.action_trees import n_leaves, with_child
 from eutree.world_model.ensemble_rollouts import EnsembleRollouts
 
-TRIED = 48  # cuts that are looked at before one is made
+TRIED = 24  # cuts that are looked at before one is made
 FIRST_LOOK = 40  # episodes, about
 BEST = 5  # cuts that are compared on all episodes
 
