@@ -17,6 +17,8 @@ from eutree.validation import MAX_SEED
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 
+_DECODE = "eutree.decode"  # in click's context: one option tells another
+
 MAX_COUNT = 10**9  # of anything that is counted: more than any run can do
 
 
@@ -73,7 +75,15 @@ def env_arg_option(command: _Command) -> _Command:
         help='Names for an environment without: {"features": ["room [°C]", "hour [h]"], '
         '"actions": ["off", "on"]}.',
     )
-    return argument(import_option(names(command)))
+    decode = click.option(
+        "--decode",
+        is_flag=True,
+        is_eager=True,  # before --env-arg, to which it adds
+        expose_value=False,
+        callback=_decode,
+        help="Observe what the environment's codes stand for, by its own method decode (Taxi).",
+    )
+    return argument(decode(import_option(names(command))))
 
 
 def import_option(command: _Command) -> _Command:
@@ -85,6 +95,12 @@ def import_option(command: _Command) -> _Command:
         callback=_import_module,
         help="Python module, installed or in this folder, that registers your environment.",
     )(command)
+
+
+def _decode(context: click.Context, parameter: click.Parameter, wanted: bool) -> None:
+    """Take note that the environment's arguments are to ask for decoded observations."""
+    if wanted:
+        context.meta[_DECODE] = True
 
 
 def _use_names(context: click.Context, parameter: click.Parameter, path: Path | None) -> None:
@@ -129,7 +145,7 @@ def _parse_arguments(
             parsed[key] = plain_json(_parsed(value), f"--env-arg {key}")
         except RecursionError:
             raise click.BadParameter(f"{key} is nested too deeply") from None
-    return parsed
+    return parsed | ({"decode": True} if context.meta.get(_DECODE) else {})
 
 
 def _parsed(value: str) -> Any:

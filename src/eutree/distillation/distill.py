@@ -23,6 +23,7 @@ from eutree.errors import InvalidArgumentError
 from eutree.evaluation import Evaluation, evaluate
 from eutree.interaction import GuardedEnv, episode_seed, record, run_episode
 from eutree.interaction.acting import Actor
+from eutree.interaction.decoding import warn_of_codes
 from eutree.interaction.record import Controller, as_policy
 from eutree.policies import Policy, TreePolicy
 from eutree.schema import Schema
@@ -84,6 +85,7 @@ def distill(
     check_seed(seed)
     policy = as_policy(teacher, env)
     guarded = GuardedEnv(env, strict=strict)
+    warn_of_codes(env)
     stakes = None
     if method == "viper":
         stakes = stakes_of(policy, action_values, guarded.schema.n_actions)

@@ -1,5 +1,6 @@
 """The agent-environment loop, for any Gymnasium environment that a tree can act in."""
 
+from eutree.interaction.decoding import DecodedObservation
 from eutree.interaction.episode import run_episode
 from eutree.interaction.guard import GuardedEnv
 from eutree.interaction.keys import KeyMap, keys_of_environment, parse_keys
@@ -11,6 +12,7 @@ from eutree.interaction.settings import SessionSettings
 from eutree.interaction.spaces import describe
 
 __all__ = [
+    "DecodedObservation",
     "GuardedEnv",
     "KeyMap",
     "Recorder",

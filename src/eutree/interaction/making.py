@@ -22,16 +22,21 @@ from eutree.errors import (
     UnknownNameError,
     shown,
 )
+from eutree.interaction.decoding import DECODE, DecodedObservation
 from eutree.interaction.names import given_names
 from eutree.schema import EnvironmentSpec
 
 _IMPORT = "One of your own is known once its module is imported: --import MODULE."
-MAKE_ARGUMENTS = frozenset({"max_episode_steps", "disable_env_checker"})  # of gymnasium.make
+# Those of gymnasium.make, and ours.
+MAKE_ARGUMENTS = frozenset({"max_episode_steps", "disable_env_checker", DECODE})
 _NAMES_A_PLACE = re.compile(r"[.:/\\]")
 
 
 def make(spec: EnvironmentSpec | str, *, render_mode: str | None = None) -> gymnasium.Env[Any, Any]:
     """Return ``gymnasium.make`` of an id or a spec, with the names that are given now.
+
+    The argument ``decode=True``, unless the environment has one of that name itself, makes its
+    observations what its codes stand for; see ``DecodedObservation``.
 
     Raises:
         UnknownNameError: No environment of that id is registered; names the nearest.
@@ -47,7 +52,10 @@ def make(spec: EnvironmentSpec | str, *, render_mode: str | None = None) -> gymn
         arguments["render_mode"] = render_mode
     try:
         _check_chosen_by_file(spec)
+        is_ours = DECODE in arguments and DECODE not in _own_arguments(spec.id)
+        is_decoded = is_ours and arguments.pop(DECODE)
         env = gymnasium.make(spec.id, **arguments)
+        env = DecodedObservation(env) if is_decoded else env
     except EutreeError:
         raise
     except ModuleNotFoundError as error:
@@ -66,12 +74,7 @@ def _check_chosen_by_file(spec: EnvironmentSpec) -> None:
     """Raise InvalidArgumentError for an argument that no file may choose; see the module."""
     if not spec.from_file:
         return
-    registered = gymnasium.registry[spec.id]
-    creator: Any = registered.entry_point
-    creator = load_env_creator(creator) if isinstance(creator, str) else creator
-    named = inspect.signature(creator).parameters.values()
-    own = {p.name: p.default for p in named if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)}
-    own |= registered.kwargs
+    own = _own_arguments(spec.id)
     allowed = (own.keys() | MAKE_ARGUMENTS) - {"render_mode"}
     for name in sorted(spec.from_file):
         value = spec.arguments[name]
@@ -85,6 +88,18 @@ def _check_chosen_by_file(spec: EnvironmentSpec) -> None:
             f"no file may choose the argument {name!r} of {spec.id}, which {what}; "
             f"choose it yourself if you trust it: --env-arg {name}=..."
         )
+
+
+def _own_arguments(name: str) -> dict[str, Any]:
+    """Return the arguments that an environment's constructor names, with their usual values."""
+    registered = gymnasium.registry.get(name)
+    if registered is None:  # of a module that is still to be imported
+        return {}
+    creator: Any = registered.entry_point
+    creator = load_env_creator(creator) if isinstance(creator, str) else creator
+    named = inspect.signature(creator).parameters.values()
+    own = {p.name: p.default for p in named if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)}
+    return own | registered.kwargs
 
 
 def _texts(value: Any) -> Iterator[str]:

@@ -9,6 +9,7 @@ import gymnasium
 from eutree.data import DemonstrationFolder, Demonstrations, Episode
 from eutree.errors import InvalidArgumentError
 from eutree.files import check_new_folder
+from eutree.interaction.decoding import warn_of_codes
 from eutree.interaction.episode import run_episode
 from eutree.interaction.guard import GuardedEnv
 from eutree.interaction.seeding import episode_seed
@@ -50,6 +51,7 @@ def record(
     count = check_integer("episodes", episodes, low=1)
     check_seed(seed)
     guarded = GuardedEnv(env, strict=strict)
+    warn_of_codes(env)
     policy = as_policy(controller, env)
     name = str(getattr(controller, "__name__", type(controller).__name__))
     folder = None

@@ -9,6 +9,7 @@ import gymnasium
 
 from eutree.data import DemonstrationFolder, RunningEpisode
 from eutree.errors import FileError
+from eutree.interaction.decoding import warn_of_codes
 from eutree.interaction.events import (
     EpisodeAbandoned,
     EpisodeChanged,
@@ -57,6 +58,7 @@ class Recorder:
         settings: SessionSettings | None = None,
     ) -> None:
         guarded = GuardedEnv(env)
+        warn_of_codes(env)
         if isinstance(keys, str):
             keys = parse_keys(keys, guarded.schema)
         keys = keys or keys_of_environment(env, guarded.schema)

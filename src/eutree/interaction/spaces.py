@@ -1,7 +1,8 @@
 """Which spaces a tree can act in, and what their numbers mean.
 
 Observations become vectors of float64: a Box is taken as it is, a Discrete value n becomes the
-number n (an ordered attribute, split like a continuous one), MultiDiscrete and MultiBinary become
+number n (an ordered attribute, split like a continuous one; see ``decoding`` for codes that mean
+several things), MultiDiscrete and MultiBinary become
 their entries, Dict and Tuple are laid end to end with names such as ``"lidar.front"``.
 """
 
@@ -16,6 +17,7 @@ from gymnasium.wrappers import TimeLimit
 from eutree.arrays import Floats
 from eutree.errors import InvalidArgumentError, UnsupportedSpaceError
 from eutree.files.schema_document import plain_json
+from eutree.interaction.decoding import DECODE, decodes
 from eutree.schema import MAX_FEATURES, EnvironmentSpec, Feature, Schema, numbered_actions
 
 MAX_ACTIONS = 1_000  # learners hold tables of leaves x actions, and C4.5 of actions x cuts
@@ -36,6 +38,7 @@ _KNOWN_FEATURES: dict[str, tuple[tuple[str, str], ...]] = {
         ("turn rate 1", "rad/s"),
         ("turn rate 2", "rad/s"),
     ),
+    "Taxi": (("row", ""), ("column", ""), ("passenger", ""), ("destination", "")),  # decoded
     "LunarLander": (
         ("x", ""),
         ("y", ""),
@@ -51,6 +54,7 @@ _KNOWN_ACTIONS: dict[str, tuple[str, ...]] = {
     "CartPole": ("left", "right"),
     "MountainCar": ("left", "coast", "right"),
     "Acrobot": ("clockwise", "none", "counterclockwise"),
+    "Taxi": ("south", "north", "east", "west", "pick up", "drop off"),
     "LunarLander": ("nothing", "left engine", "main engine", "right engine"),
 }
 
@@ -93,7 +97,8 @@ def spec_of(env: gymnasium.Env[Any, Any]) -> EnvironmentSpec | None:
 
     With it go the arguments of ``gymnasium.make`` itself that are not what the environment was
     registered with: its time limit, also where a ``TimeLimit`` was put around it by hand, and
-    whether it is checked. None if it was not made by ``gymnasium.make``, or of what no file holds.
+    whether it is checked; and whether its observations are decoded. None if it was not made by
+    ``gymnasium.make``, or of what no file holds.
     """
     spec = env.spec
     if spec is None:
@@ -105,6 +110,8 @@ def spec_of(env: gymnasium.Env[Any, Any]) -> EnvironmentSpec | None:
         arguments["max_episode_steps"] = NO_LIMIT if limit is None else limit
     if usual is not None and spec.disable_env_checker != usual.disable_env_checker:
         arguments["disable_env_checker"] = spec.disable_env_checker
+    if decodes(env):
+        arguments[DECODE] = True
     try:
         return EnvironmentSpec(spec.id, plain_json(arguments, f"arguments of {spec.id}"))
     except InvalidArgumentError:

@@ -12,6 +12,7 @@ from eutree.data import Demonstrations, check_rewards
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import evaluate
 from eutree.interaction import GuardedEnv
+from eutree.interaction.decoding import warn_of_codes
 from eutree.interaction.requests import Controller
 from eutree.learners import Method, Problem, start_of
 from eutree.learners import method as method_of
@@ -131,6 +132,7 @@ def learn(
         guarded = _named_as(
             expert or demonstrations, GuardedEnv(env, strict=strict, history=history)
         )
+        warn_of_codes(env)
         problem = _problem(guarded)
         environment = str(guarded.spec or guarded.name)
     begin = _start(start, problem, demonstrations, expert, seed=seed, offline=offline)

@@ -1,0 +1,106 @@
+"""Observations that are one code for several things, and what they stand for.
+
+An environment such as Taxi observes one number, ``Discrete(500)``, that stands for row, column,
+passenger and destination. A tree takes it for an ordered number, on which codes 99 and 100 are
+neighbours although they have nothing in common. Where the environment itself can tell what a code
+stands for, by a method ``decode``, its observations become those numbers, and a tree's tests mean
+something again; ``gymnasium.make`` knows no such argument, so ``make`` adds one: ``decode=True``.
+"""
+
+import warnings
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+
+from eutree.arrays import Integers
+from eutree.errors import InvalidArgumentError, shown
+
+DECODE = "decode"  # the argument of ``make``, as it stands in files
+MANY_CODES = 10  # of fewer values a tree separates each by a few tests
+MAX_CODES = 100_000
+
+
+class DecodedObservation(
+    gymnasium.ObservationWrapper[Any, Any, Any], gymnasium.utils.RecordConstructorArgs
+):
+    """An environment whose observations are what its codes stand for, by its own ``decode``.
+
+    Args:
+        env: An environment that observes ``Discrete(n)`` and whose ``decode`` gives the whole
+            numbers that a code stands for, as many for each code.
+
+    Raises:
+        InvalidArgumentError: It has no such observations or no such method.
+    """
+
+    def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
+        gymnasium.utils.RecordConstructorArgs.__init__(self)
+        super().__init__(env)
+        space = env.observation_space
+        if not isinstance(space, spaces.Discrete) or not can_decode(env):
+            raise InvalidArgumentError(
+                f"an environment must observe one code (Discrete) and have a method decode to be "
+                f"decoded, got {space} {'with' if can_decode(env) else 'without'} decode"
+            )
+        if space.n > MAX_CODES:
+            raise InvalidArgumentError(f"at most {MAX_CODES:,} codes can be decoded, got {space.n}")
+        self._first = int(space.start)
+        self._meanings = _meanings(env, self._first, int(space.n))
+        low, high = self._meanings.min(axis=0), self._meanings.max(axis=0)
+        self.observation_space = spaces.MultiDiscrete(high - low + 1, start=low)
+
+    def observation(self, observation: Any) -> Integers:
+        """Return what a code stands for, shape [k]."""
+        meaning: Integers = self._meanings[int(observation) - self._first]
+        return meaning.copy()
+
+
+def can_decode(env: gymnasium.Env[Any, Any]) -> bool:
+    """Return whether the environment says that it can tell what a code stands for."""
+    return callable(getattr(env.unwrapped, "decode", None))
+
+
+def decodes(env: gymnasium.Env[Any, Any]) -> bool:
+    """Return whether the environment's observations have been decoded."""
+    while isinstance(env, gymnasium.Wrapper):
+        if isinstance(env, DecodedObservation):
+            return True
+        env = env.env
+    return False
+
+
+def warn_of_codes(env: gymnasium.Env[Any, Any]) -> None:
+    """Warn where a tree is about to take a code for an ordered number, and say what helps."""
+    space = env.observation_space
+    if not isinstance(space, spaces.Discrete) or space.n <= MANY_CODES:
+        return
+    name = env.spec.id if env.spec is not None else type(env.unwrapped).__name__
+    helps = (
+        "It can tell what its codes stand for: --decode, or "
+        "eutree.interaction.DecodedObservation(env)."
+        if can_decode(env)
+        else "Let it observe what they stand for: gymnasium.wrappers.TransformObservation."
+    )
+    warnings.warn(
+        f"{name} observes one code of {space.n} values, which a tree takes for an ordered number: "
+        f"neighbouring codes need not have anything in common. {helps}",
+        stacklevel=3,
+    )
+
+
+def _meanings(env: gymnasium.Env[Any, Any], first: int, n: int) -> Integers:
+    """Return what each code stands for, shape [n, k]."""
+    decode: Any = env.unwrapped.decode  # type: ignore[attr-defined]  # checked by can_decode
+    try:
+        rows = [list(decode(first + code)) for code in range(n)]
+        found = np.array(rows)
+    except Exception as error:  # whatever an environment's author lets happen
+        raise InvalidArgumentError(f"decode raised {type(error).__name__}: {error}") from error
+    if found.ndim != 2 or found.dtype.kind not in "iub" or len(np.unique(found, axis=0)) < n:
+        raise InvalidArgumentError(
+            f"decode must give as many whole numbers for each code, and others for each other "
+            f"code, got {shown(rows[0])} for {first}"
+        )
+    return found.astype(np.int64)
