@@ -368,11 +368,39 @@ def test_a_learned_controller_learns_displacements() -> None:
         after, _ = Ball().step(place, action)
         controller.learn(place, action, after)
         place = after if step % 4 else np.array([0.5, 0.5])
-    np.testing.assert_allclose(controller.predict(np.array([0.5, 0.5])), 0.5 * MOVES, atol=1e-3)
-    assert controller._doubt(controller._tiles(np.array([0.5, 0.5]))) < 0.05
+    moves, doubt = controller.predict(np.array([0.5, 0.5]))
+    np.testing.assert_allclose(moves, 0.5 * MOVES, atol=1e-3)
+    assert doubt < 0.05
     target = np.array([0.5, 0.9])
     taken = [controller.act(np.array([0.5, 0.5]), target, generator) for _ in range(20)]
     assert taken.count(0) >= 17  # north
+
+
+def test_tiles_learn_as_a_plain_loop_does() -> None:
+    generator = np.random.default_rng(1)
+    controller = LearnedController(np.array([-1.0, 0.0]), np.array([2.0, 3.0]), 2)
+    means, visits = {}, {}
+    for _ in range(500):
+        place = generator.uniform([-1.2, 0.0], [1.0, 3.2])
+        action, move = int(generator.integers(2)), generator.standard_normal(2)
+        controller.learn(place, action, place + move)
+        left = move / [2.0, 3.0]
+        for n in (1, 4, 16):
+            cell = np.clip(((place - [-1.0, 0.0]) / [2.0, 3.0] * n).astype(int), 0, n - 1)
+            key = (action, n, *cell.tolist())
+            visits[key] = visits.get(key, 0) + 1
+            left = left - means.get(key, np.zeros(2))
+            rate = max(0.1, 1.0 / visits[key])
+            means[key] = means.get(key, np.zeros(2)) + rate * left
+    for place in generator.uniform([-1.0, 0.0], [1.0, 3.0], (50, 2)):
+        moves, doubt = controller.predict(place)
+        for action in range(2):
+            expected = np.zeros(2)
+            for n in (1, 4, 16):
+                cell = np.clip(((place - [-1.0, 0.0]) / [2.0, 3.0] * n).astype(int), 0, n - 1)
+                expected = expected + means.get((action, n, *cell.tolist()), np.zeros(2))
+            np.testing.assert_allclose(moves[action], expected * [2.0, 3.0], atol=1e-12)
+        assert 0.0 < doubt <= 1.0
 
 
 def test_mistakes_are_said() -> None:

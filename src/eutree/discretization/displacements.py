@@ -11,10 +11,10 @@ from typing import Protocol
 
 import numpy as np
 
-from eutree.arrays import Floats, Integers
+from eutree.arrays import Floats
+from eutree.discretization import _kernels_tiles as kernels
+from eutree.discretization._kernels_tiles import Tiles
 
-RATE = 0.1  # least rate of learning; the first values seen are averaged
-FAMILIARITY = 1.05  # by which each visit divides the chance to explore
 LEVELS = (1, 4, 16)  # tiles of an axis
 MOST_TILES = 100_000
 
@@ -43,7 +43,8 @@ class GivenController:
 
     def act(self, observation: Floats, target: Floats, generator: np.random.Generator) -> int:
         """Return the action that leads nearest to the target; the first on ties."""
-        return int(missed(observation, target, self._displacements(observation), self._span))
+        moves = np.ascontiguousarray(self._displacements(observation) / self._span)
+        return int(nearest(observation, target, moves, self._span)[0])
 
     def learn(self, observation: Floats, action: int, after: Floats) -> None:
         """Learn nothing: the model is known."""
@@ -58,87 +59,53 @@ class LearnedController:
         n_actions: Number of actions A.
 
     Attributes:
-        means: What tiles of each level add to the displacement, in units of the box.
-        errors: Mean squared error of the prediction at each tile, normalized.
-        visits: How often each tile was seen.
-        size: Mean square of a displacement, the unit of errors, and how many it is of.
+        tiles: What it has learned; arrays that change in place.
     """
 
     def __init__(self, low: Floats, span: Floats, n_actions: int) -> None:
-        self._low, self._span, self._n_actions = low, span, n_actions
         d = low.size
-        self._levels = [n for n in LEVELS if n**d <= MOST_TILES]
-        self.means = [np.zeros((n_actions, n**d, d)) for n in self._levels]
-        self.errors = [np.ones((n_actions, n**d)) for n in self._levels]
-        self.visits = [np.zeros((n_actions, n**d), dtype=np.int64) for n in self._levels]
-        self.size = np.zeros(2)
+        levels = np.array([n for n in LEVELS if n**d <= MOST_TILES], dtype=np.int64)
+        n_tiles = int((levels**d).sum())
+        self.tiles = Tiles(
+            levels, np.array(low), np.array(span), np.zeros((n_actions, n_tiles, d)),
+            np.ones((n_actions, n_tiles)), np.zeros((n_actions, n_tiles), np.int64), np.zeros(2),
+        )  # fmt: skip
+        self._moves = np.empty((n_actions, d))
 
     def act(self, observation: Floats, target: Floats, generator: np.random.Generator) -> int:
         """Return a random action where the model is bad and unfamiliar, else the best."""
-        tiles = self._tiles(observation)
-        if generator.random() < self._doubt(tiles):
-            return int(generator.integers(self._n_actions))
-        there = self.predict(observation) * self._span
-        return int(missed(observation, target, there, self._span, generator))
+        doubt = kernels.predict(self.tiles, observation, self._moves)
+        if generator.random() < doubt:
+            return int(generator.integers(len(self._moves)))
+        near = nearest(observation, target, self._moves, self.tiles.span)
+        return near[0] if len(near) == 1 else near[int(generator.integers(len(near)))]
+
+    def best(self, observation: Floats, target: Floats) -> int:
+        """Return the action that leads nearest to the target, without exploring; first on ties."""
+        kernels.predict(self.tiles, observation, self._moves)
+        return nearest(observation, target, self._moves, self.tiles.span)[0]
 
     def learn(self, observation: Floats, action: int, after: Floats) -> None:
         """Learn from a step."""
-        seen = (after - observation) / self._span
-        self.size += [float(seen @ seen), 1.0]
-        typical = max(self.size[0] / self.size[1], 1e-12)
-        left = seen
-        for level, tile in enumerate(self._tiles(observation)):
-            visits = self.visits[level]
-            visits[action, tile] += 1
-            rate = max(RATE, 1.0 / visits[action, tile])
-            left = left - self.means[level][action, tile]
-            error = min(float(left @ left) / typical, 1.0)
-            self.errors[level][action, tile] += rate * (error - self.errors[level][action, tile])
-            self.means[level][action, tile] += rate * left
+        kernels.learn(self.tiles, observation, action, (after - observation) / self.tiles.span)
 
-    def predict(self, observation: Floats) -> Floats:
-        """Return what each action is expected to add, in units of the box, shape [A, d]."""
-        tiles = self._tiles(observation)
-        total = np.zeros((self._n_actions, observation.size))
-        for means, tile in zip(self.means, tiles, strict=True):
-            total += means[:, tile]
-        return total
-
-    def _doubt(self, tiles: Integers) -> float:
-        """Return the mean error of the finest tiles seen, less where they are familiar."""
-        error = np.ones(self._n_actions)
-        n_seen = 0
-        for errors, visits, tile in zip(self.errors, self.visits, tiles, strict=True):
-            error = np.where(visits[:, tile] > 0, errors[:, tile], error)
-            n_seen = int(visits[:, tile].sum())
-        return float(error.mean()) * FAMILIARITY**-n_seen
-
-    def _tiles(self, observation: Floats) -> Integers:
-        """Return the tile of each level that holds an observation."""
-        share = np.clip((observation - self._low) / self._span, 0.0, 1.0 - 1e-12)
-        return np.array(
-            [np.ravel_multi_index((share * n).astype(np.int64).tolist(), (n,) * share.size)
-             for n in self._levels]
-        )  # fmt: skip
+    def predict(self, observation: Floats) -> tuple[Floats, float]:
+        """Return what each action is expected to add, [A, d], and the chance to explore."""
+        doubt = kernels.predict(self.tiles, observation, self._moves)
+        return self._moves * self.tiles.span, doubt
 
 
-def missed(
-    observation: Floats,
-    target: Floats,
-    displacements: Floats,
-    span: Floats,
-    generator: np.random.Generator | None = None,
-) -> int:
-    """Return the action that leads nearest to the target.
+def nearest(observation: Floats, target: Floats, moves: Floats, span: Floats) -> list[int]:
+    """Return the actions that lead nearest to the target, ascending.
 
     Args:
         observation: Where one is, shape [d].
         target: Where one wants to go, shape [d].
-        displacements: What each action adds, shape [A, d].
-        span: Unit of lengths, shape [d].
-        generator: Decides ties; None takes the first.
+        moves: What each action adds, in units of the box, shape [A, d].
+        span: The unit of lengths, shape [d].
     """
-    apart = ((target - observation - displacements) / span) ** 2
-    distance = apart.sum(axis=1)
-    near = np.flatnonzero(distance <= distance.min() + 1e-15)
-    return int(near[0] if generator is None else generator.choice(near))
+    left = np.empty(len(moves))
+    kernels.nearest(observation, target, moves, span, left)
+    distances: list[float] = left.tolist()
+    least = min(distances) + 1e-15
+    return [action for action, distance in enumerate(distances) if distance <= least]
