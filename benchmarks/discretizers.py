@@ -15,7 +15,7 @@ import numpy as np
 
 import eutree  # noqa: F401 - registers
 from eutree.discretization.cells import GOAL, Cells
-from eutree.discretization.corner_process import Solved, World, solved
+from eutree.discretization.corner_process import KnownWorld, Solved, solved
 from eutree.discretization.displacements import GivenController, LearnedController
 from eutree.discretization.influence import CRITERIA, refined
 from eutree.discretization.kuhn import Grid
@@ -50,8 +50,9 @@ def run(name: str, variant: str, seed: int | None) -> tuple[int, int, int, int]:
     if seed is not None:
         controller = LearnedController(low, high - low, int(env.action_space.n))
     game = PartiGame(cells, controller, Rules(variant=variant))
-    generator, total, last = np.random.default_rng(seed or 0), 0, 0
-    for n_trials in range(1, MOST_TRIALS + 1):
+    generator, total, n_trials = np.random.default_rng(seed or 0), 0, 0
+    while n_trials < MOST_TRIALS:
+        n_trials += 1
         last = trial(env, game, generator, MOST_STEPS - total)
         total += last
         if game.n_news == 0 or total >= MOST_STEPS:
@@ -111,7 +112,7 @@ class Car:
     def __init__(self) -> None:
         self.env: Any = gymnasium.make("eutree/CarOnHill-v0").unwrapped
         self.low, self.high = self.env.observation_space.low, self.env.observation_space.high
-        self.world = World(self._dynamics, 2, self.env.discount)
+        self.world = KnownWorld(self._dynamics, 2, self.env.discount)
         self.starts = np.random.default_rng(0).uniform(self.low, self.high, (256, 2))
 
     def mean_return(self, solution: Solved) -> float:
@@ -140,7 +141,7 @@ def car() -> None:
     """Print returns of uniform grids, of every criterion, and of 257 x 257 corners."""
     task = Car()
     print("| corners | uniform grid |\n|---|---|")
-    shapes = [(k, j) for k in range(3, 7) for j in (k, k + 1)][:-1] + [(8, 8)]
+    shapes = [*[(k, j) for k in range(3, 7) for j in (k, k + 1)][:-1], (8, 8)]
     for shape in shapes:
         solution = task.uniform(shape)
         print(f"| {solution.grid.n_corners:,} | {task.mean_return(solution):.4f} |", flush=True)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import eutree  # noqa: F401 - registers
-from eutree.discretization.corner_process import Solved, World, rows, solved
+from eutree.discretization.corner_process import KnownWorld, Solved, rows, solved
 from eutree.discretization.influence import CRITERIA, influence, refined, variance
 from eutree.discretization.kuhn import Grid
 from eutree.errors import InvalidArgumentError, UnknownNameError
@@ -33,7 +33,7 @@ def hills(states: np.ndarray, actions: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return np.clip(moved, 0.0, 1.0), reward, 1.0 - out
 
 
-HILLS = World(hills, 2, 0.95)
+HILLS = KnownWorld(hills, 2, 0.95)
 
 
 @pytest.mark.parametrize(("d", "seed"), [(d, seed) for d in (1, 2, 3, 5) for seed in range(4)])
@@ -193,7 +193,7 @@ def test_no_interpolation_no_variance_and_it_scales_with_the_square() -> None:
         return moved, moved[:, 0] ** 2, 1.0 - (moved[:, 0] >= 1.0)
 
     grid = Grid.uniform([0.0], [1.0], (2,))
-    exact = solved(grid, World(chain, 1, 0.9, longest=1))
+    exact = solved(grid, KnownWorld(chain, 1, 0.9, longest=1))
     assert variance(exact).tolist() == [0.0] * 5
     _, grid = random_grid(4, 2, 10)
 
@@ -201,7 +201,7 @@ def test_no_interpolation_no_variance_and_it_scales_with_the_square() -> None:
         moved, reward, goes_on = hills(states, actions)
         return moved, 3.0 * reward, goes_on
 
-    once, thrice = solved(grid, HILLS), solved(grid, World(scaled, 2, 0.95))
+    once, thrice = solved(grid, HILLS), solved(grid, KnownWorld(scaled, 2, 0.95))
     assert once.policy.tolist() == thrice.policy.tolist()
     np.testing.assert_allclose(variance(thrice), 9.0 * variance(once), rtol=1e-6, atol=1e-12)
 
@@ -257,7 +257,7 @@ def test_starts_say_where_to_refine() -> None:
         return np.clip(moved, 0, 1), kinks + out * np.cos(7 * states[:, 1]), 1.0 - out
 
     grid = Grid.uniform([0, 0], [1, 1], (3, 3))
-    solution = solved(grid, World(lanes, 1, 0.97))
+    solution = solved(grid, KnownWorld(lanes, 1, 0.97))
     finer = refined(solution, "starts", 0.2, np.array([[0.02, 0.05]]))
     changed = np.flatnonzero((finer.high - finer.low).prod(axis=1) < 1 / 64)
     assert changed.size
@@ -274,20 +274,20 @@ def test_finer_grids_come_nearer_to_a_known_solution() -> None:
     x = np.linspace(0.0, 1.0, 101)[:, np.newaxis]
     exact = x[:, 0] ** 2 / (1.0 - discount * 0.81)
     for halvings in (2, 3, 4, 5, 6):
-        solution = solved(Grid.uniform([0.0], [1.0], (halvings,)), World(decay, 1, discount))
+        solution = solved(Grid.uniform([0.0], [1.0], (halvings,)), KnownWorld(decay, 1, discount))
         errors.append(np.abs(solution.grid.interpolate(solution.values, x) - exact).max())
     assert all(fine < 0.8 * coarse for coarse, fine in itertools.pairwise(errors)), errors
     assert errors[-1] < 0.1 * errors[0], errors
 
 
-def car(n_steps: int = 400) -> tuple[Any, World, Any]:
+def car(n_steps: int = 400) -> tuple[Any, KnownWorld, Any]:
     env = gymnasium.make("eutree/CarOnHill-v0").unwrapped
 
     def dynamics(states: np.ndarray, actions: np.ndarray) -> Any:
         after, rewards, ends = env.model(states, actions)
         return after, rewards, 1.0 - ends
 
-    world = World(dynamics, 2, env.discount)
+    world = KnownWorld(dynamics, 2, env.discount)
 
     def mean_return(solution: Solved) -> float:
         low, high = env.observation_space.low, env.observation_space.high

@@ -12,7 +12,7 @@ not drawn: their chance takes weight from what follows.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,6 +20,8 @@ from numpy.typing import ArrayLike
 from eutree.arrays import Floats, Integers
 from eutree.discretization.kuhn import Grid
 from eutree.mdp import Model, Solution, solve
+from eutree.world_model import WorldModel
+from eutree.world_model.holding import hold
 
 Dynamics: TypeAlias = Callable[[Floats, Integers], tuple[Floats, Floats, Floats]]
 """From states [N, d] and actions [N] to next states, rewards [N] and chances to go on [N]."""
@@ -27,9 +29,38 @@ Dynamics: TypeAlias = Callable[[Floats, Integers], tuple[Floats, Floats, Floats]
 SMALLEST_WEIGHT = 1e-12
 
 
-@dataclass(frozen=True)
-class World:
+class World(Protocol):
     """What a process is made of.
+
+    Attributes:
+        n_actions: Number of actions A.
+        discount: Weight of the next step's value.
+    """
+
+    @property
+    def n_actions(self) -> int:
+        """Number of actions A."""
+        ...
+
+    @property
+    def discount(self) -> float:
+        """Weight of the next step's value."""
+        ...
+
+    def hold(
+        self, grid: Grid, places: Floats, actions: Integers
+    ) -> tuple[Floats, Floats, Floats, Integers]:
+        """Hold actions [N] at places [N, d] until the boxes that were first entered are left.
+
+        Returns where that ended [N, d], discounted rewards [N], discount^tau times the chance to
+        go on [N], and the box it ended in [N].
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class KnownWorld:
+    """A world with known dynamics.
 
     Attributes:
         dynamics: Where actions lead, without noise.
@@ -42,6 +73,53 @@ class World:
     n_actions: int
     discount: float
     longest: int = 50
+
+    def hold(
+        self, grid: Grid, places: Floats, actions: Integers
+    ) -> tuple[Floats, Floats, Floats, Integers]:
+        """Hold actions step by step, all of them together."""
+        n, (low, high) = len(places), grid.box
+        state, discount, reward = places.copy(), np.ones(n), np.zeros(n)
+        entered, leaf = np.full(n, -1, dtype=np.int64), np.zeros(n, dtype=np.int64)
+        going = np.arange(n)  # those that are still in the box they first entered
+        for _ in range(self.longest):
+            after, earned, goes_on = self.dynamics(state[going], actions[going])
+            reward[going] += discount[going] * earned
+            discount[going] *= self.discount * goes_on
+            state[going] = np.clip(after, low, high)
+            leaf[going] = grid.tree.leaf_index(state[going])
+            fresh = entered[going] < 0
+            entered[going[fresh]] = leaf[going[fresh]]
+            going = going[(leaf[going] == entered[going]) & (discount[going] > SMALLEST_WEIGHT)]
+            if not going.size:
+                break
+        return state, reward, discount, leaf
+
+
+@dataclass(frozen=True, eq=False)
+class ModelledWorld:
+    """A world as a learned model expects it to be.
+
+    Attributes:
+        model: The world model, fitted without memory.
+        n_actions: Number of actions A.
+        discount: Weight of the next step's value.
+        longest: Steps that an action is held at most.
+    """
+
+    model: WorldModel
+    n_actions: int
+    discount: float
+    longest: int = 50
+
+    def hold(
+        self, grid: Grid, places: Floats, actions: Integers
+    ) -> tuple[Floats, Floats, Floats, Integers]:
+        """Hold actions as the model expects."""
+        return hold(
+            self.model, grid.tree, grid.box, places, actions,
+            discount=self.discount, longest=self.longest,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,24 +155,9 @@ class Rows:
 def rows(grid: Grid, world: World, points: Floats) -> Rows:
     """Return what comes of every action at points, shape [N, d]."""
     n, n_actions = points.shape[0], world.n_actions
-    state = np.repeat(points, n_actions, axis=0)  # [N A, d]
-    action = np.tile(np.arange(n_actions), n)
-    low, high = grid.low.min(axis=0), grid.high.max(axis=0)
-    discount, reward = np.ones(n * n_actions), np.zeros(n * n_actions)
-    entered = np.full(n * n_actions, -1, dtype=np.int64)
-    leaf = np.zeros(n * n_actions, dtype=np.int64)
-    going = np.arange(n * n_actions)  # those that are still in the box they first entered
-    for _ in range(world.longest):
-        after, earned, goes_on = world.dynamics(state[going], action[going])
-        reward[going] += discount[going] * earned
-        discount[going] *= world.discount * goes_on
-        state[going] = np.clip(after, low, high)
-        leaf[going] = grid.tree.leaf_index(state[going])
-        fresh = entered[going] < 0
-        entered[going[fresh]] = leaf[going[fresh]]
-        going = going[(leaf[going] == entered[going]) & (discount[going] > SMALLEST_WEIGHT)]
-        if not going.size:
-            break
+    places = np.repeat(points, n_actions, axis=0)  # [N A, d]
+    actions = np.tile(np.arange(n_actions), n)
+    state, reward, discount, leaf = world.hold(grid, places, actions)
     successor, weight = grid.weights(state)
     shape = (n, n_actions)
     return Rows(
@@ -147,6 +210,11 @@ class Solved:
     values: Floats  # [C]
     policy: Integers  # [C]
     converged: bool
+
+    @classmethod
+    def of(cls, grid: Grid, world: World, values: Floats, policy: Integers) -> "Solved":
+        """Return a grid with values found before."""
+        return cls(grid, rows(grid, world, grid.corners), values, policy, True)
 
     def actions(self, world: World, points: ArrayLike) -> Integers:
         """Return the best action at points by one look ahead, shape [N]; the first on ties."""

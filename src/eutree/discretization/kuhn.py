@@ -87,6 +87,11 @@ class Grid:
         return cls.of(tree, low, high)
 
     @property
+    def box(self) -> tuple[Floats, Floats]:
+        """Lower and upper corner of the whole, each [d]."""
+        return self.low.min(axis=0), self.high.max(axis=0)
+
+    @property
     def n_corners(self) -> int:
         """Number of corners C: of states."""
         return int(self.corners.shape[0])
@@ -96,9 +101,7 @@ class Grid:
 
         The weights are not negative and sum to 1; a point outside counts as the nearest inside.
         """
-        points = np.clip(
-            np.ascontiguousarray(points, dtype=np.float64), self.low.min(0), self.high.max(0)
-        )
+        points = np.clip(np.ascontiguousarray(points, dtype=np.float64), *self.box)
         shape = (points.shape[0], self.tree.n_features + 1)
         successor, weight = np.empty(shape, np.int64), np.empty(shape)
         leaf = self.tree.leaf_index(points)
@@ -117,7 +120,7 @@ class Grid:
         tree = self.tree.split_each(
             [(i, axis, middle) for (i, axis), middle in zip(cuts, middles, strict=True)]
         )
-        return Grid.of(tree, self.low.min(axis=0), self.high.max(axis=0))
+        return Grid.of(tree, *self.box)
 
     def edges(self, axis: int) -> tuple[Integers, Integers]:
         """Return lower and upper corners of the edges along an axis, each [L, 2^(d-1)]."""

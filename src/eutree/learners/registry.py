@@ -14,6 +14,7 @@ from eutree.learners.learner import Method
 from eutree.learners.model_planning import PlanningMethod
 from eutree.learners.presets import PRESETS
 from eutree.learners.u_tree import UTreeMethod
+from eutree.learners.variable_resolution import VariableResolutionMethod
 from eutree.learners.vector_quantization import VectorQuantizationMethod
 from eutree.validation import check_choice
 
@@ -27,6 +28,7 @@ METHODS: dict[str, type[Method]] = {
         DensityTreeMethod,
         DistilledDQN,
         HistoryUTreeMethod,
+        VariableResolutionMethod,
     )
 }
 

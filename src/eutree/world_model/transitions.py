@@ -123,6 +123,12 @@ class Transitions:
         """Return the transitions of ``episode`` and all later ones."""
         return self._after(int(np.searchsorted(self.episodes, episode)))
 
+    def until(self, n: int) -> "Transitions":
+        """Return the first n transitions."""
+        names = ("observations", "actions", "rewards", "next_observations", "terminated",
+                 "episodes")  # fmt: skip
+        return replace(self, **{name: getattr(self, name)[:n] for name in names})
+
     def followed_by(self, episodes: Sequence[Episode]) -> "Transitions":
         """Return these transitions and those of further episodes."""
         kept = [episode for episode in episodes if len(episode)]

@@ -1,0 +1,35 @@
+"""The finite box that a partition with volumes, middles and corners needs."""
+
+import numpy as np
+
+from eutree.arrays import Floats
+from eutree.learners.learner import Problem
+from eutree.trees import DecisionTree
+
+MARGIN = 0.05  # of the range of the data, on either side
+LARGEST = 1e6  # a bound beyond is none, such as the largest float32
+
+
+def root_box(
+    problem: Problem, tree: DecisionTree, observations: Floats
+) -> tuple[Floats, Floats]:  # [d], [d]
+    """Return lower and upper corner: the bounds where finite, else the data's range and 5 %.
+
+    A feature without a range has one of 1. Thresholds of the tree lie inside.
+
+    Args:
+        problem: Its features may have bounds.
+        tree: A partition that is going to be clipped to the box.
+        observations: Where a feature has no bounds, its range is that of these, shape [N, d].
+    """
+    low, high = problem.low, problem.high
+    rows = observations if len(observations) else np.zeros((1, problem.n_features))
+    least, greatest = rows.min(axis=0), rows.max(axis=0)
+    inner = tree.feature >= 0
+    np.minimum.at(least, tree.feature[inner], tree.threshold[inner])
+    np.maximum.at(greatest, tree.feature[inner], tree.threshold[inner])
+    margin = np.where(greatest > least, MARGIN * (greatest - least), 0.5)
+    bounded = (np.abs(low) < LARGEST) & (np.abs(high) < LARGEST) & (low < high)
+    low = np.where(bounded & (low < least), low, least - margin)
+    high = np.where(bounded & (high > greatest), high, greatest + margin)
+    return low, high

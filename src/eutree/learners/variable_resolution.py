@@ -1,0 +1,312 @@
+"""Variable resolution discretization in a learned world model.
+
+R. Munos and A. Moore, *Variable Resolution Discretization in Optimal Control* (Machine Learning 49,
+2002), take the world as given; here a world model is fitted to what was lived through, in every
+update: the model, the process over the corners of the boxes, its exact solution, and boxes halved
+where a criterion says so (:mod:`eutree.discretization.influence`). The expert tree is the first
+partition, and its actions at the corners are the first policy, kept on ties.
+
+The method's own policy is a look-ahead in the model. What is shown is C4.5's tree of it.
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from eutree.arrays import Floats
+from eutree.discretization.corner_process import ModelledWorld, Solved, World, solved
+from eutree.discretization.influence import CRITERIA, refined
+from eutree.discretization.kuhn import MOST_FEATURES, Grid
+from eutree.errors import InvalidArgumentError
+from eutree.learners.episode_buffer import EpisodeBuffer, store
+from eutree.learners.history import History
+from eutree.learners.learner import Arrays, Decisions, Needs, Problem, Start, Step, Update
+from eutree.learners.model_planning import transitions_of
+from eutree.learners.relabelling import relabelled
+from eutree.learners.root_box import root_box
+from eutree.learners.stored_state import TREE, StateCheck, part, prefixed
+from eutree.policies import TreePolicy
+from eutree.trees import DecisionTree
+from eutree.validation import check_choice, check_integer, check_number
+from eutree.world_model import fit_world_models
+
+FEWEST = 8  # transitions that a model is fitted to
+
+
+@dataclass(frozen=True, kw_only=True)
+class VariableResolutionMethod:
+    """The choices of variable resolution discretization.
+
+    Attributes:
+        criterion: Where boxes are halved: "average", "nonlinearity", "disagreement", "combined",
+            "stdev_inf" or "starts" (the starts of what was demonstrated).
+        share: Share of the boxes that one refinement halves.
+        refinements: Refinements in an update.
+        max_corners: Corners (states) from which on nothing is halved.
+        discount: gamma.
+        longest: Steps that an action is held at most.
+        exploration: epsilon, the probability of a random action while gathering.
+        gathering_episodes: Episodes between two updates.
+        pessimism: Share of the gap between safe and fatal that the model takes for fatal.
+    """
+
+    name: ClassVar[str] = "vrd"
+    needs: ClassVar[Needs] = Needs(max_features=MOST_FEATURES)
+
+    criterion: str = "average"
+    share: float = 0.2
+    refinements: int = 3
+    max_corners: int = 1000
+    discount: float = 0.99
+    longest: int = 50
+    exploration: float = 0.1
+    gathering_episodes: int = 20
+    pessimism: float = 0.5
+
+    def __post_init__(self) -> None:
+        check_choice("criterion", self.criterion, CRITERIA)
+        check_number("share", self.share, low=0.0, high=1.0, low_open=True)
+        check_integer("refinements", self.refinements, low=1)
+        check_integer("max_corners", self.max_corners, low=2)
+        check_number("discount", self.discount, low=0.0, high=1.0, low_open=True)
+        check_integer("longest", self.longest, low=1)
+        check_number("exploration", self.exploration, low=0.0, high=1.0)
+        check_integer("gathering_episodes", self.gathering_episodes, low=1)
+        check_number("pessimism", self.pessimism, low=0.0, high=1.0, low_open=True, high_open=True)
+
+    def start(self, problem: Problem, start: Start) -> "VariableResolution":
+        """Return the learner at its start."""
+        learner = VariableResolution(problem, start, self)
+        if start.episodes:
+            learner.learn()
+        return learner
+
+    def restore(self, problem: Problem, start: Start, state: Arrays) -> "VariableResolution":
+        """Return the learner whose ``state()`` this was; it goes on to the same bytes."""
+        return VariableResolution.from_state(problem, start, self, state)
+
+    def check_state(self, path: str | Path, state: Arrays, problem: Problem) -> None:
+        """Raise FormatError unless ``restore`` can trust the state, which comes from a file."""
+        expected = {"solved_from": ("i", "1")}
+        if "values" in state:
+            expected |= {"values": ("f", "C"), "policy": ("i", "C"), "box": ("f", "2d")}
+        check = StateCheck(path, state, problem, expected)
+        check.finite(("values", "box"))
+        check.within({
+            "solved_from": (0, len(state["history_rewards"])),
+            "policy": (0, problem.n_actions - 1),
+        })  # fmt: skip
+        if "values" not in state:
+            return
+        try:
+            grid = _grid(state, problem.n_features)
+        except InvalidArgumentError as error:
+            raise check.refuse("box", str(error)) from None
+        check.sized("values", grid.n_corners, "the corners of the tree's boxes")
+        if state["solved_from"][0] < FEWEST:
+            raise check.refuse("solved_from", f"must be at least {FEWEST} where there are values")
+
+
+class VariableResolution:
+    """The learner of variable resolution discretization.
+
+    Args:
+        problem: Its names and bounds.
+        start: Where it begins.
+        method: How to learn.
+
+    Attributes:
+        tree: The present boxes.
+        solved: The present boxes with their values; None before the first update.
+        history: All transitions stored so far.
+    """
+
+    def __init__(self, problem: Problem, start: Start, method: VariableResolutionMethod) -> None:
+        self.method, self.n_actions = method, problem.n_actions
+        self.tree = DecisionTree.single_leaf(problem.n_features)
+        self._expert: TreePolicy | None = start.expert
+        if start.expert is not None:
+            self.tree = start.expert.tree
+        self._informed = None if start.random else start.expert
+        self._problem = problem
+        self.solved: Solved | None = None
+        self._world: World | None = None
+        self._solved_from = 0
+        self._starts = np.array([e.observations[0] for e in start.episodes if len(e)])
+        self.history = History(problem.n_features, 1)
+        for episode in start.episodes:
+            self.history.append_episode(
+                episode.observations, episode.actions, episode.rewards,
+                np.zeros(len(episode) + 1, dtype=np.int32),
+                terminated=episode.terminated, demonstrated=True,
+            )  # fmt: skip
+        self._buffer = EpisodeBuffer()
+
+    def start_episode(self, observation: Floats, generator: np.random.Generator) -> None:
+        """Begin an episode at its first observation, shape [d]; all its chance is ``generator``."""
+        self._buffer.start(observation, generator)
+
+    def act(self) -> int:
+        """Return the best action by one look ahead; a random one with epsilon."""
+        generator = self._buffer.generator
+        if generator.random() < self.method.exploration:
+            return int(generator.integers(self.n_actions))
+        if self.solved is None and self._informed is None:
+            return int(generator.integers(self.n_actions))
+        return int(self.own_policy().predict(self._buffer.present)[0])
+
+    def observe(self, step: Step) -> None:
+        """Take what came of an action."""
+        self._buffer.add(step)
+
+    def end_episode(self) -> None:
+        """Store the episode, whose last step was terminated or truncated."""
+        episode = self._buffer.finish()
+        store(self.history, episode, np.zeros(len(episode.observations), dtype=np.int32))
+
+    def discard_episode(self) -> None:
+        """Be as before ``start_episode``, to the bit; do nothing between two episodes."""
+        self._buffer.clear()
+
+    def update(self, generator: np.random.Generator) -> Update:
+        """Fit the model to all that is stored, refine, and solve."""
+        self.learn()
+        if self.solved is None:
+            return Update()
+        return Update(
+            figures={
+                "n_corners": self.solved.grid.n_corners,
+                "n_boxes": self.tree.n_leaves,
+                "model_steps": self._model_steps,
+            }
+        )
+
+    def learn(self) -> None:
+        """Fit the model and refine the boxes as often as the method says."""
+        if self.history.size < FEWEST:
+            return
+        self._solved_from = self.history.size
+        world = self._world = self._fitted()
+        before = self.solved
+        grid = self._new_grid()
+        self.solved = solved(grid, world, before=before, initial_policy=self._prior(grid))
+        self._model_steps = grid.n_corners * self.n_actions
+        for _ in range(self.method.refinements):
+            if self.solved.grid.n_corners >= self.method.max_corners:
+                break
+            finer = refined(self.solved, self._criterion(), self.method.share, self._starts)
+            if finer.tree.n_leaves == self.tree.n_leaves:
+                break
+            self.tree = finer.tree
+            prior = self._prior(finer)
+            self.solved = solved(finer, world, before=self.solved, initial_policy=prior)
+            self._model_steps += finer.n_corners * self.n_actions
+
+    def decisions(self) -> Decisions:
+        """Return C4.5's tree of the look-ahead; before there is one, the expert's tree."""
+        observations = self.history.observations
+        if self.solved is None or not len(observations):
+            if self._expert is not None:
+                return Decisions(tree=self._expert.tree, actions=self._expert.actions)
+            return Decisions(
+                tree=DecisionTree.single_leaf(self._problem.n_features),
+                actions=np.zeros(1, dtype=np.int64),
+            )
+        actions, _ = self.own_policy().predict(observations)
+        return relabelled(observations, actions, self.n_actions)
+
+    def own_policy(self) -> "LookAheadPolicy":
+        """Return the look-ahead, frozen; before there is one, the expert, or the first action."""
+        return LookAheadPolicy(self.solved, self._world, self._informed)
+
+    def state(self) -> Arrays:
+        """Return all that is known between two episodes."""
+        state: Arrays = {name: getattr(self.tree, name) for name in TREE}
+        state |= prefixed("history_", self.history.state())
+        state["solved_from"] = np.array([self._solved_from])
+        if self.solved is not None:
+            state["values"], state["policy"] = self.solved.values, self.solved.policy
+            state["box"] = np.stack(self.solved.grid.box)
+        return state
+
+    @classmethod
+    def from_state(
+        cls, problem: Problem, start: Start, method: VariableResolutionMethod, state: Arrays
+    ) -> "VariableResolution":
+        """Return the learner whose ``state()`` this was; the model is fitted again."""
+        learner = cls(problem, replace(start, episodes=()), method)
+        learner._starts = np.array([e.observations[0] for e in start.episodes if len(e)])
+        learner.history = History.from_state(
+            part(state, "history_"), DecisionTree.single_leaf(problem.n_features)
+        )
+        learner.tree = DecisionTree(problem.n_features, **{name: state[name] for name in TREE})
+        learner._solved_from = int(state["solved_from"][0])
+        if "values" in state:
+            learner._world = learner._fitted()
+            learner.solved = Solved.of(
+                _grid(state, problem.n_features), learner._world,
+                np.array(state["values"]), np.array(state["policy"]),
+            )  # fmt: skip
+        return learner
+
+    def _fitted(self) -> World:
+        """Return the world model of the transitions that were stored at the last update."""
+        data = replace(transitions_of(self.history, self.n_actions), memory=False)
+        (model,) = fit_world_models(data.until(self._solved_from), [self.method.pessimism])
+        return ModelledWorld(
+            model.without_noise(), self.n_actions, self.method.discount, self.method.longest
+        )
+
+    def _new_grid(self) -> Grid:
+        return Grid.of(self.tree, *root_box(self._problem, self.tree, self.history.observations))
+
+    def _prior(self, grid: Grid) -> Any:
+        """Return the expert's action at each corner, or None."""
+        expert = self._informed
+        return None if expert is None else expert.actions[expert.tree.leaf_index(grid.corners)]
+
+    def _criterion(self) -> str:
+        """Return the criterion; without demonstrations there are no starts that could matter."""
+        wanted = self.method.criterion
+        return "average" if wanted == "starts" and not len(self._starts) else wanted
+
+
+@dataclass(frozen=True, eq=False)
+class LookAheadPolicy:
+    """Decides by one look ahead in a world.
+
+    Attributes:
+        solved: Boxes and values; None before there are any.
+        world: Where actions lead; None with them.
+        expert: What decides in that case; None: the first action.
+    """
+
+    solved: Solved | None
+    world: World | None
+    expert: TreePolicy | None
+
+    def predict(
+        self,
+        observation: ArrayLike,
+        state: Any = None,
+        episode_start: Any = None,
+        deterministic: bool = True,
+    ) -> tuple[Any, Any]:
+        """Return the action for one observation [d] or a batch [E, d], as Stable-Baselines3."""
+        given = np.asarray(observation, dtype=np.float64)
+        rows = np.atleast_2d(given)
+        if self.solved is not None and self.world is not None:
+            actions = self.solved.actions(self.world, rows)
+        elif self.expert is not None:
+            actions = self.expert.actions[self.expert.tree.leaf_index(rows)].astype(np.int64)
+        else:
+            actions = np.zeros(len(rows), dtype=np.int64)
+        return (int(actions[0]) if given.ndim == 1 else actions), state
+
+
+def _grid(state: Arrays, n_features: int) -> Grid:
+    tree = DecisionTree(n_features, **{name: state[name] for name in TREE})
+    return Grid.of(tree, state["box"][0], state["box"][1])

@@ -1,0 +1,82 @@
+"""Compiled loops of expectation: steps of the world model without draws, actions held for long."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from eutree.arrays import Floats, Int32s, Integers
+from eutree.compiled import compiled
+from eutree.world_model._kernels import World, chance, fitted, model_leaf
+
+
+class Boxes(NamedTuple):
+    """A partition of a finite box: a tree's arrays, and the box."""
+
+    feature: Int32s  # [M] below 0 at a leaf
+    threshold: Floats  # [M]
+    left: Int32s  # [M]
+    right: Int32s  # [M]
+    leaf: Int32s  # [M]
+    low: Floats  # [d]
+    high: Floats  # [d]
+
+
+@compiled
+def expected_step(world: World, action: int, state: Floats, move: Floats) -> tuple[float, float]:
+    """Move as expected; return the expected reward and the chance that the episode goes on.
+
+    A chance of an end is not drawn: rewards of the three kinds of steps are weighed by theirs. As
+    in ``model_step``, a good end is what a bad one leaves over.
+    """
+    d = move.size
+    for i in range(d):
+        row = model_leaf(world.tests, world.thresholds, world.roots[action, i], state)
+        move[i] = fitted(world.lines, row, state)
+    for i in range(d):
+        state[i] += move[i]
+        state[d + i] = 0.0  # held actions start from places, not from movements
+    bad = chance(world, world.roots[action, d + 3], state, 0.0)
+    good = min(chance(world, world.roots[action, d + 4], state, 0.0), 1.0 - bad)
+    goes_on = max(1.0 - bad - good, 0.0)
+    reward = 0.0
+    for kind, share in enumerate((goes_on, bad, good)):
+        if share > 0.0:
+            row = model_leaf(world.tests, world.thresholds, world.roots[action, d + kind], state)
+            reward += share * fitted(world.lines, row, state)
+    return reward, goes_on
+
+
+@compiled
+def hold(
+    world: World,
+    boxes: Boxes,
+    actions: Integers,  # [N]
+    discount: float,
+    longest: int,
+    places: Floats,  # [N, d] in and out
+    weight: Floats,  # [N] out: discount^tau times the chance to go on
+    reward: Floats,  # [N] out
+    entered: Integers,  # [N] out: the box it ended in
+) -> None:
+    """Hold each action until the trajectory leaves the box it first entered."""
+    d = places.shape[1]
+    state, move = np.zeros(2 * d), np.zeros(d)
+    for n in range(places.shape[0]):
+        state[:d], state[d:] = places[n], 0.0
+        weight[n], reward[n], first = 1.0, 0.0, -1
+        for _ in range(longest):
+            earned, goes_on = expected_step(world, actions[n], state, move)
+            reward[n] += weight[n] * earned
+            weight[n] *= discount * goes_on
+            node = 0
+            for i in range(d):
+                state[i] = min(max(state[i], boxes.low[i]), boxes.high[i])
+            while boxes.feature[node] >= 0:
+                below = state[boxes.feature[node]] <= boxes.threshold[node]
+                node = boxes.left[node] if below else boxes.right[node]
+            entered[n] = boxes.leaf[node]
+            if first < 0:
+                first = entered[n]
+            if entered[n] != first or weight[n] <= 1e-12:
+                break
+        places[n] = state[:d]
