@@ -118,17 +118,20 @@ def run(case: Case, seed: int) -> dict[str, Any]:
         "leaves_curve": _joined(point.n_leaves for point in result.curve),
     }
     if case.limit:
-        pruned, report = eutree.polish(
-            result.policy,
-            result.history,
+        raced = eutree.learn(
             env,
-            steps=PRUNING_STEPS,
+            demonstrations=demonstrations,
+            expert=result.policy,
+            episodes=1,
+            race_steps=PRUNING_STEPS,
             max_leaves=case.limit,
+            evaluation_episodes=1,
             seed=seed,
         )
+        pruned = raced.policy
         end = eutree.evaluate(pruned, env, episodes=case.final, seed=1_000_000 + seed)
         row["pruned_success"], row["pruned_return"] = end.success_rate, end.mean_return
-        row["pruned_leaves"], row["pruned_steps"] = pruned.n_leaves, report.environment_steps
+        row["pruned_leaves"], row["pruned_steps"] = pruned.n_leaves, raced.environment_steps.racing
     return row
 
 
@@ -160,8 +163,8 @@ Every run is in the folder `default`.
 
 
 PRUNED = """
-The last tree pruned by `eutree.polish(..., max_leaves=15)`: races on real episodes, whose steps are
-counted here, choose among smaller trees (compression as such gives nothing up).
+The last tree pruned by `learn(..., race_steps=10_000, max_leaves=15)`: races on real episodes,
+whose steps are counted here, choose among smaller trees (compression as such gives nothing up).
 
 | case | success % | return | leaves | steps more |
 |---|---|---|---|---|

@@ -33,7 +33,12 @@ from eutree.mdp import TabularMDP
 from eutree.splitting import KolmogorovSmirnov, Maximal, Naive
 from eutree.splitting._kernels import best_of_sample
 from eutree.splitting._kernels_sorting import sorted_labels
-from eutree.training.run import EXPANSION_STREAM, EXPLORATION_STREAM, TRAINING_STREAM, generator_of
+from eutree.training.beginning import (
+    EXPANSION_STREAM,
+    EXPLORATION_STREAM,
+    TRAINING_STREAM,
+    generator_of,
+)
 
 SPLITS = {
     "maximal": replace(CORRECTED, significance=Maximal()),

@@ -4,7 +4,7 @@ Run: python benchmarks/other_tasks.py TASK [TASK ...] [--seeds 10] [--first 0] [
      [--out docs/results]
 
 For each seed 15 demonstrations of a mediocre scripted controller are recorded. From the same ones
-start `learn` with polishing, and `distill` by cloning and DAgger with C4.5 and CART; the script is
+start `learn` with racing, and `distill` by cloning and DAgger with C4.5 and CART; the script is
 the teacher. All have the same budget of environment steps, in which everything is
 counted: demonstrations, gathering, validation, races. The last tree is evaluated on 200 fresh
 episodes. The script has no action values, so VIPER's weights are equal: its rows would be DAgger's.
@@ -34,7 +34,7 @@ ITERATIONS = 8  # of DAgger
 class Task:
     """A task: its environment, who demonstrates, and what is to be reached.
 
-    ``episodes`` is how many episodes are learned before polishing; ``spent`` how many of the
+    ``episodes`` is how many episodes are learned before racing; ``spent`` how many of the
     steps allowed are spent at most, so that a run takes minutes.
     """
 
@@ -58,29 +58,23 @@ Found = dict[str, tuple[eutree.TreePolicy, int]]  # and the steps, demonstration
 
 
 def learned(task: Task, env: Any, demonstrations: eutree.Demonstrations, seed: int) -> Found:
-    """Learn, then polish to at most so many leaves with the steps that are left."""
-    result = eutree.learn(
-        env,
-        demonstrations=demonstrations,
-        episodes=task.episodes,
-        seed=seed,
-        evaluate_every=max(task.episodes, 1),
-        evaluation_episodes=1,
-    )
+    """Learn; and again, with a race to at most so many leaves for the steps that are left."""
+    options: dict[str, Any] = {
+        "demonstrations": demonstrations,
+        "episodes": task.episodes,
+        "seed": seed,
+        "evaluate_every": max(task.episodes, 1),
+        "evaluation_episodes": 1,
+    }
+    result = eutree.learn(env, **options)
     # The two frozen evaluations, of one episode each, decide nothing and are not counted.
     steps = demonstrations.n_transitions + result.steps
     plain, _ = eutree.compress(result.policy, result.history.observations)
-    policy, report = eutree.polish(
-        result.policy,
-        result.history,
-        env,
-        steps=max(task.spent - steps, 1),
-        max_leaves=task.leaves,
-        seed=seed,
-    )
+    left = max(task.spent - steps, 1)
+    raced = eutree.learn(env, race_steps=left, max_leaves=task.leaves, **options)
     return {
         "learned": (plain, steps),
-        "learned, polished": (policy, steps + report.environment_steps),
+        "learned, raced": (raced.policy, raced.environment_steps.total),
     }
 
 

@@ -18,7 +18,7 @@ import gymnasium
 
 import eutree
 from eutree.learners import PRESETS
-from eutree.training import LearningRun
+from eutree.training import Run
 
 ENVIRONMENT = "eutree/Evasion2-v0"
 
@@ -52,7 +52,7 @@ def main() -> None:
     mark = next(upcoming)
     start, last_time, last_steps = time.process_time(), 0.0, 0
 
-    def note(run: LearningRun) -> None:
+    def note(run: Run) -> None:
         nonlocal mark, last_time, last_steps
         if run.steps < mark:
             return

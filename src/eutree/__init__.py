@@ -53,10 +53,8 @@ if TYPE_CHECKING:
     from eutree.schema import Feature as Feature
     from eutree.schema import Schema as Schema
     from eutree.training import LearningResult as LearningResult
-    from eutree.training import PolishReport as PolishReport
     from eutree.training import callbacks as callbacks
     from eutree.training.learn import learn as learn
-    from eutree.training.polishing import polish as polish
     from eutree.trees import DecisionTree as DecisionTree
 
 __version__ = "0.1.0"
@@ -98,8 +96,6 @@ _PUBLIC = {
     "mdp": "eutree.mdp",
     "MissingExtraError": "eutree.errors:MissingExtraError",
     "Policy": "eutree.policies:Policy",
-    "polish": "eutree.training.polishing:polish",
-    "PolishReport": "eutree.training:PolishReport",
     "record": "eutree.interaction:record",
     "report": "eutree.report",
     "RunFolderError": "eutree.errors:RunFolderError",

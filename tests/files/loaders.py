@@ -14,9 +14,11 @@ from eutree.files import read_document
 from eutree.learners import Problem, Start, UTree
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
+from eutree.training.beginning import Beginning
 from eutree.training.checkpoint import restore_checkpoint, stored_observations
-from eutree.training.progress import GatheredEpisodes, progress_to_csv
-from eutree.training.run import Beginning, LearningRun
+from eutree.training.phases import Plan
+from eutree.training.progress import progress_to_csv
+from eutree.training.run import Run
 from eutree.training.run_folder import ConfigDocument
 from tests.files.mutations import mutate, mutate_elements, mutate_members, mutate_records
 from tests.golden.contents import METHODS
@@ -52,22 +54,17 @@ def load_observations(path):
     return stored_observations(path.parent)
 
 
-class Unstarted:
-    """A run at its start, without an environment."""
-
-    EVENT_NUMBERS = LearningRun.EVENT_NUMBERS
-
-    def __init__(self, method):
-        self.beginning = Beginning(method, Problem(Schema.anonymous(3, 2)), Start())
-        self.learner = self.beginning.learner()
-        self.gathered = GatheredEpisodes()
+def unstarted(method):
+    """Return a run at its start, without an environment."""
+    beginning = Beginning(method, Problem(Schema.anonymous(3, 2)), Start())
+    return Run(beginning, Plan(), None)
 
 
 def checkpoint_loader(name):
     """Return a loader of checkpoints that also uses what it has loaded."""
 
     def load(path):
-        run = Unstarted(METHODS[name])
+        run = unstarted(METHODS[name])
         restore_checkpoint(path, run)
         progress_to_csv(run.events, run.gathered)
         learner = run.learner

@@ -16,7 +16,7 @@ from eutree.policies import TreePolicy
 from eutree.training.checkpoint import restore_checkpoint, stored_observations, write_checkpoint
 from eutree.training.run_folder import ConfigDocument
 from tests.data.strategies import same
-from tests.files.loaders import Unstarted
+from tests.files.loaders import unstarted
 from tests.golden import contents
 
 VERSIONS = sorted(path for path in Path(__file__).parent.glob("v*") if path.is_dir())
@@ -59,7 +59,7 @@ def test_golden_runs_open(version, name, tmp_path):
     folder = version / name
     policy = TreePolicy.load(folder / "policy.json")
     assert read_document(folder / "config.json", ConfigDocument).seed == 7
-    run = Unstarted(contents.METHODS[name])
+    run = unstarted(contents.METHODS[name])
     restore_checkpoint(folder / "checkpoint.npz", run)
     problem = replace(run.beginning.problem, schema=policy.schema, environment=policy.environment)
     mine = run.learner.decisions().policy(problem)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from eutree.errors import FormatError
-from eutree.files import read_arrays, write_archive
+from eutree.files import read_archive, read_arrays, write_archive
 from eutree.files.documents import MAX_DOCUMENT
 from eutree.learners import PAPER
 from eutree.training.checkpoint import (
@@ -13,21 +13,14 @@ from eutree.training.checkpoint import (
     restore_checkpoint,
     write_checkpoint,
 )
-from tests.files.loaders import Unstarted
+from tests.files.loaders import unstarted
 from tests.golden.contents import METHODS
 from tests.golden.test_golden import VERSIONS
 
 
-def started():
-    run = Unstarted(PAPER)
-    run.episode = run.steps = 0
-    run.events = []
-    return run
-
-
 def test_a_run_with_more_to_tell_than_a_document_holds_is_saved_and_goes_on(tmp_path):
     """Once a run of a million episodes could not be saved any more."""
-    run = started()
+    run = unstarted(PAPER)
     facts = {"success_rate": None, "mean_return": 1 / 3, "n_leaves": 1, "mean_length": 2 / 3}
     splits = [{"leaf": 0, "feature": 1, "threshold": 1 / 3}] * 1000
     for episode in range(0, 6000, 20):
@@ -36,7 +29,7 @@ def test_a_run_with_more_to_tell_than_a_document_holds_is_saved_and_goes_on(tmp_
         run.events.append({"event": "evaluation", **here, **facts})
     assert len(events_to_text(run.events)) > MAX_DOCUMENT
     write_checkpoint(tmp_path / "checkpoint.npz", run)
-    again = started()
+    again = unstarted(PAPER)
     restore_checkpoint(tmp_path / "checkpoint.npz", again)
     assert again.events == run.events
     assert (len(again.curve), again.curve[-1].episode) == (300, 5980)
@@ -99,7 +92,8 @@ def test_every_damage_is_refused_with_its_array(tmp_path, damage):
     if changed is not None:
         arrays[name] = changed
     path = tmp_path / "checkpoint.npz"
-    write_archive(path, CheckpointDocument(episode=12, steps=200), arrays)
+    document, _ = read_archive(VERSIONS[-1] / run / "checkpoint.npz", CheckpointDocument)
+    write_archive(path, document, arrays)
     with pytest.raises(FormatError, match=message) as caught:
-        restore_checkpoint(path, Unstarted(METHODS[run]))
+        restore_checkpoint(path, unstarted(METHODS[run]))
     assert "\n" not in str(caught.value)

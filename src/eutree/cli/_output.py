@@ -68,6 +68,12 @@ class ProgressLine:
         if self._bar is not None:
             self._bar.stop()
 
+    def restart(self, label: str, total: int) -> None:
+        """Begin with other units."""
+        self._label, self._total, self._count = label, total, 0
+        if self._bar is not None:
+            self._bar.update(self._task, description=label, total=total, completed=0)
+
     def update(self, count: int, note: str = "") -> None:
         """Say how many of the units are done, with a short note on the present state."""
         if self._bar is not None:

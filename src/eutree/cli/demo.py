@@ -34,7 +34,7 @@ def demo(
     from rich.table import Table
 
     from eutree.experiments.demo import DemoSettings, run_demo, table_rows
-    from eutree.training import LearningRun
+    from eutree.training import Run
 
     output = Output(as_json=as_json)
     settings = DemoSettings(
@@ -47,7 +47,7 @@ def demo(
     with output.progress("learning", 2 * runs * episodes) as progress:
         gathered: dict[str, int] = {}
 
-        def follow(label: str, run: LearningRun) -> None:
+        def follow(label: str, run: Run) -> None:
             gathered[label] = run.episode
             progress.update(sum(gathered.values()), f"{label}: {run.curve[-1].describe()}")
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from eutree.cli._asking import asked, render_mode
+from eutree.cli._learning import Following, as_values, in_words
 from eutree.cli._options import (
     count_option,
     env_arg_option,
@@ -19,7 +20,6 @@ from eutree.cli._options import (
 from eutree.cli._output import Output
 from eutree.errors import InvalidArgumentError
 from eutree.schema import EnvironmentSpec
-from eutree.wording import counted
 
 if TYPE_CHECKING:
     from eutree.data import Demonstrations
@@ -36,13 +36,24 @@ if TYPE_CHECKING:
               "corrected (the default of --offline).")  # fmt: skip
 @click.option("--start", help="nothing, tree, tree+demos, demos or random-tree; by default what is "
               "given.")  # fmt: skip
-@count_option("--episodes", 400, "Episodes of experience.", least=0)
+@count_option(
+    "--episodes", None, "Episodes of experience; 400 where no other budget is given.", least=0
+)
+@count_option("--steps", None, "Most environment steps: learning, whoever is asked, and racing.")
+@click.option("--minutes", type=click.FloatRange(min=0, min_open=True),
+              help="Most minutes of the clock for learning and racing.")  # fmt: skip
 @count_option("--evaluate-every", 20, "Episodes between two frozen evaluations.")
 @count_option("--evaluation-episodes", 100, "Episodes of each frozen evaluation.")
 @count_option("--history", 0, "Previous observations that become features too.", least=0)
 @count_option(
-    "--polish-steps", 0, "Environment steps spent at the end on races of improved trees.", least=0
+    "--race-steps",
+    0,
+    "Environment steps spent at the end on policy search: challengers race the policy.",
+    least=0,
 )
+@count_option("--max-leaves", None, "Most leaves of the result.", least=2)
+@click.option("--keep-success", is_flag=True,
+              help="Replace the policy only by one that succeeds as often.")  # fmt: skip
 @count_option("--max-transitions", None, "Most transitions to remember; by default all.")
 @click.option("--ask", help="Ask for a demonstration where the learner is unsure: web, window, or "
               "a scripted expert.")  # fmt: skip
@@ -68,25 +79,18 @@ def learn(
     method: str | None,
     preset: str | None,
     start: str | None,
-    episodes: int,
-    evaluate_every: int,
-    evaluation_episodes: int,
-    history: int,
-    polish_steps: int,
-    max_transitions: int | None,
+    episodes: int | None,
+    steps: int | None,
+    race_steps: int,
     ask: str | None,
     ask_requests: int,
     ask_steps: int,
     keys: str | None,
     port: int | None,
     offline: bool,
-    resume: bool,
-    checkpoint_seconds: float | None,
-    tensorboard: Path | None,
-    strict: bool,
     env_arguments: dict[str, Any],
-    seed: int,
     as_json: bool,
+    **options: Any,
 ) -> None:
     """Learn a policy in ENVIRONMENT and write it, with all that led to it, to a run folder.
 
@@ -95,7 +99,7 @@ def learn(
     from eutree.data import Demonstrations
     from eutree.interaction.making import make
     from eutree.policies import TreePolicy
-    from eutree.training import Asking, LearningRun, OfflineRun
+    from eutree.training import Asking
     from eutree.training import learn as learn_policy
     from eutree.training.signals import stop_on_signals
 
@@ -113,15 +117,8 @@ def learn(
         stop_on_signals() as stop,
         _saying_how_to_go_on(output, stop, out),
         asked(ask, spec, env, output, stop=stop, keys=keys, port=port) as controller,
-        output.progress("learning", max(episodes, 1)) as progress,
+        output.progress("learning", 1) as progress,
     ):
-
-        def show(run: LearningRun | OfflineRun) -> None:
-            if run.curve:
-                progress.update(run.episode, run.curve[-1].describe())
-            elif run.events:
-                progress.update(len(run.events), counted(run.events[-1]["n_leaves"], "leaf"))
-
         result = learn_policy(
             env,
             demonstrations=demonstrations,
@@ -129,57 +126,19 @@ def learn(
             method=method or preset,
             start=start,
             episodes=episodes,
-            seed=seed,
-            evaluate_every=evaluate_every,
-            evaluation_episodes=evaluation_episodes,
-            history=history,
-            polish_steps=polish_steps,
-            max_transitions=max_transitions,
-            strict=strict,
+            steps=steps,
+            race_steps=race_steps,
             out=out,
-            resume=resume,
-            checkpoint_seconds=checkpoint_seconds,
-            tensorboard=tensorboard,
             ask=controller,
             asking=Asking(max_requests=ask_requests, max_steps=ask_steps),
             stop=stop,
-            on_progress=show,
+            on_progress=Following(progress),
+            **options,
         )
         if stop():
             raise KeyboardInterrupt
-    last = result.curve[-1].describe() if result.curve else counted(result.policy.n_leaves, "leaf")
-    experience = f"{counted(result.episodes, 'episode')}, {counted(result.steps, 'step')}"
-    if offline and demonstrations is not None:
-        experience = f"{counted(len(demonstrations), 'recorded episode')}, none of its own"
-    polishing = result.polishing
-    polished = ""
-    if polishing is not None:
-        polished = (
-            f"; polished to {polishing.n_leaves_after} leaves in "
-            f"{polishing.environment_steps} steps"
-        )
-    output.result(
-        {
-            "method": result.method.name,
-            "start": result.start,
-            "episodes": result.episodes,
-            "steps": result.steps,
-            "polish_steps": 0 if polishing is None else polishing.environment_steps,
-            "n_leaves": result.policy.n_leaves,
-            "path": str(out / "policy.json"),
-            "curve": [
-                {
-                    "episode": point.episode,
-                    "success_rate": point.success_rate,
-                    "mean_return": point.mean_return,
-                    "n_leaves": point.n_leaves,
-                }
-                for point in result.curve
-            ],
-        },
-        f"{result.method.name} from {result.start}: {experience}; {last}{polished}; "
-        f"written to {out}",
-    )
+    recorded = len(demonstrations) if offline and demonstrations is not None else None
+    output.result(as_values(result, out), in_words(result, out, recorded=recorded))
 
 
 @contextmanager

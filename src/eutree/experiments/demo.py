@@ -30,12 +30,12 @@ from eutree.learners.expert_tree import fit_expert_tree
 from eutree.policies import TreePolicy
 from eutree.report import RunReport, run_page
 from eutree.schema import EnvironmentSpec
-from eutree.training import LearningResult, LearningRun, learn
+from eutree.training import LearningResult, Run, learn
 from eutree.validation import check_choice
 from eutree.wording import counted
 
 Say = Callable[[str], None]
-Follow = Callable[[str, LearningRun], None]
+Follow = Callable[[str, Run], None]
 
 MARK = ".eutree-demo"
 

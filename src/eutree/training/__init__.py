@@ -1,21 +1,21 @@
-"""Learning runs: gather, expand, evaluate, and the public ``learn``."""
+"""Learning runs: gather, update, evaluate, race, and the public ``learn``."""
 
 from eutree.training.asking import Asking
 from eutree.training.checkpoint import stored_observations
+from eutree.training.judging import Judgement
 from eutree.training.learn import learn
-from eutree.training.offline import OfflineRun
-from eutree.training.polishing import PolishReport, polish
-from eutree.training.result import LearningResult
-from eutree.training.run import LearningRun, Schedule
+from eutree.training.phases import Phase, Plan
+from eutree.training.result import LearningResult, StepCounts
+from eutree.training.run import Run
 
 __all__ = [
     "Asking",
+    "Judgement",
     "LearningResult",
-    "LearningRun",
-    "OfflineRun",
-    "PolishReport",
-    "Schedule",
+    "Phase",
+    "Plan",
+    "Run",
+    "StepCounts",
     "learn",
-    "polish",
     "stored_observations",
 ]

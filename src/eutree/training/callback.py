@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from eutree.errors import InvalidArgumentError
 from eutree.learners import Step
 from eutree.policies import TreePolicy
-from eutree.training.run import LearningRun
+from eutree.training.run import Run
 
 
 class Logger:
@@ -45,7 +45,7 @@ class TrainingModel:
 
     reads_features = True
 
-    def __init__(self, run: LearningRun, env: gymnasium.Env[Any, Any]) -> None:
+    def __init__(self, run: Run, env: gymnasium.Env[Any, Any]) -> None:
         self.run = run
         self.env = env
         self.logger = Logger(run.recorded)
@@ -269,9 +269,7 @@ class CallbackListener:
         env: The environment that it gathers in.
     """
 
-    def __init__(
-        self, callback: CallbackLike, run: LearningRun, env: gymnasium.Env[Any, Any]
-    ) -> None:
+    def __init__(self, callback: CallbackLike, run: Run, env: gymnasium.Env[Any, Any]) -> None:
         self._callback = as_callback(callback)
         self._callback.init_callback(TrainingModel(run, env))
 

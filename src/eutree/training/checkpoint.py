@@ -20,9 +20,19 @@ from eutree.arrays import Floats
 from eutree.errors import FormatError
 from eutree.evaluation import CurvePoint
 from eutree.files import Document, read_archive, write_archive
-from eutree.training.offline import OfflineRun
+from eutree.training.judging import Judgement
+from eutree.training.phases import Position
 from eutree.training.progress import GatheredEpisodes, progress_to_csv
-from eutree.training.run import LearningRun
+from eutree.training.race_state import (
+    Count,
+    PolicyText,
+    RaceDocument,
+    episodes_from_arrays,
+    episodes_to_arrays,
+    race_from_document,
+    race_to_document,
+)
+from eutree.training.run import Run
 
 CHECKPOINT = "checkpoint.npz"
 _EVENTS = "run_events"
@@ -39,21 +49,55 @@ class PointDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     n_leaves: int
 
 
+class PositionDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Where a run stood between two phases; see ``Position``."""
+
+    episode: Count
+    steps: Count
+    teacher_steps: Count
+    racing_steps: Count
+    longest: Count
+    seconds: float
+    challengers: Count
+    updates: Count
+    updated_at: int
+    evaluated_at: int
+    settled: bool
+    raced: bool
+    judged: bool
+
+
+class KeptDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The policy that success must not fall from, and how often it succeeded."""
+
+    policy: PolicyText
+    successes: Count
+
+
 class CheckpointDocument(Document, frozen=True, kw_only=True):
     """Where a run stood at the end of an episode; the arrays beside it are the learner's."""
 
     FORMAT: ClassVar[str] = "eutree/checkpoint"
     VERSION: ClassVar[int] = 2
 
-    episode: int
-    steps: int
+    position: PositionDocument
+    kept: KeptDocument | None = None
+    result: PolicyText | None = None
+    race: RaceDocument | None = None
 
 
-def write_checkpoint(path: Path, run: LearningRun | OfflineRun) -> None:
+def write_checkpoint(path: Path, run: Run) -> None:
     """Write where a run stands, atomically."""
-    document = CheckpointDocument(episode=run.episode, steps=run.steps)
+    document = CheckpointDocument(
+        position=PositionDocument(**vars(run.at)),
+        kept=None if run.kept is None else KeptDocument(PolicyText.of(run.kept[0]), run.kept[1]),
+        result=None if run.result is None else PolicyText.of(run.result),
+        race=None if run.search is None else race_to_document(run.search.state),
+    )
     events = np.frombuffer(events_to_text(run.events).encode(), dtype=np.uint8)
     arrays = run.learner.state() | run.gathered.state() | {_EVENTS: events}
+    if run.search is not None:
+        arrays |= episodes_to_arrays(run.search.all_episodes)
     write_archive(path, document, arrays, limit=MAX_CHECKPOINT)
 
 
@@ -62,7 +106,7 @@ def events_to_text(events: Sequence[Mapping[str, Any]]) -> str:
     return "".join(json.dumps(event, allow_nan=False) + "\n" for event in events)
 
 
-def restore_checkpoint(path: Path, run: LearningRun | OfflineRun) -> None:
+def restore_checkpoint(path: Path, run: Run) -> None:
     """Bring ``run``, at its start, to where the checkpoint stands.
 
     Raises:
@@ -72,14 +116,32 @@ def restore_checkpoint(path: Path, run: LearningRun | OfflineRun) -> None:
     beginning = run.beginning
     method, problem = beginning.method, beginning.problem
     gathered, events = _gathered(path, arrays), _events(path, arrays)
+    raced = []
+    if document.race is not None:
+        raced = episodes_from_arrays(path, arrays, problem.n_actions, problem.n_features)
     method.check_state(path, arrays, problem)
-    if document.episode < 0 or document.steps < 0:
-        raise FormatError(path, "episode", "must not be negative")
-    _check_events(path, events, run.EVENT_NUMBERS, gathered)
+    _check_events(path, events, gathered)
     run.learner = method.restore(problem, beginning.start, arrays)
-    run.episode, run.steps = document.episode, document.steps
+    run.at = Position(**msgspec.structs.asdict(document.position))
     run.curve = [_point(path, event) for event in events if event["event"] == "evaluation"]
+    judged = [_judgement(path, event) for event in events if event["event"] == "judgement"]
+    run.judgement = judged[-1] if judged else None
     run.events, run.gathered = events, gathered
+    if document.kept is not None:
+        run.kept = document.kept.policy.policy(path), document.kept.successes
+    if document.result is not None:
+        run.result = document.result.policy(path)
+    if document.race is not None:
+        state = race_from_document(document.race, path, len(raced))
+        run.search = run.new_search()
+        run.search.restore(state, raced)
+
+
+def _judgement(path: Path, event: dict[str, Any]) -> Judgement:
+    try:
+        return Judgement.from_facts(event)
+    except (KeyError, TypeError, ValueError) as error:
+        raise FormatError(path, _EVENTS, f"a judgement: {error!r}") from None
 
 
 def stored_observations(path: str | Path) -> Floats:
@@ -135,18 +197,14 @@ def _point(path: Path, event: Mapping[str, Any]) -> CurvePoint:
         raise FormatError(path, _EVENTS, f"an evaluation: {error}") from None
 
 
-def _check_events(
-    path: Path, events: list[dict[str, Any]], numbers: tuple[str, ...], gathered: GatheredEpisodes
-) -> None:
-    """Raise FormatError unless each event has a name and the whole numbers that runs go by."""
+def _check_events(path: Path, events: list[dict[str, Any]], gathered: GatheredEpisodes) -> None:
+    """Raise FormatError unless each event has a name and an episode, and tells its kind's facts."""
     for place, event in enumerate(events, 1):
+        where = f"{_EVENTS}, line {place}"
         if not isinstance(event.get("event"), str):
-            raise FormatError(path, f"{_EVENTS}, line {place}", "event must be a name")
-        for name in numbers:
-            if type(event.get(name)) is not int:
-                raise FormatError(
-                    path, f"{_EVENTS}, line {place}", f"{name} must be a whole number"
-                )
+            raise FormatError(path, where, "event must be a name")
+        if type(event.get("episode")) is not int:
+            raise FormatError(path, where, "episode must be a whole number")
     try:
         progress_to_csv(events, gathered)
     except (KeyError, TypeError, ValueError, OverflowError) as error:

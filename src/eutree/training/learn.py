@@ -1,8 +1,9 @@
 """Learn a tree policy: from demonstrations or from nothing, in an environment."""
 
+import hashlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -10,7 +11,7 @@ import gymnasium
 
 from eutree.data import Demonstrations, check_rewards
 from eutree.errors import InvalidArgumentError
-from eutree.evaluation import evaluate
+from eutree.evaluation import Evaluation, evaluate
 from eutree.interaction import GuardedEnv
 from eutree.interaction.decoding import warn_of_codes
 from eutree.interaction.requests import Controller
@@ -20,23 +21,19 @@ from eutree.learners.learner import Start, check_fits
 from eutree.learners.registry import to_document
 from eutree.policies import Policy, TreePolicy
 from eutree.training.asking import Asking, questions_for
+from eutree.training.beginning import START_STREAM, Arena, Beginning, generator_of
 from eutree.training.callback import CallbackLike, CallbackListener
-from eutree.training.offline import OfflineRun
-from eutree.training.polishing import PolishReport, polish
-from eutree.training.result import LearningResult
-from eutree.training.run import (
-    START_STREAM,
-    Beginning,
-    Evaluator,
-    LearningRun,
-    Schedule,
-    generator_of,
-)
+from eutree.training.phases import MANY, Plan
+from eutree.training.proposals import SearchSettings
+from eutree.training.result import LearningResult, StepCounts
+from eutree.training.run import Run
 from eutree.training.run_folder import ConfigDocument, RunFolder, SavingClock
 from eutree.training.tensorboard import TensorBoardLog
 from eutree.validation import check_integer, check_number
 
-Progress = Callable[[Any], None]  # takes the LearningRun or OfflineRun
+Progress = Callable[[Run], None]
+
+EPISODES = 400  # where no budget is named
 
 
 def learn(
@@ -46,12 +43,16 @@ def learn(
     expert: TreePolicy | None = None,
     method: str | Method | None = None,
     start: str | None = None,
-    episodes: int = 400,
+    episodes: int | None = None,
+    steps: int | None = None,
+    minutes: float | None = None,
+    race_steps: int = 0,
+    max_leaves: int | None = None,
+    keep_success: bool = False,
     seed: int = 0,
     evaluate_every: int = 20,
     evaluation_episodes: int = 100,
     history: int = 0,
-    polish_steps: int = 0,
     max_transitions: int | None = None,
     strict: bool = False,
     out: str | Path | None = None,
@@ -78,13 +79,23 @@ def learn(
         start: Where learning begins: ``"nothing"``, ``"tree"``, ``"tree+demos"``, ``"demos"`` or
             ``"random-tree"``; the paper's C. U-Tree, EU-Tree - DT and EU-Tree are the first
             three. By default what is given.
-        episodes: Episodes of experience; offline, the most expansion phases.
+        episodes: Most episodes of experience; offline, the most updates. 400 where no other budget
+            is given, else as many as that allows.
+        steps: Most environment steps of the run: those of learning, of whoever is asked, and of
+            racing, without demonstrations and evaluations. An episode begins only if the longest
+            possible one still fits.
+        minutes: Most minutes of the clock for learning and racing. What is learned then depends
+            on the machine; everything else repeats byte for byte.
+        race_steps: Environment steps spent at the end on policy search with racing: trees proposed
+            by several world models, prunings and random changes prove themselves against the
+            policy in episodes with common starts. They are part of ``steps``.
+        max_leaves: Most leaves of the result; for methods that plan, or with ``race_steps``.
+        keep_success: Replace the policy only by one that succeeds as often, in the same episodes.
         seed: The same seed gives the same result, byte for byte.
         evaluate_every: Episodes between two frozen evaluations.
         evaluation_episodes: Episodes of each frozen evaluation.
         history: Number of previous observations that become features too, for what one
             observation does not show, such as a direction of movement.
-        polish_steps: Environment steps spent at the end on ``eutree.polish``.
         max_transitions: Most transitions that the learner remembers between two episodes, so that
             a run of any length takes bounded memory: a uniform sample of those of each leaf and
             action or, with planning, whole episodes. None leaves it to ``method``.
@@ -112,15 +123,26 @@ def learn(
         RunFolderError: ``out`` is in use, or holds a run and ``resume`` is False.
     """
     check_integer("evaluation_episodes", evaluation_episodes, low=1)
-    check_integer("polish_steps", polish_steps, low=0)
     if env is None:
-        _check_acts_nowhere(polish_steps, ask)
+        _check_acts_nowhere(race_steps, ask, keep_success=keep_success)
     if checkpoint_seconds is not None:
         check_number("checkpoint_seconds", checkpoint_seconds, low=0.0)
     asking = asking or Asking()
     clock = SavingClock(checkpoint_seconds)
-    schedule = Schedule(episodes=episodes, evaluate_every=evaluate_every, seed=seed)
     chosen = _method(method, offline=env is None, max_transitions=max_transitions)
+    if max_leaves is not None:
+        chosen = _with_limit(chosen, max_leaves, races=race_steps > 0)
+    race = SearchSettings(steps=race_steps, max_leaves=max_leaves, keep_success=keep_success)
+    plan = Plan(
+        episodes=_episodes(episodes, steps, minutes),
+        steps=steps,
+        seconds=None if minutes is None else 60.0 * check_number("minutes", minutes, low=0.0),
+        evaluate_every=evaluate_every,
+        gathers=env is not None,
+        race=race if race_steps else None,
+        keep_success=keep_success,
+        seed=seed,
+    )
     if demonstrations is not None and history:
         demonstrations = demonstrations.with_history(history)
     offline = env is None
@@ -138,45 +160,46 @@ def learn(
     begin = _start(start, problem, demonstrations, expert, seed=seed, offline=offline)
     check_fits(chosen, problem, begin, offline=offline)
     beginning = Beginning(chosen, problem, begin)
-    run: LearningRun | OfflineRun
-    if env is None:
-        run = OfflineRun(beginning, seed=seed, max_updates=episodes)
-    else:
-        run = LearningRun(
-            beginning,
-            guarded,
-            schedule,
-            _evaluator(env, evaluation_episodes),
-            stop=stop,
-            questions=questions_for(ask, asking, out),
-        )
+    _check_races(plan, begin)
+    run = Run(
+        beginning,
+        plan,
+        None if env is None else Arena(guarded, _evaluator(env, evaluation_episodes)),
+        stop=stop,
+        questions=questions_for(ask, asking, out),
+    )
     config = ConfigDocument(
         environment=environment,
         method=to_document(chosen),
         start=begin.name,
-        episodes=schedule.episodes,
-        evaluate_every=schedule.evaluate_every,
+        episodes=plan.episodes,
+        steps=steps,
+        minutes=minutes,
+        evaluate_every=evaluate_every,
         evaluation_episodes=evaluation_episodes,
         history=history,
-        seed=schedule.seed,
+        seed=seed,
         demonstrations="" if demonstrations is None else demonstrations.digest,
+        expert="" if expert is None else hashlib.sha256(expert.to_bytes()).hexdigest(),
         asking="" if ask is None else repr(asking),
+        strict=strict,
+        race=None if plan.race is None else asdict(plan.race),
+        keep_success=keep_success,
     )
     listener = None if callback is None else _listener(callback, run, env)
     if out is None:
         with _followed(run, listener, tensorboard) as follow:
             _go_on(run, None, clock, (follow, on_progress))
-        policy, polished = _polished(run, env, polish_steps, seed)
     else:
         with RunFolder(out, config, resume=resume) as folder:
-            folder.save_start(begin.expert)
             folder.load_checkpoint(run)
+            folder.save_start(begin.expert)
             with _followed(run, listener, tensorboard) as follow:
                 _go_on(run, folder, clock, (follow, on_progress))
-            policy, polished = _polished(run, env, polish_steps, seed)
-            folder.save_result(policy)
+            folder.save_result(run.policy())
+    recorded_steps = 0 if demonstrations is None else sum(map(len, begin.episodes))
     return LearningResult(
-        policy=policy,
+        policy=run.policy(),
         expert=begin.expert,
         curve=tuple(run.curve),
         history=run.learner.history,
@@ -184,40 +207,76 @@ def learn(
         start=begin.name,
         episodes=run.episode,
         steps=run.steps,
-        polishing=polished,
+        environment_steps=StepCounts(
+            demonstrations=recorded_steps,
+            teacher=run.at.teacher_steps,
+            learning=run.steps - run.at.teacher_steps,
+            racing=run.at.racing_steps,
+        ),
+        challengers=run.challengers,
+        against_start=run.judgement,
     )
 
 
-def _polished(
-    run: LearningRun | OfflineRun,
-    env: gymnasium.Env[Any, Any] | None,
-    steps: int,
-    seed: int,
-) -> tuple[TreePolicy, PolishReport | None]:
-    """Return the run's policy, polished if that was asked for and the run is at its end."""
-    if env is None or not steps or isinstance(run, OfflineRun) or run.stopped:
-        return run.policy(), None
-    return polish(run.policy(), run.learner.history, env, steps=steps, seed=seed)
+def _episodes(episodes: int | None, steps: int | None, minutes: float | None) -> int:
+    """Return the most episodes: the usual number only where nothing else ends the run."""
+    if episodes is not None:
+        return episodes
+    return EPISODES if steps is None and minutes is None else MANY
 
 
-def _check_acts_nowhere(polish_steps: int, ask: Policy | Controller | None) -> None:
-    """Raise InvalidArgumentError for what needs an environment to act in."""
-    if polish_steps:
+def _with_limit(method: Method, max_leaves: int, *, races: bool) -> Method:
+    """Return a method whose trees have at most so many leaves."""
+    check_integer("max_leaves", max_leaves, low=2)
+    planner = getattr(method, "planner", None)
+    if planner is None:
+        if races:
+            return method
         raise InvalidArgumentError(
-            f"polish_steps must be 0 without an environment to run them in, got {polish_steps}"
+            f"max_leaves must be None for method {method.name!r} without race_steps, "
+            f"got {max_leaves}"
         )
+    improvement = replace(planner.improvement, max_leaves=max_leaves)
+    limited = replace(planner, improvement=improvement)
+    return cast(Method, replace(cast(Any, method), planner=limited))
+
+
+def _check_races(plan: Plan, start: Start) -> None:
+    """Raise InvalidArgumentError for a race that would have nothing to go by."""
+    if plan.race_steps and not (plan.episodes or start.episodes):
+        raise InvalidArgumentError(
+            "race_steps needs stored transitions: give demonstrations or at least one episode"
+        )
+    if plan.steps is not None and plan.race_steps > plan.steps:
+        raise InvalidArgumentError(
+            f"race_steps must be at most steps, {plan.steps}, got {plan.race_steps}"
+        )
+
+
+def _check_acts_nowhere(
+    race_steps: int, ask: Policy | Controller | None, *, keep_success: bool
+) -> None:
+    """Raise InvalidArgumentError for what needs an environment to act in."""
+    if race_steps:
+        raise InvalidArgumentError(
+            f"race_steps must be 0 without an environment to run them in, got {race_steps}"
+        )
+    if keep_success:
+        raise InvalidArgumentError("keep_success must be False without an environment, got True")
     if ask is not None:
         raise InvalidArgumentError("ask must be None without an environment: nothing is acted in")
 
 
-def _evaluator(env: gymnasium.Env[Any, Any], episodes: int) -> Evaluator:
+def _evaluator(
+    env: gymnasium.Env[Any, Any], episodes: int
+) -> Callable[[TreePolicy, int], Evaluation]:
     return lambda policy, seed: evaluate(policy, env, episodes=episodes, seed=seed)
 
 
 def _listener(
-    callback: CallbackLike, run: LearningRun | OfflineRun, env: gymnasium.Env[Any, Any] | None
+    callback: CallbackLike, run: Run, env: gymnasium.Env[Any, Any] | None
 ) -> CallbackListener:
-    if env is None or isinstance(run, OfflineRun):
+    if env is None:
         raise InvalidArgumentError(
             "callback must be None for offline learning, which takes no steps"
         )
@@ -227,7 +286,7 @@ def _listener(
 
 @contextmanager
 def _followed(
-    run: LearningRun | OfflineRun, listener: CallbackListener | None, tensorboard: str | Path | None
+    run: Run, listener: CallbackListener | None, tensorboard: str | Path | None
 ) -> Iterator[Progress | None]:
     """Let callbacks and TensorBoard follow the run; yield what to call when something happened."""
     log = None if tensorboard is None else TensorBoardLog(tensorboard, run)
@@ -243,7 +302,7 @@ def _followed(
 
 
 def _go_on(
-    run: LearningRun | OfflineRun,
+    run: Run,
     folder: RunFolder | None,
     clock: SavingClock,
     followers: Sequence[Progress | None],

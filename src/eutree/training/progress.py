@@ -33,6 +33,8 @@ COLUMNS = (
     "eval/n_leaves",
 )
 
+SILENT = ("request", "kept", "judgement")  # events without values over time
+
 _UNKNOWN = -1  # an episode of an environment that reports no success
 
 
@@ -81,8 +83,10 @@ def values_of(event: Mapping[str, Any], episodes: GatheredEpisodes) -> Values:
     """Return what one event of a run says, under SB3's names."""
     if event["event"] == "record":
         return dict(event["values"])
-    if event["event"] == "request":
+    if event["event"] in SILENT:
         return {}
+    if event["event"] == "race":
+        return {f"race/{name}": event[name] for name in ("n_leaves", "tried", "won")}
     if event["event"] == "evaluation":
         return {
             "eval/mean_ep_length": event.get("mean_length"),
@@ -90,9 +94,11 @@ def values_of(event: Mapping[str, Any], episodes: GatheredEpisodes) -> Values:
             "eval/success_rate": event["success_rate"],
             "eval/n_leaves": event["n_leaves"],
         }
-    splits = event.get("n_splits", len(event.get("splits", ())))
-    values: Values = {"train/n_leaves": event.get("n_leaves"), "train/n_splits": splits}
-    return values | (episodes.means(event["episode"]) if "episode" in event else {})
+    values: Values = {
+        "train/n_leaves": event.get("n_leaves"),
+        "train/n_splits": len(event.get("splits", ())),
+    }
+    return values | (episodes.means(event["episode"]) if episodes.lengths else {})
 
 
 def progress_to_csv(events: Sequence[Mapping[str, Any]], episodes: GatheredEpisodes) -> str:
@@ -105,7 +111,7 @@ def progress_to_csv(events: Sequence[Mapping[str, Any]], episodes: GatheredEpiso
     iterations = 0
     for event in events:
         pending |= values_of(event, episodes)
-        if event["event"] in ("record", "request"):
+        if event["event"] in ("record", *SILENT):
             continue
         iterations += event["event"] == "expansion"
         time: Values = {
@@ -113,7 +119,8 @@ def progress_to_csv(events: Sequence[Mapping[str, Any]], episodes: GatheredEpiso
             "time/episodes": event.get("episode"),
             "time/total_timesteps": event.get("steps"),
         }
-        together = rows and "episode" in event and rows[-1]["time/episodes"] == event["episode"]
+        is_new = not rows or event["event"] in ("expansion", "race")
+        together = not is_new and rows[-1]["time/episodes"] == event.get("episode")
         if together:
             rows[-1] |= pending | time
         else:

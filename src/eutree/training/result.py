@@ -6,8 +6,30 @@ from eutree.display import Displayed
 from eutree.evaluation import CurvePoint
 from eutree.learners import History, Method
 from eutree.policies import TreePolicy
-from eutree.training.polishing import PolishReport
+from eutree.training.judging import Judgement
 from eutree.wording import counted
+
+
+@dataclass(frozen=True)
+class StepCounts:
+    """Environment steps by what they were for; those of frozen evaluations are not counted.
+
+    Attributes:
+        demonstrations: Recorded before the run.
+        teacher: Taken by whoever was asked while learning.
+        learning: Taken by the learner.
+        racing: Taken by trees that raced.
+    """
+
+    demonstrations: int = 0
+    teacher: int = 0
+    learning: int = 0
+    racing: int = 0
+
+    @property
+    def total(self) -> int:
+        """All of them."""
+        return self.demonstrations + self.teacher + self.learning + self.racing
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,8 +44,10 @@ class LearningResult(Displayed):
         method: How it learned.
         start: Where it began: "nothing", "tree", "tree+demos", "demos" or "random-tree".
         episodes: Episodes of experience, without those of evaluations.
-        steps: Environment steps of experience, without those of evaluations and polishing.
-        polishing: What polishing did at the end; None without.
+        steps: Environment steps of experience, without those of evaluations and racing.
+        environment_steps: Environment steps by what they were for.
+        challengers: Trees that were put to the test.
+        against_start: What was gained against the start; None offline, and where the run stopped.
     """
 
     policy: TreePolicy
@@ -34,7 +58,9 @@ class LearningResult(Displayed):
     start: str
     episodes: int
     steps: int
-    polishing: PolishReport | None = None
+    environment_steps: StepCounts
+    challengers: int = 0
+    against_start: Judgement | None = None
 
     def __repr__(self) -> str:
         """Return the result in one line; the stored transitions would be pages."""

@@ -39,12 +39,12 @@ from eutree.training.checkpoint import (
     restore_checkpoint,
     write_checkpoint,
 )
-from eutree.training.offline import OfflineRun
 from eutree.training.progress import progress_to_csv
-from eutree.training.run import LearningRun
+from eutree.training.run import Run
 
 MIN_SAVING_INTERVAL = 1.0  # seconds
 SHARE = 20
+_LENGTH = ("episodes", "steps", "minutes")  # which may be another when a run is resumed
 
 
 class ConfigDocument(Document, frozen=True, kw_only=True):
@@ -57,12 +57,18 @@ class ConfigDocument(Document, frozen=True, kw_only=True):
     method: dict[str, Any]
     start: str
     episodes: int
+    steps: int | None = None
+    minutes: float | None = None
     evaluate_every: int
     evaluation_episodes: int
     history: int
     seed: int
     demonstrations: str
+    expert: str = ""
     asking: str = ""
+    strict: bool = False
+    race: dict[str, Any] | None = None
+    keep_success: bool = False
 
 
 class SavingClock:
@@ -131,11 +137,12 @@ class RunFolder:
         os.close(self._lock)
 
     def save_start(self, expert: TreePolicy | None) -> None:
-        """Write the expert tree."""
-        if expert is not None:
-            expert.save(self.path / "expert.json")
+        """Write the expert tree, if it is not there; one that is there is never replaced."""
+        path = self.path / "expert.json"
+        if expert is not None and not path.exists():
+            expert.save(path)
 
-    def save_checkpoint(self, run: LearningRun | OfflineRun) -> None:
+    def save_checkpoint(self, run: Run) -> None:
         """Write all that is needed to go on from here, and the curve so far."""
         write_checkpoint(self.path / CHECKPOINT, run)
         write_text(self.path / "curve.csv", curve_to_csv(run.curve))
@@ -143,12 +150,17 @@ class RunFolder:
         write_text(self.path / "progress.csv", progress)
         write_text(self.path / "events.jsonl", events_to_text(run.events))
 
-    def load_checkpoint(self, run: LearningRun | OfflineRun) -> bool:
+    def load_checkpoint(self, run: Run) -> bool:
         """Bring ``run`` to where the checkpoint stands; return whether there is one."""
         path = self.path / CHECKPOINT
         if not path.exists():
             return False
         restore_checkpoint(path, run)
+        if run.at.raced and self._longer:
+            raise RunFolderError(
+                f"{self.path}: the run has raced after {run.episode} episodes and cannot gather "
+                "more; start another one from its policy"
+            )
         return True
 
     def save_result(self, policy: TreePolicy) -> None:
@@ -157,6 +169,7 @@ class RunFolder:
 
     def _open(self, config: ConfigDocument, *, resume: bool) -> None:
         remove_orphans(self.path)
+        self._longer = False
         path = self.path / "config.json"
         if not path.exists():
             write_document(path, config)
@@ -166,12 +179,14 @@ class RunFolder:
                 f"{self.path} already holds a run; go on with it (--resume) or choose another "
                 "folder"
             )
-        _check_same(path, read_document(path, ConfigDocument), config)
+        found = read_document(path, ConfigDocument)
+        _check_same(path, found, config)
+        self._longer = any(getattr(found, name) != getattr(config, name) for name in _LENGTH)
 
 
 def _check_same(path: Path, found: ConfigDocument, wanted: ConfigDocument) -> None:
     """Raise RunFolderError unless the run was started as it is resumed; its length may differ."""
-    free = ("format", "version", "made_by", "episodes", "method")
+    free = ("format", "version", "made_by", "method", *_LENGTH)
     names = [name for name in ConfigDocument.__struct_fields__ if name not in free]
     pairs = {name: (repr(getattr(found, name)), repr(getattr(wanted, name))) for name in names}
     pairs |= _choices(_method(path, found), wanted.method)

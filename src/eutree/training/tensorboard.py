@@ -6,9 +6,8 @@ from typing import Any
 
 from eutree.errors import InvalidArgumentError, MissingExtraError
 from eutree.files import make_folder
-from eutree.training.offline import OfflineRun
 from eutree.training.progress import values_of
-from eutree.training.run import LearningRun
+from eutree.training.run import Run
 
 
 class TensorBoardLog:
@@ -26,7 +25,7 @@ class TensorBoardLog:
         MissingExtraError: tensorboardX is not installed.
     """
 
-    def __init__(self, path: str | Path, run: LearningRun | OfflineRun) -> None:
+    def __init__(self, path: str | Path, run: Run) -> None:
         try:
             from tensorboardX import SummaryWriter
         except ImportError:
@@ -39,9 +38,9 @@ class TensorBoardLog:
             )
         self._run = run
         self._start = time.monotonic()
-        self._steps_before = run.steps
+        self._steps_before = run.num_timesteps
         # What the folder holds of this step and later ones does not count any more.
-        self._first_step = len(run.events) if isinstance(run, OfflineRun) else run.steps
+        self._first_step = run.num_timesteps if run.plan.gathers else run.at.updates
         self._n_events = self._iterations = 0
         self._writer: Any = SummaryWriter(
             str(folder),
@@ -54,7 +53,7 @@ class TensorBoardLog:
         """Write what happened since the last call."""
         for event in self._run.events[self._n_events :]:
             self._iterations += event["event"] == "expansion"
-            step = event.get("steps", self._iterations)
+            step = event["steps"] if self._run.plan.gathers else self._iterations
             if step >= self._first_step:
                 values = values_of(event, self._run.gathered)
                 if event["event"] == "expansion":
@@ -70,7 +69,7 @@ class TensorBoardLog:
 
     def _times(self) -> dict[str, float | int | None]:
         elapsed = max(time.monotonic() - self._start, 1e-9)
-        steps = self._run.steps - self._steps_before
+        steps = self._run.num_timesteps - self._steps_before
         return {
             "time/episodes": self._run.episode,
             "time/fps": steps / elapsed,

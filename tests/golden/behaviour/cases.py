@@ -60,7 +60,7 @@ def behaviour(preset, start, task, seed):
         episodes=setting.episodes,
         evaluate_every=20,
         evaluation_episodes=5,
-        polish_steps=RACING_STEPS[task] if preset.endswith("-raced") else 0,
+        race_steps=RACING_STEPS[task] if preset.endswith("-raced") else 0,
         seed=seed,
     )
     policy, history = result.policy, result.history

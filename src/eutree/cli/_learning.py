@@ -1,0 +1,116 @@
+"""What ``eutree learn`` says: how a run goes, what came of it."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from eutree.cli._output import ProgressLine
+from eutree.wording import counted
+
+if TYPE_CHECKING:
+    from eutree.training import LearningResult, Run
+
+STARTS = {"nothing": "a single leaf"}  # others began with a tree
+
+
+class Following:
+    """Shows where a run stands: how much of the budget is used, and its present policy.
+
+    Args:
+        progress: The line to show it on.
+    """
+
+    def __init__(self, progress: ProgressLine) -> None:
+        self._progress = progress
+        self._label = ""
+
+    def __call__(self, run: "Run") -> None:
+        """Show where the run stands now."""
+        label, count, total = progress_of(run)
+        if label != self._label:
+            self._progress.restart(label, max(total, 1))
+            self._label = label
+        self._progress.update(count, present(run))
+
+
+def progress_of(run: "Run") -> tuple[str, int, int]:
+    """Return what is under way, how much of its budget is used, and that budget."""
+    from eutree.training.phases import MANY
+
+    plan, at = run.plan, run.at
+    if run.search is not None and plan.race is not None:
+        return "racing", at.racing_steps, plan.race.steps
+    if not plan.gathers:
+        return "learning", at.updates, plan.episodes
+    if plan.episodes < MANY:
+        return "learning", at.episode, plan.episodes
+    if plan.steps is not None:
+        return "learning", at.steps, plan.steps - plan.race_steps
+    return "learning", int(at.seconds), int(plan.seconds or 0)
+
+
+def present(run: "Run") -> str:
+    """Return the present policy in a few words: its size, and the last that is known of it."""
+    if run.search is not None:
+        state = run.search.state
+        leaves = counted(state.incumbent.n_leaves, "leaf")
+        return f"{leaves}, {state.won} of {state.tried} challengers won"
+    sizes = (event["n_leaves"] for event in reversed(run.events) if "n_leaves" in event)
+    leaves = counted(next(sizes, run.first.n_leaves), "leaf")
+    if not run.curve:
+        return leaves
+    point = run.curve[-1]
+    if run.at.updated_at <= point.episode:
+        return point.describe()
+    return f"{leaves}; at episode {point.episode}: {point.describe()}"
+
+
+def as_values(result: "LearningResult", out: Path) -> dict[str, Any]:
+    """Return a result for ``--json``."""
+    steps, judgement = result.environment_steps, result.against_start
+    return {
+        "method": result.method.name,
+        "start": result.start,
+        "episodes": result.episodes,
+        "steps": result.steps,
+        "environment_steps": {
+            "demonstrations": steps.demonstrations,
+            "teacher": steps.teacher,
+            "learning": steps.learning,
+            "racing": steps.racing,
+            "total": steps.total,
+        },
+        "n_leaves": result.policy.n_leaves,
+        "challengers": result.challengers,
+        "against_start": None if judgement is None else judgement.facts(),
+        "path": str(out / "policy.json"),
+        "curve": [
+            {
+                "episode": point.episode,
+                "success_rate": point.success_rate,
+                "mean_return": point.mean_return,
+                "n_leaves": point.n_leaves,
+            }
+            for point in result.curve
+        ],
+    }
+
+
+def in_words(result: "LearningResult", out: Path, *, recorded: int | None) -> str:
+    """Return a result in a sentence: what it cost, what it is, what was gained.
+
+    Args:
+        result: The result.
+        out: Where it was written.
+        recorded: Recorded episodes that all was learned from; None if it gathered its own.
+    """
+    last = result.curve[-1].describe() if result.curve else counted(result.policy.n_leaves, "leaf")
+    experience = f"{counted(result.episodes, 'episode')}, {counted(result.steps, 'step')}"
+    if recorded is not None:
+        experience = f"{counted(recorded, 'recorded episode')}, none of its own"
+    racing = result.environment_steps.racing
+    raced = f" and {racing} of racing" if racing else ""
+    words = f"{result.method.name} from {result.start}: {experience}{raced}; {last}"
+    if result.against_start is not None:
+        start = STARTS.get(result.start, "the tree that it started from")
+        words += f"; {result.against_start.describe(start)}"
+    return f"{words}; written to {out}"

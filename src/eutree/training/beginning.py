@@ -1,0 +1,75 @@
+"""What a run begins with, where it acts, who follows it, and where its chance comes from."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from eutree.evaluation import Evaluation
+from eutree.interaction import GuardedEnv
+from eutree.learners import Learner, Method, Problem, Start, Step
+from eutree.policies import TreePolicy
+
+TRAINING_STREAM = 2
+EXPLORATION_STREAM = 3
+EXPANSION_STREAM = 4
+EVALUATION_STREAM = 5
+START_STREAM = 6
+JUDGING_STREAM = 8
+RACING_STREAM = 31
+
+Evaluator = Callable[[TreePolicy, int], Evaluation]  # (policy, seed) -> evaluation
+
+
+@dataclass(frozen=True, eq=False)
+class Beginning:
+    """What a run begins with: how is learned, what, and from where.
+
+    Attributes:
+        method: How is learned.
+        problem: What is learned.
+        start: Where learning begins.
+    """
+
+    method: Method
+    problem: Problem
+    start: Start
+
+    def learner(self) -> Learner:
+        """Return the learner at its start."""
+        return self.method.start(self.problem, self.start)
+
+
+class Listener(Protocol):
+    """Who is told what happens in a run, and may end it."""
+
+    def gathering_begins(self) -> None:
+        """Take note that the first episode of a gathering phase, or the race, begins."""
+        ...
+
+    def step_taken(self, step: Step) -> bool:
+        """Take note of a step; return False to end the run."""
+        ...
+
+    def gathering_ends(self) -> None:
+        """Take note that an update follows, or that the race is over."""
+        ...
+
+
+@dataclass(frozen=True)
+class Arena:
+    """Where a run acts.
+
+    Attributes:
+        env: Where episodes are gathered and raced.
+        evaluator: How to evaluate a frozen policy.
+    """
+
+    env: GuardedEnv
+    evaluator: Evaluator
+
+
+def generator_of(seed: int, stream: int, number: int) -> np.random.Generator:
+    """Return the generator of one episode or update of a run."""
+    return np.random.default_rng(np.random.SeedSequence((seed, stream, number)))

@@ -1,0 +1,150 @@
+"""What a run does next, as a function of its plan and of where it stands.
+
+    gather    one episode (Table 1, data gathering phase)
+    update    the learner learns from what is stored (Table 1, expansion phase)
+    evaluate  the frozen policy, on the same episodes each time
+    race      one episode of the policy search, at the end
+    judge     the result against the start, on episodes that chose nothing
+
+Nothing else decides: neither the clock nor the log of events. A run that learns from recorded
+episodes alone has no gathering phase: it updates until nothing changes.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from eutree.training.proposals import SearchSettings
+from eutree.validation import check_integer, check_number, check_seed
+
+MANY = 10**12  # episodes, where only another budget ends a run
+
+
+class Phase(StrEnum):
+    """A phase of a run."""
+
+    GATHER = "gather"
+    UPDATE = "update"
+    EVALUATE = "evaluate"
+    RACE = "race"
+    JUDGE = "judge"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """How long a run is, and what it does when.
+
+    Attributes:
+        episodes: Most episodes of experience; without gathering, most updates.
+        steps: Most environment steps of the run: gathering, teachers and racing. An episode begins
+            only if the longest possible one still fits. None sets no limit.
+        seconds: Most seconds of the clock for gathering and racing; None sets no limit.
+        evaluate_every: Episodes between two evaluations; the first is before episode 0.
+        gathers: Whether there is an environment to gather in.
+        race: The policy search at the end; None for none.
+        keep_success: Whether the policy is replaced only by one that succeeds as often.
+        judge: Whether the result is compared with the start.
+        seed: Seed of the run.
+    """
+
+    episodes: int = 400
+    steps: int | None = None
+    seconds: float | None = None
+    evaluate_every: int = 20
+    gathers: bool = True
+    race: SearchSettings | None = None
+    keep_success: bool = False
+    judge: bool = True
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        check_integer("episodes", self.episodes, low=0)
+        check_integer("evaluate_every", self.evaluate_every, low=1)
+        if self.steps is not None:
+            check_integer("steps", self.steps, low=1)
+        if self.seconds is not None:
+            check_number("seconds", self.seconds, low=0.0, low_open=True)
+        check_seed(self.seed)
+
+    @property
+    def race_steps(self) -> int:
+        """Steps set aside for racing."""
+        return 0 if self.race is None else self.race.steps
+
+
+@dataclass(frozen=True, kw_only=True)
+class Position:
+    """Where a run stands between two phases.
+
+    Attributes:
+        episode: Episodes gathered.
+        steps: Environment steps gathered, those of teachers included.
+        teacher_steps: Steps in which somebody else acted.
+        racing_steps: Environment steps of the policy search.
+        longest: Steps of the longest episode gathered.
+        seconds: Seconds of the clock so far.
+        challengers: Trees that were put to the test so far, those of a race under way apart.
+        updates: Updates so far.
+        updated_at: Episode of the last update; -1 if there was none.
+        evaluated_at: Episode of the last evaluation of the present policy; -1 if there was none.
+        settled: Whether the last update changed nothing.
+        raced: Whether the policy search is over.
+        judged: Whether the result was compared with the start.
+    """
+
+    episode: int = 0
+    steps: int = 0
+    teacher_steps: int = 0
+    racing_steps: int = 0
+    longest: int = 0
+    seconds: float = 0.0
+    challengers: int = 0
+    updates: int = 0
+    updated_at: int = -1
+    evaluated_at: int = -1
+    settled: bool = False
+    raced: bool = False
+    judged: bool = False
+
+
+def due(
+    plan: Plan, at: Position, *, gathering_episodes: int, max_episode_steps: int | None
+) -> Phase | None:
+    """Return the phase that comes next; None at the end of the run.
+
+    Args:
+        plan: How long the run is.
+        at: Where it stands.
+        gathering_episodes: Episodes that the learner gathers between two updates.
+        max_episode_steps: Most steps of an episode; None takes the longest so far.
+    """
+    if not plan.gathers:
+        return None if at.settled or at.updates >= plan.episodes else Phase.UPDATE
+    if at.raced:
+        return _after_the_race(plan, at)
+    over = at.episode >= plan.episodes or not _fits(plan, at, max_episode_steps)
+    fresh = max(at.updated_at, at.evaluated_at) < at.episode
+    if at.episode and fresh and (over or at.episode % gathering_episodes == 0):
+        return Phase.UPDATE
+    if at.evaluated_at < at.episode and (over or at.episode % plan.evaluate_every == 0):
+        return Phase.EVALUATE
+    if not over:
+        return Phase.GATHER
+    if plan.race_steps:
+        return Phase.RACE
+    return _after_the_race(plan, at)
+
+
+def _after_the_race(plan: Plan, at: Position) -> Phase | None:
+    if at.evaluated_at < at.episode:
+        return Phase.EVALUATE
+    return Phase.JUDGE if plan.judge and not at.judged else None
+
+
+def _fits(plan: Plan, at: Position, max_episode_steps: int | None) -> bool:
+    """Return whether one more episode may be gathered: steps and time allow for it."""
+    if plan.seconds is not None and at.seconds >= plan.seconds:
+        return False
+    if plan.steps is None:
+        return True
+    longest = at.longest if max_episode_steps is None else max_episode_steps
+    return at.steps + max(longest, 1) <= plan.steps - plan.race_steps

@@ -1,0 +1,268 @@
+"""Racing ends a run: the better tree wins, steps count, a kill costs an episode at most."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import eutree
+from eutree.envs.experts import careless
+from eutree.errors import InvalidArgumentError, RunFolderError
+from eutree.interaction import GuardedEnv, episode_seed, run_episode
+from eutree.learners.model_planning import transitions_of
+from eutree.training.proposals import SearchSettings, key
+from eutree.training.search import PolicySearch
+from tests.compression.test_gates import Corridor, striped
+
+ARTEFACTS = ("policy.json", "expert.json", "curve.csv", "progress.csv", "events.jsonl",
+             "checkpoint.npz", "config.json")  # fmt: skip
+SHORT = {"evaluate_every": 10**6, "evaluation_episodes": 4, "seed": 3}
+
+
+SCHEMA = GuardedEnv(Corridor()).schema
+
+
+def policy_of(*cuts_and_actions):
+    return replace(striped(*cuts_and_actions), schema=SCHEMA)
+
+
+WRONG = policy_of(0, 7.0, 1)  # wrong on a fifth of the places: 5 is right
+
+
+@pytest.fixture(scope="module")
+def env():
+    return Corridor()
+
+
+@pytest.fixture(scope="module")
+def shown(env):
+    return eutree.record(env, careless(lambda env: WRONG, 0.3), episodes=12, seed=1000)
+
+
+@pytest.fixture(scope="module")
+def expert():
+    return WRONG
+
+
+@pytest.fixture(scope="module")
+def plain(env, shown, expert):
+    return eutree.learn(env, demonstrations=shown, expert=expert, episodes=0, **SHORT)
+
+
+def search_of(result, **settings):
+    options = {"steps": 6_000, "model_steps": 3_000, "max_leaves": 6} | settings
+    data = transitions_of(result.history, result.policy.schema.n_actions)
+    return PolicySearch(
+        result.policy, data, SearchSettings(**options), seed=1, max_episode_steps=10
+    )
+
+
+def run(search, env, *, restart_every=0, again=None):
+    """Run a search to its end; every so many episodes begin anew with what is stored of it."""
+    guarded, count = GuardedEnv(env), 0
+    while (heat := search.next_heat()) is not None:
+        count += 1
+        if restart_every and count % restart_every == 0:
+            state, episodes = search.state, search.all_episodes
+            search = again()
+            search.restore(state, episodes)
+            continue
+        tree, start = heat
+        search.heat_run(run_episode(guarded, tree, episode_seed(5, start)))
+    return search
+
+
+@pytest.fixture(scope="module")
+def searched(env, plain):
+    return run(search_of(plain), env)
+
+
+def test_a_search_improves_a_tree_within_its_budget(env, plain, searched):
+    before, after = (
+        eutree.evaluate(policy, env, episodes=100, seed=9).mean_return
+        for policy in (plain.policy, searched.incumbent)
+    )
+    assert after > before + 1.5
+    assert searched.state.won >= 1
+    assert searched.incumbent.n_leaves <= 6
+    assert 2_000 < searched.steps == sum(map(len, searched.episodes)) <= 6_000
+
+
+def test_a_search_that_is_stored_and_restored_ends_the_same(env, plain):
+    """A kill costs the episode under way, and nothing else."""
+    brief = {"steps": 1_200, "model_steps": 500}
+    searched = run(search_of(plain, **brief), env)
+    again = run(
+        search_of(plain, **brief), env, restart_every=7, again=lambda: search_of(plain, **brief)
+    )
+    assert key(again.incumbent) == key(searched.incumbent)
+    assert (again.steps, again.state.tried) == (searched.steps, searched.state.tried)
+    assert again.state.chance == searched.state.chance
+
+
+def test_locked_leaves_stay_as_they_are(env, plain):
+    locked = tuple(range(min(2, plain.policy.n_leaves)))
+    policy = eutree.TreePolicy(
+        plain.policy.tree, plain.policy.actions, plain.policy.schema, locked=locked
+    )
+    data = transitions_of(plain.history, policy.schema.n_actions)
+    settings = SearchSettings(steps=3_000, model_steps=2_000)
+    search = PolicySearch(policy, data, settings, seed=1, max_episode_steps=10)
+    found = run(search, env).incumbent
+    rows = plain.history.observations
+    there = np.isin(policy.tree.leaf_index(rows), locked)
+    assert there.any()
+    decided = found.actions[found.tree.leaf_index(rows)]
+    assert np.array_equal(decided[there], policy.actions[policy.tree.leaf_index(rows)][there])
+    assert set(found.tree.leaf_index(rows)[there]) <= set(found.locked)
+
+
+def test_a_limit_of_leaves_is_kept_whatever_it_costs(env, shown):
+    large = policy_of(0, 1.0, 1, 2.0, 0, 3.0, 1, 4.0, 0, 7.0, 1)
+    result = eutree.learn(
+        env, demonstrations=shown, expert=large, episodes=0, race_steps=1_500, max_leaves=3, **SHORT
+    )
+    assert result.policy.n_leaves <= 3
+
+
+def test_racing_is_in_the_log_the_curve_and_the_counts(env, shown, expert, tmp_path):
+    result = eutree.learn(
+        env,
+        demonstrations=shown,
+        expert=expert,
+        episodes=2,
+        race_steps=1_500,
+        out=tmp_path / "run",
+        **SHORT,
+    )
+    steps = result.environment_steps
+    assert 0 < steps.racing <= 1_500
+    assert steps.total == steps.demonstrations + result.steps + steps.racing
+    assert steps.demonstrations == shown.n_transitions
+    assert result.curve[-1].steps == result.steps + steps.racing
+    assert result.curve[-1].n_leaves == result.policy.n_leaves
+    text = (tmp_path / "run" / "events.jsonl").read_text()
+    assert '"event": "race"' in text
+    assert "race/tried" in (tmp_path / "run" / "progress.csv").read_text().splitlines()[0]
+    assert result.challengers > 0
+
+
+class KilledError(Exception):
+    """Stands for whatever ends a process."""
+
+
+@pytest.mark.promise(8)
+def test_a_run_killed_while_racing_ends_with_the_same_bytes(env, shown, expert, tmp_path):
+    options = {"demonstrations": shown, "expert": expert, "episodes": 1, "race_steps": 800}
+    whole = eutree.learn(env, out=tmp_path / "whole", **options, **SHORT)
+    kills, calls = 0, 0
+
+    def kill(run):
+        nonlocal calls
+        calls += 1
+        if calls % 25 == 0:
+            raise KilledError
+
+    while True:
+        try:
+            again = eutree.learn(
+                env,
+                out=tmp_path / "run",
+                resume=True,
+                checkpoint_seconds=0,
+                on_progress=kill,
+                **options,
+                **SHORT,
+            )
+        except KilledError:
+            kills += 1
+        else:
+            break
+    assert kills >= 2
+    assert again.policy == whole.policy
+    for name in ARTEFACTS:
+        ours, wanted = (tmp_path / one / name for one in ("run", "whole"))
+        assert ours.read_bytes() == wanted.read_bytes(), name
+
+
+def test_a_callback_follows_the_race_and_may_end_it(env, shown, expert):
+    steps = []
+
+    def count(locals_, globals_):
+        steps.append(locals_["actions"][0])
+        return len(steps) < 200
+
+    result = eutree.learn(
+        env,
+        demonstrations=shown,
+        expert=expert,
+        episodes=0,
+        race_steps=1_500,
+        callback=count,
+        **SHORT,
+    )
+    assert len(steps) == 200
+    assert result.environment_steps.racing <= 200
+
+
+def test_a_stop_while_racing_ends_within_a_step(env, shown, expert, tmp_path):
+    asked = 0
+
+    def stop():
+        nonlocal asked
+        asked += 1
+        return asked > 300
+
+    options = {"demonstrations": shown, "expert": expert, "episodes": 0, "race_steps": 800}
+    result = eutree.learn(env, stop=stop, out=tmp_path / "run", **options, **SHORT)
+    assert result.environment_steps.racing < 300
+    again = eutree.learn(env, out=tmp_path / "run", resume=True, **options, **SHORT)
+    assert again.policy == eutree.learn(env, **options, **SHORT).policy
+
+
+@pytest.mark.parametrize(
+    ("changes", "name"),
+    [
+        ({"expert": "other"}, "expert"),
+        ({"strict": True}, "strict"),
+        ({"race_steps": 900}, "race"),
+        ({"keep_success": True}, "keep_success"),
+        ({"max_leaves": 5}, "max_leaves"),
+    ],
+)
+def test_a_run_is_not_resumed_with_what_decides_otherwise(
+    env, shown, expert, tmp_path, changes, name
+):
+    """Once another --expert, --strict or --polish-steps was accepted, and overwrote expert.json."""
+    options = {"demonstrations": shown, "expert": expert, "episodes": 1, **SHORT}
+    folder = tmp_path / "run"
+    eutree.learn(env, out=folder, **options)
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    if "expert" in changes:
+        changes = {"expert": policy_of(0, 6.0, 1)}
+    with pytest.raises(RunFolderError, match=name):
+        eutree.learn(env, out=folder, resume=True, **(options | changes))
+    after = {path.name: path.read_bytes() for path in folder.iterdir()}
+    del before[".lock"], after[".lock"]
+    assert after == before
+
+
+def test_a_run_that_has_raced_cannot_gather_more(env, shown, expert, tmp_path):
+    options = {"demonstrations": shown, "expert": expert, "race_steps": 400, **SHORT}
+    eutree.learn(env, out=tmp_path / "run", episodes=1, **options)
+    with pytest.raises(RunFolderError, match="has raced after 1 episodes"):
+        eutree.learn(env, out=tmp_path / "run", episodes=2, resume=True, **options)
+
+
+def test_what_is_refused(env, expert):
+    for options, message in (
+        ({"race_steps": -1}, "race_steps"),
+        ({"race_steps": 10, "episodes": 0, "expert": expert}, "race_steps needs stored"),
+        ({"race_steps": 10, "steps": 5}, "race_steps must be at most steps"),
+        ({"max_leaves": 1}, "max_leaves"),
+        ({"max_leaves": 5, "method": "paper"}, "max_leaves must be None"),
+    ):
+        with pytest.raises(InvalidArgumentError, match=message):
+            eutree.learn(env, **options)
+    with pytest.raises(InvalidArgumentError, match="race_steps must be 0"):
+        eutree.learn(None, race_steps=1)
