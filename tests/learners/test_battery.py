@@ -4,18 +4,29 @@ import numpy as np
 import pytest
 
 from eutree.errors import InvalidArgumentError
+from eutree.learners.distilled_dqn import DistilledDQN
 from eutree.learners.learner import check_fits
 from eutree.learners.registry import METHODS, from_document, to_document
 from eutree.learners.starts import STARTS, start_of
+from eutree.neural import DoubleDQNSettings
+from eutree.world_model.ensemble import EnsembleSettings
 from tests.worlds import Corridor, play, play_in_part, problem_of, recorded
 
 EPISODES = 12
+SMALL = {  # methods whose default choices are too much for a toy world
+    "distilled-dqn": DistilledDQN(
+        max_leaves=4,
+        demonstration_updates=50,
+        teacher=DoubleDQNSettings(hidden=16, batch=16),
+        world_model=EnsembleSettings(members=2, hidden=16, batch=32, updates=100, more_updates=50),
+    )
+}
 
 
 def started(name, start_name, scale=1.0):
     """Return a method, its problem and its start; skip where it says that they do not fit."""
     problem = problem_of(Corridor(scale))
-    chosen = METHODS[name]()
+    chosen = SMALL.get(name) or METHODS[name]()
     start = start_of(
         start_name,
         problem,
