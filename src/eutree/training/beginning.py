@@ -7,8 +7,9 @@ from typing import Protocol
 import numpy as np
 
 from eutree.evaluation import Evaluation
-from eutree.interaction import GuardedEnv
+from eutree.interaction import GuardedEnv, episode_seed
 from eutree.learners import Learner, Method, Problem, Start, Step
+from eutree.learners.learner import ChoosesStarts
 from eutree.policies import TreePolicy
 
 TRAINING_STREAM = 2
@@ -18,6 +19,7 @@ EVALUATION_STREAM = 5
 START_STREAM = 6
 JUDGING_STREAM = 8
 RACING_STREAM = 31
+COMPARING_STREAM = 33
 
 Evaluator = Callable[[TreePolicy, int], Evaluation]  # (policy, seed) -> evaluation
 
@@ -73,3 +75,11 @@ class Arena:
 def generator_of(seed: int, stream: int, number: int) -> np.random.Generator:
     """Return the generator of one episode or update of a run."""
     return np.random.default_rng(np.random.SeedSequence((seed, stream, number)))
+
+
+def seed_of_next(learner: Learner, seed: int, episode: int) -> int:
+    """Return the seed of the next episode, or of the start at which a learner compares trees."""
+    number = learner.next_start() if isinstance(learner, ChoosesStarts) else None
+    if number is None:
+        return episode_seed(seed, episode, TRAINING_STREAM)
+    return episode_seed(seed, number, COMPARING_STREAM)

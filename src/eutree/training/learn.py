@@ -156,6 +156,8 @@ def learn(
         )
         warn_of_codes(env)
         problem = _problem(guarded)
+        if steps is not None:
+            problem = replace(problem, steps=max(steps - race_steps, 0))
         environment = str(guarded.spec or guarded.name)
     begin = _start(start, problem, demonstrations, expert, seed=seed, offline=offline)
     check_fits(chosen, problem, begin, offline=offline)
@@ -228,6 +230,8 @@ def _episodes(episodes: int | None, steps: int | None, minutes: float | None) ->
 def _with_limit(method: Method, max_leaves: int, *, races: bool) -> Method:
     """Return a method whose trees have at most so many leaves."""
     check_integer("max_leaves", max_leaves, low=2)
+    if hasattr(method, "max_leaves"):
+        return cast(Method, replace(cast(Any, method), max_leaves=max_leaves))
     planner = getattr(method, "planner", None)
     if planner is None:
         if races:

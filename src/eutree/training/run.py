@@ -29,11 +29,11 @@ from eutree.training.beginning import (
     EXPLORATION_STREAM,
     JUDGING_STREAM,
     RACING_STREAM,
-    TRAINING_STREAM,
     Arena,
     Beginning,
     Listener,
     generator_of,
+    seed_of_next,
 )
 from eutree.training.judging import Judgement, judged
 from eutree.training.phases import Phase, Plan, Position, due
@@ -199,7 +199,7 @@ class Run:
         if self.listener is not None and not self._gathering:
             self.listener.gathering_begins()
         self._gathering = True
-        seed = episode_seed(self.plan.seed, self.episode, TRAINING_STREAM)
+        seed = seed_of_next(self.learner, self.plan.seed, self.episode)
         observation = self._acting.env.reset(seed)
         self.learner.start_episode(
             observation, generator_of(self.plan.seed, EXPLORATION_STREAM, self.episode)
