@@ -1,15 +1,28 @@
 """``python -m eutree`` and the ``eutree`` command."""
 
+import signal
 import sys
+from types import FrameType
 
 
 def main() -> None:
-    """Run the command line."""
+    """Run the command line; SIGTERM ends it as Ctrl-C does, from first import to last write.
+
+    Their exit codes are 143 and 130. Commands that can save what they did take over both signals
+    while they work.
+    """
+    signal.signal(signal.SIGTERM, _interrupt)
     try:
         from eutree.cli.main import run
-    except KeyboardInterrupt:  # while the command line itself was being imported
-        sys.exit(130)
-    sys.exit(run(sys.argv[1:]))
+
+        code = run(sys.argv[1:])
+    except KeyboardInterrupt as interrupt:  # while the command line itself was being imported
+        code = 128 + (interrupt.args[0] if interrupt.args else signal.SIGINT)
+    sys.exit(code)
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt(number)
 
 
 if __name__ == "__main__":

@@ -191,3 +191,28 @@ def test_a_second_process_is_refused_and_the_lock_of_a_dead_one_is_taken_over(wh
     code, err = finish(start(*line, "--out", folder, "--resume"))
     assert code == 0, err
     assert digests(folder) == wanted
+
+
+STRUCK = """
+import os, sys
+import eutree.__main__ as command
+
+class Struck:
+    def find_spec(self, name, path=None, target=None):
+        if name == "{module}":
+            os.kill(os.getpid(), {number})
+
+sys.meta_path.insert(0, Struck())
+sys.argv = ["eutree", "learn", "--help"]
+command.main()
+"""
+
+
+@pytest.mark.promise(12)
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("module", ["eutree.cli.main", "eutree.cli.learn"])
+def test_a_signal_while_the_command_is_imported_ends_with_its_code(number, module):
+    """Once SIGTERM ended with the system's own code, as the process of a bug would."""
+    code, err = finish(start(code=STRUCK.format(module=module, number=int(number))))
+    assert code == 128 + number
+    assert "Traceback" not in err

@@ -109,18 +109,23 @@ def run(arguments: Sequence[str]) -> int:
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message(), err=True)
         return EXIT_MISTAKE
-    except click.exceptions.Abort:  # click's name for Ctrl-C
+    except click.exceptions.Abort as abort:  # click's name for Ctrl-C
         click.echo("interrupted", err=True)
-        return EXIT_INTERRUPTED
+        return _interrupted(abort.__cause__)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as interrupt:
         click.echo("interrupted", err=True)
-        return EXIT_INTERRUPTED
+        return _interrupted(interrupt)
     except Exception as error:
         return _report(error, debug=debug)
     return code if isinstance(code, int) else 0
+
+
+def _interrupted(interrupt: BaseException | None) -> int:
+    """Return the exit code of an interrupt, which says its signal unless it is Ctrl-C."""
+    return 128 + interrupt.args[0] if interrupt is not None and interrupt.args else EXIT_INTERRUPTED
 
 
 def _report(error: Exception, *, debug: bool) -> int:

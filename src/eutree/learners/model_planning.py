@@ -217,12 +217,13 @@ class ModelPlanning:
         history, planner = self.history, self.method.planner
         if not history.size or not planner.due(self.plan, history.n_seen):
             return Update()
-        before = self.plan.incumbent
+        before, challenger = self.plan.incumbent, self.plan.challenger
         plan = planner.plan(self.plan, transitions_of(history, self.n_actions), generator)
         self.plan = replace(plan, planned_at=history.n_seen)
         if self.plan.incumbent is not before:
             self._adopt(*to_decision_tree(self.plan.incumbent, self.tree.n_features))
-        return Update()
+        is_new = plan.challenger is not None and plan.challenger is not challenger
+        return Update(figures={"challengers": int(is_new)})
 
     def decisions(self) -> Decisions:
         """Return the incumbent, with the returns to go of its own episodes."""

@@ -1,6 +1,6 @@
 """Ctrl-C and SIGTERM as a polite request: finish nothing more, save, and exit.
 
-Who does not answer within a second, because a long evaluation or expansion is under way, is
+Who does not answer within half a second, because a long evaluation or expansion is under way, is
 interrupted. What that leaves half done is thrown away.
 """
 
@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-GRACE = 1.0  # seconds
+GRACE = 0.5  # seconds
 
 
 class StopRequest:

@@ -1,0 +1,140 @@
+"""What a run says of itself: what was gained against the start, and what must not fall."""
+
+import itertools
+
+import gymnasium
+import numpy as np
+import pytest
+
+import eutree
+from eutree.cli._learning import in_words, present, progress_of
+from eutree.errors import InvalidArgumentError
+from eutree.evaluation import Evaluation
+from eutree.training.judging import Judgement, judged
+from tests.compression.test_gates import Corridor
+from tests.interaction.sick import Healthy
+from tests.training.test_racing import WRONG, policy_of
+
+SHORT = {"evaluate_every": 5, "evaluation_episodes": 40, "seed": 2}
+
+
+def evaluation(returns, successes=None):
+    n = len(returns)
+    return Evaluation(np.array(returns), np.ones(n), np.full(n, "end"), successes)
+
+
+def test_a_judgement_is_paired():
+    noise = 100 * np.random.default_rng(0).random(50)
+    found = judged(evaluation(noise), evaluation(noise + 8.0), challengers=3)
+    assert found.return_change == pytest.approx(8.0)
+    assert found.return_interval == pytest.approx((8.0, 8.0))
+    assert (found.success_change, found.challengers, found.episodes) == (None, 3, 50)
+
+
+def test_a_success_that_never_differed_may_differ_yet():
+    """Student's interval of equal successes has no width; 100 episodes do not show that."""
+    ones = np.ones(100, dtype=bool)
+    found = judged(evaluation(np.zeros(100), ones), evaluation(np.zeros(100), ones), challengers=0)
+    assert found.success_change == 0.0
+    assert -0.15 < found.success_interval.low < -0.03
+    assert 0.03 < found.success_interval.high < 0.15
+
+
+def test_a_judgement_survives_the_log():
+    found = judged(evaluation([1.0, 2.0]), evaluation([2.0, 4.0]), challengers=1)
+    assert Judgement.from_facts(found.facts()) == found
+
+
+def test_every_run_says_what_it_gained_on_episodes_of_their_own():
+    env = Corridor()
+    shown = eutree.record(env, lambda env: policy_of(0, 5.0, 1), episodes=10, seed=1)
+    result = eutree.learn(
+        env, demonstrations=shown, expert=WRONG, episodes=0, race_steps=4_000, **SHORT
+    )
+    gained = result.against_start
+    assert gained.episodes == 40
+    assert gained.return_interval.low > 0.0
+    words = in_words(result, "out", recorded=None)
+    assert f"return {gained.return_change:+.1f} [" in words
+    assert "against the tree that it started from, on 40 episodes of their own" in words
+
+
+def test_a_run_that_found_nothing_better_says_so():
+    env = Corridor()
+    best = policy_of(0, 5.0, 1)
+    shown = eutree.record(env, lambda env: best, episodes=10, seed=1)
+    result = eutree.learn(
+        env, demonstrations=shown, expert=best, episodes=0, race_steps=1_000, **SHORT
+    )
+    assert result.against_start.is_start
+    assert result.challengers > 0
+    wanted = (
+        "nothing better than the tree that it started from was found: "
+        f"{result.challengers} challengers tried"
+    )
+    assert wanted in in_words(result, "out", recorded=None)
+
+
+def test_the_curve_of_an_unchanged_policy_is_flat():
+    """Once each point had episodes of its own, and chance looked like learning (-1852, -1996)."""
+    env = Corridor()
+    result = eutree.learn(env, expert=WRONG, episodes=15, **SHORT)
+    assert [point.episode for point in result.curve] == [0, 5, 10, 15]
+    assert len({point.mean_return for point in result.curve[:3]}) == 1
+
+
+class Narrow(Healthy):
+    """Action 1 earns more and fails where the first number exceeds one half."""
+
+    def step(self, action):
+        observation, _, terminated, truncated, _ = super().step(action)
+        self.bad = getattr(self, "bad", False) if self.count > 1 else False
+        self.bad |= action == 1 and observation[0] > 0.5
+        return observation, 2.0 * action, terminated, truncated, {"is_success": not self.bad}
+
+
+def learned(**options):
+    env = Narrow()
+    return eutree.learn(env, episodes=25, race_steps=1_500, **SHORT, **options)
+
+
+def test_what_must_not_fall_does_not():
+    free, kept = learned(), learned(keep_success=True)
+    rates = [point.success_rate for point in free.curve]
+    assert min(rates) < rates[0] == 1.0  # return alone gives success away
+    assert free.curve[-1].mean_return > 0.0
+    rates = [point.success_rate for point in kept.curve]
+    assert all(later >= before for before, later in itertools.pairwise(rates))
+    assert kept.policy.n_leaves == kept.curve[-1].n_leaves
+
+
+def test_success_cannot_be_kept_where_none_is_reported():
+    with pytest.raises(InvalidArgumentError, match="keep_success needs an environment that"):
+        eutree.learn(Corridor(), expert=WRONG, episodes=5, keep_success=True, **SHORT)
+
+
+def test_progress_shows_the_present_also_while_racing():
+    """Once it showed an old evaluation as the present one, and nothing at all while racing."""
+    env = gymnasium.make("eutree/Evasion2-v0")
+    seen = []
+
+    def note(run):
+        label, count, total = progress_of(run)
+        assert 0 <= count <= total
+        seen.append((label, present(run), run.at.updated_at, run.policy().n_leaves))
+
+    eutree.learn(
+        env,
+        method="paper",
+        episodes=24,
+        evaluate_every=15,
+        evaluation_episodes=5,
+        race_steps=300,
+        seed=1,
+        on_progress=note,
+    )
+    updated = next(one for one in seen if one[2] == 20)
+    assert updated[1].startswith(f"{updated[3]} leaves; at episode 15: ")
+    racing = [words for label, words, *_ in seen if label == "racing"]
+    assert racing
+    assert all("challengers won" in words for words in racing)
