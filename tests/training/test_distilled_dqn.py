@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import eutree
+from eutree.cli._learning import progress_of
 from eutree.envs.experts import follow_the_fall
 from eutree.learners import DistilledDQN
 from eutree.neural import DoubleDQNSettings
@@ -93,3 +94,16 @@ def test_an_interrupted_run_goes_on_to_the_same_bytes(whole, env, shown, tmp_pat
     _, folder = whole
     for name in ("policy.json", "events.jsonl"):
         assert (tmp_path / "run" / name).read_bytes() == (folder / name).read_bytes()
+
+
+def test_the_command_line_shows_the_stage(env, shown):
+    labels = []
+    learned(env, shown, on_progress=lambda run: labels.append(progress_of(run)))
+    names = [name for name, _, _ in labels]
+    assert (
+        list(dict.fromkeys(names)) == ["teacher", "dagger", "race", "last race"][: len(set(names))]
+    )
+    assert {"teacher", "dagger", "race"} <= set(names)
+    used = [steps for _, steps, _ in labels]
+    assert used == sorted(used)
+    assert {total for _, _, total in labels} == {BUDGET}

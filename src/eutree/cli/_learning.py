@@ -42,10 +42,17 @@ def progress_of(run: "Run") -> tuple[str, int, int]:
     if not plan.gathers:
         return "learning", at.updates, plan.episodes
     if plan.episodes < MANY:
-        return "learning", at.episode, plan.episodes
+        return stage_of(run), at.episode, plan.episodes
     if plan.steps is not None:
-        return "learning", at.steps, plan.steps - plan.race_steps
+        return stage_of(run), at.steps, plan.steps - plan.race_steps
     return "learning", int(at.seconds), int(plan.seconds or 0)
+
+
+def stage_of(run: "Run") -> str:
+    """Return the stage that a learner is in, where it has several."""
+    from eutree.learners.learner import HasStages
+
+    return run.learner.stage_name if isinstance(run.learner, HasStages) else "learning"
 
 
 def present(run: "Run") -> str:

@@ -15,7 +15,7 @@ The loop of a run, for every method:
     whenever a policy is wanted:           learner.decisions().policy(problem)
 
 What only some learners can do is a protocol of its own, which its user checks for by
-``isinstance``: ``CanDoubt``, ``CanRace``, ``ChoosesStarts``, ``HasPolicy``.
+``isinstance``: ``CanDoubt``, ``CanRace``, ``ChoosesStarts``, ``HasStages``, ``HasPolicy``.
 """
 
 from collections.abc import Mapping
@@ -335,6 +335,16 @@ class ChoosesStarts(Protocol):
 
         Episodes of one number begin alike: the environment is reset with the same seed.
         """
+        ...
+
+
+@runtime_checkable
+class HasStages(Protocol):
+    """A learner that does one thing after another."""
+
+    @property
+    def stage_name(self) -> str:
+        """What is under way, in one or two words."""
         ...
 
 
