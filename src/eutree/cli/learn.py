@@ -18,6 +18,7 @@ from eutree.cli._options import (
     seed_option,
 )
 from eutree.cli._output import Output
+from eutree.cli._settings import chosen_method, listed
 from eutree.errors import InvalidArgumentError
 from eutree.schema import EnvironmentSpec
 
@@ -30,10 +31,16 @@ if TYPE_CHECKING:
 @click.argument("environment", required=False)
 @path_option("--demos", text="Demonstrations to start from.")
 @path_option("--expert", text="Policy file to start from, instead of the expert tree of --demos.")
-@path_option("--out", text="Run folder to write.", required=True)
+@path_option("--out", text="Run folder to write.")
 @click.option("--method", help="How to learn: planning (the default), u-tree, ...; or a preset.")
 @click.option("--preset", help="A method with all choices made: default, paper (literal), paper-d, "
               "corrected (the default of --offline).")  # fmt: skip
+@click.option("--set", "changes", multiple=True, metavar="KEY=VALUE",
+              help="A choice of the method, for example price=0.004. May be repeated.")  # fmt: skip
+@path_option("--settings", text="TOML file of choices, or the config.json of a run.")
+@click.option("--discount", type=click.FloatRange(0, 1), help="Short for --set discount=G.")
+@click.option("--list-settings", is_flag=True,
+              help="Say what each choice of the method does, and which to turn first.")  # fmt: skip
 @click.option("--start", help="nothing, tree, tree+demos, demos or random-tree; by default what is "
               "given.")  # fmt: skip
 @count_option(
@@ -75,9 +82,13 @@ def learn(
     environment: str | None,
     demos: Path | None,
     expert: Path | None,
-    out: Path,
+    out: Path | None,
     method: str | None,
     preset: str | None,
+    changes: tuple[str, ...],
+    settings: Path | None,
+    discount: float | None,
+    list_settings: bool,
     start: str | None,
     episodes: int | None,
     steps: int | None,
@@ -104,9 +115,17 @@ def learn(
     from eutree.training.signals import stop_on_signals
 
     output = Output(as_json=as_json)
-    demonstrations = None if demos is None else Demonstrations.load(demos)
     if method is not None and preset is not None:
         raise InvalidArgumentError("--method and --preset both say how to learn; leave out one")
+    chosen = chosen_method(
+        method or preset, offline=offline, settings=settings, changes=changes, discount=discount
+    )
+    if list_settings:
+        output.result(*listed(chosen, offline=offline))
+        return
+    if out is None:
+        raise click.MissingParameter(param_type="option", param_hint="--out")
+    demonstrations = None if demos is None else Demonstrations.load(demos)
     if offline and demonstrations is None:
         raise InvalidArgumentError("--offline learns from demonstrations alone; name them: --demos")
     if offline and ask is not None:
@@ -123,7 +142,7 @@ def learn(
             env,
             demonstrations=demonstrations,
             expert=None if expert is None else TreePolicy.load(expert),
-            method=method or preset,
+            method=chosen,
             start=start,
             episodes=episodes,
             steps=steps,

@@ -37,7 +37,11 @@ class Significance(Protocol):
 
 
 class _AtLevel(msgspec.Struct, frozen=True):
-    """A test that has its level and nothing else."""
+    """A test that has its level and nothing else.
+
+    Attributes:
+        alpha: Level of the test: the chance of a split of noise.
+    """
 
     alpha: float = 0.01
 

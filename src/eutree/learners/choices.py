@@ -1,0 +1,101 @@
+"""The choices of a method by name: read, changed, described.
+
+A choice of a part is written with dots, ``planner.improvement.price``; its last name is enough
+where no other choice ends in it.
+"""
+
+import inspect
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+from eutree.errors import InvalidArgumentError, UnknownNameError
+from eutree.learners.learner import Method
+from eutree.learners.registry import from_document, to_document
+
+_ATTRIBUTE = re.compile(r"^    (\w+): ", re.MULTILINE)
+
+
+class Choice(NamedTuple):
+    """A choice of a method.
+
+    Attributes:
+        name: Its name, with dots.
+        value: What is chosen, in JSON's types.
+        text: What it is for, as the docstring of its class says.
+    """
+
+    name: str
+    value: Any
+    text: str
+
+
+def choices_of(method: Method) -> list[Choice]:
+    """Return all choices of a method, in the order of its fields."""
+    document = to_document(method)
+    return list(_choices("", method, {k: v for k, v in document.items() if k != "name"}))
+
+
+def with_choices(method: Method, changes: Mapping[str, Any]) -> Method:
+    """Return a method with other choices.
+
+    Args:
+        method: The method.
+        changes: Values by name, or whole parts as nested mappings.
+
+    Raises:
+        UnknownNameError: The method has no such choice.
+        InvalidArgumentError: A name is that of several choices, or a value is not one of its.
+    """
+    document = to_document(method)
+    for name, value in _flat(changes):
+        place, *parts = reversed(_path(name, document, method))
+        part = document
+        for step in reversed(parts):
+            part = part[step]
+        part[place] = value
+    return from_document(document)
+
+
+def _choices(prefix: str, part: Any, document: Mapping[str, Any]) -> Iterator[Choice]:
+    """Yield the choices of a part, a dataclass or a tagged struct, and of its parts."""
+    texts = _texts(type(part))
+    for name, value in document.items():
+        if isinstance(value, dict):
+            yield from _choices(f"{prefix}{name}.", getattr(part, name), value)
+        else:
+            yield Choice(prefix + name, value, texts.get(name, ""))
+
+
+def _texts(kind: type) -> dict[str, str]:
+    """Return what the docstrings of a class and its bases say of each attribute."""
+    found = {"type": "Which of its kinds."}
+    for one in reversed(kind.__mro__):
+        _, _, attributes = inspect.cleandoc(one.__doc__ or "").partition("Attributes:\n")
+        pieces = _ATTRIBUTE.split(attributes)
+        for name, piece in zip(pieces[1::2], pieces[2::2], strict=True):
+            found[name] = " ".join(piece.split())
+    return found
+
+
+def _flat(changes: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for name, value in changes.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{prefix}{name}.")
+        else:
+            yield prefix + name, value
+
+
+def _path(name: str, document: Mapping[str, Any], method: Method) -> list[str]:
+    """Return the way to a choice that is named in full or by its last names."""
+    known = [path for path, _ in _flat(document) if path != "name"]
+    found = [path for path in known if path == name] or [
+        path for path in known if path.endswith(f".{name}")
+    ]
+    if not found:
+        raise UnknownNameError(f"choice of method {method.name!r}", name, known)
+    if len(found) > 1:
+        raise InvalidArgumentError(
+            f"choice {name!r} of method {method.name!r} must be one of {', '.join(found)}"
+        )
+    return found[0].split(".")

@@ -1,0 +1,86 @@
+"""Choices of a method within reach: by name, from a file, and listed."""
+
+import json
+
+import pytest
+
+from eutree.cli.main import run
+from eutree.errors import InvalidArgumentError, UnknownNameError
+from eutree.learners import PRESETS
+from eutree.learners.choices import choices_of, with_choices
+from eutree.learners.registry import METHODS
+
+SHORT = ("--episodes", "2", "--evaluation-episodes", "1")
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_every_choice_of_every_method_says_what_it_is_for(name):
+    known = choices_of(METHODS[name]())
+    assert known
+    assert [choice.name for choice in known if not choice.text] == []
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_choices_written_again_change_nothing(name):
+    preset = PRESETS[name]
+    same = {choice.name: choice.value for choice in choices_of(preset)}
+    assert with_choices(preset, same) == preset
+
+
+def test_the_last_name_is_enough_where_it_is_the_only_one():
+    changed = with_choices(PRESETS["default"], {"price": 0.004})
+    assert changed.planner.improvement.price == 0.004
+    nested = with_choices(PRESETS["default"], {"planner": {"improvement": {"price": 0.004}}})
+    assert nested == changed
+
+
+def test_what_is_no_choice_is_named():
+    with pytest.raises(UnknownNameError, match="prize"):
+        with_choices(PRESETS["default"], {"prize": 1})
+    with pytest.raises(InvalidArgumentError, match="price"):
+        with_choices(PRESETS["default"], {"price": "much"})
+
+
+def learned(tmp_path, name, *options):
+    folder = tmp_path / name
+    arguments = ("learn", "eutree/Evasion2-v0", *SHORT, "--out", str(folder), *map(str, options))
+    assert run(arguments) == 0
+    return json.loads((folder / "config.json").read_text())["method"]
+
+
+def test_set_settings_and_a_run_s_configuration_say_the_same(tmp_path):
+    by_set = learned(tmp_path, "set", "--set", "price=0.004", "--discount", 0.9)
+    assert by_set["planner"]["improvement"]["price"] == 0.004
+    assert by_set["planner"]["discount"] == 0.9
+    file = tmp_path / "mine.toml"
+    file.write_text('method = "planning"\n[planner]\ndiscount = 0.9\nimprovement.price = 0.004\n')
+    assert learned(tmp_path, "toml", "--settings", file) == by_set
+    config = tmp_path / "set" / "config.json"
+    assert learned(tmp_path, "config", "--settings", config) == by_set
+    assert learned(tmp_path, "over", "--settings", config, "--set", "price=0.1") != by_set
+
+
+def test_the_list_says_what_to_turn_first(capsys):
+    assert run(["learn", "--list-settings", "--method", "u-tree", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["settings"]["significance.alpha"] == 0.01
+    assert set(found["first"]) <= set(found["settings"])
+    assert run(["learn", "--list-settings"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1].startswith("* planner.improvement.price = ")
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--set", "price"), "--set must be KEY=VALUE"),
+        (("--set", "prize=1"), "prize"),
+        (("--settings", "none.toml"), "none.toml"),
+        (("--discount", "2"), "discount"),
+        (("--list-settings", "--method", "planing"), "Did you mean 'planning'"),
+        ((), "--out"),
+    ],
+)
+def test_mistakes_are_named(options, message, capsys):
+    assert run(["learn", "eutree/Evasion2-v0", *options]) == 2
+    assert message in capsys.readouterr().err
