@@ -72,6 +72,11 @@ class Cells:
         return self.tree.n_leaves
 
     @property
+    def box(self) -> tuple[Floats, Floats]:
+        """Lower and upper corner of the whole, each [d]."""
+        return self.low.min(axis=0), self.high.max(axis=0)
+
+    @property
     def volumes(self) -> Floats:
         """Volume of each cell as a share of the box, shape [L]."""
         shares: Floats = ((self.high - self.low) / self.span).prod(axis=1)

@@ -25,6 +25,9 @@ class Controller(Protocol):
     def act(self, observation: Floats, target: Floats, generator: np.random.Generator) -> int:
         """Return the action to take at an observation on the way to a target, both [d]."""
 
+    def best(self, observation: Floats, target: Floats) -> int:
+        """Return that action without exploring."""
+
     def learn(self, observation: Floats, action: int, after: Floats) -> None:
         """Take note of a step."""
 
@@ -44,7 +47,11 @@ class GivenController:
     def act(self, observation: Floats, target: Floats, generator: np.random.Generator) -> int:
         """Return the action that leads nearest to the target; the first on ties."""
         moves = np.ascontiguousarray(self._displacements(observation) / self._span)
-        return int(nearest(observation, target, moves, self._span)[0])
+        return nearest(observation, target, moves, self._span)[0]
+
+    def best(self, observation: Floats, target: Floats) -> int:
+        """Return the same."""
+        return self.act(observation, target, np.random.default_rng(0))
 
     def learn(self, observation: Floats, action: int, after: Floats) -> None:
         """Learn nothing: the model is known."""

@@ -60,6 +60,14 @@ class Outcomes:
         likely = [k for k, n in counts.items() if wilson(n, total) > self.floor]
         return tuple(sorted(likely or [max(counts, key=lambda k: (counts[k], -k))]))
 
+    def copy(self) -> "Outcomes":
+        """Return outcomes of their own."""
+        return Outcomes(
+            self.floor,
+            {key: dict(counts) for key, counts in self.arrivals.items()},
+            {key: list(starts) for key, starts in self.starts.items()},
+        )
+
     def without(self, cells: Iterable[int]) -> "Outcomes":
         """Return the outcomes without triples that mention one of these cells."""
         gone = frozenset(cells)
@@ -104,18 +112,18 @@ class Costs:
     def best_aim(self, cell: int) -> int:
         """Return the aim with the cheapest worst outcome.
 
-        The first on ties: the goal before the expert before neighbours.
+        The first on ties: the expert, who was seen to succeed, before the goal, before neighbours.
         """
         first, last = np.searchsorted(self.cell, [cell, cell + 1])
         return int(self.aim[first + np.argmin(self.worst[first:last])])
 
 
 def aims(cells: Cells, *, expert: bool) -> tuple[Integers, Integers]:
-    """Return cell and aim of all that can be aimed at; of each cell GOAL, EXPERT, neighbours."""
+    """Return cell and aim of all that can be aimed at; of each cell EXPERT, GOAL, neighbours."""
     beside = cells.beside_goal
     start, target = [], []
     for cell, neighbours in enumerate(cells.neighbours):
-        mine = [GOAL] * bool(beside[cell]) + [EXPERT] * expert + neighbours.tolist()
+        mine = [EXPERT] * expert + [GOAL] * bool(beside[cell]) + neighbours.tolist()
         start += [cell] * len(mine)
         target += mine
     return np.array(start, dtype=np.int64), np.array(target, dtype=np.int64)
@@ -180,11 +188,7 @@ def counted(triples: Iterable[tuple[Triple, Floats]], floor: float) -> Outcomes:
 
 def merged(first: Outcomes, second: Outcomes) -> Outcomes:
     """Return both together."""
-    both = Outcomes(
-        first.floor,
-        {k: dict(v) for k, v in first.arrivals.items()},
-        {k: list(v) for k, v in first.starts.items()},
-    )
+    both = first.copy()
     for (cell, aim), starts in second.starts.items():
         for start, arrived in starts:
             both.add((cell, aim, arrived), start)

@@ -141,11 +141,19 @@ class PartiGame:
         """Return J of every cell and the aims there are."""
         return self._costs
 
-    def target(self, observation: Floats) -> tuple[int, Floats]:
-        """Return what is aimed at from an observation, and the point to go to, without learning."""
+    def best(self, observation: Floats) -> int:
+        """Return the action at an observation without exploring, splitting or learning."""
         cell = self.cells.tree.leaf_of(observation.tolist())
         aim = self._costs.best_aim(cell)
-        return aim, self._point(cell, aim, observation)
+        if aim == EXPERT and self.expert is not None:
+            return self.expert(observation)
+        return self.controller.best(observation, self._point(cell, aim, observation))
+
+    def resume(self, cells: Cells, own: Outcomes, *, exhausted: bool) -> None:
+        """Go on between two episodes with cells and outcomes known from before."""
+        self.cells, self.own, self.exhausted = cells, own, exhausted
+        self._way = None
+        self._refresh()
 
     def _chosen(self, observation: Floats, generator: np.random.Generator) -> Way:
         """Return the way to the best aim, after splitting until there is one (algorithm 4)."""

@@ -32,6 +32,7 @@ from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
 from eutree.features import FeatureMap
 from eutree.learners.confidence import Confidence
+from eutree.learners.goals import reached
 from eutree.learners.history import History
 from eutree.policies import LeafStatistics, Policy, TreePolicy
 from eutree.schema import EnvironmentSpec, Schema
@@ -220,8 +221,8 @@ class Needs:
             return "it tries what it plans, so it needs an environment to act in"
         if start.name not in self.starts:
             return f"it starts from {' or '.join(self.starts)}, got {start.name}"
-        if self.goal and not any(episode.is_success for episode in start.episodes):
-            return "it needs a demonstration that reached the goal (is_success)"
+        if self.goal and not reached(start.episodes).any():
+            return "it needs a goal: a demonstration that reached it (is_success, or a good end)"
         if self.max_features is not None and problem.n_features > self.max_features:
             return f"it copes with {self.max_features} features, got {problem.n_features}"
         return ""

@@ -12,6 +12,7 @@ from eutree.learners.distilled_dqn import DistilledDQN
 from eutree.learners.history_u_tree import HistoryUTreeMethod
 from eutree.learners.learner import Method
 from eutree.learners.model_planning import PlanningMethod
+from eutree.learners.parti_game import PartiGameMethod
 from eutree.learners.presets import PRESETS
 from eutree.learners.u_tree import UTreeMethod
 from eutree.learners.variable_resolution import VariableResolutionMethod
@@ -29,6 +30,7 @@ METHODS: dict[str, type[Method]] = {
         DistilledDQN,
         HistoryUTreeMethod,
         VariableResolutionMethod,
+        PartiGameMethod,
     )
 }
 

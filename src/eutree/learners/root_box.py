@@ -26,10 +26,12 @@ def root_box(
     rows = observations if len(observations) else np.zeros((1, problem.n_features))
     least, greatest = rows.min(axis=0), rows.max(axis=0)
     inner = tree.feature >= 0
-    np.minimum.at(least, tree.feature[inner], tree.threshold[inner])
-    np.maximum.at(greatest, tree.feature[inner], tree.threshold[inner])
-    margin = np.where(greatest > least, MARGIN * (greatest - least), 0.5)
+    first, last = np.full_like(low, np.inf), np.full_like(low, -np.inf)  # thresholds
+    np.minimum.at(first, tree.feature[inner], tree.threshold[inner])
+    np.maximum.at(last, tree.feature[inner], tree.threshold[inner])
     bounded = (np.abs(low) < LARGEST) & (np.abs(high) < LARGEST) & (low < high)
-    low = np.where(bounded & (low < least), low, least - margin)
-    high = np.where(bounded & (high > greatest), high, greatest + margin)
-    return low, high
+    keeps_low = bounded & (low <= least) & (low < first)  # no leaf is left without a volume
+    keeps_high = bounded & (high >= greatest) & (high > last)
+    least, greatest = np.minimum(least, first), np.maximum(greatest, last)
+    margin = np.where(greatest > least, MARGIN * (greatest - least), 0.5)
+    return np.where(keeps_low, low, least - margin), np.where(keeps_high, high, greatest + margin)

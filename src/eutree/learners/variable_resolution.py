@@ -41,6 +41,8 @@ class VariableResolutionMethod:
     """The choices of variable resolution discretization.
 
     Attributes:
+        first_boxes: Boxes at the first solution; all are halved until there are so many. In a
+            single box nothing is between corners, and no criterion sees anything.
         criterion: Where boxes are halved: "average", "nonlinearity", "disagreement", "combined",
             "stdev_inf" or "starts" (the starts of what was demonstrated).
         share: Share of the boxes that one refinement halves.
@@ -56,6 +58,7 @@ class VariableResolutionMethod:
     name: ClassVar[str] = "vrd"
     needs: ClassVar[Needs] = Needs(max_features=MOST_FEATURES)
 
+    first_boxes: int = 64
     criterion: str = "average"
     share: float = 0.2
     refinements: int = 3
@@ -67,6 +70,7 @@ class VariableResolutionMethod:
     pessimism: float = 0.5
 
     def __post_init__(self) -> None:
+        check_integer("first_boxes", self.first_boxes, low=1)
         check_choice("criterion", self.criterion, CRITERIA)
         check_number("share", self.share, low=0.0, high=1.0, low_open=True)
         check_integer("refinements", self.refinements, low=1)
@@ -192,6 +196,10 @@ class VariableResolution:
         world = self._world = self._fitted()
         before = self.solved
         grid = self._new_grid()
+        while grid.tree.n_leaves < self.method.first_boxes:
+            longest = ((grid.high - grid.low) / grid.span).argmax(axis=1)
+            grid = grid.halve([(i, int(axis)) for i, axis in enumerate(longest)])
+        self.tree = grid.tree
         self.solved = solved(grid, world, before=before, initial_policy=self._prior(grid))
         self._model_steps = grid.n_corners * self.n_actions
         for _ in range(self.method.refinements):
