@@ -10,7 +10,7 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
-from eutree.data import Demonstrations
+from eutree.data import Demonstrations, Episode
 from eutree.interaction import GuardedEnv, record
 from eutree.learners import Problem, Start, Step
 from eutree.schema import Schema
@@ -158,3 +158,52 @@ def play_in_part(learner: Any, env: gymnasium.Env[Any, Any], seed: int, steps: i
         if terminated or truncated:
             break
     learner.discard_episode()
+
+
+ROOM = Schema.anonymous(2, 2)
+
+
+def room_episode(generator, act, *, steps=60, random=0.1):
+    """Return an episode of a room that cools: action 1 heats, and 20 degrees are best.
+
+    Args:
+        generator: Source of the weather, of noise in the second feature, and of random actions.
+        act: What whoever acts does at an observation.
+        steps: Steps until the time limit.
+        random: Share of random actions.
+    """
+    degrees = generator.uniform(16, 24)
+    observations, actions, rewards = [[degrees, generator.normal()]], [], []
+    for _ in range(steps):
+        at_random = generator.random() < random
+        action = int(generator.integers(2)) if at_random else act(observations[-1])
+        degrees += (1.0 if action else -0.5) + 0.3 * generator.normal()
+        actions.append(action)
+        rewards.append(-abs(degrees - 20.0) - 0.2 * action)
+        observations.append([degrees, generator.normal()])
+    return Episode(np.array(observations), actions, rewards, terminated=False, truncated=True)
+
+
+def clustered_noise(generator, *, episodes=20, steps=40):
+    """Return episodes whose rewards depend on nothing observed, but much on their episode.
+
+    A reward is a level of the episode's own and slow noise; of the three features one is the same
+    throughout an episode, one is slow noise, one is white noise.
+    """
+    found = []
+    for _ in range(episodes):
+        observations = generator.normal(size=(steps + 1, 3))
+        observations[:, 0] = generator.normal()
+        observations[:, 1] = _slow(generator, steps + 1)
+        rewards = generator.normal() + _slow(generator, steps)
+        actions = generator.integers(0, 2, steps)
+        found.append(Episode(observations, actions, rewards, terminated=False, truncated=True))
+    return tuple(found)
+
+
+def _slow(generator, n):
+    """Return noise whose neighbours correlate by 0.9, variance 1."""
+    values = generator.normal(size=n)
+    for k in range(1, n):
+        values[k] = 0.9 * values[k - 1] + np.sqrt(1 - 0.81) * values[k]
+    return values

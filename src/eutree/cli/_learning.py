@@ -89,6 +89,7 @@ def as_values(result: "LearningResult", out: Path) -> dict[str, Any]:
         "n_leaves": result.policy.n_leaves,
         "challengers": result.challengers,
         "against_start": None if judgement is None else judgement.facts(),
+        "against_fit": None if result.against_fit is None else result.against_fit.facts(),
         "path": str(out / "policy.json"),
         "curve": [
             {
@@ -120,4 +121,6 @@ def in_words(result: "LearningResult", out: Path, *, recorded: int | None) -> st
     if result.against_start is not None:
         start = STARTS.get(result.start, "the tree that it started from")
         words += f"; {result.against_start.describe(start)}"
+    if result.against_fit is not None:
+        words += f"; {result.against_fit.describe()}"
     return f"{words}; written to {out}"

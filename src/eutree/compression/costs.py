@@ -62,9 +62,10 @@ def _one_each(policy: TreePolicy) -> Floats:
 
 def _gaps(policy: TreePolicy) -> Floats:
     """Return Q(s, own action) - Q(s, a) of each leaf, with what is unknown filled in."""
-    if policy.leaves is None:
+    if policy.leaves is None or not policy.leaves.compares_actions:
         raise InvalidArgumentError(
-            'weights must be "visits" for a policy without values of its leaves, got "q-gap"'
+            'weights must be "visits" for a policy without values of two actions in a leaf, '
+            'got "q-gap"'
         )
     values, own = policy.leaves.values, np.arange(policy.n_leaves)
     gap = np.maximum(values[own, policy.actions][:, np.newaxis] - values, 0.0)  # [L, A]

@@ -28,7 +28,7 @@ def stakes_of(teacher: Any, action_values: ActionValues | None, n_actions: int) 
     values = action_values or getattr(teacher, "action_values", None)
     if values is not None:
         return lambda observations: _gap(values(observations), (len(observations), n_actions))
-    if isinstance(teacher, TreePolicy) and teacher.leaves is not None and not teacher.history:
+    if _has_gaps(teacher):
         return lambda observations: Costs.of(teacher, observations, "q-gap").of_action.max(axis=1)
     return None
 
@@ -48,3 +48,10 @@ def _gap(values: ArrayLike, shape: tuple[int, int]) -> Floats:
         )
     gap: Floats = table.max(axis=1) - table.min(axis=1)
     return gap
+
+
+def _has_gaps(teacher: Any) -> bool:
+    """Return whether a teacher is a tree whose leaves compare actions by what decides."""
+    if not isinstance(teacher, TreePolicy) or teacher.history:
+        return False
+    return teacher.leaves is not None and teacher.leaves.compares_actions

@@ -13,13 +13,19 @@ class LeafStatistics:
 
     Attributes:
         visits: Transitions that left each leaf, per action.
-        values: Q(s, a); NaN where the action was never tried.
-        deviations: Standard error of Q(s, a); NaN where unknown.
+        values: Q(s, a) of the rule that decides, or the mean return to go of the policy's own
+            episodes after the action; NaN where the action was never tried.
+        deviations: Standard error of each value; NaN where unknown.
     """
 
     visits: Integers  # [L, A]
     values: Floats  # [L, A]
     deviations: Floats  # [L, A]
+
+    @property
+    def compares_actions(self) -> bool:
+        """Whether there is a leaf in which the values of two actions are known."""
+        return bool((np.isfinite(self.values).sum(axis=1) > 1).any())
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "visits", frozen(np.asarray(self.visits, dtype=np.int64)))

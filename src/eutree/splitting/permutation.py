@@ -3,7 +3,11 @@
 If the returns of an action do not depend on the observations, every assignment of its returns to
 its tuples is equally likely. One draw permutes the returns within each action and searches all
 actions, attributes and cuts again, so the p-value is already family-wise over all of them
-(Westfall and Young). Permuting whole episodes instead keeps the dependence inside an episode.
+(Westfall and Young). Where returns are clustered, the returns of a whole episode take the place of
+another's, stretched to its length and rotated in time: the dependence inside an episode stays. Laid
+end to end instead, episodes of different lengths would mix, and clusters would pass for structure.
+Without the rotation the returns of episodes of one length would stay where they were in time, and
+so beside observations that tell it.
 """
 
 from collections.abc import Iterator
@@ -97,11 +101,15 @@ class _Group:
     def reaches(self, generator: np.random.Generator) -> bool:
         """Return whether one permutation of the returns has a cut above the floor."""
         rank = self._permuted(generator)
+        cumulative = self.cumulative
+        if self.blocks:  # stretched blocks hold some returns twice, others not at all
+            counts = np.bincount(rank, minlength=cumulative.size)
+            cumulative = np.cumsum(counts).astype(np.float64)
         for order, legal in zip(self.order, self.legal, strict=True):
             cut, _, _ = _kernels.best_cut(
                 rank[order],
                 legal,
-                self.cumulative,
+                cumulative,
                 self.side,
                 self.distance,
                 self.floor,
@@ -115,9 +123,12 @@ class _Group:
     def _permuted(self, generator: np.random.Generator) -> Int32s:
         if not self.blocks:
             return generator.permutation(self.rank)
-        shuffled = [self.blocks[k] for k in generator.permutation(len(self.blocks))]
         result = np.empty_like(self.rank)
-        result[np.concatenate(self.blocks)] = self.rank[np.concatenate(shuffled)]
+        sources = generator.permutation(len(self.blocks))
+        for block, source in zip(self.blocks, sources, strict=True):
+            returns = self.rank[self.blocks[source]]
+            returns = np.roll(returns, generator.integers(returns.size))
+            result[block] = returns[np.arange(block.size) * returns.size // block.size]
         return result
 
 

@@ -12,6 +12,7 @@ import gymnasium
 from eutree.data import Demonstrations, check_rewards
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import Evaluation, evaluate
+from eutree.evaluation.off_policy import OffPolicyComparison
 from eutree.interaction import GuardedEnv
 from eutree.interaction.decoding import warn_of_codes
 from eutree.interaction.requests import Controller
@@ -23,6 +24,7 @@ from eutree.policies import Policy, TreePolicy
 from eutree.training.asking import Asking, questions_for
 from eutree.training.beginning import START_STREAM, Arena, Beginning, generator_of
 from eutree.training.callback import CallbackLike, CallbackListener
+from eutree.training.log import DISCOUNT, Log
 from eutree.training.phases import MANY, Plan
 from eutree.training.proposals import SearchSettings
 from eutree.training.result import LearningResult, StepCounts
@@ -69,8 +71,9 @@ def learn(
 
     Args:
         env: A Gymnasium environment with a flat observation and a Discrete action space. None
-            learns offline, from ``demonstrations`` alone: the method makes its updates over them
-            until one splits nothing.
+            learns offline, from ``demonstrations`` alone: the method makes its updates over two
+            thirds of them until one splits nothing. The rest says whether the tree is believed to
+            beat that of ``fit_expert_tree`` (or ``expert``); if not, that one is the result.
         demonstrations: Episodes of an expert, in the features of one observation.
         expert: The expert tree; fitted to the demonstrations if a start needs it.
         method: How to learn: a name of ``eutree.learners.METHODS`` or of a preset, such as
@@ -146,8 +149,10 @@ def learn(
     if demonstrations is not None and history:
         demonstrations = demonstrations.with_history(history)
     offline = env is None
+    log = None
     if env is None:
         recorded = _needed(demonstrations, "offline learning")
+        log = Log.of(recorded, expert, seed=seed)
         problem = Problem(recorded.schema, recorded.environment, history)
         environment = f"offline: {recorded.environment}"
     else:
@@ -159,7 +164,8 @@ def learn(
         if steps is not None:
             problem = replace(problem, steps=max(steps - race_steps, 0))
         environment = str(guarded.spec or guarded.name)
-    begin = _start(start, problem, demonstrations, expert, seed=seed, offline=offline)
+    learned_from = demonstrations if log is None else log.known
+    begin = _start(start, problem, learned_from, expert, seed=seed, offline=offline)
     check_fits(chosen, problem, begin, offline=offline)
     beginning = Beginning(chosen, problem, begin)
     _check_races(plan, begin)
@@ -192,16 +198,18 @@ def learn(
     if out is None:
         with _followed(run, listener, tensorboard) as follow:
             _go_on(run, None, clock, (follow, on_progress))
+        policy, against_fit = _result(run, log)
     else:
         with RunFolder(out, config, resume=resume) as folder:
             folder.load_checkpoint(run)
             folder.save_start(begin.expert)
             with _followed(run, listener, tensorboard) as follow:
                 _go_on(run, folder, clock, (follow, on_progress))
-            folder.save_result(run.policy())
+            policy, against_fit = _result(run, log)
+            folder.save_result(policy)
     recorded_steps = 0 if demonstrations is None else sum(map(len, begin.episodes))
     return LearningResult(
-        policy=run.policy(),
+        policy=policy,
         expert=begin.expert,
         curve=tuple(run.curve),
         history=run.learner.history,
@@ -217,7 +225,16 @@ def learn(
         ),
         challengers=run.challengers,
         against_start=run.judgement,
+        against_fit=against_fit,
     )
+
+
+def _result(run: Run, log: Log | None) -> tuple[TreePolicy, OffPolicyComparison | None]:
+    """Return the policy; offline the learned tree only where it is believed to be the better."""
+    if log is None or run.stopped:
+        return run.policy(), None
+    method = run.beginning.method
+    return log.chosen(run.policy(), discount=getattr(method, "discount", DISCOUNT))
 
 
 def _episodes(episodes: int | None, steps: int | None, minutes: float | None) -> int:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from eutree.display import Displayed
 from eutree.evaluation import CurvePoint
+from eutree.evaluation.off_policy import OffPolicyComparison
 from eutree.learners import History, Method
 from eutree.policies import TreePolicy
 from eutree.training.judging import Judgement
@@ -48,6 +49,8 @@ class LearningResult(Displayed):
         environment_steps: Environment steps by what they were for.
         challengers: Trees that were put to the test.
         against_start: What was gained against the start; None offline, and where the run stopped.
+        against_fit: Offline, what held-out episodes say against the tree of ``fit``, which is the
+            policy unless the learned tree is believed to beat it.
     """
 
     policy: TreePolicy
@@ -61,6 +64,7 @@ class LearningResult(Displayed):
     environment_steps: StepCounts
     challengers: int = 0
     against_start: Judgement | None = None
+    against_fit: OffPolicyComparison | None = None
 
     def __repr__(self) -> str:
         """Return the result in one line; the stored transitions would be pages."""

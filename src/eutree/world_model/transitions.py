@@ -34,6 +34,15 @@ class Transitions:
     n_actions: int
     memory: bool = True
 
+    @classmethod
+    def of(cls, episodes: Sequence[Episode], n_actions: int) -> "Transitions":
+        """Return the transitions of episodes, at least one step in all."""
+        width = episodes[0].observations.shape[1]
+        none, rows = np.empty(0), np.empty((0, width))
+        numbers = np.empty(0, dtype=np.int64)
+        empty = cls(rows, numbers, none, rows, np.empty(0, np.bool_), numbers, n_actions)
+        return empty.followed_by(episodes)
+
     @cached_property
     def first(self) -> Booleans:
         """Whether each transition is the first of its episode, shape [N]."""

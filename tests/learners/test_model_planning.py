@@ -1,0 +1,91 @@
+"""What model-based planning says of itself: returns of the incumbent, doubt about who acts."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from eutree.compression import compress
+from eutree.errors import InvalidArgumentError
+from eutree.learners import DEFAULT, PlanningMethod, Start
+from eutree.learners.confidence import FEW, Confidence, doubt
+from eutree.policies import TreePolicy
+from eutree.trees import DecisionTree
+from tests.worlds import Walk, learned_to_walk
+
+QUICK = replace(DEFAULT, planner=replace(DEFAULT.planner, n_episodes=40, min_episodes=5))
+
+
+@pytest.fixture(scope="module")
+def learner():
+    return learned_to_walk(QUICK, phases=4)
+
+
+def test_values_are_the_returns_to_go_of_the_incumbents_own_episodes(learner):
+    found, history = learner.decisions(), learner.history
+    known = found.statistics
+    leaves = found.tree.leaf_index(history.observations)
+    returns = np.zeros(history.size)
+    for row in range(history.size - 1, -1, -1):
+        follows = row + 1 < history.size and history.continues[row + 1]
+        returns[row] = history.rewards[row] + (returns[row + 1] if follows else 0.0)
+    mine = np.isin(history.episodes, learner.plan.incumbent_episodes)
+    assert mine.any()
+    for leaf in range(found.tree.n_leaves):
+        for action in range(2):
+            rows = mine & (leaves == leaf) & (history.actions == action)
+            assert known.visits[leaf, action] == rows.sum()
+            if rows.any():
+                assert known.values[leaf, action] == pytest.approx(returns[rows].mean())
+            else:
+                assert np.isnan(known.values[leaf, action])
+            if rows.sum() > 1:
+                error = returns[rows].std(ddof=1) / np.sqrt(rows.sum())
+                assert known.deviations[leaf, action] == pytest.approx(error)
+
+
+def test_a_learner_without_episodes_of_its_own_shows_no_values():
+    assert QUICK.start(Walk.problem, Start()).decisions().statistics is None
+
+
+def test_weights_by_values_are_refused_where_no_values_decide(learner):
+    """q-gap read a table over leaves that had not decided."""
+    policy = learner.decisions().policy(Walk.problem)
+    with pytest.raises(InvalidArgumentError, match='weights must be "visits" for a policy without'):
+        compress(policy, learner.history.observations, max_disagreement=0.1, weights="q-gap")
+
+
+def test_doubt_is_about_the_action_of_the_tree_that_acts():
+    """It was about the greedy action of a table that did not act."""
+    expert = TreePolicy(
+        tree=DecisionTree.single_leaf(2), actions=np.array([1]), schema=Walk.problem.schema
+    )
+    curious = replace(QUICK, exploration=0.5, planner=replace(QUICK.planner, explorer_share=0.8))
+    learner = curious.start(Walk.problem, Start(expert))
+    generator = np.random.default_rng(0)
+    world = Walk(generator)
+    here = np.array([0.0, 0.5])
+    learner.start_episode(here, generator)
+    assert learner.doubt(here, Confidence()) == FEW
+    learner.discard_episode()
+    for _ in range(40):
+        world.run(learner, np.random.default_rng(generator.integers(2**32)))
+    learner.start_episode(here, generator)
+    history = learner.history
+    returns = np.zeros(history.size)
+    for row in range(history.size - 1, -1, -1):
+        follows = row + 1 < history.size and history.continues[row + 1]
+        returns[row] = history.rewards[row] + (returns[row + 1] if follows else 0.0)
+    actions = history.actions.astype(np.int64)
+    assert min(np.bincount(actions)) >= 10
+    for width in (0.0, 1.96):
+        sure = Confidence(width=width)
+        assert learner.doubt(here, sure) == doubt(returns, actions, 1, 2, sure)
+        assert learner.doubt(here, sure) != doubt(returns, actions, 0, 2, sure) or width
+
+
+def test_it_has_one_discount_and_only_choices_of_its_own():
+    names = set(PlanningMethod.__dataclass_fields__)
+    assert names >= {"planner", "exploration", "gathering_episodes", "max_transitions"}
+    assert not names & {"discount", "splitter", "significance", "target", "untried_value"}
+    assert PlanningMethod().planner.discount == 1.0
