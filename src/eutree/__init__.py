@@ -55,6 +55,8 @@ if TYPE_CHECKING:
     from eutree.training import LearningResult as LearningResult
     from eutree.training import callbacks as callbacks
     from eutree.training.learn import learn as learn
+    from eutree.training.many import LearningRuns as LearningRuns
+    from eutree.training.many import learn_runs as learn_runs
     from eutree.trees import DecisionTree as DecisionTree
 
 __version__ = "0.1.0"
@@ -91,6 +93,8 @@ _PUBLIC = {
     "InvalidArgumentError": "eutree.errors:InvalidArgumentError",
     "LeafStatistics": "eutree.policies:LeafStatistics",
     "learn": "eutree.training.learn:learn",
+    "learn_runs": "eutree.training.many:learn_runs",
+    "LearningRuns": "eutree.training.many:LearningRuns",
     "learners": "eutree.learners",
     "LearningResult": "eutree.training:LearningResult",
     "mdp": "eutree.mdp",

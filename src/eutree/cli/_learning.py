@@ -3,11 +3,15 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eutree.cli._output import ProgressLine
+from eutree.cli._output import Output, ProgressLine
 from eutree.wording import counted
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
+    from eutree.schema import EnvironmentSpec
     from eutree.training import LearningResult, Run
+    from eutree.training.many import FinishedRun, LearningRuns
 
 STARTS = {"nothing": "a single leaf"}  # others began with a tree
 
@@ -124,3 +128,74 @@ def in_words(result: "LearningResult", out: Path, *, recorded: int | None) -> st
     if result.against_fit is not None:
         words += f"; {result.against_fit.describe()}"
     return f"{words}; written to {out}"
+
+
+def run_many(
+    spec: "EnvironmentSpec",
+    runs: int,
+    n_jobs: int,
+    out: Path,
+    output: Output,
+    options: dict[str, Any],
+) -> "LearningRuns":
+    """Learn several times, with one progress display."""
+    from eutree.training.many import learn_runs
+
+    with output.progress("runs", runs) as progress:
+
+        def show(count: int, run: "FinishedRun") -> None:
+            progress.update(count, f"seed {run.seed}: {run.selection}")
+
+        return learn_runs(spec, runs=runs, n_jobs=n_jobs, out=out, on_run=show, **options)
+
+
+def many_results(learned: "LearningRuns", out: Path) -> "tuple[dict[str, Any], Table]":
+    """Return several runs for ``--json``, and as a table."""
+    from rich.table import Table
+
+    result, judged = learned.result, learned.judged
+    values = as_values(result, out) | {
+        "runs": [
+            {
+                "seed": run.seed,
+                "mean_return": run.selection.mean_return,
+                "return_interval": run.selection.return_interval,
+                "success_rate": run.selection.success_rate,
+                "success_interval": run.selection.success_interval,
+                "n_leaves": run.n_leaves,
+                "environment_steps": run.environment_steps,
+                "path": str(run.path),
+                "winner": number == learned.winner,
+            }
+            for number, run in enumerate(learned.runs)
+        ],
+        "judged": {
+            "episodes": judged.episodes,
+            "mean_return": judged.mean_return,
+            "return_interval": judged.return_interval,
+            "success_rate": judged.success_rate,
+            "success_interval": judged.success_interval,
+        },
+    }
+    best = learned.runs[learned.winner]
+    table = Table(
+        "", "seed", "return [95 %]", "success [95 %]", "leaves",
+        caption=f"The best of {counted(len(learned.runs), 'run')} on "
+        f"{counted(best.selection.episodes, 'episode')} of their own is that of seed {best.seed}; "
+        f"on others it reaches {judged}; written to {out / 'policy.json'}",
+    )  # fmt: skip
+    for number, run in enumerate(learned.runs):
+        low, high = run.selection.return_interval
+        success = run.selection.success_interval
+        rate = run.selection.success_rate
+        shown = ""
+        if rate is not None and success is not None:
+            shown = f"{rate:.1%} [{success.low:.1%}, {success.high:.1%}]"
+        table.add_row(
+            "*" if number == learned.winner else "",
+            str(run.seed),
+            f"{run.selection.mean_return:.2f} [{low:.2f}, {high:.2f}]",
+            shown,
+            str(run.n_leaves),
+        )
+    return values, table

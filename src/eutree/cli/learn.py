@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from eutree.cli._asking import asked, render_mode
-from eutree.cli._learning import Following, as_values, in_words
+from eutree.cli._cluster import cluster, cluster_options
+from eutree.cli._learning import Following, as_values, in_words, many_results, run_many
 from eutree.cli._options import (
     count_option,
     env_arg_option,
@@ -75,6 +76,10 @@ if TYPE_CHECKING:
               "saving takes at most a twentieth of the time.")  # fmt: skip
 @path_option("--tensorboard", text="Folder for a log that TensorBoard shows; one for each run.")
 @click.option("--strict", is_flag=True, help="Refuse observations outside the space's bounds.")
+@count_option("--runs", 1, "Runs, with seeds from --seed on; the best is chosen and judged.")
+@click.option("--n-jobs", type=int, default=-1, show_default=True,
+              help="Processes for --runs; -1 for all cores.")  # fmt: skip
+@cluster_options
 @env_arg_option
 @seed_option
 @json_option
@@ -99,6 +104,10 @@ def learn(
     keys: str | None,
     port: int | None,
     offline: bool,
+    runs: int,
+    n_jobs: int,
+    backend: str,
+    address: str | None,
     env_arguments: dict[str, Any],
     as_json: bool,
     **options: Any,
@@ -131,6 +140,26 @@ def learn(
     if offline and ask is not None:
         raise InvalidArgumentError("--ask needs an environment to act in; leave out --offline")
     spec = None if offline else _spec(environment, demonstrations, env_arguments)
+    options |= {
+        "demonstrations": demonstrations,
+        "expert": None if expert is None else TreePolicy.load(expert),
+        "method": chosen,
+        "start": start,
+        "episodes": episodes,
+        "steps": steps,
+        "race_steps": race_steps,
+    }
+    if runs > 1:
+        if spec is None or ask is not None or options.pop("tensorboard") is not None:
+            raise InvalidArgumentError("--runs takes no --offline, --ask or --tensorboard")
+        with (
+            cluster(backend, address),
+            stop_on_signals() as stop,
+            _saying_how_to_go_on(output, stop, out),
+        ):
+            learned = run_many(spec, runs, n_jobs, out, output, options)
+        output.result(*many_results(learned, out))
+        return
     env = None if spec is None else make(spec, render_mode=render_mode(ask))
     with (
         stop_on_signals() as stop,
@@ -140,13 +169,6 @@ def learn(
     ):
         result = learn_policy(
             env,
-            demonstrations=demonstrations,
-            expert=None if expert is None else TreePolicy.load(expert),
-            method=chosen,
-            start=start,
-            episodes=episodes,
-            steps=steps,
-            race_steps=race_steps,
             out=out,
             ask=controller,
             asking=Asking(max_requests=ask_requests, max_steps=ask_steps),
@@ -167,7 +189,7 @@ def _saying_how_to_go_on(output: Output, stop: "StopRequest", out: Path) -> Iter
         yield
     except KeyboardInterrupt:
         stop.no_more()
-        saved = (out / "checkpoint.npz").exists()
+        saved = (out / "checkpoint.npz").exists() or (out / "runs").exists()
         state = "stopped and saved" if saved else "stopped before anything was learned"
         output.say(f"{state}; go on with --resume")
         raise SystemExit(stop.exit_code) from None

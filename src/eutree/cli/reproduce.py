@@ -1,15 +1,12 @@
 """``eutree reproduce``: the paper's figures and tables, with our numbers beside."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import click
 
+from eutree.cli._cluster import cluster, cluster_options
 from eutree.cli._options import count_option, json_option, seed_option
 from eutree.cli._output import Output
-from eutree.errors import MissingExtraError
 
 
 @click.command(epilog="Example: eutree reproduce figure-2 --n-jobs 2")
@@ -23,9 +20,7 @@ from eutree.errors import MissingExtraError
 @count_option("--episodes", 400, "Episodes of each run.")
 @click.option("--smoke", is_flag=True, help="A few tiny runs, to see that everything works.")
 @click.option("--n-jobs", type=int, default=1, show_default=True, help="Processes; -1 for all.")
-@click.option("--backend", type=click.Choice(["loky", "dask", "ray"]), default="loky",
-              show_default=True, help="What runs the processes.")  # fmt: skip
-@click.option("--address", help="Scheduler of the dask or ray cluster.")
+@cluster_options
 @seed_option
 @json_option
 def reproduce(
@@ -65,7 +60,7 @@ def reproduce(
     selected = chosen(experiment)
     scale = SMOKE if smoke else replace(FULL, runs=runs, episodes=episodes)
     scale = replace(scale, first_seed=seed)
-    with _cluster(backend, address), output.progress("runs", 100) as progress:
+    with cluster(backend, address), output.progress("runs", 100) as progress:
 
         def show(count: int, total: int, spec: RunSpec) -> None:
             progress.update(100 * count // total, f"{count} of {total}: {spec.name}")
@@ -80,37 +75,3 @@ def reproduce(
         {"claims": [asdict(claim) for claim in result.claims], "path": str(result.folder)}, table
     )
     output.say(f"report: {result.folder / 'report.html'}")
-
-
-@contextmanager
-def _cluster(backend: str, address: str | None) -> Iterator[None]:
-    """Send joblib's tasks to a cluster while the context lasts."""
-    import joblib
-
-    if backend == "dask":
-        with _dask_client(address), joblib.parallel_config(backend="dask"):
-            yield
-    elif backend == "ray":
-        _start_ray(address)
-        with joblib.parallel_config(backend="ray"):
-            yield
-    else:
-        yield
-
-
-def _dask_client(address: str | None) -> Any:
-    try:
-        from distributed import Client
-    except ImportError:
-        raise MissingExtraError("dask.distributed", "cluster") from None
-    return Client(address)
-
-
-def _start_ray(address: str | None) -> None:
-    try:
-        import ray
-        from ray.util.joblib import register_ray
-    except ImportError:
-        raise MissingExtraError("ray", "cluster") from None
-    ray.init(address=address, ignore_reinit_error=True, log_to_driver=False)
-    register_ray()

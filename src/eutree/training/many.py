@@ -1,0 +1,195 @@
+"""Many runs as one: each kept in its folder, the best chosen, and judged on other episodes.
+
+Run k has the seed ``seed + k`` and is what ``learn`` would do alone, so the bytes do not depend on
+the number of processes or machines. The best by its mean return on selection episodes, which no run
+has learned from, is the winner; a winner was lucky too, so what it earns is measured on others.
+"""
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import joblib
+
+from eutree.errors import InvalidArgumentError, RunFolderError
+from eutree.evaluation import Evaluation, evaluate
+from eutree.files import make_folder, write_text
+from eutree.interaction import episode_seed
+from eutree.interaction.making import make
+from eutree.schema import EnvironmentSpec
+from eutree.training.learn import learn
+from eutree.training.result import LearningResult
+from eutree.validation import check_integer, check_seed
+
+SELECTION_STREAM = 41
+WINNER_STREAM = 42
+COLUMNS = (
+    "seed", "mean_return", "return_low", "return_high", "success_rate", "success_low",
+    "success_high", "n_leaves", "environment_steps", "winner",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class FinishedRun:
+    """One of many runs.
+
+    Attributes:
+        seed: Its seed.
+        path: Its folder.
+        n_leaves: Leaves of its policy.
+        environment_steps: All environment steps, demonstrations included.
+        selection: What its policy earned on the selection episodes, the same for all runs.
+    """
+
+    seed: int
+    path: Path
+    n_leaves: int
+    environment_steps: int
+    selection: Evaluation
+
+
+@dataclass(frozen=True, eq=False)
+class LearningRuns:
+    """Many finished runs.
+
+    Attributes:
+        runs: All of them, by seed.
+        winner: Number of the best in ``runs``.
+        result: What the best run learned.
+        judged: What its policy earned on episodes that chose nothing.
+    """
+
+    runs: tuple[FinishedRun, ...]
+    winner: int
+    result: LearningResult
+    judged: Evaluation
+
+
+def learn_runs(
+    environment: EnvironmentSpec | str,
+    *,
+    runs: int,
+    out: str | Path,
+    n_jobs: int = -1,
+    seed: int = 0,
+    selection_episodes: int = 200,
+    judging_episodes: int = 1000,
+    resume: bool = False,
+    on_run: Callable[[int, FinishedRun], None] = lambda count, run: None,
+    **options: Any,
+) -> LearningRuns:
+    """Learn several times, and return all runs, the best of them and how good it is.
+
+    Args:
+        environment: Where to learn: an id or how to make it. Each process makes its own.
+        runs: Number of runs.
+        out: Folder for the runs, ``runs/SEED`` each, for the winner's ``policy.json`` and for the
+            table ``runs.csv``.
+        n_jobs: Processes, as joblib counts them; ``joblib.parallel_config`` may send them to a
+            cluster that shares the folder.
+        seed: Seed of the first run; the others follow.
+        selection_episodes: Episodes by which the best is chosen.
+        judging_episodes: Episodes by which it is judged.
+        resume: Go on with the runs that are there.
+        on_run: Called with the number of finished runs and the last of them.
+        **options: As ``learn`` takes them.
+
+    Raises:
+        InvalidArgumentError: An argument is not as described.
+        RunFolderError: ``out`` holds runs and ``resume`` is False.
+    """
+    check_integer("runs", runs, low=1)
+    check_integer("selection_episodes", selection_episodes, low=2)
+    check_integer("judging_episodes", judging_episodes, low=2)
+    check_seed(seed)
+    spec = EnvironmentSpec(environment) if isinstance(environment, str) else environment
+    folder = make_folder(out)
+    if (folder / "runs").exists() and not resume:
+        raise RunFolderError(
+            f"{folder} already holds runs; go on with them (--resume) or choose another folder"
+        )
+    task = _Task(spec, make_folder(folder / "runs"), selection_episodes, seed, options)
+    found: dict[int, FinishedRun] = {}
+    for run in _finished([joblib.delayed(task)(seed + k) for k in range(runs)], n_jobs):
+        found[run.seed] = run
+        on_run(len(found), run)
+    ordered = tuple(found[seed + k] for k in range(runs))
+    best = max(
+        range(runs), key=lambda k: (ordered[k].selection.mean_return, -ordered[k].n_leaves, -k)
+    )
+    env = make(spec)
+    try:
+        winner = ordered[best]
+        result = learn(env, out=winner.path, seed=winner.seed, resume=True, **options)
+        judging_seed = episode_seed(seed, 0, WINNER_STREAM)
+        judged = evaluate(result.policy, env, episodes=judging_episodes, seed=judging_seed)
+    finally:
+        env.close()
+    result.policy.save(folder / "policy.json")
+    write_text(folder / "runs.csv", _table(ordered, best))
+    return LearningRuns(ordered, best, result, judged)
+
+
+class _Task:
+    """One run in a process of its own; the same bytes whichever process does it."""
+
+    def __init__(
+        self,
+        spec: EnvironmentSpec,
+        folder: Path,
+        episodes: int,
+        seed: int,
+        options: dict[str, Any],
+    ) -> None:
+        for name in ("on_progress", "stop", "ask", "callback", "tensorboard"):
+            if options.get(name) is not None:
+                raise InvalidArgumentError(f"{name} must be None for several runs")
+        self._spec, self._folder = spec, folder
+        self._episodes, self._seed, self._options = episodes, seed, options
+        # What another process needs to make an environment that is not Gymnasium's or ours.
+        self._registered = gymnasium.registry.get(spec.id)
+        self._paths = list(sys.path)
+
+    def __call__(self, seed: int) -> FinishedRun:
+        sys.path.extend(path for path in self._paths if path not in sys.path)
+        if self._registered is not None:
+            gymnasium.registry.setdefault(self._spec.id, self._registered)
+        env = make(self._spec)
+        try:
+            path = self._folder / str(seed)
+            result = learn(env, out=path, seed=seed, resume=True, **self._options)
+            selection = evaluate(
+                result.policy,
+                env,
+                episodes=self._episodes,
+                seed=episode_seed(self._seed, 0, SELECTION_STREAM),
+            )
+        finally:
+            env.close()
+        steps = result.environment_steps.total
+        return FinishedRun(seed, path, result.policy.n_leaves, steps, selection)
+
+
+def _finished(tasks: Sequence[Any], n_jobs: int) -> Iterator[FinishedRun]:
+    """Yield runs as they end, in any order."""
+    try:
+        parallel = joblib.Parallel(n_jobs=n_jobs, return_as="generator_unordered")
+    except ValueError:  # Ray's backend can only hand back all at once
+        parallel = joblib.Parallel(n_jobs=n_jobs)
+    yield from parallel(tasks)
+
+
+def _table(runs: Sequence[FinishedRun], winner: int) -> str:
+    """Return the runs as CSV."""
+    lines = [",".join(COLUMNS)]
+    for number, run in enumerate(runs):
+        success = run.selection.success_interval
+        ends = ("", "") if success is None else success
+        rate = "" if run.selection.success_rate is None else run.selection.success_rate
+        row = (run.seed, run.selection.mean_return, *run.selection.return_interval, rate, *ends,
+               run.n_leaves, run.environment_steps, int(number == winner))  # fmt: skip
+        lines.append(",".join(map(str, row)))
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,92 @@
+"""Many runs as one: the same bytes for any number of processes, and a winner that is judged."""
+
+import json
+
+import gymnasium
+import numpy as np
+import pytest
+
+import eutree
+from eutree.cli.main import run
+from eutree.errors import InvalidArgumentError, RunFolderError
+
+SHORT = {"episodes": 22, "evaluate_every": 11, "evaluation_episodes": 4, "method": "paper"}
+EPISODES = {"selection_episodes": 40, "judging_episodes": 60}
+
+
+def learned(folder, **options):
+    return eutree.learn_runs(
+        "eutree/Evasion2-v0", runs=3, out=folder, seed=5, **(SHORT | EPISODES | options)
+    )
+
+
+def bytes_of(folder):
+    files = sorted(path for path in folder.rglob("*") if path.is_file() and path.name != ".lock")
+    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
+
+
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("alone") / "runs"
+    return learned(folder, n_jobs=1), folder
+
+
+def test_two_processes_write_the_bytes_of_one(alone, tmp_path):
+    learned(tmp_path / "two", n_jobs=2)
+    assert bytes_of(tmp_path / "two") == bytes_of(alone[1])
+
+
+def test_each_run_is_what_learn_does_alone(alone, tmp_path):
+    found, folder = alone
+    env = gymnasium.make("eutree/Evasion2-v0")
+    single = eutree.learn(env, seed=6, out=tmp_path / "single", **SHORT)
+    assert single.policy == eutree.TreePolicy.load(folder / "runs" / "6" / "policy.json")
+    assert bytes_of(tmp_path / "single") == bytes_of(folder / "runs" / "6")
+    assert [one.seed for one in found.runs] == [5, 6, 7]
+    assert [one.path for one in found.runs] == [folder / "runs" / str(k) for k in (5, 6, 7)]
+    assert all((one.path / "checkpoint.npz").exists() for one in found.runs)
+
+
+def test_the_best_is_chosen_and_judged_on_other_episodes(alone):
+    found, folder = alone
+    means = [one.selection.mean_return for one in found.runs]
+    assert means[found.winner] == max(means)
+    best = found.runs[found.winner]
+    assert eutree.TreePolicy.load(folder / "policy.json") == found.result.policy
+    assert eutree.TreePolicy.load(best.path / "policy.json") == found.result.policy
+    assert found.judged.episodes == 60
+    assert not np.array_equal(found.judged.returns[:40], best.selection.returns)
+    rows = (folder / "runs.csv").read_text().splitlines()
+    assert len(rows) == 4
+    assert [row.split(",")[-1] for row in rows[1:]].index("1") == found.winner
+
+
+def test_runs_go_on(alone):
+    with pytest.raises(RunFolderError, match="already holds runs"):
+        learned(alone[1])
+    before = bytes_of(alone[1])
+    again = learned(alone[1], resume=True, n_jobs=1)
+    assert again.winner == alone[0].winner
+    assert bytes_of(alone[1]) == before
+
+
+def test_what_is_refused(tmp_path):
+    with pytest.raises(InvalidArgumentError, match="runs must be"):
+        eutree.learn_runs("x", runs=0, out=tmp_path)
+    with pytest.raises(InvalidArgumentError, match="callback must be None"):
+        learned(tmp_path / "a", callback=lambda *_: True)
+
+
+def test_on_the_command_line(tmp_path, capsys):
+    out = tmp_path / "many"
+    line = ["learn", "eutree/Evasion2-v0", "--runs", "2", "--n-jobs", "1", "--episodes", "3",
+            "--evaluation-episodes", "2", "--preset", "paper", "--out", str(out)]  # fmt: skip
+    assert run([*line, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [one["seed"] for one in found["runs"]] == [0, 1]
+    assert sum(one["winner"] for one in found["runs"]) == 1
+    assert found["judged"]["episodes"] == 1000
+    assert run(["evaluate", str(out), "--episodes", "5"]) == 0
+    assert run([*line, "--resume"]) == 0
+    assert "The best of 2 runs" in capsys.readouterr().out
+    assert run([*line, "--resume", "--offline"]) == 2
