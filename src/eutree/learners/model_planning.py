@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eutree.arrays import Floats, Int32s, Integers
+from eutree.c45 import C45Settings, grow
 from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
 from eutree.learners.confidence import Confidence, doubt
@@ -33,6 +34,7 @@ from eutree.validation import check_integer, check_number
 from eutree.world_model import ActionTree, Transitions
 from eutree.world_model.action_trees import from_decision_tree, to_decision_tree
 
+_UNPRUNED = C45Settings(use_penalty=False, prune=False)
 _TREES = ("incumbent", "challenger", "explorer", "corrected")
 _EPISODES = ("incumbent_episodes", "challenger_episodes", "assisted_episodes")
 _NUMBERS = ("planned_at", "demonstrations", "valid_from")
@@ -48,6 +50,9 @@ class PlanningMethod:
         planner: How trees are planned, and when a challenger replaces the incumbent.
         max_transitions: Most transitions remembered between two episodes: the most recent
             episodes, and a sample of older ones. None remembers all.
+        unpruned_start: Whether the first planning begins from the unpruned tree of the
+            demonstrations too. An expert tree that pruning left with a leaf or two has lost
+            distinctions that were shown, and single deviations from it find none of them again.
     """
 
     name: ClassVar[str] = "planning"
@@ -57,6 +62,7 @@ class PlanningMethod:
     exploration: float = 0.1
     planner: Planner = Planner()
     max_transitions: int | None = None
+    unpruned_start: bool = False
 
     def __post_init__(self) -> None:
         check_integer("gathering_episodes", self.gathering_episodes, low=1)
@@ -145,6 +151,15 @@ class ModelPlanning:
         self.plan = replace(
             self.plan, incumbent_episodes=tuple(range(n_episodes)), demonstrations=n_episodes
         )
+        if self.method.unpruned_start and self.history.size:
+            shown = grow(
+                self.history.observations,
+                self.history.actions,
+                n_classes=self.n_actions,
+                settings=_UNPRUNED,
+            )
+            corrected = from_decision_tree(*shown.to_decision_tree())
+            self.plan = replace(self.plan, corrected=corrected)
 
     def start_episode(self, observation: Floats, generator: np.random.Generator) -> None:
         """Begin an episode at its first observation, shape [d]; choose who acts in it."""
@@ -154,7 +169,9 @@ class ModelPlanning:
         plan = self.plan
         blind = plan.explorer is None and not self._informed
         self._explores = blind or generator.random() < self.method.planner.explorer_share
-        actor, self._exploration = plan.evaluated, 0.0
+        self._proves_itself = self.method.planner.incumbent_acts(plan)
+        actor = plan.incumbent if self._proves_itself else plan.evaluated
+        self._exploration = 0.0
         if self._explores:
             actor = plan.incumbent if plan.explorer is None else plan.explorer
             self._exploration = 1.0 if blind else self.method.exploration
@@ -200,7 +217,7 @@ class ModelPlanning:
                 self.plan, assisted_episodes=(*self.plan.assisted_episodes, episode)
             )
         elif not self._explores:
-            self.plan = self.plan.with_episode(episode)
+            self.plan = self.plan.with_episode(episode, incumbent=self._proves_itself)
         kept = self.history.forget()
         if kept is not None:
             self.plan = self.plan.keeping(kept)

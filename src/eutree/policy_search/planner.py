@@ -60,11 +60,16 @@ class Plan:
         """The challenger, or the incumbent while there is none."""
         return self.incumbent if self.challenger is None else self.challenger
 
-    def with_episode(self, episode: int) -> "Plan":
-        """Return the plan after ``evaluated`` acted in an episode without exploration."""
-        if self.challenger is None:
+    def with_episode(self, episode: int, *, incumbent: bool = False) -> "Plan":
+        """Return the plan after an episode of ``evaluated``, or of the incumbent in its place."""
+        if incumbent or self.challenger is None:
             return replace(self, incumbent_episodes=(*self.incumbent_episodes, episode))
         return replace(self, challenger_episodes=(*self.challenger_episodes, episode))
+
+    @property
+    def own_episodes(self) -> tuple[int, ...]:
+        """The incumbent's episodes without the demonstrations, in which somebody else acted."""
+        return tuple(n for n in self.incumbent_episodes if n >= self.demonstrations)
 
     def keeping(self, episodes: Integers) -> "Plan":
         """Return the plan when all but these episodes, ascending, are forgotten.
@@ -107,6 +112,9 @@ class Planner:
         growth: Plan again when the history has grown by this factor.
         max_transitions: Most recent transitions a world model is fitted to.
         discount: gamma of rollouts.
+        incumbent_first: Episodes of its own that the incumbent needs before a challenger acts; what
+            somebody else has demonstrated is then no evidence on it. 0 takes demonstrations for
+            what it can do, as is right for a tree that does what was shown.
     """
 
     n_episodes: int = 1000
@@ -121,6 +129,7 @@ class Planner:
     growth: float = 1.06
     max_transitions: int = 50_000
     discount: float = 1.0
+    incumbent_first: int = 0
 
     def __post_init__(self) -> None:
         check_integer("n_episodes", self.n_episodes, low=8)
@@ -136,6 +145,11 @@ class Planner:
         check_number("growth", self.growth, low=1.0)
         check_integer("max_transitions", self.max_transitions, low=1)
         check_number("discount", self.discount, low=0.0, high=1.0)
+        check_integer("incumbent_first", self.incumbent_first, low=0)
+
+    def incumbent_acts(self, plan: Plan) -> bool:
+        """Return whether too little is known of the incumbent: it acts in a challenger's place."""
+        return len(plan.own_episodes) < self.incumbent_first
 
     def due(self, plan: Plan, n_seen: int) -> bool:
         """Return whether enough transitions were seen to plan again."""
@@ -176,7 +190,8 @@ class Planner:
         """Return whether the model prefers the challenger, and real returns do too."""
         returns = data.episode_returns  # [E]
         tried = returns[list(plan.challenger_episodes[-self.memory :])]
-        known = plan.incumbent_episodes[-3 * self.memory :] or _others(plan, returns.size)
+        own = plan.own_episodes if self.incumbent_first else plan.incumbent_episodes
+        known = own[-3 * self.memory :] or _others(plan, returns.size)
         proved = returns[list(known)]
         if tried.size < _FEWEST_EPISODES or not proved.size:
             return False
