@@ -77,7 +77,7 @@ class HistoryUTreeMethod(UTreeMethod):
             return split
         return self._cut_above(sample, generator)
 
-    def start(self, problem: Problem, start: Start) -> "HistoryUTree":  # type: ignore[override]
+    def start(self, problem: Problem, start: Start) -> "HistoryUTree":  # type: ignore[override]  # it wraps the tree
         """Return the learner at its start; an expert tree sees no previous actions."""
         features = self.features(problem)
         episodes = tuple(episode.with_features(features) for episode in start.episodes)
@@ -85,7 +85,7 @@ class HistoryUTreeMethod(UTreeMethod):
         stacked = replace(start, expert=expert, episodes=episodes)
         return HistoryUTree(UTree.begun(self._stacked(problem), stacked, self), features)
 
-    def restore(  # type: ignore[override]
+    def restore(  # type: ignore[override]  # it wraps the tree
         self, problem: Problem, start: Start, state: Arrays
     ) -> "HistoryUTree":
         """Return the learner whose ``state()`` this was; it goes on to the same bytes."""

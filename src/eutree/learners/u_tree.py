@@ -10,7 +10,7 @@ differ most, splits where the difference is significant, and solves the MDP over
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from eutree.arrays import Booleans, Floats, Int32s, Integers
 from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
 from eutree.learners.confidence import Confidence, doubt
+from eutree.learners.discretizer import Discretizer
 from eutree.learners.forgetting import LeafReservoirs
 from eutree.learners.history import TERMINAL, History
 from eutree.learners.learner import (
@@ -121,36 +122,6 @@ class UTreeMethod:
         )
 
 
-class Discretization(Protocol):
-    """What the learner asks of its method: when to cut a leaf, and how to treat the MDP over them.
-
-    The attributes are those of ``UTreeMethod``.
-    """
-
-    @property
-    def discount(self) -> float: ...  # noqa: D102
-    @property
-    def exploration(self) -> float: ...  # noqa: D102
-    @property
-    def target(self) -> Target: ...  # noqa: D102
-    @property
-    def solve_each_split(self) -> bool: ...  # noqa: D102
-    @property
-    def solve_growth(self) -> float: ...  # noqa: D102
-    @property
-    def retest_growth(self) -> float: ...  # noqa: D102
-    @property
-    def untried_value(self) -> float | None: ...  # noqa: D102
-    @property
-    def backups(self) -> int: ...  # noqa: D102
-    @property
-    def max_transitions(self) -> int | None: ...  # noqa: D102
-
-    def cut(self, sample: LeafSample, generator: np.random.Generator) -> Split | None:
-        """Return the cut that a leaf deserves, or None."""
-        ...
-
-
 class UTree:
     """The learner of Table 1.
 
@@ -174,7 +145,7 @@ class UTree:
         self,
         tree: DecisionTree,
         n_actions: int,
-        method: Discretization,
+        method: Discretizer,
         *,
         prior: Integers | None = None,
         locked: Iterable[int] = (),
@@ -196,7 +167,7 @@ class UTree:
         self._leaves: list[int] = []
 
     @classmethod
-    def begun(cls, problem: Problem, start: Start, method: Discretization) -> "UTree":
+    def begun(cls, problem: Problem, start: Start, method: Discretizer) -> "UTree":
         """Return the learner at its start: a single leaf or the expert tree, its history."""
         expert = start.expert
         if expert is None:
@@ -422,7 +393,7 @@ class UTree:
 
     @classmethod
     def from_state(
-        cls, state: Mapping[str, NDArray[Any]], n_actions: int, method: Discretization
+        cls, state: Mapping[str, NDArray[Any]], n_actions: int, method: Discretizer
     ) -> "UTree":
         """Return the learner whose ``state()`` this was; it goes on to the same bytes."""
         n_features = state["history_observations"].shape[1]
