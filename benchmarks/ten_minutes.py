@@ -82,6 +82,7 @@ class PixelPlayer:
         self.page, self.delay = page, delay
         self.margin, self.wait = margin * self.METRE, wait * self.METRE
         self.lines: list[float] = []
+        self.n_pauses = 0
 
     def wants_to_go(self, seen: dict) -> bool:
         """Return whether to hold Space, from one look at the picture."""
@@ -106,7 +107,13 @@ class PixelPlayer:
         held = False
         while True:
             seen = self.page.evaluate(LOOK)
-            if seen["state"] not in ("countdown", "playing"):
+            if seen["state"] == "paused":  # the machine was too busy to draw: go on
+                held = False
+                self.n_pauses += 1
+                self.page.keyboard.up("Space")
+                self.page.keyboard.press("Enter")
+                self.page.locator("body:not([data-state=paused])").wait_for()
+            elif seen["state"] not in ("countdown", "playing"):
                 break
             now = time.monotonic()
             looks.append((now, self.wants_to_go(seen)))
@@ -190,7 +197,8 @@ def main() -> None:
             player = PixelPlayer(page, delay=arguments.delay)
             results = [player.play() for _ in range(arguments.episodes)]
             minutes = (time.monotonic() - began) / 60.0
-            print(f"{len(results)} episodes in {minutes:.1f} minutes: {results}", flush=True)
+            print(f"{len(results)} episodes in {minutes:.1f} minutes: {results}")
+            print(f"{player.n_pauses} pauses because the machine was busy", flush=True)
             print(f"the page says: {player.make_tree()}", flush=True)
             while (verdict := player.practise()) is not None:
                 print(f"and after practice: {verdict}", flush=True)

@@ -39,9 +39,9 @@ class Page:
         self.page.wait_for_timeout(1000.0 * seconds)
         return self
 
-    def take(self, name: str) -> "Page":
+    def take(self, name: str, *, whole: bool = False) -> "Page":
         self.rest(0.3)
-        self.page.screenshot(path=HERE / f"recorder-{name}.png")
+        self.page.screenshot(path=HERE / f"recorder-{name}.png", full_page=whole)
         return self
 
     def press(self, key: str) -> "Page":
@@ -54,6 +54,20 @@ class Page:
         self.page.keyboard.down("Space")
         self.until("review").page.keyboard.up("Space")
         return self.rest(0.9)
+
+
+def picture_the_tree(page: Page, size: Any) -> None:
+    """Let the tree practise where that is offered, and show it on two screens."""
+    practise = page.page.get_by_role("button", name="Let it practise")
+    if practise.count():
+        practise.click()
+        page.page.locator("body[data-tree=practising]").wait_for(timeout=PATIENCE)
+        page.page.locator("body[data-tree=ready]").wait_for(timeout=10.0 * PATIENCE)
+    page.take("tree", whole=True)
+    page.page.set_viewport_size({"width": 1920, "height": 1080})
+    page.page.evaluate("() => scrollTo(0, 0)")
+    page.take("wide")
+    page.page.set_viewport_size(size)
 
 
 def picture_the_page(folder: Path) -> None:
@@ -73,7 +87,7 @@ def picture_the_page(folder: Path) -> None:
         page.rest(0.3).take("playing").page.keyboard.up("Space")
         page.press("p").until("paused").take("paused")
         page.press("Delete").until("review").rest(0.9)
-        page.cross().cross(wait=1.5).press("ArrowLeft").until("playing")
+        page.cross().cross(wait=1.5).press("r").until("playing")
         page.page.keyboard.down("Space")
         page.until("review").page.keyboard.up("Space")
         page.rest(0.9).cross(wait=2.2).cross(wait=0.6).take("review")
@@ -101,7 +115,9 @@ def picture_the_page(folder: Path) -> None:
         while page.page.locator("body").get_attribute("data-saved") < "5":
             page.cross(wait=0.4)
         page.page.emulate_media(color_scheme="light")
-        page.press("Enter").until("finished").take("finished")
+        page.press("Enter").page.locator("body[data-tree=ready]").wait_for(timeout=PATIENCE)
+        picture_the_tree(page, wide["viewport"])
+        page.press("Escape").until("finished").take("finished")
         browser.close()
     process.wait()
 
@@ -160,8 +176,8 @@ def picture_the_window(folder: Path) -> None:
         rest(seconds)
 
     key(pygame.KEYDOWN, pygame.K_RETURN, 1.0)
-    key(pygame.KEYDOWN, pygame.K_SPACE, 8.0)
-    pygame.image.save(pygame.display.get_surface(), HERE / "recorder-window.png")
+    key(pygame.KEYDOWN, pygame.K_SPACE, 1.5)
+    pygame.image.save(window._screen._surface, HERE / "recorder-window.png")
     window.recorder.close()
     window.close()
 

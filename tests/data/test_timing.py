@@ -61,6 +61,13 @@ def test_a_reaction_time_looks_further_back() -> None:
     assert shifted.observations[:, 0] == pytest.approx([0.5, 8.5, 13.5, 28.5], abs=0.05)
 
 
+def test_a_pause_is_not_a_wait() -> None:
+    demos = timed(SMOOTH, [(1.5, 16), (3.2, 70)])
+    late = {**demos.episodes[0].steps, "time": np.array([1.0, 2.0, 3.0, 90.0])}
+    paused = replace(demos, episodes=(replace(demos.episodes[0], steps=late),))
+    assert estimate_delay(paused).wait == 0.5
+
+
 def test_turns_have_no_delay() -> None:
     demos = timed(SMOOTH, [(2.5, 46)])
     turns = replace(demos.episodes[0], extras={**demos.episodes[0].extras, "turn_based": True})

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 PLAYED = 100  # episodes by which a tree is judged, the same for every tree
 BLOCK = 20  # of them at once, so that progress is seen
-PRACTICE = 100  # episodes of learning after one press
+PRACTICE = 200  # episodes of learning after the first press; each further one doubles them
 CURVE_EVERY = 10  # episodes of practice between two points of the curve
 PER_POINT = 50  # episodes played for each point
 WITHIN = 0.03  # a share of successes this much lower is as good
@@ -100,8 +100,9 @@ class PageTree:
         seed: int = 0,
     ) -> None:
         self._folder, self._environment, self._make, self._seed = folder, environment, make, seed
+        self._fitted: TreePolicy | None = None
         self._best: tuple[TreePolicy, Result, Path] | None = None
-        self._practised = 0
+        self._presses = 0
 
     def make(self, show: "Show", stop: Callable[[], bool]) -> None:
         """Fit a tree to the demonstrations recorded so far, and let it play."""
@@ -116,7 +117,7 @@ class PageTree:
         tree.save(path)
         played = self._play(tree, show, stop)
         if played is not None:
-            self._best, self._practised = (tree, played, path), 0
+            self._fitted, self._best, self._presses = tree, (tree, played, path), 0
             show(self._verdict(result_of_person(demonstrations), note=""))
 
     def practise(self, show: "Show", stop: Callable[[], bool]) -> None:
@@ -126,20 +127,22 @@ class PageTree:
 
         if self._best is None:
             self.make(show, stop)
-        if self._best is None:
+        if self._best is None or self._fitted is None:
             return
         demonstrations = Demonstrations.load(self._folder)
-        person, (tree, before, _) = result_of_person(demonstrations), self._best
+        person, (_, before, _) = result_of_person(demonstrations), self._best
+        episodes = PRACTICE * 2**self._presses
+        self._presses += 1
         env, other = self._make(), self._make()
         try:
-            curve = _Curve(other, self._practising(person, tree), show)
+            curve = _Curve(other, self._practising(person, episodes), show)
             result = learn(
                 env,
                 demonstrations=demonstrations,
-                expert=tree,
-                episodes=PRACTICE,
-                seed=self._seed + self._practised,
-                evaluate_every=PRACTICE,
+                expert=self._fitted,
+                episodes=episodes,
+                seed=self._seed,
+                evaluate_every=episodes,
                 evaluation_episodes=BLOCK,
                 callback=curve,
                 stop=stop,
@@ -152,15 +155,14 @@ class PageTree:
         played = self._play(result.policy, show, stop)
         if played is None:
             return
-        self._practised += PRACTICE
-        note = f"After {self._practised} episodes of practice; before it {before}."
+        note = f"After {episodes} episodes of practice; before it {before}."
         if played.value > before.value:
             path = self._folder.with_name(f"{self._folder.name}-practised.json")
             result.policy.save(path)
             self._best = (result.policy, played, path)
         else:
-            note = f"{PRACTICE} episodes of practice found nothing better, only {played}."
-        show(replace(self._verdict(person, note=note), curve=curve.points, of=PRACTICE))
+            note = f"{episodes} episodes of practice found nothing better, only {played}."
+        show(replace(self._verdict(person, note=note), curve=curve.points, of=episodes))
 
     def _play(self, tree: "TreePolicy", show: "Show", stop: Callable[[], bool]) -> Result | None:
         """Let the tree play, the same episodes for every tree; None if nobody waits for it."""
@@ -187,16 +189,16 @@ class PageTree:
             env.close()
         return result_of_tree(Evaluation.join(parts))
 
-    def _practising(self, person: Result, tree: "TreePolicy") -> "TreeView":
+    def _practising(self, person: Result, episodes: int) -> "TreeView":
         from eutree.interaction.tree_making import PRACTISING, TreeView
 
         return TreeView(
             phase=PRACTISING,
             message="The tree practises by itself",
-            of=PRACTICE,
+            of=episodes,
             yours=person.value,
             is_share=person.successes is not None,
-            **_drawn(tree),
+            **({} if self._best is None else _drawn(self._best[0])),
         )
 
     def _verdict(self, person: Result, *, note: str) -> "TreeView":
@@ -262,7 +264,7 @@ class _Curve:
             self._show(
                 replace(
                     self._view,
-                    message=f"The tree practises: {self._finished} of {PRACTICE} episodes",
+                    message=f"The tree practises: {self._finished} of {self._view.of} episodes",
                     finished=self._finished,
                     curve=self.points,
                 )

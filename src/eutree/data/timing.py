@@ -28,6 +28,7 @@ from eutree.validation import check_number
 
 SHORTEST_STILL = 0.4  # seconds a picture must stand for a reaction to fall into the same one
 FEWEST_EDGES = 5  # for a median
+PAUSE = 2.0  # usual intervals between two steps: what takes longer was a pause
 PICTURES_A_SECOND = 30.0
 _MEASURED = ("time", "frame", "picture")
 
@@ -128,12 +129,20 @@ def _edges(episode: Episode) -> Floats:
 
 
 def _waits(episode: Episode) -> list[float]:
-    """Return how long each edge during the episode waited for the step that takes it."""
-    times = episode.steps["time"]
+    """Return how long each edge during the episode waited for the step that takes it.
+
+    Those are left out between whose steps the episode was paused.
+    """
+    times = np.asarray(episode.steps["time"], dtype=np.float64)
+    if len(times) < 2:
+        return []
     when = _edges(episode)[:, 0]
     step = np.searchsorted(times, when)
     during = (step > 0) & (step < len(times))
-    return [float(wait) for wait in times[step[during]] - when[during]]
+    step, when = step[during], when[during]
+    gaps = np.diff(times)
+    steady = gaps[step - 1] < PAUSE * np.median(gaps)
+    return [float(wait) for wait in (times[step] - when)[steady]]
 
 
 def _reactions(episode: Episode) -> list[float]:
