@@ -414,7 +414,7 @@ class UTree:
     def _greedy(self, leaf: int) -> int:
         """Return the action of one leaf; the same rule as ``greedy_actions``, for a single step."""
         best, best_value = -1, -np.inf
-        for action, value in enumerate(self.mdp.action_values[leaf].tolist()):
+        for action, value in enumerate(self.mdp.action_values_of(leaf)):
             if value > best_value:
                 best, best_value = action, value
         return best if best >= 0 else int(self._prior[leaf])

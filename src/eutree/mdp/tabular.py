@@ -152,6 +152,11 @@ class TabularMDP:
         """Q(s, a) (Eq. 5) as of the last backup of each state, shape [S, A]."""
         return _read_only(self._action_values[: self._n_states])
 
+    def action_values_of(self, state: int) -> list[float]:
+        """Return Q(s, a) of one state; without the cost of a view, for every step of a learner."""
+        row: list[float] = self._action_values[state].tolist()
+        return row
+
     @property
     def nbytes(self) -> int:
         """Bytes held in arrays."""
