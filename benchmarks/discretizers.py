@@ -1,6 +1,6 @@
 """Measure parti-game in the thesis's mazes and on its puck, and grids on Car on the Hill.
 
-Run: python benchmarks/discretizers.py [mazes] [variants] [car] [--runs 40]
+Run: python benchmarks/discretizers.py [mazes] [variants] [car] [--runs 40] [--tasks Puck]
 
 Parti-game: trials, cells and steps until a trial brings nothing new, and the steps of that trial.
 Car on the Hill: mean discounted return of 256 states drawn uniformly, under one look-ahead a step.
@@ -37,6 +37,7 @@ PUBLISHED_VARIANTS = {  # table 2: cells of PG, LPPG, LLPPG with a given control
     "MazeD": (1194, 350, 21),
 }
 MOST_TRIALS, MOST_STEPS = 60, 100_000
+SIZES = (200, 400, 800, 2000)  # corners
 
 
 def run(name: str, variant: str, seed: int | None) -> tuple[int, int, int, int]:
@@ -79,11 +80,12 @@ def trial(env: Any, game: PartiGame, generator: np.random.Generator, limit: int)
     return limit
 
 
-def mazes(runs: int) -> None:
+def mazes(tasks: list[str], runs: int) -> None:
     """Print the learned controller's table."""
     print("| task | trials | cells | steps | final path | published | seconds a run |")
     print("|---|---|---|---|---|---|---|")
-    for name, published in PUBLISHED.items():
+    for name in tasks:
+        published = PUBLISHED[name]
         before = time.process_time()
         rows = np.array([run(name, "llppg", seed) for seed in range(runs)])
         seconds = (time.process_time() - before) / runs
@@ -140,36 +142,50 @@ class Car:
 def car() -> None:
     """Print returns of uniform grids, of every criterion, and of 257 x 257 corners."""
     task = Car()
-    print("| corners | uniform grid |\n|---|---|")
-    shapes = [*[(k, j) for k in range(3, 7) for j in (k, k + 1)][:-1], (8, 8)]
+    print("| corners | of y and velocity | uniform grid |\n|---|---|---|")
+    shapes = [(k, j) for k in range(3, 7) for j in range(3, 7) if abs(k - j) < 2]
+    shapes = [*sorted(shapes, key=sum), (8, 8)]
     for shape in shapes:
         solution = task.uniform(shape)
-        print(f"| {solution.grid.n_corners:,} | {task.mean_return(solution):.4f} |", flush=True)
-    sizes = (200, 400, 800, 2000)
-    print("\n| criterion | " + " | ".join(f"{n:,} corners" for n in sizes) + " | seconds |")
-    print("|---|" + "---|" * (len(sizes) + 1))
-    for criterion in CRITERIA:
-        solution, found, before = task.uniform((3, 3)), [], time.process_time()
-        spent = 0.0
-        for n in sizes:
-            while solution.grid.n_corners < n:
-                share = min(0.2, (n - solution.grid.n_corners) / len(solution.grid.low))
-                finer = refined(solution, criterion, share, task.starts[:64])
-                solution = solved(finer, task.world, before=solution)
-            spent += time.process_time() - before
-            found.append(f"{task.mean_return(solution):.4f} ({solution.grid.n_corners:,})")
-            before = time.process_time()
-        print(f"| {criterion} | {' | '.join(found)} | {spent:.1f} |", flush=True)
+        sides = " x ".join(str(2**k + 1) for k in shape)
+        found = f"{task.mean_return(solution):.4f}"
+        print(f"| {solution.grid.n_corners:,} | {sides} | {found} |", flush=True)
+    print("\n| begins with | share | criterion | " + " | ".join(f"{n:,} corners" for n in SIZES)
+          + " | seconds |")  # fmt: skip
+    print("|---|---|---|" + "---|" * (len(SIZES) + 1))
+    for first, share in (((3, 3), 0.2), ((4, 4), 0.3)):
+        for criterion in CRITERIA:
+            refinement(task, first, share, criterion)
+
+
+def refinement(task: Car, first: tuple[int, int], share: float, criterion: str) -> None:
+    """Print the returns of one criterion from a first uniform grid on."""
+    solution, found, spent = task.uniform(first), [], 0.0
+    for n in SIZES:
+        before, began = time.process_time(), solution.grid.n_corners
+        while solution.grid.n_corners < n:
+            most = (n - solution.grid.n_corners) / len(solution.grid.low)
+            finer = refined(solution, criterion, min(share, most), task.starts[:64])
+            solution = solved(finer, task.world, before=solution)
+        spent += time.process_time() - before
+        grown = began < solution.grid.n_corners
+        value = f"{task.mean_return(solution):.4f} ({solution.grid.n_corners:,})"
+        found.append(value if grown else "")
+    sides = " x ".join(str(2**k + 1) for k in first)
+    print(f"| {sides} | {share} | {criterion} | {' | '.join(found)} | {spent:.1f} |", flush=True)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("parts", nargs="*", default=["mazes", "variants", "car"])
     parser.add_argument("--runs", type=int, default=40)
+    parser.add_argument("--tasks", nargs="+", choices=PUBLISHED, default=[*PUBLISHED])
     arguments = parser.parse_args()
     for part in arguments.parts:
         print(f"\n{part}\n", flush=True)
-        {"mazes": lambda: mazes(arguments.runs), "variants": variants, "car": car}[part]()
+        {"mazes": lambda: mazes(arguments.tasks, arguments.runs), "variants": variants, "car": car}[
+            part
+        ]()
 
 
 if __name__ == "__main__":

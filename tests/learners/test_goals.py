@@ -1,10 +1,13 @@
 """Goals, boxes, and what parti-game and variable resolution make of them."""
 
+from dataclasses import replace
+
 import gymnasium
 import numpy as np
 import pytest
 from gymnasium import spaces
 
+import eutree  # noqa: F401 - registers
 from eutree import fit_expert_tree
 from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
@@ -173,3 +176,23 @@ def test_variable_resolution_learns_where_to_turn(criterion):
         assert learner.solved.grid.n_corners > first
         assert np.mean(earned) > random_return + 4.0
         assert np.mean(earned) > 6.0
+
+
+def test_the_true_model_takes_the_place_of_the_learned_one():
+    env = gymnasium.make("eutree/CarOnHill-v0").unwrapped
+    problem = problem_of(env)
+    method = VariableResolutionMethod(true_model=True, discount=env.discount, refinements=6)
+    with pytest.raises(InvalidArgumentError, match=r"'vrd' does not fit .* offers its model"):
+        method.start(problem, Start())
+    learner = method.start(replace(problem, model=env.model), Start())
+    states = np.random.default_rng(0).uniform([-1, -4], [1, 4], (64, 2))
+    ends = []
+    for state in states:
+        observation, _ = env.reset(options={"state": state})
+        ended = False
+        while not ended:
+            action, _ = learner.own_policy().predict(observation)
+            observation, _, terminated, truncated, info = env.step(action)
+            ended = terminated or truncated
+        ends.append(info["ending"] == "goal")
+    assert np.mean(ends) > 0.45  # from most others no policy can stop: the scripted expert's share

@@ -18,7 +18,7 @@ What only some learners can do is a protocol of its own, which its user checks f
 ``isinstance``: ``CanDoubt``, ``CanRace``, ``ChoosesStarts``, ``HasStages``, ``HasPolicy``.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -27,7 +27,7 @@ from typing import Any, ClassVar, Literal, NamedTuple, Protocol, TypeAlias, runt
 import numpy as np
 from numpy.typing import NDArray
 
-from eutree.arrays import Floats, Integers
+from eutree.arrays import Booleans, Floats, Integers
 from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
 from eutree.features import FeatureMap
@@ -39,6 +39,7 @@ from eutree.schema import EnvironmentSpec, Schema
 from eutree.trees import DecisionTree
 
 Arrays: TypeAlias = dict[str, NDArray[Any]]
+TrueModel: TypeAlias = Callable[[Floats, Integers], tuple[Floats, Floats, Booleans]]
 StartName: TypeAlias = Literal["nothing", "tree", "tree+demos", "demos", "random-tree"]
 
 
@@ -78,6 +79,8 @@ class Problem:
         past_actions: Number of previous actions among the features.
         max_episode_steps: Steps after which the environment truncates; None if it never does.
         steps: The run's budget of environment steps; None where it is counted in episodes.
+        model: The environment's own model, where it offers one: from states [N, d] and actions [N]
+            to next states, rewards [N] and what ends there [N], without noise.
     """
 
     schema: Schema
@@ -86,6 +89,7 @@ class Problem:
     past_actions: int = 0
     max_episode_steps: int | None = None
     steps: int | None = None
+    model: TrueModel | None = None
 
     @property
     def n_features(self) -> int:

@@ -16,14 +16,30 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from eutree.arrays import Floats
-from eutree.discretization.corner_process import ModelledWorld, Solved, World, solved
+from eutree.arrays import Floats, Integers
+from eutree.discretization.corner_process import (
+    Dynamics,
+    KnownWorld,
+    ModelledWorld,
+    Solved,
+    World,
+    solved,
+)
 from eutree.discretization.influence import CRITERIA, refined
 from eutree.discretization.kuhn import MOST_FEATURES, Grid
 from eutree.errors import InvalidArgumentError
 from eutree.learners.episode_buffer import EpisodeBuffer, store
 from eutree.learners.history import History
-from eutree.learners.learner import Arrays, Decisions, Needs, Problem, Start, Step, Update
+from eutree.learners.learner import (
+    Arrays,
+    Decisions,
+    Needs,
+    Problem,
+    Start,
+    Step,
+    TrueModel,
+    Update,
+)
 from eutree.learners.model_planning import transitions_of
 from eutree.learners.relabelling import relabelled
 from eutree.learners.root_box import root_box
@@ -53,6 +69,7 @@ class VariableResolutionMethod:
         exploration: epsilon, the probability of a random action while gathering.
         gathering_episodes: Episodes between two updates.
         pessimism: Share of the gap between safe and fatal that the model takes for fatal.
+        true_model: Whether the environment's own model takes the place of the learned one.
     """
 
     name: ClassVar[str] = "vrd"
@@ -68,6 +85,7 @@ class VariableResolutionMethod:
     exploration: float = 0.1
     gathering_episodes: int = 20
     pessimism: float = 0.5
+    true_model: bool = False
 
     def __post_init__(self) -> None:
         check_integer("first_boxes", self.first_boxes, low=1)
@@ -84,7 +102,12 @@ class VariableResolutionMethod:
     def start(self, problem: Problem, start: Start) -> "VariableResolution":
         """Return the learner at its start."""
         learner = VariableResolution(problem, start, self)
-        if start.episodes:
+        if self.true_model and problem.model is None:
+            raise InvalidArgumentError(
+                "method 'vrd' does not fit this task: true_model needs an environment that offers "
+                "its model, and observations that are its whole state"
+            )
+        if start.episodes or self.true_model:
             learner.learn()
         return learner
 
@@ -110,7 +133,7 @@ class VariableResolutionMethod:
         except InvalidArgumentError as error:
             raise check.refuse("box", str(error)) from None
         check.sized("values", grid.n_corners, "the corners of the tree's boxes")
-        if state["solved_from"][0] < FEWEST:
+        if state["solved_from"][0] < FEWEST and not self.true_model:
             raise check.refuse("solved_from", f"must be at least {FEWEST} where there are values")
 
 
@@ -190,7 +213,7 @@ class VariableResolution:
 
     def learn(self) -> None:
         """Fit the model and refine the boxes as often as the method says."""
-        if self.history.size < FEWEST:
+        if self.history.size < FEWEST and not self.method.true_model:
             return
         self._solved_from = self.history.size
         world = self._world = self._fitted()
@@ -262,6 +285,9 @@ class VariableResolution:
 
     def _fitted(self) -> World:
         """Return the world model of the transitions that were stored at the last update."""
+        true, method = self._problem.model, self.method
+        if method.true_model and true is not None:
+            return KnownWorld(_dynamics(true), self.n_actions, method.discount, method.longest)
         data = replace(transitions_of(self.history, self.n_actions), memory=False)
         (model,) = fit_world_models(data.until(self._solved_from), [self.method.pessimism])
         return ModelledWorld(
@@ -313,6 +339,16 @@ class LookAheadPolicy:
         else:
             actions = np.zeros(len(rows), dtype=np.int64)
         return (int(actions[0]) if given.ndim == 1 else actions), state
+
+
+def _dynamics(model: TrueModel) -> Dynamics:
+    """Return a model that says what ends as one that says how likely it goes on."""
+
+    def dynamics(states: Floats, actions: Integers) -> tuple[Floats, Floats, Floats]:
+        after, rewards, ends = model(states, actions)
+        return after, rewards, np.where(ends, 0.0, 1.0)
+
+    return dynamics
 
 
 def _grid(state: Arrays, n_features: int) -> Grid:

@@ -361,12 +361,15 @@ def _method(method: str | Method | None, *, offline: bool, max_transitions: int 
 def _problem(env: GuardedEnv) -> Problem:
     """Return what can be known of an environment before the first step."""
     spec = env.env.spec
+    own_model = getattr(env.env.unwrapped, "model", None)
+    whole_state = env.history == 0 and env.features.actions == 0
     return Problem(
         env.schema,
         env.spec,
         env.history,
         env.features.actions,
         max_episode_steps=None if spec is None else spec.max_episode_steps,
+        model=own_model if callable(own_model) and whole_state else None,
     )
 
 
