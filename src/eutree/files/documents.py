@@ -116,16 +116,32 @@ def encode_document(document: Document) -> bytes:
     return data
 
 
-def checksum_of(content: Mapping[str, Any]) -> str:
-    """Return the checksum of a document's content: CRC-32, eight hexadecimal digits.
+def checksum_of(content: Mapping[str, Any] | Document) -> str:
+    """Return the checksum of a document, or of its content: CRC-32, eight hexadecimal digits.
 
     It is over what the content says and not over how it is spelled, so that a page can make the
     same one in JavaScript: a number counts as a double, however it is written, and the keys of an
     object in the order of their UTF-16. Left out are the checksum itself and who wrote the file.
     It tells damage and edits by hand; it is no signature, because anybody can make it anew.
     """
-    sealed = {key: value for key, value in content.items() if key not in ("checksum", "made_by")}
-    return f"{zlib.crc32(b''.join(_spelled(sealed))):08x}"
+    items = content if isinstance(content, Mapping) else _written(content)
+    sealed = {key: value for key, value in items.items() if key not in ("checksum", "made_by")}
+    checksum = 0
+    for part in _spelled(sealed):
+        checksum = zlib.crc32(part, checksum)
+    return f"{checksum:08x}"
+
+
+def _written(value: msgspec.Struct) -> dict[str, Any]:
+    """Return the fields that are written of a document or of a part of one; nothing is copied."""
+    fields = {field.name: field.default for field in msgspec.structs.fields(value)}
+    skips = value.__struct_config__.omit_defaults
+    found = {name: getattr(value, name) for name in fields}
+    return {
+        k: v
+        for k, v in found.items()
+        if not (skips and type(v) is type(fields[k]) and v == fields[k])
+    }
 
 
 def _spelled(value: Any) -> Iterator[bytes]:
@@ -140,7 +156,8 @@ def _spelled(value: Any) -> Iterator[bytes]:
             yield b"#" + _DOUBLE.pack(value + 0.0)  # -0.0 becomes 0.0: JavaScript writes both as 0
         except OverflowError:
             yield b"#" + _DOUBLE.pack(math.copysign(math.inf, value))
-    elif isinstance(value, Mapping):
+    elif isinstance(value, Mapping | msgspec.Struct):
+        value = value if isinstance(value, Mapping) else _written(value)
         yield b"{"
         for key in sorted(value, key=lambda key: key.encode("utf-16-be", "replace")):
             yield from _spelled(key)

@@ -114,7 +114,7 @@ def check_unchanged(document: PolicyDocument, path: str | Path) -> None:
     """
     if document.version < 2:
         return
-    found = checksum_of(msgspec.to_builtins(document))
+    found = checksum_of(document)
     if document.checksum != found:
         raise FormatError(
             path,
