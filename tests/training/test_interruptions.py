@@ -193,6 +193,32 @@ def test_a_second_process_is_refused_and_the_lock_of_a_dead_one_is_taken_over(wh
     assert digests(folder) == wanted
 
 
+@pytest.mark.slow
+@pytest.mark.promise(12)
+def test_a_signal_while_racing_saves_and_exits_and_the_run_can_be_resumed(whole, tmp_path):
+    """Once racing took 2 to 3.7 s to answer, and what it had run was lost."""
+    demos = whole(DOMAINS[0], 0)[0][2]
+    line = ("learn", "--demos", demos, "--episodes", 0, "--evaluation-episodes", 4)
+    line = (*line, "--race-steps", 1500)
+    assert run([*map(str, line), "--out", str(tmp_path / "whole")]) == 0
+    folder = tmp_path / "run"
+    process = start(*line, "--out", folder, "--checkpoint-seconds", 0)
+    wait_for_new(folder / "checkpoint.npz", None, process)
+    wait_for_new(folder / "checkpoint.npz", identity(folder / "checkpoint.npz"), process)
+    time.sleep(0.5)
+    spent = cpu_seconds(process.pid)
+    os.kill(process.pid, signal.SIGINT)
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    code, err = finish(process, timeout=30)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    assert code == 130, err
+    total = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    assert total - spent < 2.0
+    code, err = finish(start(*line, "--out", folder, "--resume"))
+    assert code == 0, err
+    assert digests(folder) == digests(tmp_path / "whole")
+
+
 STRUCK = """
 import os, sys
 import eutree.__main__ as command
