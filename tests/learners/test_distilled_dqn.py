@@ -10,9 +10,11 @@ from eutree.data import Demonstrations
 from eutree.envs.experts import follow_the_fall
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.interaction import GuardedEnv, episode_seed, record
+from eutree.learners.contenders import Contender
 from eutree.learners.distilled_dqn import DistilledDQN, Stage
 from eutree.learners.learner import Problem, Start, Step
 from eutree.neural import DoubleDQNSettings
+from eutree.world_model.action_trees import single_action
 from eutree.world_model.ensemble import EnsembleSettings
 
 BUDGET = 6000
@@ -178,6 +180,17 @@ def test_a_state_that_cannot_be_trusted_is_refused(name, change, whole, shown):
     state[name] = change(state[name])
     with pytest.raises(FormatError, match=r"checkpoint\.npz"):
         METHOD.check_state("checkpoint.npz", state, problem_of(shown))
+
+
+def test_a_policy_that_ran_often_outweighs_a_few_lucky_episodes():
+    generator = np.random.default_rng(0)
+    luck = generator.standard_normal(200)
+    luck -= luck.mean()
+    known = Contender(single_action(0), "start", returns=(100.0 + 50.0 * luck).tolist())
+    lucky = Contender(single_action(1), "cart", returns=[40.0, 190.0, 100.0])
+    assert lucky.mean_return > known.mean_return
+    assert lucky.sure_return < known.sure_return
+    assert Contender(single_action(0), "cart", returns=[1.0]).sure_return == -np.inf
 
 
 def test_choices_are_checked():

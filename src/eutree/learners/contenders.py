@@ -1,5 +1,6 @@
 """Trees that race for a policy's place, what was imagined of them and what they earned."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -34,6 +35,14 @@ class Contender:
     def mean_return(self) -> float:
         """Mean of its returns; NaN where there is none."""
         return float(np.mean(self.returns)) if self.returns else UNKNOWN
+
+    @property
+    def sure_return(self) -> float:
+        """Its mean return less a standard error; -inf for fewer than two returns."""
+        n = len(self.returns)
+        if n < 2:
+            return -math.inf
+        return self.mean_return - float(np.std(self.returns, ddof=1)) / math.sqrt(n)
 
 
 def packed_contenders(contenders: Sequence[Contender]) -> dict[str, NDArray[Any]]:

@@ -490,7 +490,13 @@ class DistilledDQNLearner:
         self.contenders[self._entrants[heat[0]]].returns.append(value)
 
     def _end_race(self, race: PatientRace) -> None:
-        self.incumbent = self._entrants[race.winner()]
+        """Let the winner be the policy, if what all races showed of both speaks for it too.
+
+        The winner of a race is flattered by being the winner. The policy has run in more of them.
+        """
+        rival = self._entrants[race.winner()]
+        if self.contenders[rival].sure_return > self.contenders[self.incumbent].sure_return:
+            self.incumbent = rival
         self._race, self._heat = None, None
 
     def _go_on(self, generator: np.random.Generator) -> dict[str, float | int | str | None]:
