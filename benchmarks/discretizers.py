@@ -166,6 +166,8 @@ def refinement(task: Car, first: tuple[int, int], share: float, criterion: str) 
         while solution.grid.n_corners < n:
             most = (n - solution.grid.n_corners) / len(solution.grid.low)
             finer = refined(solution, criterion, min(share, most), task.starts[:64])
+            if len(finer.low) == len(solution.grid.low):
+                break  # nothing scores above 0
             solution = solved(finer, task.world, before=solution)
         spent += time.process_time() - before
         grown = began < solution.grid.n_corners
