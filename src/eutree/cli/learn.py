@@ -133,7 +133,7 @@ def learn(
         output.result(*listed(chosen, offline=offline))
         return
     if out is None:
-        raise click.MissingParameter(param_type="option", param_hint="--out")
+        raise click.MissingParameter(param_type="option", param_hint="'--out'")
     demonstrations = None if demos is None else Demonstrations.load(demos)
     if offline and demonstrations is None:
         raise InvalidArgumentError("--offline learns from demonstrations alone; name them: --demos")
