@@ -175,6 +175,14 @@ class TestFit:
         assert report.played.success_rate is None
         assert "on average in 4 episodes" in str(report)
 
+    def test_results_that_nobody_knows_are_not_made_up(self, corridor, shown):
+        unknown = [
+            wrong(e, rewards=np.full(len(e), np.nan), is_success=None) for e in shown.episodes
+        ]
+        report = eutree.fit(replace(shown, episodes=tuple(unknown)), corridor, episodes=5)
+        assert "12 episodes of unknown returns" in str(report)
+        assert report.as_good_as_shown
+
 
 class TestBadInput:
     def sentences(self, demonstrations, corridor):

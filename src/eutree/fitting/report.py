@@ -1,5 +1,6 @@
 """What came of a fit."""
 
+import math
 from dataclasses import dataclass
 
 from eutree.display import Displayed
@@ -63,6 +64,8 @@ class FitReport(Displayed):
 def _result(person: Person) -> str:
     if not person.episodes:
         return "no finished episode"
+    if person.success_rate is None and math.isnan(person.mean_return):
+        return f"{person.episodes} episodes of unknown returns"
     if person.success_rate is None:
         return f"{person.mean_return:.4g} on average in {person.episodes} episodes"
     successes = round(person.success_rate * person.episodes)
