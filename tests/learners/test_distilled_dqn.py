@@ -11,7 +11,8 @@ from eutree.envs.experts import follow_the_fall
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.interaction import GuardedEnv, episode_seed, record
 from eutree.learners.contenders import Contender
-from eutree.learners.distilled_dqn import DistilledDQN, Stage
+from eutree.learners.distilled_dqn import DistilledDQN
+from eutree.learners.distilled_dqn_learner import Stage
 from eutree.learners.learner import Problem, Start, Step
 from eutree.neural import DoubleDQNSettings
 from eutree.world_model.action_trees import single_action
