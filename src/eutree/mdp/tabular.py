@@ -22,6 +22,7 @@ from eutree.arrays import Floats, Int32s, Integers
 from eutree.errors import InvalidArgumentError
 from eutree.mdp import _kernels
 from eutree.mdp import _kernels_sweeping as _sweeping
+from eutree.mdp.checks import labels, never_counted
 from eutree.mdp.model import TERMINAL, Model
 from eutree.mdp.prioritized_sweeping import Sweeping
 from eutree.mdp.problem import Solution
@@ -258,7 +259,7 @@ class TabularMDP:
         rows = self._check_rows(states, actions, rewards, next_states)
         row = _kernels.forget_rows(self._table, self._pool, self._visits, self._reward_sums, *rows)
         if row < len(rows[0]):
-            raise _never_counted(row, rows[0][row], rows[1][row], rows[3][row])
+            raise never_counted(row, rows[0][row], rows[1][row], rows[3][row])
 
     def relabel(
         self,
@@ -286,7 +287,7 @@ class TabularMDP:
             if status == _kernels.NO_ROOM:
                 self._grow_pool()
         if status != _kernels.DONE:
-            raise _never_counted(row, old[0][row], old[1][row], old[3][row])
+            raise never_counted(row, old[0][row], old[1][row], old[3][row])
 
     def set_rewards(self, leaves: ArrayLike, states: ArrayLike, actions: ArrayLike,
                     rewards: ArrayLike) -> None:  # fmt: skip
@@ -415,9 +416,9 @@ class TabularMDP:
     ) -> tuple[Int32s, Int32s, Floats, Int32s]:  # fmt: skip
         """Return the columns as arrays of the kernels' types, or raise."""
         columns = (
-            _labels("states", states, 0, self._n_states),
-            _labels("actions", actions, 0, self.n_actions),
-            _labels("next_states", next_states, TERMINAL, self._n_states),
+            labels("states", states, 0, self._n_states),
+            labels("actions", actions, 0, self.n_actions),
+            labels("next_states", next_states, TERMINAL, self._n_states),
         )
         sums = np.zeros(len(columns[0])) if rewards is None else np.array(rewards, np.float64)
         check_finite("rewards", sums)
@@ -474,30 +475,8 @@ def _grown(owner: object, name: str, shape: tuple[int, ...], dtype: Any, fill: f
     return new
 
 
-def _labels(name: str, value: ArrayLike, low: int, stop: int) -> Int32s:
-    """Return the value as a new int32 vector with entries in low..stop - 1, or raise."""
-    array = np.asarray(value)
-    if array.ndim != 1 or (array.size and array.dtype.kind not in "iu"):
-        raise InvalidArgumentError(
-            f"{name} must be a vector of integers, got shape {array.shape} of {array.dtype}"
-        )
-    if array.size and not low <= array.min() <= array.max() < stop:
-        raise InvalidArgumentError(
-            f"{name} must be in {low}..{stop - 1}, got {array.min()}..{array.max()}"
-        )
-    return np.array(array, dtype=np.int32)
-
-
 def _read_only(array: NDArray[_Scalar]) -> NDArray[_Scalar]:
     """Return a view of the array that cannot be written to."""
     view = array.view()
     view.setflags(write=False)
     return view
-
-
-def _never_counted(row: int, state: int, action: int, next_state: int) -> InvalidArgumentError:
-    """Return the error for a transition that cannot be taken back."""
-    return InvalidArgumentError(
-        f"row {row} must be a transition that was counted before, got state {state}, "
-        f"action {action}, next state {next_state}"
-    )
