@@ -64,16 +64,11 @@ def learned(env: Any) -> tuple[Any, eutree.TreePolicy]:
     """Return the demonstrations and the policy of the tutorial, rules enforced."""
     demonstrations = eutree.record(env, FloatSwitch(), episodes=15, seed=0)
     expert = eutree.fit_expert_tree(demonstrations)
-    runs = [
-        eutree.learn(
-            env, demonstrations=demonstrations, expert=expert, episodes=300, evaluate_every=300,
-            seed=seed,
-        )
-        for seed in range(5)
-    ]  # fmt: skip
-    best = max(
-        runs, key=lambda run: eutree.evaluate(run.policy, env, episodes=200, seed=4).mean_return
-    )
+    with tempfile.TemporaryDirectory() as folder:
+        best = eutree.learn_runs(
+            "Tank-v0", runs=5, out=folder, demonstrations=demonstrations, expert=expert,
+            episodes=300, evaluate_every=300,
+        ).result  # fmt: skip
     rows = best.history.observations
     small, _ = eutree.compress(best.policy, rows, round_thresholds=True)
     return demonstrations, enforce(small, RULES).policy
