@@ -103,22 +103,50 @@ class PageTree:
         self._fitted: TreePolicy | None = None
         self._best: tuple[TreePolicy, Result, Path] | None = None
         self._presses = 0
+        self._warnings: tuple[str, ...] = ()
 
     def make(self, show: "Show", stop: Callable[[], bool]) -> None:
         """Fit a tree to the demonstrations recorded so far, and let it play."""
         from eutree.data import Demonstrations
         from eutree.interaction.tree_making import FITTING, TreeView
-        from eutree.learners.expert_tree import fit_expert_tree
 
-        show(TreeView(phase=FITTING, message="Fitting a tree to what you showed"))
+        show(TreeView(phase=FITTING, message="Fitting trees to what you showed"))
         demonstrations = Demonstrations.load(self._folder)
-        tree = fit_expert_tree(demonstrations)
+        fitted = self._fit(demonstrations, show, stop)
+        if fitted is None:
+            return
+        tree, self._warnings = fitted
         path = self._folder.with_name(f"{self._folder.name}-tree.json")
         tree.save(path)
         played = self._play(tree, show, stop)
         if played is not None:
             self._fitted, self._best, self._presses = tree, (tree, played, path), 0
             show(self._verdict(result_of_person(demonstrations), note=""))
+
+    def _fit(
+        self, demonstrations: "Demonstrations", show: "Show", stop: Callable[[], bool]
+    ) -> "tuple[TreePolicy, tuple[str, ...]] | None":
+        """Return the tree chosen by playing, and what to know of it; None if nobody waits."""
+        from eutree.fitting.fit import fit
+        from eutree.interaction.tree_making import FITTING, TreeView
+
+        def progress(purpose: str, played: int, most: int) -> None:
+            if stop():
+                raise _NobodyWaits
+            if played % BLOCK == 0:
+                message = f"{purpose.capitalize()}: {played} of {most} episodes"
+                show(TreeView(phase=FITTING, message=message, finished=played, of=most))
+
+        env = self._make()
+        try:
+            report = fit(
+                demonstrations, env, episodes=PLAYED, seed=self._seed, on_progress=progress
+            )
+        except _NobodyWaits:
+            return None
+        finally:
+            env.close()
+        return report.policy, report.warnings
 
     def practise(self, show: "Show", stop: Callable[[], bool]) -> None:
         """Let the tree learn for a while, and keep the better one."""
@@ -140,6 +168,7 @@ class PageTree:
                 env,
                 demonstrations=demonstrations,
                 expert=self._fitted,
+                history=self._fitted.history,
                 episodes=episodes,
                 seed=self._seed,
                 evaluate_every=episodes,
@@ -211,6 +240,8 @@ class PageTree:
         parts = [note, "It falls short of you; practice may mend that." if worse else ""]
         if tree.n_leaves == 1:
             parts.append(f"It has a single leaf: it always answers {_only_action(tree)}.")
+        elif worse and tree is self._fitted:
+            parts += self._warnings
         return TreeView(
             phase=READY,
             message=f"you {person}; this tree {played}",
@@ -229,6 +260,10 @@ class PageTree:
             f"eutree learn --demos {self._folder} --out {path.with_name('run')}",
             f"eutree export {path} --format c --out {path.with_suffix('.c')}",
         )
+
+
+class _NobodyWaits(Exception):  # noqa: N818 - no error: whoever pressed the button has left
+    """Ends a fit that nobody waits for."""
 
 
 class _Curve:
