@@ -78,14 +78,8 @@ class AdaptiveQMethod:
 
     def start(self, problem: Problem, start: Start) -> "AdaptiveQ":
         """Return the learner at its start: the leaves of an expert tree are the first boxes."""
-        expert = start.expert
-        if expert is None:
-            tree = DecisionTree.single_leaf(problem.n_features)
-            learner = AdaptiveQ(tree, problem.n_actions, self)
-        else:
-            learner = AdaptiveQ(
-                expert.tree, problem.n_actions, self, prior=expert.actions, locked=expert.locked
-            )
+        tree, actions, locked = start.first_leaves(problem)
+        learner = AdaptiveQ(tree, problem.n_actions, self, prior=actions, locked=locked)
         if start.episodes:
             learner.add_demonstrations(start.episodes)
         return learner

@@ -112,6 +112,20 @@ class Problem:
         return np.array([feature.high for feature in self.schema.features])
 
 
+class FirstLeaves(NamedTuple):
+    """The leaves that a start gives to a method that discretizes.
+
+    Attributes:
+        tree: A single leaf, or the expert tree's structure.
+        actions: Action of each leaf while nothing is known of it, shape [L].
+        locked: Leaves that nothing may change, in order.
+    """
+
+    tree: DecisionTree
+    actions: Integers  # [L]
+    locked: tuple[int, ...]
+
+
 @dataclass(frozen=True, eq=False)
 class Start:
     """Where a learner begins.
@@ -134,6 +148,13 @@ class Start:
         if self.expert is None:
             return "demos" if self.episodes else "nothing"
         return "tree+demos" if self.episodes else "tree"
+
+    def first_leaves(self, problem: Problem) -> FirstLeaves:
+        """Return the leaves to begin from: those of the expert tree, or a single one."""
+        if self.expert is None:
+            single = DecisionTree.single_leaf(problem.n_features)
+            return FirstLeaves(single, np.zeros(1, dtype=np.int64), ())
+        return FirstLeaves(self.expert.tree, self.expert.actions, self.expert.locked)
 
 
 class LeafSplit(NamedTuple):

@@ -72,12 +72,7 @@ class PlanningMethod:
 
     def start(self, problem: Problem, start: Start) -> "ModelPlanning":
         """Return the learner at its start: the expert tree, if there is one, is the incumbent."""
-        if start.expert is None:
-            tree = DecisionTree.single_leaf(problem.n_features)
-            actions, locked = np.zeros(1, dtype=np.int64), tuple[int, ...]()
-        else:
-            tree, actions = start.expert.tree, start.expert.actions
-            locked = start.expert.locked
+        tree, actions, locked = start.first_leaves(problem)
         informed = start.expert is not None and not start.random
         learner = ModelPlanning(
             tree, actions, problem.n_actions, self, informed=informed, locked=locked

@@ -169,14 +169,8 @@ class UTree:
     @classmethod
     def begun(cls, problem: Problem, start: Start, method: Discretizer) -> "UTree":
         """Return the learner at its start: a single leaf or the expert tree, its history."""
-        expert = start.expert
-        if expert is None:
-            tree = DecisionTree.single_leaf(problem.n_features)
-            learner = cls(tree, problem.n_actions, method)
-        else:
-            learner = cls(
-                expert.tree, problem.n_actions, method, prior=expert.actions, locked=expert.locked
-            )
+        tree, actions, locked = start.first_leaves(problem)
+        learner = cls(tree, problem.n_actions, method, prior=actions, locked=locked)
         if start.episodes:
             learner.add_demonstrations(start.episodes)
         return learner

@@ -75,14 +75,8 @@ class VectorQuantizationMethod:
 
     def start(self, problem: Problem, start: Start) -> "VectorQuantization":
         """Return the learner at its start: an expert tree is the outer partition."""
-        expert = start.expert
-        if expert is None:
-            tree = DecisionTree.single_leaf(problem.n_features)
-            learner = VectorQuantization(tree, problem.n_actions, self)
-        else:
-            learner = VectorQuantization(
-                expert.tree, problem.n_actions, self, prior=expert.actions, locked=expert.locked
-            )
+        tree, actions, locked = start.first_leaves(problem)
+        learner = VectorQuantization(tree, problem.n_actions, self, prior=actions, locked=locked)
         if start.episodes:
             learner.add_demonstrations(start.episodes)
         return learner
