@@ -1,8 +1,11 @@
 """Settings shared by all tests."""
 
 import os
+from collections.abc import Iterator
+from typing import Any
 
 import hypothesis
+import pytest
 
 # Compiling a kernel takes seconds on its first call, and test machines are busy: no deadlines. In
 # CI the same examples every time; elsewhere fresh ones, printed when they fail.
@@ -20,3 +23,12 @@ os.environ.setdefault("MPLBACKEND", "Agg")
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 os.environ.setdefault("SDL_AUDIODRIVER", "dummy")
 os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+
+
+@pytest.fixture(scope="session")
+def chromium() -> Iterator[Any]:
+    """The one browser of a test process: Playwright cannot be started twice in a thread."""
+    from tests.report.browser import browser
+
+    with browser() as started:
+        yield started

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import gymnasium
 import pytest
+from joblib.externals.loky import get_reusable_executor
 
 import eutree  # noqa: F401 - registers its environments before a page registers its own
 from tests.contracts.documents import (
@@ -41,6 +42,7 @@ def folder(tmp_path, monkeypatch):
     """Return an empty folder to run a page in; what is imported from it is forgotten."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
+    get_reusable_executor().shutdown(wait=True)  # its workers look for modules elsewhere
     registered = set(gymnasium.registry)
     yield tmp_path
     for module in [m for m, v in sys.modules.items() if _lies_in(v, tmp_path)]:

@@ -31,7 +31,7 @@ def test_the_text_is_plain():
         "episode,steps,success_rate,mean_return,n_leaves\n0,0,,-1.5,1\n20,640,0.75,82.0,9\n"
     )
     assert points[1].describe() == "success 75%, return 82.0, 9 leaves"
-    assert points[0].describe() == "return -1.5, 1 leaves"
+    assert points[0].describe() == "return -1.5, 1 leaf"
 
 
 @pytest.mark.parametrize(

@@ -16,15 +16,8 @@ from eutree.interaction.replay import replay
 from eutree.interaction.tree_making import TreeView
 from tests.interaction.people import Corridor
 from tests.interaction.serving import ENOUGH, serving
-from tests.report.browser import browser
 
 PATIENCE = ENOUGH * 1000.0
-
-
-@pytest.fixture(scope="module")
-def chromium():
-    with browser() as started:
-        yield started
 
 
 class Person:

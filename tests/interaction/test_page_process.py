@@ -57,12 +57,18 @@ class Recording:
         """Start an episode and act until ``steps`` are known to be taken; return how many are."""
         page.send('{"type": "hello", "client": "page-one"}')
         page.send('{"type": "do", "name": "start"}')
-        step = 0
+        step, pressed = 0, False
         while step < steps:
             message = page.recv(timeout=ENOUGH)
             if isinstance(message, bytes):
                 frame = int.from_bytes(message[:4], "big")
                 page.send(f'{{"type": "drawn", "frame": {frame}}}')
+                if not pressed:  # a task without an idle action begins with the first action key
+                    page.send(
+                        '{"type": "key", "sequence": 1, "key": "left", "down": true, '
+                        f'"frame": {frame}}}'
+                    )
+                    pressed = True
             else:
                 step = json.loads(message).get("step", step)
         return step

@@ -7,12 +7,11 @@ from benchmarks.ten_minutes import PixelPlayer, recording
 
 from eutree.data import Demonstrations
 from eutree.policies import TreePolicy
-from tests.report.browser import browser
 
 
 @pytest.mark.slow
-def test_from_the_picture_to_a_tree(tmp_path) -> None:
-    with browser() as chromium, recording(tmp_path, "--episodes", "4", "--fps", "2") as started:
+def test_from_the_picture_to_a_tree(tmp_path, chromium) -> None:
+    with recording(tmp_path, "--episodes", "4", "--fps", "2") as started:
         process, url = started
         page = chromium.new_page(viewport={"width": 1180, "height": 810})
         page.goto(url)

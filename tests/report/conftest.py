@@ -1,7 +1,5 @@
 import subprocess
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -9,14 +7,8 @@ from eutree.policies import TreePolicy
 from eutree.report import WatchedEpisode
 from tests.export.policies import EVASION, policy_of, tree
 from tests.export.tools import need
-from tests.report.browser import browser, missing
+from tests.report.browser import missing
 from tests.report.watched import episodes
-
-
-@pytest.fixture(scope="session")
-def chromium() -> Iterator[Any]:
-    with browser() as started:
-        yield started
 
 
 @pytest.fixture(scope="session")

@@ -272,7 +272,7 @@ def test_policies_with_a_history_see_their_past() -> None:
     schema = Schema.anonymous(2, 2).with_history(1)
     policy = TreePolicy(tree(5, 4), np.arange(5) % 2, schema, history=1)
     rows = np.arange(8.0).reshape(4, 2)
-    episode = Episode(rows, np.zeros(3, np.int64), np.zeros(3), terminated=True)
+    episode = Episode(rows, np.zeros(3, np.int64), np.zeros(3), True, False)
     expected = [[0, 1, 0, 1], [2, 3, 0, 1], [4, 5, 2, 3], [6, 7, 4, 5]]
     np.testing.assert_array_equal(policy_features(policy, episode), expected)
     with pytest.raises(InvalidArgumentError, match="observations of 2 features, got 3"):

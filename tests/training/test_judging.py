@@ -11,6 +11,7 @@ from eutree.cli._learning import in_words, present, progress_of
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import Evaluation
 from eutree.training.judging import Judgement, judged
+from eutree.wording import counted
 from tests.compression.test_gates import Corridor
 from tests.interaction.sick import Healthy
 from tests.training.test_racing import WRONG, policy_of
@@ -70,7 +71,7 @@ def test_a_run_that_found_nothing_better_says_so():
     assert result.challengers > 0
     wanted = (
         "nothing better than the tree that it started from was found: "
-        f"{result.challengers} challengers tried"
+        f"{counted(result.challengers, 'challenger')} tried"
     )
     assert wanted in in_words(result, "out", recorded=None)
 

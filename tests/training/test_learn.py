@@ -260,7 +260,7 @@ def test_a_method_of_one_s_own(env, demonstrations):
         ({"episodes": -1}, "episodes must be an integer >= 0, got -1"),
         ({"evaluate_every": 0}, "evaluate_every must be an integer >= 1, got 0"),
         ({"evaluation_episodes": 0}, "evaluation_episodes must be an integer >= 1, got 0"),
-        ({"seed": -3}, "seed must be an integer >= 0, got -3"),
+        ({"seed": -3}, "seed must be an integer from 0 to .*, got -3"),
         ({"max_transitions": 0}, "max_transitions must be an integer >= 1, got 0"),
         ({"history": -1}, "history must be an integer >= 0, got -1"),
     ],

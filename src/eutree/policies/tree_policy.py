@@ -214,10 +214,11 @@ class TreePolicy(Displayed):
             )
         if self.features.is_identity:
             return self._decide(array), state
-        array = self._remember(array, state, episode_start)
-        actions = self._decide(array)
-        # The state is the features, and last the action that was chosen on them.
-        return actions, np.concatenate([array, np.asarray(actions, np.float64)[..., None]], axis=-1)
+        state = self._remember(array, state, episode_start)
+        actions = self._decide(state)
+        if self.past_actions:  # the action chosen on these features follows them
+            state = np.concatenate([state, np.asarray(actions, np.float64)[..., None]], axis=-1)
+        return actions, state
 
     def _decide(self, features: Floats) -> Any:
         """Return the action for features [n_features], or the actions for [E, n_features]."""
@@ -232,8 +233,9 @@ class TreePolicy(Displayed):
         fresh = self.features.first(observation)
         if state is None:
             return fresh
-        action = state[..., -1].astype(np.int64)
-        features = self.features.next(state[..., :-1], action, observation)
+        size = self.features.n_features
+        action = state[..., size:].astype(np.int64).sum(axis=-1)  # none where none is remembered
+        features = self.features.next(state[..., :size], action, observation)
         if episode_start is None:
             return features
         starts = np.asarray(episode_start, dtype=bool)

@@ -8,6 +8,7 @@ import numpy as np
 from eutree.arrays import Floats
 from eutree.evaluation import Evaluation, Interval, mean_interval
 from eutree.policy_search.betting import lower_bound
+from eutree.wording import counted
 
 ERROR = 0.05
 
@@ -70,7 +71,7 @@ class Judgement:
     def describe(self, start: str) -> str:
         """Return the judgement in words; ``start`` names the policy that it began with."""
         if self.is_start:
-            tried = f": {self.challengers} challengers tried" if self.challengers else ""
+            tried = f": {counted(self.challengers, 'challenger')} tried" if self.challengers else ""
             return f"nothing better than {start} was found{tried}"
         words = f"return {_signed(self.return_change, self.return_interval, 1.0, '')}"
         if self.success_change is not None and self.success_interval is not None:

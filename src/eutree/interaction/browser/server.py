@@ -129,6 +129,9 @@ class PageServer:
             server.close()
             with suppress(TimeoutError):
                 await asyncio.wait_for(server.wait_closed(), 2.0)
+            for connection in list(server.connections):  # of a peer that does not answer
+                connection.transport.abort()
+            await asyncio.sleep(0)  # lets aborted transports close before the loop does
 
     async def _listen(self) -> "Server":
         try:
