@@ -25,9 +25,13 @@ os.environ.setdefault("SDL_AUDIODRIVER", "dummy")
 os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def chromium() -> Iterator[Any]:
-    """The one browser of a test process: Playwright cannot be started twice in a thread."""
+    """A browser for the tests of one module.
+
+    Playwright cannot be started twice in a thread, and while it runs nothing else there may have an
+    event loop: so a module has one, and it ends with it.
+    """
     from tests.report.browser import browser
 
     with browser() as started:

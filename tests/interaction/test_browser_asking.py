@@ -13,7 +13,7 @@ from eutree.interaction.settings import SessionSettings
 from eutree.training import Asking
 from tests.interaction.asking import Asked
 from tests.interaction.serving import ENOUGH
-from tests.interaction.test_browser_page import PATIENCE, Person, chromium  # noqa: F401 - a fixture
+from tests.interaction.test_browser_page import PATIENCE, Person
 
 
 class Run:
@@ -45,7 +45,7 @@ class Run:
         return self.result
 
 
-def test_a_person_shows_declines_and_leaves(chromium):  # noqa: F811
+def test_a_person_shows_declines_and_leaves(chromium):
     run = Run(patience=60.0)
     person = Person(chromium, run).until(state="waiting", role="acting")
     assert "practises" in person.page.locator("#title").inner_text()
@@ -68,7 +68,7 @@ def test_a_person_shows_declines_and_leaves(chromium):  # noqa: F811
     assert history.actions[history.demonstrated].tolist() == [1, 1, 1, 1]  # Space: go
 
 
-def test_the_page_says_goodbye(chromium):  # noqa: F811
+def test_the_page_says_goodbye(chromium):
     run = Run(patience=60.0)
     person = Person(chromium, run).until(state="waiting", role="acting")
     run.page.close()

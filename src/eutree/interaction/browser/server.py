@@ -118,6 +118,8 @@ class PageServer:
             InvalidArgumentError: The port is taken, or the address is not this machine's.
         """
         server = await self._listen()
+        from websockets.protocol import State
+
         self._add(Away(UNOPENED, gone=True))
         try:
             if on_ready is not None:
@@ -127,11 +129,18 @@ class PageServer:
         finally:
             self._is_closing = True
             server.close()
+            # A browser opens sockets in advance, on which it may never ask for anything: such a
+            # one, and that of a peer that does not answer, would outlive the loop.
+            connections = set(server.all_connections)
+            for connection in connections:
+                if connection.state is State.CONNECTING:
+                    connection.transport.abort()
             with suppress(TimeoutError):
                 await asyncio.wait_for(server.wait_closed(), 2.0)
-            for connection in list(server.connections):  # of a peer that does not answer
+            for connection in connections | set(server.all_connections):
                 connection.transport.abort()
-            await asyncio.sleep(0)  # lets aborted transports close before the loop does
+            for _ in range(3):  # turns of the loop in which what was aborted closes
+                await asyncio.sleep(0)
 
     async def _listen(self) -> "Server":
         try:
