@@ -17,6 +17,7 @@ from eutree.interaction.spaces import describe, spec_of
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
 from tests.interaction.sick import Healthy
+from tests.interaction.versions import TAXI
 
 COLUMNS = 7
 
@@ -62,7 +63,7 @@ def registered():
 
 
 def test_taxi_says_where_everybody_is():
-    env = make(EnvironmentSpec("Taxi-v4", {"decode": True}))
+    env = make(EnvironmentSpec(TAXI, {"decode": True}))
     assert describe(env).feature_names == ("row", "column", "passenger", "destination")
     assert [f.high for f in describe(env).features] == [4.0, 4.0, 4.0, 3.0]
     observation, _ = env.reset(seed=0)

@@ -7,6 +7,7 @@ from gymnasium.wrappers import TransformReward
 import eutree  # noqa: F401 - registers its environments
 from eutree.errors import InvalidArgumentError
 from eutree.interaction.return_range import return_range
+from tests.interaction.versions import CLIFF, TAXI
 
 KNOWN = {
     "eutree/Evasion2-v0": (-170.0, 100.0),
@@ -15,7 +16,7 @@ KNOWN = {
     "Acrobot-v1": (-500.0, 0.0),
     "FrozenLake-v1": (0.0, 1.0),
     "Blackjack-v1": (-1.0, 1.5),
-    "Taxi-v4": (-2000.0, 20.0),
+    TAXI: (-2000.0, 20.0),
 }
 
 
@@ -49,7 +50,7 @@ def test_an_environments_own_rewards_and_limit_count():
     [
         TransformReward(gymnasium.make("CartPole-v1"), lambda reward: -reward),
         gymnasium.make("CartPole-v1", sutton_barto_reward=True),
-        gymnasium.make("CliffWalking-v1"),  # without a time limit
+        gymnasium.make(CLIFF),  # without a time limit
     ],
 )
 def test_a_range_that_nobody_knows_is_none(env):

@@ -9,6 +9,7 @@ from gymnasium.wrappers import TimeLimit
 from eutree.interaction.making import make
 from eutree.interaction.spaces import describe, encoder, spec_of
 from tests.interaction.sick import Healthy
+from tests.interaction.versions import CLIFF
 
 LIMITED = {"max_episode_steps": 100}
 SPACES = {
@@ -69,9 +70,9 @@ def test_the_spec_makes_the_environment_again():
 @pytest.mark.parametrize(
     ("env", "arguments"),
     [
-        (lambda: gymnasium.make("CliffWalking-v1"), {}),
-        (lambda: gymnasium.make("CliffWalking-v1", max_episode_steps=100), LIMITED),
-        (lambda: TimeLimit(gymnasium.make("CliffWalking-v1"), 100), LIMITED),
+        (lambda: gymnasium.make(CLIFF), {}),
+        (lambda: gymnasium.make(CLIFF, max_episode_steps=100), LIMITED),
+        (lambda: TimeLimit(gymnasium.make(CLIFF), 100), LIMITED),
         (lambda: TimeLimit(gymnasium.make("CartPole-v1"), 100), LIMITED),
         (lambda: TimeLimit(gymnasium.make("CartPole-v1", max_episode_steps=100), 900), LIMITED),
         (lambda: gymnasium.make("CartPole-v1", max_episode_steps=500), {}),
