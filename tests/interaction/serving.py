@@ -11,7 +11,7 @@ from eutree.interaction.recorder import Recorder
 from eutree.interaction.settings import SessionSettings
 from tests.interaction.people import Corridor
 
-ENOUGH = 20.0  # seconds for anything that takes milliseconds on a quiet machine
+ENOUGH = 60.0  # seconds for anything that takes milliseconds on a quiet machine
 
 
 class Served:

@@ -9,6 +9,7 @@ import pytest
 import eutree
 from eutree.interaction.ask_session import GRACE_SECONDS
 from eutree.interaction.browser import AskInBrowser
+from eutree.interaction.requests import ScriptedController
 from eutree.interaction.settings import SessionSettings
 from eutree.training import Asking
 from tests.interaction.asking import Asked
@@ -16,12 +17,30 @@ from tests.interaction.serving import ENOUGH
 from tests.interaction.test_browser_page import PATIENCE, Person
 
 
+def learned(env, ask):
+    return eutree.learn(
+        env,
+        method="paper",
+        episodes=4,
+        evaluation_episodes=2,
+        ask=ask,
+        asking=Asking(max_requests=3, max_steps=4),
+    )
+
+
+@pytest.fixture(scope="module", autouse=True)
+def nothing_is_left_to_compile():
+    """Compiling holds up the page's server, which is in this process: for half a minute in CI."""
+    env = gymnasium.make("eutree/Evasion2-v0")
+    learned(env, ScriptedController(eutree.experts.wait_at_crossing(env)))
+
+
 class Run:
     """A learner in a thread; whoever it asks is at a page."""
 
     def __init__(self, **options):
         env = gymnasium.make("eutree/Evasion2-v0", render_mode="rgb_array")
-        settings = SessionSettings(countdown=0.2, fps=10.0)
+        settings = SessionSettings(countdown=1.0, fps=10.0)  # time to press a key in
         self.page = AskInBrowser(env, settings=settings, port=0, **options)
         self.server = self.page.server  # what a person opens
         self.result = None
@@ -29,14 +48,7 @@ class Run:
         self.thread = threading.Thread(target=self._learn, daemon=True)
 
     def _learn(self):
-        self.result = eutree.learn(
-            self._env,
-            method="paper",
-            episodes=4,
-            evaluation_episodes=2,
-            ask=self.page,
-            asking=Asking(max_requests=3, max_steps=4),
-        )
+        self.result = learned(self._env, self.page)
 
     def finish(self):
         self.thread.join(ENOUGH)

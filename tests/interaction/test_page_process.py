@@ -19,7 +19,7 @@ from eutree.data import Demonstrations
 from eutree.interaction.replay import replay
 
 ROOT = Path(__file__).parents[2]
-ENOUGH = 20.0
+ENOUGH = 60.0
 
 
 def heed_interrupts() -> None:

@@ -20,7 +20,7 @@ from eutree.interaction.window_screen import SIZE, fitting, words
 from tests.interaction.people import Corridor
 from tests.interaction.xvfb import display
 
-ENOUGH = 20.0
+ENOUGH = 60.0
 
 
 class Person:

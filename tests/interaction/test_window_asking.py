@@ -13,7 +13,7 @@ from eutree.interaction.window_asking import AskInWindow
 from tests.interaction.asking import Asked
 from tests.interaction.xvfb import display
 
-ENOUGH = 30.0
+ENOUGH = 60.0
 
 
 class Hands:
