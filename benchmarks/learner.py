@@ -28,15 +28,13 @@ from sklearn.tree import DecisionTreeClassifier
 import eutree
 from eutree.data import Demonstrations, Episode
 from eutree.interaction import GuardedEnv, describe, episode_seed
+from eutree.interaction.seeding import Stream
 from eutree.learners import CORRECTED, DEFAULT, Method, Problem, Start, Step, UTree
 from eutree.mdp import TabularMDP
 from eutree.splitting import KolmogorovSmirnov, Maximal, Naive
 from eutree.splitting._kernels import best_of_sample
 from eutree.splitting._kernels_sorting import sorted_labels
 from eutree.training.beginning import (
-    EXPANSION_STREAM,
-    EXPLORATION_STREAM,
-    TRAINING_STREAM,
     generator_of,
 )
 
@@ -73,10 +71,10 @@ def learner_cost(
     learner = method.start(Problem(env.schema, env.spec), Start())
     rows, spent, total, episode, left = [], 0.0, 0, 0, [mark for mark in marks if mark <= steps]
     while total < steps:
-        seed = episode_seed(0, episode, TRAINING_STREAM)
+        seed = episode_seed(0, episode, Stream.TRAINING)
         actions = []
         start = time.thread_time()
-        learner.start_episode(env.reset(seed), generator_of(0, EXPLORATION_STREAM, episode))
+        learner.start_episode(env.reset(seed), generator_of(0, Stream.EXPLORATION, episode))
         ended = False
         while not ended:
             action = learner.act()
@@ -87,7 +85,7 @@ def learner_cost(
         learner.end_episode()
         episode += 1
         if episode % method.gathering_episodes == 0:
-            learner.update(generator_of(0, EXPANSION_STREAM, episode))
+            learner.update(generator_of(0, Stream.EXPANSION, episode))
         spent += time.thread_time() - start
         start = time.thread_time()
         env.reset(seed)

@@ -3,9 +3,8 @@
 import numpy as np
 
 from eutree.c45 import grow
-from eutree.distillation.distill import GATHERING_STREAM, VALIDATION_STREAM
 from eutree.interaction import episode_seed
-from eutree.interaction.record import RECORDING_STREAM
+from eutree.interaction.seeding import Stream
 
 
 def play(env, decide, seed):
@@ -27,14 +26,14 @@ def naive_dagger(rule, env, *, iterations, episodes, validation_episodes, seed):
     rows, labels, sizes, returns = [], [], [], []
     decide = rule
     for k in range(episodes):
-        observations, actions, _ = play(env, rule, episode_seed(seed, k, RECORDING_STREAM))
+        observations, actions, _ = play(env, rule, episode_seed(seed, k, Stream.RECORDING))
         rows += observations
         labels += actions
     for number in range(iterations):
         if number:
             for k in range(episodes):
                 at = number * episodes + k
-                visited, _, _ = play(env, decide, episode_seed(seed, at, GATHERING_STREAM))
+                visited, _, _ = play(env, decide, episode_seed(seed, at, Stream.GATHERING))
                 rows += visited
                 labels += [rule(observation) for observation in visited]
         tree, chosen = grow(np.array(rows), labels, n_classes=2).to_decision_tree()
@@ -42,7 +41,7 @@ def naive_dagger(rule, env, *, iterations, episodes, validation_episodes, seed):
         def act(observation, tree=tree, chosen=chosen):
             return int(chosen[tree.leaf_of(observation.astype(float).tolist())])
 
-        validation = episode_seed(seed, 0, VALIDATION_STREAM)
+        validation = episode_seed(seed, 0, Stream.VALIDATION)
         decide = act
         found = [
             play(env, decide, episode_seed(validation, k))[2] for k in range(validation_episodes)

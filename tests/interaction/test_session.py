@@ -23,8 +23,8 @@ from eutree.interaction.events import (
 from eutree.interaction.guard import GuardedEnv
 from eutree.interaction.keys import parse_keys
 from eutree.interaction.pace import SPEEDS
-from eutree.interaction.seeding import episode_seed
-from eutree.interaction.session import PERSON_STREAM, Session
+from eutree.interaction.seeding import Stream, episode_seed
+from eutree.interaction.session import Session
 from eutree.interaction.spaces import describe
 from eutree.interaction.views import task_description
 from tests.interaction.people import TICK, Corridor, Person
@@ -336,8 +336,8 @@ def test_discard_goes_on_with_another_start() -> None:
     person.wait(1.0).walk()
     old, new = person.session.episodes
     assert (old.kept, old.comment, new.kept) == (False, "discarded", True)
-    assert old.seed == episode_seed(0, 0, PERSON_STREAM)
-    assert new.seed == episode_seed(0, 1, PERSON_STREAM)
+    assert old.seed == episode_seed(0, 0, Stream.PERSON)
+    assert new.seed == episode_seed(0, 1, Stream.PERSON)
 
 
 def test_discard_and_keep_in_the_list() -> None:

@@ -10,8 +10,9 @@ import pytest
 
 from eutree.errors import EutreeError, InvalidArgumentError, UnknownNameError
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
+from eutree.interaction.seeding import Stream
 from eutree.report import watch
-from eutree.report.watching import WATCHING_STREAM, encode, watch_if_possible
+from eutree.report.watching import encode, watch_if_possible
 from eutree.schema import EnvironmentSpec, Schema
 from tests.export.policies import EVASION, policy_of, tree
 
@@ -24,7 +25,7 @@ def test_watching_does_not_change_the_episode() -> None:
     policy = policy_of(tree(9, 3), EVASION)
     (watched,) = watch(policy, episodes=1, seed=3)
     guarded = GuardedEnv(gymnasium.make("eutree/Evasion2-v0"))
-    plain = run_episode(guarded, policy, episode_seed(3, 0, WATCHING_STREAM))
+    plain = run_episode(guarded, policy, episode_seed(3, 0, Stream.WATCHING))
     np.testing.assert_array_equal(watched.episode.observations, plain.observations)
     np.testing.assert_array_equal(watched.episode.actions, plain.actions)
     assert len(watched.frames) == len(plain.observations)

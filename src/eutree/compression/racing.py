@@ -10,6 +10,7 @@ import numpy as np
 from eutree.arrays import Floats
 from eutree.evaluation import Estimate, Interval, evaluate
 from eutree.interaction import episode_seed
+from eutree.interaction.seeding import Stream
 from eutree.policies import TreePolicy
 from eutree.policy_search.racing import (
     Demand,
@@ -21,7 +22,6 @@ from eutree.policy_search.racing import (
     smallest_within,
 )
 
-_RACE = 11  # stream of seeds
 _MOST_RUNNERS = 48
 
 
@@ -41,7 +41,7 @@ class Arena:
 
     def run(self, policy: TreePolicy, heat: Heat) -> Floats:
         """Return the returns of a policy in a heat; the same episodes for each policy."""
-        seed = episode_seed(self.seed, heat.block, _RACE)
+        seed = episode_seed(self.seed, heat.block, Stream.COMPRESSION)
         result = evaluate(policy, self.env, episodes=heat.episodes.stop, seed=seed)
         self.steps += result.steps
         return result.returns[heat.episodes.start :]

@@ -25,13 +25,12 @@ from eutree.interaction import GuardedEnv, episode_seed, record, run_episode
 from eutree.interaction.acting import Actor
 from eutree.interaction.decoding import warn_of_codes
 from eutree.interaction.record import Controller, as_policy
+from eutree.interaction.seeding import Stream
 from eutree.policies import Policy, TreePolicy
 from eutree.schema import Schema
 from eutree.validation import check_choice, check_integer, check_seed
 
 METHODS = ("dagger", "viper", "cloning")
-GATHERING_STREAM = 21
-VALIDATION_STREAM = 22
 
 Progress = Callable[[int, Round], None]
 
@@ -103,7 +102,7 @@ def distill(
             school.gather(trees[-1], number, episodes)
         data = school.data()
         trees.append(fit(learner, data, guarded.schema, guarded.spec, max_leaves))
-        validation = episode_seed(seed, 0, VALIDATION_STREAM)
+        validation = episode_seed(seed, 0, Stream.VALIDATION)
         results.append(evaluate(trees[-1], env, episodes=validation_episodes, seed=validation))
         rounds.append(_round(data, trees[-1], results[-1]))
         if on_round is not None:
@@ -145,7 +144,7 @@ class _School:
     def gather(self, tree: TreePolicy, number: int, episodes: int) -> None:
         """Let the tree act, and add what it comes to with the teacher's actions."""
         for k in range(number * episodes, (number + 1) * episodes):
-            episode = run_episode(self._env, tree, episode_seed(self._seed, k, GATHERING_STREAM))
+            episode = run_episode(self._env, tree, episode_seed(self._seed, k, Stream.GATHERING))
             self.steps += len(episode)
             self.labels += len(episode)
             self._observations.append(episode.observations[:-1])

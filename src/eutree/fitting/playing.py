@@ -11,9 +11,9 @@ from eutree.arrays import Booleans, Integers
 from eutree.data import Episode
 from eutree.evaluation import Evaluation
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
+from eutree.interaction.seeding import Stream
 from eutree.policies import TreePolicy
 
-STREAM = 41  # of the seeds of what is played here: never those of a recording, run or evaluation
 Progress = Callable[[str, int, int], None]  # what for, episodes played for it, at most so many
 
 
@@ -94,7 +94,7 @@ class Player:
         Raises:
             EnvironmentFault: The environment broke its contract.
         """
-        seed = episode_seed(self._seed, block, STREAM)
+        seed = episode_seed(self._seed, block, Stream.FITTING)
         played = []
         for number in range(episodes):
             played.append(run_episode(self._env, policy, episode_seed(seed, number)))

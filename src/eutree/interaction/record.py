@@ -12,13 +12,11 @@ from eutree.files import check_new_folder
 from eutree.interaction.decoding import warn_of_codes
 from eutree.interaction.episode import run_episode
 from eutree.interaction.guard import GuardedEnv
-from eutree.interaction.seeding import episode_seed
+from eutree.interaction.seeding import Stream, episode_seed
 from eutree.policies import Policy
 from eutree.validation import check_integer, check_seed
 
 Controller = Policy | Callable[[gymnasium.Env[Any, Any]], Policy]
-
-RECORDING_STREAM = 1
 
 
 def record(
@@ -60,7 +58,7 @@ def record(
         folder = DemonstrationFolder.create(out, guarded.schema, guarded.spec, name)
     recorded = []
     for number in range(count):
-        episode = run_episode(guarded, policy, episode_seed(seed, number, RECORDING_STREAM))
+        episode = run_episode(guarded, policy, episode_seed(seed, number, Stream.RECORDING))
         if folder is not None:
             folder.write(number, episode)
         recorded.append(episode)

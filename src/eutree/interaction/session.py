@@ -48,7 +48,7 @@ from eutree.interaction.hands import Hands
 from eutree.interaction.keys import START_KEYS, KeyMap, keys_of_environment
 from eutree.interaction.pace import QUICK, SPEEDS, Pace
 from eutree.interaction.pictures import Pictures
-from eutree.interaction.seeding import episode_seed
+from eutree.interaction.seeding import Stream, episode_seed
 from eutree.interaction.settings import SessionSettings, frames_per_second
 from eutree.interaction.tree_making import Wishes
 from eutree.interaction.trial import Answer, Trial
@@ -60,7 +60,6 @@ from eutree.interaction.views import (
     task_description,
 )
 
-PERSON_STREAM = 6
 OPENING, COUNTDOWN, PLAYING = "opening", "countdown", "playing"
 PAUSED, REVIEW, FINISHED, FAILED = "paused", "review", "finished", "failed"
 
@@ -466,7 +465,7 @@ class Session:
         self.state, self._message = FAILED, reason
 
     def _seed(self) -> int:
-        return episode_seed(self.settings.seed, self._start, PERSON_STREAM)
+        return episode_seed(self.settings.seed, self._start, Stream.PERSON)
 
     # ---- what to show
 

@@ -11,11 +11,10 @@ from eutree.data import Episode
 from eutree.errors import EnvironmentFault, EutreeError, InvalidArgumentError, MissingExtraError
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
 from eutree.interaction.making import make
+from eutree.interaction.seeding import Stream
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
 from eutree.validation import check_integer, check_seed
-
-WATCHING_STREAM = 7
 
 # Small enough for dozens of episodes in one page, large enough to see what happens.
 _WIDTH, _QUALITY = 480, 60
@@ -83,7 +82,7 @@ def watch(
         watched: list[WatchedEpisode] = []
         for number in range(count):
             room = sum(len(entry.frames) for entry in watched) < PICTURE_LIMIT
-            chosen = episode_seed(seed, number, WATCHING_STREAM)
+            chosen = episode_seed(seed, number, Stream.WATCHING)
             watched.append(_watched(guarded, policy, chosen, pictures and room))
         return watched
     finally:

@@ -8,19 +8,10 @@ import numpy as np
 
 from eutree.evaluation import Evaluation
 from eutree.interaction import GuardedEnv, episode_seed
+from eutree.interaction.seeding import Stream
 from eutree.learners import Learner, Method, Problem, Start, Step
 from eutree.learners.learner import ChoosesStarts
 from eutree.policies import TreePolicy
-
-TRAINING_STREAM = 2
-EXPLORATION_STREAM = 3
-EXPANSION_STREAM = 4
-EVALUATION_STREAM = 5
-START_STREAM = 6
-JUDGING_STREAM = 8
-HOLD_OUT_STREAM = 9
-RACING_STREAM = 31
-COMPARING_STREAM = 33
 
 Evaluator = Callable[[TreePolicy, int], Evaluation]  # (policy, seed) -> evaluation
 
@@ -82,5 +73,5 @@ def seed_of_next(learner: Learner, seed: int, episode: int) -> int:
     """Return the seed of the next episode, or of the start at which a learner compares trees."""
     number = learner.next_start() if isinstance(learner, ChoosesStarts) else None
     if number is None:
-        return episode_seed(seed, episode, TRAINING_STREAM)
-    return episode_seed(seed, number, COMPARING_STREAM)
+        return episode_seed(seed, episode, Stream.TRAINING)
+    return episode_seed(seed, number, Stream.COMPARING)

@@ -16,13 +16,14 @@ from eutree.evaluation.off_policy import OffPolicyComparison
 from eutree.interaction import GuardedEnv
 from eutree.interaction.decoding import warn_of_codes
 from eutree.interaction.requests import Controller
+from eutree.interaction.seeding import Stream
 from eutree.learners import Method, Problem, start_of
 from eutree.learners import method as method_of
 from eutree.learners.learner import Start, check_fits
 from eutree.learners.registry import to_document
 from eutree.policies import Policy, TreePolicy
 from eutree.training.asking import Asking, questions_for
-from eutree.training.beginning import START_STREAM, Arena, Beginning, generator_of
+from eutree.training.beginning import Arena, Beginning, generator_of
 from eutree.training.callback import CallbackLike, CallbackListener
 from eutree.training.log import DISCOUNT, Log
 from eutree.training.phases import MANY, Plan
@@ -399,7 +400,7 @@ def _start(
     for what, given in (("demonstrations", demonstrations), ("expert", expert)):
         if given is not None:
             problem.schema.check_same(given.schema, what, of="the environment")
-    chance = generator_of(seed, START_STREAM, 0)
+    chance = generator_of(seed, Stream.START, 0)
     start = start_of(name, problem, demonstrations=demonstrations, expert=expert, generator=chance)
     if offline:
         start = replace(start, episodes=_needed(demonstrations, "offline learning").kept)

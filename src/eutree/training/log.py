@@ -10,9 +10,10 @@ from typing import Self
 
 from eutree.data import Demonstrations, Episode, check_rewards
 from eutree.evaluation.off_policy import OffPolicyComparison, compare_off_policy, hold_out
+from eutree.interaction.seeding import Stream
 from eutree.learners import fit_expert_tree
 from eutree.policies import TreePolicy
-from eutree.training.beginning import HOLD_OUT_STREAM, generator_of
+from eutree.training.beginning import generator_of
 
 DISCOUNT = 0.99  # of advantages, for methods without a discount
 
@@ -39,7 +40,7 @@ class Log:
     def of(cls, recorded: Demonstrations, expert: TreePolicy | None, *, seed: int) -> Self:
         """Divide recorded episodes; the seed chooses which are held out."""
         check_rewards(recorded, alone=True)
-        known, held_out = hold_out(recorded.kept, generator_of(seed, HOLD_OUT_STREAM, 0))
+        known, held_out = hold_out(recorded.kept, generator_of(seed, Stream.HOLD_OUT, 0))
         return cls(recorded, replace(recorded, episodes=known), held_out, expert, seed)
 
     def chosen(
@@ -53,7 +54,7 @@ class Log:
             self.known.kept,
             self.held_out,
             discount=discount,
-            generator=generator_of(self.seed, HOLD_OUT_STREAM, 1),
+            generator=generator_of(self.seed, Stream.HOLD_OUT, 1),
         )
         if found.believed:
             return learned, found

@@ -19,13 +19,12 @@ from eutree.evaluation import Evaluation, evaluate
 from eutree.files import make_folder, write_text
 from eutree.interaction import episode_seed
 from eutree.interaction.making import make
+from eutree.interaction.seeding import Stream
 from eutree.schema import EnvironmentSpec
 from eutree.training.learn import learn
 from eutree.training.result import LearningResult
 from eutree.validation import check_integer, check_seed
 
-SELECTION_STREAM = 41
-WINNER_STREAM = 42
 COLUMNS = (
     "seed", "mean_return", "return_low", "return_high", "success_rate", "success_low",
     "success_high", "n_leaves", "environment_steps", "winner",
@@ -124,7 +123,7 @@ def learn_runs(
     try:
         winner = ordered[best]
         result = learn(env, out=winner.path, seed=winner.seed, resume=True, **options)
-        judging_seed = episode_seed(seed, 0, WINNER_STREAM)
+        judging_seed = episode_seed(seed, 0, Stream.WINNER)
         judged = evaluate(result.policy, env, episodes=judging_episodes, seed=judging_seed)
     finally:
         env.close()
@@ -165,7 +164,7 @@ class _Task:
                 result.policy,
                 env,
                 episodes=self._episodes,
-                seed=episode_seed(self._seed, 0, SELECTION_STREAM),
+                seed=episode_seed(self._seed, 0, Stream.SELECTION),
             )
         finally:
             env.close()

@@ -19,16 +19,12 @@ from eutree.evaluation import CurvePoint, Evaluation
 from eutree.interaction import episode_seed
 from eutree.interaction.episode import ending_of, success_of
 from eutree.interaction.requests import Request, StepAnswer
+from eutree.interaction.seeding import Stream
 from eutree.learners import Step
 from eutree.learners.model_planning import transitions_of
 from eutree.policies import TreePolicy
 from eutree.training.asking import Questions
 from eutree.training.beginning import (
-    EVALUATION_STREAM,
-    EXPANSION_STREAM,
-    EXPLORATION_STREAM,
-    JUDGING_STREAM,
-    RACING_STREAM,
     Arena,
     Beginning,
     Listener,
@@ -202,7 +198,7 @@ class Run:
         seed = seed_of_next(self.learner, self.plan.seed, self.episode)
         observation = self._acting.env.reset(seed)
         self.learner.start_episode(
-            observation, generator_of(self.plan.seed, EXPLORATION_STREAM, self.episode)
+            observation, generator_of(self.plan.seed, Stream.EXPLORATION, self.episode)
         )
         self._observations, self._requests = [observation], []
         try:
@@ -324,7 +320,7 @@ class Run:
         self._gathering_ends()
         gathers = self.plan.gathers
         number = self.episode if gathers else self.at.updates
-        update = self.learner.update(generator_of(self.plan.seed, EXPANSION_STREAM, number))
+        update = self.learner.update(generator_of(self.plan.seed, Stream.EXPANSION, number))
         splits = [
             {"leaf": split.leaf, "feature": split.feature, "threshold": split.threshold}
             for split in update.splits
@@ -349,7 +345,7 @@ class Run:
         """Freeze the policy and evaluate it, on the same episodes at each point of the run."""
         policy = self._best()
         self.whole = True  # evaluating changes nothing of the run
-        evaluation = self._evaluated(policy, EVALUATION_STREAM)
+        evaluation = self._evaluated(policy, Stream.EVALUATION)
         self.whole = False
         if self.plan.keep_success:
             policy, evaluation = self._kept(policy, evaluation)
@@ -373,7 +369,7 @@ class Run:
             )
         if self.kept is not None and count < self.kept[1]:
             self._note("kept", {"successes": self.kept[1], "successes_refused": count})
-            return self.kept[0], self._evaluated(self.kept[0], EVALUATION_STREAM)
+            return self.kept[0], self._evaluated(self.kept[0], Stream.EVALUATION)
         self.kept = policy, count
         return policy, evaluation
 
@@ -432,7 +428,7 @@ class Run:
 
     def _run_episode(self, tree: TreePolicy, start: int) -> Episode | None:
         """Run a tree from one of the race's starts; None if the run was stopped in between."""
-        block = episode_seed(self.plan.seed, start // STARTS, RACING_STREAM)
+        block = episode_seed(self.plan.seed, start // STARTS, Stream.RACING)
         observation = self._acting.env.reset(episode_seed(block, start % STARTS))
         observations, actions, rewards = [observation], [], []
         terminated = truncated = False
@@ -469,7 +465,7 @@ class Run:
         if key(policy) == key(first):
             judgement = Judgement.same(challengers=self.challengers)
         else:
-            pair = (self._evaluated(one, JUDGING_STREAM) for one in (first, policy))
+            pair = (self._evaluated(one, Stream.JUDGING) for one in (first, policy))
             judgement = judged(*pair, challengers=self.challengers)
         self.whole = False
         self.judgement = judgement

@@ -22,13 +22,13 @@ import numpy as np
 from eutree.arrays import Floats
 from eutree.compression.candidates import merged, with_locks
 from eutree.data import Episode
+from eutree.interaction.seeding import Stream
 from eutree.policies import TreePolicy
 from eutree.policy_search.racing import FIRST_BLOCK, Race, halving, paired
 from eutree.training.proposals import MOST_LEAVES, Proposals, SearchSettings, key
 from eutree.training.variants import Advantages
 from eutree.world_model import Transitions
 
-PROPOSING_STREAM = 32
 ROUNDS = 3  # of proposals, at most
 ROUND_SHARE = 0.25  # of the steps, for a round
 NEWS = 0.05  # share of steps after which they are fitted anew
@@ -104,7 +104,7 @@ class PolicySearch:
         self._start = policy
         self._longest = data.longest() if max_episode_steps is None else max_episode_steps
         self._known_limit = max_episode_steps is not None
-        self._generator = np.random.default_rng(np.random.SeedSequence((seed, PROPOSING_STREAM)))
+        self._generator = np.random.default_rng(np.random.SeedSequence((seed, Stream.PROPOSING)))
         self._proposals = Proposals(policy, data, settings, self._generator)
         self._max_leaves = self._proposals.max_leaves
         self.state = SearchState("begin", policy)
