@@ -1,19 +1,24 @@
 """Measure the method distilled-dqn: small trees from mediocre demonstrations, every step counted.
 
 Run: python benchmarks/small_trees.py TASK [TASK ...] [--seeds 10] [--first 0] [--steps N]
-     [--max-leaves L] [--out docs/results]
+     [--max-leaves L] [--out docs/results] [--runs FOLDER]
 
 For each seed 15 demonstrations of a mediocre scripted controller are recorded, and `learn` goes on
 from them with what is left of the steps: the teacher's, DAgger's and the races' steps all count,
-demonstrations too. The last tree is evaluated on 200 fresh episodes, and beside it its start,
-C4.5's tree of the demonstrations.
+demonstrations too. The last tree is evaluated on 200 fresh episodes. Beside it stand, on the same
+episodes, C4.5's tree of the demonstrations, the teacher, and what DAgger and VIPER (with CART) make
+of that very teacher at the same size, with the steps that it left.
+Seeds that the table in `--out` has already are not run again; what they lack of DAgger and VIPER is
+added, for which the teacher alone learns once more, to the same bytes.
 Seeds from 1000 on are for tuning; reported are seeds below.
 """
 
 import argparse
 import csv
+import json
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -28,10 +33,13 @@ import eutree
 from eutree.envs.experts import EXPERTS
 from eutree.evaluation import mean_interval
 from eutree.learners.distilled_dqn import DistilledDQN
-from eutree.policies import TreePolicy
+from eutree.learners.distilled_dqn_learner import Stage
 
 FINAL_EPISODES = 200
 DEMONSTRATIONS = 15
+ROUNDS = 10  # trees of DAgger and of VIPER
+MOST_GATHERED, MOST_VALIDATED = 10, 50  # episodes for each of them: eutree.distill's own
+BASELINES = ("dagger", "viper")
 
 
 @dataclass(frozen=True)
@@ -46,53 +54,149 @@ class Task:
     method: Callable[[int], DistilledDQN] = lambda leaves: DistilledDQN(max_leaves=leaves)
 
 
+LANDER = Task("LunarLander-v3", EXPERTS["LunarLander-v3"]["brake"], 34, 500_000, 165.0)
 TASKS = {
-    "LunarLander": Task("LunarLander-v3", EXPERTS["LunarLander-v3"]["brake"], 34, 500_000, 165.0),
+    "LunarLander": LANDER,
+    "LunarLander20": replace(LANDER, leaves=20, target=120.0),
     "Acrobot": Task("Acrobot-v1", EXPERTS["Acrobot-v1"]["both"], 8, 100_000, -81.0),
     "CartPole": Task("CartPole-v1", EXPERTS["CartPole-v1"]["fall"], 4, 50_000, 499.5),
     "MountainCar": Task("MountainCar-v0", EXPERTS["MountainCar-v0"]["push"], 6, 100_000, -99.1),
     "TwoTanks": Task("TwoTanks-v0", FloatSwitch(), 20, 100_000, None, method_for),
 }
+COLUMNS = ("seed", "shown", "start", "return", "error", "leaves", "steps", "seconds", "teacher",
+           "teacher_steps", *(f"{name}{what}" for name in BASELINES
+                              for what in ("", "_leaves", "_steps")))  # fmt: skip
+Row = dict[str, float | int]
 
 
-def run(task: Task, seed: int) -> dict[str, Any]:
-    """Return the row of one seed."""
-    env = gymnasium.make(task.env)
-    shown = eutree.record(env, task.expert, episodes=DEMONSTRATIONS, seed=seed)
-    expert = eutree.fit_expert_tree(shown)
-    begin = time.process_time()
-    result = eutree.learn(
-        env,
-        demonstrations=shown,
-        expert=expert,
-        method=task.method(task.leaves),
-        steps=task.steps - shown.n_transitions,
-        seed=seed,
-        evaluate_every=10**6,
-        evaluation_episodes=1,  # two evaluations of one episode, which decide nothing
-    )
-    seconds = time.process_time() - begin
-    found = {
-        "return": evaluated(result.policy, env, seed),
-        "start": evaluated(expert, env, seed),
-    }
-    return {
-        "seed": seed,
-        "shown": round(float(np.mean([e.undiscounted_return for e in shown])), 2),
-        **{name: round(one.mean_return, 2) for name, one in found.items()},
-        "error": round(float(np.std(found["return"].returns) / FINAL_EPISODES**0.5), 2),
-        "leaves": result.policy.n_leaves,
-        "steps": shown.n_transitions + result.steps,
-        "seconds": round(seconds),
-    }
+class Measurement:
+    """One seed of a task.
+
+    Args:
+        task: The task.
+        seed: The seed.
+        folder: Where the run is written.
+    """
+
+    def __init__(self, task: Task, seed: int, folder: Path) -> None:
+        self._task, self._seed, self._folder = task, seed, folder
+        self._env = gymnasium.make(task.env)
+        self._shown = eutree.record(self._env, task.expert, episodes=DEMONSTRATIONS, seed=seed)
+        self._expert = eutree.fit_expert_tree(self._shown)
+        self._teacher: Any = None
+
+    def learned(self) -> Row:
+        """Return what the whole run came to."""
+        begin = time.process_time()
+        result = self._learn(lambda: False, self._folder)
+        seconds = time.process_time() - begin
+        self._teacher = result.teacher
+        found = self._evaluated(result.policy)
+        return {
+            "seed": self._seed,
+            "shown": round(float(np.mean([e.undiscounted_return for e in self._shown])), 2),
+            "start": round(self._evaluated(self._expert).mean_return, 2),
+            "return": round(found.mean_return, 2),
+            "error": round(float(np.std(found.returns) / FINAL_EPISODES**0.5), 2),
+            "leaves": result.policy.n_leaves,
+            "steps": self._shown.n_transitions + result.steps,
+            "seconds": round(seconds),
+            "teacher_steps": teacher_steps(self._folder),
+        }
+
+    def baselines(self) -> Row:
+        """Return what the teacher earns, and what DAgger and VIPER make of it."""
+        teacher = self._taught()
+        row: Row = {
+            "teacher": round(self._evaluated(teacher).mean_return, 2),
+            "teacher_steps": teacher_steps(self._folder),
+        }
+        left = self._task.steps - self._shown.n_transitions - row["teacher_steps"]
+        length = np.mean([len(episode) for episode in self._shown])
+        for name in BASELINES:
+            rows = self._distilled(teacher, name, left, float(length))
+            row |= {f"{name}{what}": value for what, value in rows.items()}
+        return row
+
+    def _distilled(self, teacher: Any, name: str, left: float, length: float) -> Row:
+        """Return what a baseline comes to; it takes fewer episodes where its steps would not do.
+
+        Episodes may become longer than the demonstrations were: then they are reckoned anew.
+        """
+        while True:
+            affordable = int(left / (ROUNDS * length))
+            gathered = int(np.clip(affordable // 2, 1, MOST_GATHERED))
+            tree, told = eutree.distill(
+                teacher,
+                self._env,
+                method=name,
+                learner="cart",
+                max_leaves=self._task.leaves,
+                iterations=ROUNDS,
+                episodes=gathered,
+                validation_episodes=int(np.clip(affordable - gathered, 2, MOST_VALIDATED)),
+                seed=self._seed,
+            )
+            if told.environment_steps <= left or affordable <= 3:
+                break
+            length *= 1.05 * told.environment_steps / left
+        return {
+            "": round(self._evaluated(tree).mean_return, 2),
+            "_leaves": tree.n_leaves,
+            "_steps": told.environment_steps,
+        }
+
+    def _taught(self) -> Any:
+        """Return the teacher: the run's, or the same one from a run that ends when it is taught."""
+        if self._teacher is None:
+            over = False
+
+            def look(run: Any) -> None:
+                nonlocal over
+                over = run.learner.stage is not Stage.TEACHER
+
+            result = self._learn(lambda: over, self._folder, look)
+            self._teacher = result.teacher
+        return self._teacher
+
+    def _learn(
+        self, stop: Callable[[], bool], folder: Path, look: Callable[[Any], None] | None = None
+    ) -> Any:
+        return eutree.learn(
+            self._env,
+            demonstrations=self._shown,
+            expert=self._expert,
+            method=self._task.method(self._task.leaves),
+            steps=self._task.steps - self._shown.n_transitions,
+            seed=self._seed,
+            evaluate_every=10**6,
+            evaluation_episodes=1,  # two evaluations of one episode, which decide nothing
+            out=folder,
+            checkpoint_seconds=600.0,
+            stop=stop,
+            on_progress=look,
+        )
+
+    def _evaluated(self, policy: Any) -> Any:
+        """Evaluate on fresh episodes, the same for all."""
+        return eutree.evaluate(
+            policy, self._env, episodes=FINAL_EPISODES, seed=1_000_000 + self._seed
+        )
 
 
-def evaluated(policy: TreePolicy, env: Any, seed: int) -> Any:
-    """Evaluate on fresh episodes."""
-    return eutree.evaluate(policy, env, episodes=FINAL_EPISODES, seed=1_000_000 + seed)
+def events_of(folder: Path) -> list[dict[str, Any]]:
+    """Return what happened in a run."""
+    lines = (folder / "events.jsonl").read_text().splitlines()
+    return [json.loads(line) for line in lines]
 
 
-def report(name: str, task: Task, rows: list[dict[str, Any]], command: str) -> str:
+def teacher_steps(folder: Path) -> int:
+    """Return the steps in which a run's teacher learned."""
+    events = events_of(folder)
+    return max(event["steps"] for event in events if event.get("stage") == "teacher")
+
+
+def report(task: Task, rows: list[Row], command: str) -> str:
     """Return the page of one task."""
     returns = np.array([row["return"] for row in rows])
     commit = subprocess.run(
@@ -121,15 +225,70 @@ def report(name: str, task: Task, rows: list[dict[str, Any]], command: str) -> s
         f" worst seed {returns.min():.1f}.",
         "",
         "| seed | demonstrations | C4.5's tree of them | learned | s.e. of 200 episodes | leaves "
-        "| steps | CPU s |",
-        "|---|---|---|---|---|---|---|---|",
+        "| steps | CPU s | teacher | DAgger | VIPER |",
+        "|---|---|---|---|---|---|---|---|---|---|---|",
     ]
-    lines += [
-        f"| {row['seed']} | {row['shown']:.1f} | {row['start']:.1f} | {row['return']:.1f} | "
-        f"{row['error']:.1f} | {row['leaves']} | {row['steps']:,} | {row['seconds']} |"
-        for row in rows
-    ]
+    for row in rows:
+        others = [f"{row[name]:.1f}" if name in row else "" for name in ("teacher", *BASELINES)]
+        lines.append(
+            f"| {row['seed']} | {row['shown']:.1f} | {row['start']:.1f} | {row['return']:.1f} | "
+            f"{row['error']:.1f} | {row['leaves']} | {row['steps']:,} | {row['seconds']} | "
+            f"{' | '.join(others)} |"
+        )
+    known = [row for row in rows if BASELINES[-1] in row]
+    if known:
+        means = {name: np.mean([row[name] for row in known]) for name in ("teacher", *BASELINES)}
+        most = max(
+            row[f"{name}_steps"] + row["teacher_steps"] for row in known for name in BASELINES
+        )
+        lines += [
+            "",
+            f"The teacher of each run earns {means['teacher']:.1f} on average; DAgger and VIPER, "
+            f"with CART, at most {task.leaves} leaves and the best of {ROUNDS} trees on validation "
+            f"episodes, make {means['dagger']:.1f} and {means['viper']:.1f} of it, in at most "
+            f"{most:,} steps with the teacher's.",
+        ]
     return "\n".join(lines) + "\n"
+
+
+def table_of(path: Path) -> dict[int, Row]:
+    """Return the rows measured before, by seed."""
+    if not path.exists():
+        return {}
+    with path.open(newline="") as file:
+        rows = [
+            {name: float(text) if "." in text else int(text) for name, text in row.items() if text}
+            for row in csv.DictReader(file)
+        ]
+    return {int(row["seed"]): row for row in rows}
+
+
+def write_table(path: Path, rows: list[Row]) -> None:
+    """Write rows as CSV."""
+    with path.open("w", newline="") as file:
+        writer = csv.DictWriter(file, fieldnames=COLUMNS)
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def measure(name: str, task: Task, options: argparse.Namespace, command: str) -> None:
+    """Measure a task's seeds, and write the page after each."""
+    path = options.out / f"small-trees-{name}.csv"
+    known = table_of(path)
+    for seed in range(options.first, options.first + options.seeds):
+        row = known.get(seed, {})
+        with tempfile.TemporaryDirectory() as temporary:
+            folder = (options.runs or Path(temporary)) / f"{name}-{seed}"
+            one = Measurement(task, seed, folder)
+            if "return" not in row:
+                row |= one.learned()
+            if BASELINES[-1] not in row:
+                row |= one.baselines()
+        known[seed] = row
+        print(name, row, file=sys.stderr, flush=True)
+        rows = [known[number] for number in sorted(known)]
+        write_table(path, rows)
+        path.with_suffix(".md").write_text(report(task, rows, command))
 
 
 def main() -> None:
@@ -139,26 +298,19 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--steps", type=int, help="in place of the task's")
     parser.add_argument("--max-leaves", type=int, help="in place of the task's")
-    parser.add_argument("--out", type=Path, help="folder for small-trees-TASK.md and .csv")
+    parser.add_argument("--out", type=Path, default=Path("docs/results"),
+                        help="folder for small-trees-TASK.md and .csv")  # fmt: skip
+    parser.add_argument("--runs", type=Path, help="folder to keep the run folders in")
     options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    command = " ".join(["python benchmarks/small_trees.py", *sys.argv[1:]])
     for name in options.tasks:
         task = TASKS[name]
         task = replace(
             task, steps=options.steps or task.steps, leaves=options.max_leaves or task.leaves
         )
-        command = " ".join(["python benchmarks/small_trees.py", *sys.argv[1:]])
-        rows: list[dict[str, Any]] = []
-        for seed in range(options.first, options.first + options.seeds):
-            rows.append(run(task, seed))
-            print(name, rows[-1], file=sys.stderr, flush=True)
-            if options.out is not None:
-                text = report(name, task, rows, command)
-                (options.out / f"small-trees-{name}.md").write_text(text)
-                with (options.out / f"small-trees-{name}.csv").open("w", newline="") as file:
-                    writer = csv.DictWriter(file, fieldnames=list(rows[0]))
-                    writer.writeheader()
-                    writer.writerows(rows)
-        print(report(name, task, rows, command))
+        measure(name, task, options, command)
+        print((options.out / f"small-trees-{name}.md").read_text())
 
 
 if __name__ == "__main__":

@@ -168,6 +168,11 @@ class DistilledDQNLearner:
         """What is under way, in one or two words."""
         return self.stage.name.lower().replace("_", " ")
 
+    @property
+    def teacher(self) -> DoubleDQN:
+        """Who teaches."""
+        return self._teacher
+
     def update(self, generator: np.random.Generator) -> Update:
         """Let the teacher learn from the last episode; go on to the next stage when it is time."""
         facts: dict[str, float | int | str | None] = {"stage": self.stage.name.lower()}

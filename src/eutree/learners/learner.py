@@ -15,7 +15,8 @@ The loop of a run, for every method:
     whenever a policy is wanted:           learner.decisions().policy(problem)
 
 What only some learners can do is a protocol of its own, which its user checks for by
-``isinstance``: ``CanDoubt``, ``CanRace``, ``ChoosesStarts``, ``HasStages``, ``HasPolicy``.
+``isinstance``: ``CanDoubt``, ``CanRace``, ``ChoosesStarts``, ``HasStages``, ``HasTeacher``,
+``HasPolicy``.
 """
 
 from collections.abc import Callable, Mapping
@@ -371,6 +372,16 @@ class HasStages(Protocol):
     @property
     def stage_name(self) -> str:
         """What is under way, in one or two words."""
+        ...
+
+
+@runtime_checkable
+class HasTeacher(Protocol):
+    """A learner whose trees copy a teacher."""
+
+    @property
+    def teacher(self) -> Policy:
+        """Who teaches, with a method ``action_values`` from observations [N, d] to Q [N, A]."""
         ...
 
 

@@ -9,8 +9,10 @@ weights (Polyak and Juditsky 1992), which acts more evenly than the last ones do
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from eutree.arrays import Float32s, Floats, Integers
 from eutree.neural import _kernels_double_dqn as kernels
@@ -74,7 +76,10 @@ class DoubleDQN:
 
     Attributes:
         updates: Updates so far.
+        reads_features: As a policy it gets the vector of the environment's features.
     """
+
+    reads_features: ClassVar[bool] = True
 
     def __init__(
         self,
@@ -162,6 +167,21 @@ class DoubleDQN:
         """Return Q of each action at observations [N, d], by the averaged weights, shape [N, A]."""
         values = outputs(self._learning.average, self._scaling(observations))
         return values / self._reward_scale
+
+    def predict(
+        self,
+        observation: ArrayLike,
+        state: Any = None,
+        episode_start: ArrayLike | None = None,
+        deterministic: bool = True,
+    ) -> tuple[Integers, Any]:
+        """Return the action for one observation [d], or those of a batch, by the averaged weights.
+
+        The other arguments are those of SB3's ``predict`` and say nothing here.
+        """
+        features = np.asarray(observation, dtype=np.float64)
+        values = self.action_values(np.atleast_2d(features))
+        return values.argmax(axis=1).reshape(features.shape[:-1]), state
 
     def state(self) -> dict[str, Float32s | Integers]:
         """Return all weights; with the episodes added again, a learner goes on from there."""

@@ -19,7 +19,7 @@ from eutree.interaction.requests import Controller
 from eutree.interaction.seeding import Stream
 from eutree.learners import Method, Problem, start_of
 from eutree.learners import method as method_of
-from eutree.learners.learner import Start, check_fits
+from eutree.learners.learner import HasTeacher, Start, check_fits
 from eutree.learners.registry import to_document
 from eutree.policies import Policy, TreePolicy
 from eutree.training.asking import Asking, questions_for
@@ -227,6 +227,7 @@ def learn(
         challengers=run.challengers,
         against_start=run.judgement,
         against_fit=against_fit,
+        teacher=run.learner.teacher if isinstance(run.learner, HasTeacher) else None,
     )
 
 

@@ -6,7 +6,7 @@ from eutree.display import Displayed
 from eutree.evaluation import CurvePoint
 from eutree.evaluation.off_policy import OffPolicyComparison
 from eutree.learners import History, Method
-from eutree.policies import TreePolicy
+from eutree.policies import Policy, TreePolicy
 from eutree.training.judging import Judgement
 from eutree.wording import counted
 
@@ -51,6 +51,8 @@ class LearningResult(Displayed):
         against_start: What was gained against the start; None offline, and where the run stopped.
         against_fit: Offline, what held-out episodes say against the tree of ``fit``, which is the
             policy unless the learned tree is believed to beat it.
+        teacher: Who taught, where the method has a teacher: a policy with ``action_values``, for
+            ``distill`` for example.
     """
 
     policy: TreePolicy
@@ -65,6 +67,7 @@ class LearningResult(Displayed):
     challengers: int = 0
     against_start: Judgement | None = None
     against_fit: OffPolicyComparison | None = None
+    teacher: Policy | None = None
 
     def __repr__(self) -> str:
         """Return the result in one line; the stored transitions would be pages."""
