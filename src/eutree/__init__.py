@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from eutree.schema import Feature as Feature
     from eutree.schema import Schema as Schema
     from eutree.training import LearningResult as LearningResult
+    from eutree.training import Teacher as Teacher
     from eutree.training import callbacks as callbacks
     from eutree.training.learn import learn as learn
     from eutree.training.many import LearningRuns as LearningRuns
@@ -105,6 +106,7 @@ _PUBLIC = {
     "RunFolderError": "eutree.errors:RunFolderError",
     "Schema": "eutree.schema:Schema",
     "splitting": "eutree.splitting",
+    "Teacher": "eutree.training:Teacher",
     "TreePolicy": "eutree.policies:TreePolicy",
     "TreePolicyClassifier": "eutree.policies.estimator:TreePolicyClassifier",
     "UnknownNameError": "eutree.errors:UnknownNameError",

@@ -15,8 +15,10 @@ from eutree.learners.distilled_dqn import DistilledDQN
 from eutree.learners.distilled_dqn_learner import Stage
 from eutree.learners.learner import Problem, Start, Step
 from eutree.neural import DoubleDQNSettings
+from eutree.policy_search.patient_race import PatientRace
 from eutree.world_model.action_trees import single_action
 from eutree.world_model.ensemble import EnsembleSettings
+from eutree.world_model.ensemble_rollouts import EnsembleRollouts
 
 BUDGET = 6000
 METHOD = DistilledDQN(
@@ -173,6 +175,7 @@ def test_an_expert_tree_that_is_too_large_is_replaced(shown):
         ("race_returns", lambda a: a[:, :3]),
         ("race_run", lambda a: a + 10**6),
         ("numbers", lambda a: a[:3]),
+        ("teacher_known", lambda a: a + 10**6),
     ],
 )
 def test_a_state_that_cannot_be_trusted_is_refused(name, change, whole, shown):
@@ -199,6 +202,94 @@ def test_choices_are_checked():
         DistilledDQN(max_leaves=1)
     with pytest.raises(InvalidArgumentError, match=r"dagger_share must be a number in \[0, 1\]"):
         DistilledDQN(dagger_share=1.5)
+
+
+class Scripted:
+    """Follows the fall, and values it by how far the pole has fallen."""
+
+    reads_features = True
+
+    def action_values(self, observations):
+        fall = observations[:, 2] + 0.5 * observations[:, 3]
+        return np.stack([-fall, fall], axis=1)
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        return self.action_values(np.atleast_2d(observation)).argmax(axis=1), state
+
+
+def test_a_teacher_of_ones_own_is_asked_and_never_trained(shown, env):
+    loop = Loop(
+        METHOD.start(problem_of(shown), Start(None, shown.kept, teacher=Scripted())), env, 0
+    )
+    while not loop.finished:
+        if loop.learner.stage is Stage.RACE:
+            break
+        loop.advance()
+    assert loop.learner.update(loop.generator(9)).figures.get("updates", 0) == 0
+    assert isinstance(loop.learner.teacher, Scripted)
+    history, first = loop.learner.history, loop.learner._labelled_from
+    said = Scripted().action_values(history.observations[first:]).argmax(axis=1)
+    assert (loop.learner._students._labels == said).all()
+    state = loop.learner.state()
+    assert not [name for name in state if name.startswith("teacher_")]
+    again = METHOD.restore(
+        problem_of(shown), Start(None, shown.kept, teacher=Scripted()), copied(state)
+    )
+    mine, theirs = again.state(), state
+    assert [name for name in mine if mine[name].tobytes() != theirs[name].tobytes()] == []
+
+
+def contender(place, n=40):
+    luck = np.random.default_rng(place).standard_normal(n)
+    return Contender(
+        single_action(place % 2), "pruned", float(place), (place + 3.0 * luck).tolist()
+    )
+
+
+@pytest.mark.parametrize(("ordered", "adopted"), [(True, 1), (False, 0)])
+def test_a_model_whose_order_may_be_chance_needs_a_clear_win(ordered, adopted, whole, shown):
+    """The rival is 1.3 standard errors ahead: enough where the model is known to order trees."""
+    learner = METHOD.start(problem_of(shown), Start(None, shown.kept))
+    learner._ensemble = whole[0].learner._ensemble
+    pairs = np.random.default_rng(3).standard_normal(72)
+    pairs = (pairs - pairs.mean()) / pairs.std(ddof=1) * np.sqrt(72)
+    race = PatientRace(2, (72,), np.array([np.zeros(72), pairs + 1.3]))
+    mean, error, _ = race.ahead(1)
+    assert mean / error == pytest.approx(1.3)
+    others = [contender(place) for place in range(2, 12)]
+    if not ordered:
+        for one, imagined in zip(others, (3, 9, 5, 2, 11, 6, 4, 10, 8, 7), strict=True):
+            one.imagined = float(imagined)
+    learner.contenders = [
+        Contender(single_action(0), "start", 0.0, [0.0, -8.0, 8.0]),
+        Contender(single_action(1), "pruned", 1.0, (1.3 + 0.01 * pairs).tolist()),
+        *others,
+    ]
+    learner._entrants = [0, 1]
+    assert learner.model_trust().better_than_chance is ordered
+    facts = learner._end_race(race)
+    assert facts["policy"] == learner.incumbent == adopted
+    assert facts["trees_compared"] == 11
+
+
+def test_a_model_is_compared_with_what_trees_really_earned(whole, shown):
+    """All scores are of one model and the same imagined episodes; all returns are of races."""
+    learner = METHOD.restore(
+        problem_of(shown), Start(None, shown.kept), copied(whole[0].learner.state())
+    )
+    ensemble = learner._ensemble
+    learner._imagine(ensemble, np.random.default_rng(4))
+    for one in learner.contenders:
+        alone = EnsembleRollouts(ensemble, 50, np.random.default_rng(4))
+        alone.run(one.tree)
+        assert one.imagined == pytest.approx(alone.score(alone.returns))
+    for place, one in enumerate(learner.contenders):
+        one.returns = [float(place)] * (place + 2)  # the first two ran too seldom
+    trust = learner.model_trust()
+    met = learner.contenders[2:]
+    assert trust.real.tolist() == [one.mean_return for one in met]
+    assert trust.imagined.tolist() == [one.imagined for one in met]
+    assert trust.episodes.tolist() == list(range(4, len(learner.contenders) + 2))
 
 
 def test_it_needs_demonstrations(shown):

@@ -1,16 +1,20 @@
 """The method ``distilled-dqn`` in a run: budget, common starts, going on, the limit of leaves."""
 
 import json
+from dataclasses import replace
+from html import escape
 
 import gymnasium
 import numpy as np
 import pytest
 
 import eutree
-from eutree.cli._learning import progress_of
+from eutree.cli._learning import as_values, in_words, progress_of
 from eutree.envs.experts import follow_the_fall
+from eutree.errors import InvalidArgumentError, RunFolderError
 from eutree.learners import DistilledDQN
 from eutree.neural import DoubleDQNSettings
+from eutree.report import report_of_run, run_page
 from eutree.world_model.ensemble import EnsembleSettings
 
 BUDGET = 6000
@@ -34,7 +38,7 @@ def shown(env):
 def learned(env, shown, **arguments):
     usual = {"max_leaves": 4, "evaluate_every": 10**6, "evaluation_episodes": 2, "seed": 3}
     return eutree.learn(
-        env, demonstrations=shown, method=METHOD, steps=BUDGET, **{**usual, **arguments}
+        env, demonstrations=shown, steps=BUDGET, **{**usual, "method": METHOD, **arguments}
     )
 
 
@@ -94,6 +98,86 @@ def test_an_interrupted_run_goes_on_to_the_same_bytes(whole, env, shown, tmp_pat
     _, folder = whole
     for name in ("policy.json", "events.jsonl"):
         assert (tmp_path / "run" / name).read_bytes() == (folder / name).read_bytes()
+
+
+def test_the_run_says_whether_its_model_can_be_trusted(shown, tmp_path):
+    folder = tmp_path / "run"
+    short = gymnasium.make("CartPole-v1", max_episode_steps=100)  # so that there are many
+    model = replace(METHOD.world_model, updates=1500)
+    result = learned(
+        short, shown, out=folder, method=replace(METHOD, world_model=model), max_leaves=2
+    )
+    trust = result.model_trust
+    compared = [event for event in races(folder) if "imagined" in event]
+    assert compared[-1]["rank_correlation"] == trust.correlation.value
+    assert compared[-1]["imagined"] == trust.imagined.tolist()
+    assert compared[-1]["real"] == pytest.approx(trust.real.tolist())
+    assert trust.describe() in in_words(result, folder, recorded=None)
+    assert as_values(result, folder)["model_trust"]["trees_compared"] == trust.correlation.n
+    page = run_page(report_of_run(folder))
+    assert escape(trust.describe()[1:]) in page
+    assert page.count('class="point"') == len(trust.real)
+    assert "return of the teacher" in page.lower()
+
+
+def test_the_teacher_can_be_distilled_again(whole, env):
+    result, _ = whole
+    tree, told = eutree.distill(
+        result.teacher, env, method="viper", max_leaves=4, iterations=1, validation_episodes=2
+    )
+    assert told.weighted
+    assert tree.n_leaves <= 4
+
+
+class Pushes:
+    """Pushes towards the side that the pole falls to; asked as SB3 asks."""
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        assert observation.dtype == np.float32  # the environment's own observation
+        return np.int64(observation[2] + 0.5 * observation[3] > 0), None
+
+
+def test_a_teacher_of_ones_own_is_declared_and_reported_apart(env, shown, tmp_path):
+    teacher = eutree.Teacher(Pushes(), steps=123_000)
+    result = learned(env, shown, teacher=teacher, out=tmp_path / "run")
+    counts = result.environment_steps
+    assert counts.declared == 123_000
+    assert counts.total == counts.demonstrations + counts.learning <= 6000 + shown.n_transitions
+    assert "123000 steps, as declared" in in_words(result, tmp_path, recorded=None)
+    rows = result.history.observations
+    assert (result.teacher.predict(rows)[0] == (rows[:, 2] + 0.5 * rows[:, 3] > 0)).all()
+    other = eutree.Teacher(Pushes(), steps=5)
+    with pytest.raises(RunFolderError, match="was started with teacher 'Pushes, 123000 steps'"):
+        learned(env, shown, teacher=other, out=tmp_path / "run", resume=True)
+
+
+class Remembers(Pushes):
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        return 0, 1 if state is None else state + 1
+
+
+class Errs(Pushes):
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        return 7, None
+
+
+@pytest.mark.parametrize(
+    ("teacher", "words"),
+    [
+        (Pushes(), r"teacher must be eutree\.Teacher\(policy, steps"),
+        (eutree.Teacher(Remembers(), steps=0), "one observation alone"),
+        (eutree.Teacher(Errs(), steps=0), "an action from 0 to 1, got 7"),
+        (eutree.Teacher(Pushes(), 0, lambda rows: rows), r"finite numbers of shape \(1, 2\)"),
+    ],
+)
+def test_a_teacher_that_cannot_teach_is_refused(teacher, words, env, shown):
+    with pytest.raises(InvalidArgumentError, match=words):
+        learned(env, shown, teacher=teacher)
+
+
+def test_methods_that_ask_nobody_refuse_a_teacher(env, shown):
+    with pytest.raises(InvalidArgumentError, match="asks no teacher"):
+        eutree.learn(env, demonstrations=shown, teacher=eutree.Teacher(Pushes(), steps=0))
 
 
 def test_the_command_line_shows_the_stage(env, shown):

@@ -89,11 +89,13 @@ def as_values(result: "LearningResult", out: Path) -> dict[str, Any]:
             "learning": steps.learning,
             "racing": steps.racing,
             "total": steps.total,
+            "declared": steps.declared,
         },
         "n_leaves": result.policy.n_leaves,
         "challengers": result.challengers,
         "against_start": None if judgement is None else judgement.facts(),
         "against_fit": None if result.against_fit is None else result.against_fit.facts(),
+        "model_trust": None if result.model_trust is None else result.model_trust.figures(),
         "path": str(out / "policy.json"),
         "curve": [
             {
@@ -127,6 +129,13 @@ def in_words(result: "LearningResult", out: Path, *, recorded: int | None) -> st
         words += f"; {result.against_start.describe(start)}"
     if result.against_fit is not None:
         words += f"; {result.against_fit.describe()}"
+    if result.model_trust is not None:
+        words += f"; {result.model_trust.describe()}"
+    if result.environment_steps.declared:
+        words += (
+            f"; its teacher was trained in {counted(result.environment_steps.declared, 'step')}, "
+            "as declared, which are not among these"
+        )
     return f"{words}; written to {out}"
 
 

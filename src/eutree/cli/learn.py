@@ -25,6 +25,7 @@ from eutree.schema import EnvironmentSpec
 
 if TYPE_CHECKING:
     from eutree.data import Demonstrations
+    from eutree.training import Teacher
     from eutree.training.signals import StopRequest
 
 
@@ -32,6 +33,9 @@ if TYPE_CHECKING:
 @click.argument("environment", required=False)
 @path_option("--demos", text="Demonstrations to start from.")
 @path_option("--expert", text="Policy file to start from, instead of the expert tree of --demos.")
+@click.option("--teacher", help="Who teaches instead of a network: a policy file, or a scripted "
+              "expert; for distilled-dqn.")  # fmt: skip
+@count_option("--teacher-steps", None, "Steps in which --teacher was trained.", least=0)
 @path_option("--out", text="Run folder to write.")
 @click.option("--method", help="How to learn: planning (the default), u-tree, ...; or a preset.")
 @click.option("--preset", help="A method with all choices made: default, paper (literal), paper-d, "
@@ -87,6 +91,8 @@ def learn(
     environment: str | None,
     demos: Path | None,
     expert: Path | None,
+    teacher: str | None,
+    teacher_steps: int | None,
     out: Path | None,
     method: str | None,
     preset: str | None,
@@ -143,6 +149,7 @@ def learn(
     options |= {
         "demonstrations": demonstrations,
         "expert": None if expert is None else TreePolicy.load(expert),
+        "teacher": _teacher(teacher, teacher_steps, spec),
         "method": chosen,
         "start": start,
         "episodes": episodes,
@@ -180,6 +187,33 @@ def learn(
             raise KeyboardInterrupt
     recorded = len(demonstrations) if offline and demonstrations is not None else None
     output.result(as_values(result, out), in_words(result, out, recorded=recorded))
+
+
+def _teacher(name: str | None, steps: int | None, spec: EnvironmentSpec | None) -> "Teacher | None":
+    """Return the policy file or the scripted expert that was named as teacher."""
+    from eutree.cli._policies import load_policy
+    from eutree.cli.evaluate import check_fits
+    from eutree.envs.experts import experts_for
+    from eutree.training import Teacher
+    from eutree.validation import check_choice
+
+    if name is None:
+        if steps is not None:
+            raise InvalidArgumentError("--teacher-steps says what --teacher cost; name the teacher")
+        return None
+    if spec is None:
+        raise InvalidArgumentError("--teacher needs an environment to act in; leave out --offline")
+    file = Path(name)
+    if not file.exists():
+        known = experts_for(spec.id)
+        return Teacher(known[check_choice("--teacher", name, known)], steps or 0)
+    if steps is None:
+        raise InvalidArgumentError(
+            "--teacher-steps must say in how many steps the teacher was trained"
+        )
+    loaded = load_policy(file)
+    check_fits(loaded, file, spec)
+    return Teacher(loaded, steps)
 
 
 @contextmanager

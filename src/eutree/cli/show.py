@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 @click.argument("policy", type=click.Path(path_type=Path))
 @click.option("--html", type=click.Path(dir_okay=False, path_type=Path),
               help="Write a page on which the policy can be watched and questioned.")  # fmt: skip
+@click.option("--run-html", type=click.Path(dir_okay=False, path_type=Path),
+              help="Write a page about the run in the folder POLICY: curve, teacher, world model, "
+              "races.")  # fmt: skip
 @count_option("--episodes", 10, "How many episodes the page plays.", least=0)
 @path_option("--demos", text="Demonstrations whose steps the page shows in their leaves.")
 @env_arg_option
@@ -33,6 +36,7 @@ if TYPE_CHECKING:
 def show(
     policy: Path,
     html: Path | None,
+    run_html: Path | None,
     episodes: int,
     demos: Path | None,
     env_arguments: dict[str, Any],
@@ -47,6 +51,9 @@ def show(
     from eutree.files import check_writable, write_text
 
     output = Output(as_json=as_json)
+    if run_html is not None:
+        _write_run_page(output, policy, run_html)
+        return
     loaded = load_policy(policy)
     values = {
         "n_leaves": loaded.n_leaves,
@@ -63,6 +70,18 @@ def show(
     write_text(html, content)
     values |= {"path": str(html), "episodes": n_episodes, "bytes": len(content.encode())}
     output.result(values, f"written to {html}")
+
+
+def _write_run_page(output: Output, folder: Path, file: Path) -> None:
+    """Write the page of a run."""
+    from eutree.files import check_writable, write_text
+    from eutree.report import report_of_run, run_page
+
+    check_writable(file)
+    report = report_of_run(folder)
+    write_text(file, run_page(report))
+    trust = None if report.trust is None else report.trust.figures()
+    output.result({"path": str(file), "model_trust": trust}, f"written to {file}")
 
 
 def _page(

@@ -36,6 +36,11 @@ class Actor:
         self._state: Any = None
         self._first = True
 
+    @property
+    def remembers(self) -> bool:
+        """Whether the policy carries something from one step to the next."""
+        return self._state is not None
+
     def act(self, observation: Floats) -> int:
         """Return the action at an observation as ``GuardedEnv`` gives it, shape [d].
 

@@ -22,7 +22,7 @@ class Contender:
         tree: The tree.
         origin: How it was made: the start, CART as it is, or pruned by imagined returns from a
             plain or from a weighted CART.
-        imagined: Its score in the world model when it was made; NaN where it has none.
+        imagined: Its score in the latest world model; NaN before the first.
         returns: Its returns in all races so far.
     """
 

@@ -36,7 +36,9 @@ class DistilledDQN(DistilledDQNChoices):
     """The method; see ``DistilledDQNChoices`` for its choices."""
 
     name: ClassVar[str] = "distilled-dqn"
-    needs: ClassVar[Needs] = Needs(gathering=True, starts=("demos", "tree+demos"))
+    needs: ClassVar[Needs] = Needs(
+        gathering=True, starts=("demos", "tree+demos"), asks_teacher=True
+    )
     gathering_episodes: ClassVar[int] = 1
 
     def start(self, problem: Problem, start: Start) -> "DistilledDQNLearner":
@@ -78,6 +80,8 @@ def check_arrays(state: Arrays, problem: Problem) -> None:
     _within("incumbent", np.array([numbers["incumbent"]]), n_contenders)
     _within("stage", np.array([numbers["stage"]]), len(Stage))
     _within("labelled_from", np.array([numbers["labelled_from"]]), n + 1)
+    if "teacher_known" in state:
+        _within("teacher_known", state["teacher_known"], n + 1)
     _within("origins", state["contender_origin"], 4)
     if "race_returns" in state:
         _within("race_entrants", state["race_entrants"], n_contenders)

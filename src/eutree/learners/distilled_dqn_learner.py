@@ -1,6 +1,5 @@
 """The learner of ``distilled-dqn``: its stages, its trees, and the races between them."""
 
-import itertools
 from collections.abc import Sequence
 from enum import IntEnum
 
@@ -16,13 +15,21 @@ from eutree.learners.contenders import (
 )
 from eutree.learners.distilled_dqn_choices import DistilledDQNChoices
 from eutree.learners.history import TERMINAL, History
-from eutree.learners.learner import Arrays, Decisions, Problem, Start, Step, Update
+from eutree.learners.learner import (
+    Arrays,
+    Decisions,
+    Figures,
+    Problem,
+    Start,
+    Step,
+    Update,
+    ValuingPolicy,
+)
+from eutree.learners.model_trust import ModelTrust
 from eutree.learners.stored_state import part, prefixed
 from eutree.learners.students import Students
-from eutree.neural import DoubleDQN, Scaling
-from eutree.neural.double_dqn import reward_scale_of
+from eutree.learners.teachers import GivenTeacher, NetworkTeacher
 from eutree.policy_search.patient_race import LOOKS, PatientRace
-from eutree.policy_search.rank_correlation import RankCorrelation, rank_correlation
 from eutree.policy_search.rollout_pruning import pruned_by_rollouts
 from eutree.trees import DecisionTree
 from eutree.world_model import ActionTree, Transitions
@@ -43,7 +50,7 @@ ALL_TIME_BEST = 2  # that meet the policy again in every race
 LAST_ENTRANTS = 5
 FEW_RETURNS, MANY_RETURNS = 4, 12  # below which a contender's mean says nothing, or little
 ROW_OF_RACE = 10_000  # starts of one race are numbered from this times the race's number on
-NUMBERS = ("steps", "stage", "labelled_from", "round_from", "incumbent", "n_races", "taught")
+NUMBERS = ("steps", "stage", "labelled_from", "round_from", "incumbent", "n_races")
 
 
 class Stage(IntEnum):
@@ -64,7 +71,6 @@ class DistilledDQNLearner:
         steps: Environment steps so far, demonstrations apart.
         contenders: The start and all trees that raced or are to race.
         incumbent: Number of the contender that is the policy.
-        trust: How the world model orders the contenders, at the last planning; None before.
     """
 
     def __init__(self, method: DistilledDQNChoices, problem: Problem, start: Start) -> None:
@@ -76,7 +82,6 @@ class DistilledDQNLearner:
             self._store(episode.observations, episode.actions, episode.rewards,
                         terminated=episode.terminated, shown=True)  # fmt: skip
         self._n_shown = self.history.size
-        self._n_demonstrations = self._taught = self.history.n_episodes  # known to the teacher
         self._budget = method.steps if problem.steps is None else problem.steps
         self._teacher_steps = min(int(method.teacher_share * self._budget), method.teacher_steps)
         self._dagger_steps = int(method.dagger_share * self._budget)
@@ -84,8 +89,14 @@ class DistilledDQNLearner:
         self.steps = self._labelled_from = self._round_from = 0
         self._n_races = 0
         self._generator = np.random.default_rng((problem.n_features, self.history.size))
-        self._teacher = self._new_teacher(start)
-        self._students = Students(self._teacher.action_values, problem.n_actions)
+        self._teacher: NetworkTeacher | GivenTeacher
+        if start.teacher is None:
+            self._teacher = NetworkTeacher(
+                method, problem, start, self.history, self._teacher_steps, self._generator
+            )
+        else:
+            self._teacher = GivenTeacher(start.teacher)
+        self._students = Students(self.teacher.action_values, problem.n_actions)
         tree = from_decision_tree(start.expert.tree, start.expert.actions) if start.expert else None
         if tree is None or n_leaves(tree) > method.max_leaves:
             tree = self._students.fit(
@@ -94,7 +105,6 @@ class DistilledDQNLearner:
         self._student = tree
         self.contenders = [Contender(tree, "start")]
         self.incumbent = 0
-        self.trust: RankCorrelation | None = None
         self._ensemble: Ensemble | None = None
         self._race: PatientRace | None = None
         self._entrants: list[int] = []
@@ -169,13 +179,13 @@ class DistilledDQNLearner:
         return self.stage.name.lower().replace("_", " ")
 
     @property
-    def teacher(self) -> DoubleDQN:
+    def teacher(self) -> ValuingPolicy:
         """Who teaches."""
-        return self._teacher
+        return self._teacher.policy
 
     def update(self, generator: np.random.Generator) -> Update:
         """Let the teacher learn from the last episode; go on to the next stage when it is time."""
-        facts: dict[str, float | int | str | None] = {"stage": self.stage.name.lower()}
+        facts: Figures = {"stage": self.stage.name.lower()}
         if self.stage is Stage.TEACHER:
             facts |= self._teach(generator)
         elif self.stage is Stage.DAGGER:
@@ -191,14 +201,14 @@ class DistilledDQNLearner:
         )
         return Decisions(tree, actions)
 
-    def _raced(self, generator: np.random.Generator) -> dict[str, float | int | str | None]:
+    def _raced(self, generator: np.random.Generator) -> Figures:
         """Take the last episode as a heat of the race, and go on."""
         race, heat = self._race, self._heat
         if race is None or heat is None:
             return {}
         rows = self._rows_of_last()
         value = float(self.history.rewards[rows].sum())
-        facts: dict[str, float | int | str | None] = {
+        facts: Figures = {
             "race": self._n_races,
             "entrant": self._entrants[heat[0]],
             "origin": self.contenders[self._entrants[heat[0]]].origin,
@@ -212,10 +222,10 @@ class DistilledDQNLearner:
             won = race.winner()
             mean, error, pairs = race.ahead(won)
             facts |= {"winner": self._entrants[won], "ahead": mean, "error": error, "pairs": pairs}
-            self._end_race(race)
+            facts |= self._end_race(race)
             facts |= self._go_on(generator)
         elif self._short():
-            self._end_race(race)
+            facts |= self._end_race(race)
         return facts
 
     def _short(self) -> bool:
@@ -245,38 +255,10 @@ class DistilledDQNLearner:
         if not shown:
             self.steps += len(actions)
 
-    @property
-    def _first_updates(self) -> int:
-        """Updates of the teacher on the demonstrations alone."""
-        return min(self._method.demonstration_updates, self._n_shown)
-
-    def _new_teacher(self, start: Start) -> DoubleDQN:
-        """Return the teacher after its updates on the demonstrations."""
-        settings = self._method.teacher
-        learned = int(settings.updates_per_step * self._teacher_steps)
-        teacher = DoubleDQN(
-            settings,
-            Scaling.of(self.history.observations),
-            self._problem.n_actions,
-            reward_scale=reward_scale_of([e.rewards for e in start.episodes], settings.discount),
-            updates=max(self._first_updates + learned, 1),
-            generator=self._generator,
-        )
-        for episode in start.episodes:
-            teacher.add(episode.observations, episode.actions, episode.rewards,
-                        terminated=episode.terminated)  # fmt: skip
-        return teacher
-
-    def _teach(self, generator: np.random.Generator) -> dict[str, float | int | str | None]:
+    def _teach(self, generator: np.random.Generator) -> Figures:
         """Let the teacher learn from the episodes that are new."""
-        if not self._teacher.updates:
-            self._teacher.update(self._first_updates, generator)
         history, rows = self.history, self._rows_of_last()
-        first = int(np.searchsorted(history.episodes, self._taught))
-        self._show(self._taught, history.n_episodes)
-        self._taught = history.n_episodes
-        n_steps = history.size - first
-        self._teacher.update(round(self._method.teacher.updates_per_step * n_steps), generator)
+        self._teacher.learn(history, generator)
         if self.steps >= self._teacher_steps:
             self._labelled_from = self._first_of_last(min(LAST_OF_TEACHER, self._dagger_steps))
             self._students.begin(self._labelled_from)
@@ -300,7 +282,7 @@ class DistilledDQNLearner:
         number = self.history.episodes[min(row, self.history.size - 1)]
         return max(int(np.searchsorted(self.history.episodes, number)), self._n_shown)
 
-    def _gather(self, generator: np.random.Generator) -> dict[str, float | int | str | None]:
+    def _gather(self, generator: np.random.Generator) -> Figures:
         """Fit DAgger's next tree, if its round is over; race when all rounds are."""
         if self.steps - self._round_from < self._dagger_steps / DAGGER_ROUNDS:
             return {}
@@ -308,7 +290,7 @@ class DistilledDQNLearner:
         if self.steps - self._teacher_steps >= self._dagger_steps:
             self.stage = Stage.RACE
             self._propose(generator)
-            return {"rivals": len(self._entrants) - 1} | self._trust_figures()
+            return {"rivals": len(self._entrants) - 1}
         self._student = self._students.fit(self.history.observations, STUDENT_LEAVES)
         return {"labels": self.history.size - self._labelled_from}
 
@@ -321,7 +303,6 @@ class DistilledDQNLearner:
         else:
             ensemble = ensemble.fitted_on(data, generator)
         self._ensemble = ensemble
-        self.trust = self._trust_in(ensemble, generator)
         mean_length = self.history.size / self.history.n_episodes
         affordable = (self._budget - self.steps) / mean_length
         n_rivals = int(np.clip(affordable / EPISODES_PER_RIVAL, FEWEST_PRUNED, len(PRUNED)))
@@ -330,6 +311,7 @@ class DistilledDQNLearner:
         known = [one for one in self._best(ALL_TIME_BEST) if one != self.incumbent]
         first = len(self.contenders)
         self.contenders += rivals
+        self._imagine(ensemble, generator)
         entrants = [self.incumbent, *range(first, len(self.contenders)), *known]
         self._begin_race(entrants, LOOKS if affordable > MANY_EPISODES else SHORT_LOOKS)
 
@@ -359,27 +341,23 @@ class DistilledDQNLearner:
         tree, score = pruned_by_rollouts(large, rollouts, limit, generator)
         return Contender(tree, "pruned-weighted" if weighted else "pruned", score)
 
-    def _trust_in(self, ensemble: Ensemble, generator: np.random.Generator) -> RankCorrelation:
-        """Return how the world model orders the trees that were really run."""
-        met = [one for one in self.contenders if len(one.returns) >= FEW_RETURNS]
-        imagined = []
-        for one in met:
-            rollouts = EnsembleRollouts(ensemble, N_STARTS, generator)
-            rollouts.run(one.tree)
-            imagined.append(rollouts.score(rollouts.returns))
-        real = np.array([one.mean_return for one in met])
-        return rank_correlation(np.array(imagined), real)
+    def _imagine(self, ensemble: Ensemble, generator: np.random.Generator) -> None:
+        """Score all contenders in the same imagined episodes, which chose none of them."""
+        rollouts = EnsembleRollouts(ensemble, N_STARTS, generator)
+        rollouts.run(self.contenders[self.incumbent].tree)
+        for one in self.contenders:
+            one.imagined = rollouts.score(rollouts.returns_of(one.tree))
 
-    def _trust_figures(self) -> dict[str, float | int | str | None]:
-        trust = self.trust
-        if trust is None or np.isnan(trust.value):
-            return {}
-        return {
-            "rank_correlation": trust.value,
-            "rank_correlation_low": trust.low,
-            "rank_correlation_high": trust.high,
-            "trees_compared": trust.n,
-        }
+    def model_trust(self) -> ModelTrust | None:
+        """Return how the world model orders the trees that were really run; None without one."""
+        if self._ensemble is None:
+            return None
+        met = [one for one in self.contenders if len(one.returns) >= FEW_RETURNS]
+        return ModelTrust(
+            np.array([one.imagined for one in met]),
+            np.array([one.mean_return for one in met]),
+            np.array([len(one.returns) for one in met], dtype=np.int64),
+        )
 
     def _best(self, n: int) -> list[int]:
         """Return the contenders that earned most, among those that ran often enough."""
@@ -414,22 +392,29 @@ class DistilledDQNLearner:
         race.tell(*heat, value)
         self.contenders[self._entrants[heat[0]]].returns.append(value)
 
-    def _end_race(self, race: PatientRace) -> None:
+    def _end_race(self, race: PatientRace) -> Figures:
         """Let the winner be the policy, if what all races showed of both speaks for it too.
 
         The winner of a race is flattered by being the winner. The policy has run in more of them.
+        Of rivals that a model proposed whose order may be chance, one has to be clearly ahead.
         """
-        rival = self._entrants[race.winner()]
+        trust = self.model_trust()
+        trusted = trust is not None and trust.better_than_chance
+        rival = self._entrants[race.winner(clearly=not trusted)]
         if self.contenders[rival].sure_return > self.contenders[self.incumbent].sure_return:
             self.incumbent = rival
         self._race, self._heat = None, None
+        facts: Figures = {"policy": self.incumbent}
+        if trust is not None:
+            facts.update(trust.figures())
+        return facts
 
-    def _go_on(self, generator: np.random.Generator) -> dict[str, float | int | str | None]:
+    def _go_on(self, generator: np.random.Generator) -> Figures:
         """Propose again or, when few steps are left, let the best meet once more."""
         best = [one for one in self._best(LAST_ENTRANTS) if one != self.incumbent]
         if self._budget - self.steps > self._method.last_share * self._budget or not best:
             self._propose(generator)
-            return {"rivals": len(self._entrants) - 1} | self._trust_figures()
+            return {"rivals": len(self._entrants) - 1}
         self.stage = Stage.LAST_RACE
         self._begin_race([self.incumbent, *best], LOOKS)
         return {"rivals": len(best)}
@@ -439,15 +424,12 @@ class DistilledDQNLearner:
     def state(self) -> Arrays:
         """Return all that is known; labels and the teacher's replay follow from the history."""
         numbers = [self.steps, int(self.stage), self._labelled_from, self._round_from,
-                   self.incumbent, self._n_races, self._taught]  # fmt: skip
+                   self.incumbent, self._n_races]  # fmt: skip
         state: Arrays = {"numbers": np.array(numbers, dtype=np.int64)}
         state |= prefixed("history_", self.history.state())
         state |= prefixed("teacher_", self._teacher.state())
         state |= prefixed("contender_", packed_contenders(self.contenders))
         state |= prefixed("student_", packed_trees([self._student]))
-        if self.trust is not None:
-            of = self.trust
-            state["trust"] = np.array([of.n, of.value, of.low, of.high], dtype=np.float64)
         if self._ensemble is not None:
             state |= prefixed("model_", self._ensemble.state())
         if self._race is not None:
@@ -464,16 +446,12 @@ class DistilledDQNLearner:
         self.steps, self.stage = numbers["steps"], Stage(numbers["stage"])
         self._labelled_from, self._round_from = numbers["labelled_from"], numbers["round_from"]
         self.incumbent, self._n_races = numbers["incumbent"], numbers["n_races"]
-        self._teacher.restore(part(state, "teacher_"))
-        self._taught = numbers["taught"]
-        if self.stage is Stage.TEACHER:
-            self._show(self._n_demonstrations, self._taught)
+        self._teacher.restore(
+            part(state, "teacher_"), self.history, replay=self.stage is Stage.TEACHER
+        )
         self._students.begin(self._labelled_from)
         self.contenders = unpacked_contenders(part(state, "contender_"))
         (self._student,) = unpacked_trees(part(state, "student_"))
-        if "trust" in state:
-            n, value, low, high = state["trust"].tolist()
-            self.trust = RankCorrelation(int(n), value, low, high)
         if "model_weights" in state:
             self._ensemble = Ensemble.from_state(
                 part(state, "model_"), self._method.world_model, self._problem.n_actions
@@ -484,17 +462,3 @@ class DistilledDQNLearner:
             self._run = [tuple(row) for row in state["race_run"].tolist()]
             self._race = PatientRace(len(self._entrants), looks, state["race_returns"])
             self._call(self._race)
-
-    def _show(self, first: int, last: int) -> None:
-        """Store the episodes ``first`` to ``last`` - 1 in the teacher's replay."""
-        history = self.history
-        bounds = np.searchsorted(history.episodes, np.arange(first, last + 1)).tolist()
-        for begin, end in itertools.pairwise(bounds):
-            rows = slice(begin, end)
-            ahead = history.next_observations[end - 1 : end]
-            self._teacher.add(
-                np.concatenate([history.observations[rows], ahead]),
-                history.actions[rows].astype(np.int64),
-                history.rewards[rows],
-                terminated=bool(history.entered[end - 1] == TERMINAL),
-            )

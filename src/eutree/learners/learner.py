@@ -16,7 +16,7 @@ The loop of a run, for every method:
 
 What only some learners can do is a protocol of its own, which its user checks for by
 ``isinstance``: ``CanDoubt``, ``CanRace``, ``ChoosesStarts``, ``HasStages``, ``HasTeacher``,
-``HasPolicy``.
+``KnowsItsModel``, ``HasPolicy``.
 """
 
 from collections.abc import Callable, Mapping
@@ -35,13 +35,24 @@ from eutree.features import FeatureMap
 from eutree.learners.confidence import Confidence
 from eutree.learners.goals import reached
 from eutree.learners.history import History
+from eutree.learners.model_trust import ModelTrust
 from eutree.policies import LeafStatistics, Policy, TreePolicy
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.trees import DecisionTree
 
 Arrays: TypeAlias = dict[str, NDArray[Any]]
+Figure: TypeAlias = float | int | str | list[float] | list[int] | None
+Figures: TypeAlias = dict[str, Figure]
 TrueModel: TypeAlias = Callable[[Floats, Integers], tuple[Floats, Floats, Booleans]]
 StartName: TypeAlias = Literal["nothing", "tree", "tree+demos", "demos", "random-tree"]
+
+
+class ValuingPolicy(Policy, Protocol):
+    """A policy that values each action."""
+
+    def action_values(self, observations: Floats) -> Floats:
+        """Return the value of each action at observations [N, d], shape [N, A]."""
+        ...
 
 
 class Step(NamedTuple):
@@ -135,11 +146,13 @@ class Start:
         expert: The tree it starts from: fitted to demonstrations, written by hand, or random.
         episodes: Demonstrations whose transitions it knows.
         random: Whether ``expert`` is a random tree, whose labels mean nothing.
+        teacher: Who says what to do at observations that are met later; None if nobody does.
     """
 
     expert: TreePolicy | None = None
     episodes: tuple[Episode, ...] = ()
     random: bool = False
+    teacher: ValuingPolicy | None = None
 
     @property
     def name(self) -> StartName:
@@ -177,7 +190,7 @@ class Update:
     """
 
     splits: tuple[LeafSplit, ...] = ()
-    figures: Mapping[str, float | int | str | None] = field(default_factory=dict)
+    figures: Mapping[str, Figure] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,12 +247,14 @@ class Needs:
         gathering: It must act: recorded episodes alone are not enough.
         max_features: Most features it can cope with; None for any number.
         starts: The starts that mean something to it.
+        asks_teacher: It can ask a teacher; others refuse one.
     """
 
     goal: bool = False
     gathering: bool = False
     max_features: int | None = None
     starts: tuple[StartName, ...] = ("nothing", "tree", "tree+demos", "demos", "random-tree")
+    asks_teacher: bool = False
 
     def refusal(self, problem: Problem, start: Start, *, offline: bool = False) -> str:
         """Return why the method does not fit, or ""."""
@@ -247,6 +262,8 @@ class Needs:
             return "it tries what it plans, so it needs an environment to act in"
         if start.name not in self.starts:
             return f"it starts from {' or '.join(self.starts)}, got {start.name}"
+        if start.teacher is not None and not self.asks_teacher:
+            return "it asks no teacher; distilled-dqn does"
         if self.goal and not reached(start.episodes).any():
             return "it needs a goal: a demonstration that reached it (is_success, or a good end)"
         if self.max_features is not None and problem.n_features > self.max_features:
@@ -380,8 +397,17 @@ class HasTeacher(Protocol):
     """A learner whose trees copy a teacher."""
 
     @property
-    def teacher(self) -> Policy:
-        """Who teaches, with a method ``action_values`` from observations [N, d] to Q [N, A]."""
+    def teacher(self) -> ValuingPolicy:
+        """Who teaches."""
+        ...
+
+
+@runtime_checkable
+class KnowsItsModel(Protocol):
+    """A learner that compares what it imagined of trees with what they really earned."""
+
+    def model_trust(self) -> ModelTrust | None:
+        """Return how its world model orders the trees that were really run; None without one."""
         ...
 
 

@@ -77,16 +77,20 @@ class PatientRace:
                 break
         return Standing(alive, 0)
 
-    def winner(self) -> int:
+    def winner(self, *, clearly: bool = False) -> int:
         """Return who should be the incumbent, by the pairs known so far.
 
         On fewer than 32 pairs, where the steps ended the race, a rival has to be a standard error
         ahead.
+
+        Args:
+            clearly: A rival has to be two standard errors ahead, on any number of pairs.
         """
         best, most = 0, 0.0
         for rival in self.standing().alive[1:]:
             mean, error, n = self.ahead(rival)
-            if n > 1 and mean > most and (n >= ENOUGH or mean > error):
+            errors = SURE if clearly else float(n < ENOUGH)
+            if n > 1 and mean > most and mean > errors * error:
                 best, most = rival, mean
         return best
 

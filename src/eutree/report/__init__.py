@@ -6,6 +6,7 @@ from eutree.report.demonstrations_page import (
     demonstrations_page,
 )
 from eutree.report.policy_page import policy_page
+from eutree.report.run_folder_report import report_of_run
 from eutree.report.run_page import RunReport, run_page
 from eutree.report.watching import WatchedEpisode, watch
 
@@ -16,6 +17,7 @@ __all__ = [
     "demonstration_figures",
     "demonstrations_page",
     "policy_page",
+    "report_of_run",
     "run_page",
     "watch",
 ]

@@ -73,6 +73,50 @@ def chart(title: str, series: Series, *, percent: bool = False) -> str:
     return "\n".join([*lines, "</svg>"])
 
 
+def scatter(x_title: str, y_title: str, points: Sequence[tuple[float, float, str]]) -> str:
+    """Return a chart of single points.
+
+    Args:
+        x_title: What is measured from left to right.
+        y_title: What is measured upwards.
+        points: Both measures of each, and its name, which is shown under the pointer.
+    """
+    x_ticks = ticks(min(p[0] for p in points), max(p[0] for p in points))
+    y_ticks = ticks(min(p[1] for p in points), max(p[1] for p in points))
+    width, height = _WIDTH - _LEFT - _RIGHT, _HEIGHT - _TOP - _BOTTOM
+
+    def x(value: float) -> float:
+        return _LEFT + (value - x_ticks[0]) / (x_ticks[-1] - x_ticks[0]) * width
+
+    def y(value: float) -> float:
+        return _HEIGHT - _BOTTOM - (value - y_ticks[0]) / (y_ticks[-1] - y_ticks[0]) * height
+
+    label = escape(f"{y_title} against {x_title} of {len(points)}")
+    lines = [f'<svg class="chart" viewBox="0 0 {_WIDTH:.0f} {_HEIGHT:.0f}" role="img" '
+             f'aria-label="{label}">']  # fmt: skip
+    for tick in y_ticks:
+        lines.append(
+            f'<line class="grid" x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{y(tick):.1f}" '
+            f'y2="{y(tick):.1f}"/><text x="{_LEFT - 6}" y="{y(tick) + 4:.1f}" '
+            f'text-anchor="end">{_number(tick, False)}</text>'
+        )
+    for tick in x_ticks:
+        lines.append(
+            f'<text x="{x(tick):.1f}" y="{_HEIGHT - _BOTTOM + 15:.1f}" '
+            f'text-anchor="middle">{_number(tick, False)}</text>'
+        )
+    lines.append(
+        f'<text x="{(_LEFT + _WIDTH) / 2:.0f}" y="{_HEIGHT - 4}" text-anchor="middle">'
+        f"{escape(x_title)}</text>"
+    )
+    lines += [
+        f'<circle class="point" cx="{x(across):.1f}" cy="{y(up):.1f}" r="4.5">'
+        f"<title>{escape(name)}</title></circle>"
+        for across, up, name in points
+    ]
+    return "\n".join([*lines, "</svg>"])
+
+
 def legend(names: Sequence[str]) -> str:
     """Return the list of learners with the line of each."""
     entries = (

@@ -7,10 +7,13 @@ from urllib.parse import quote
 
 from eutree.export import to_svg
 from eutree.export.svg import STYLE
+from eutree.learners.model_trust import ModelTrust
 from eutree.policies import TreePolicy
-from eutree.report.chart import Series, chart, legend
+from eutree.report.chart import Series, chart, legend, scatter
 from eutree.report.html import asset, page
 from eutree.wording import counted
+
+RACES = ("race", "tree", "made by", "episodes", "mean return", "then")
 
 
 @dataclass(frozen=True)
@@ -26,6 +29,9 @@ class RunReport:
         trees: Policies to draw, with a caption each.
         files: A label and a path, relative to the page, for each file to link.
         notes: Sentences below the title.
+        trust: What the world model imagined of trees, and what they really earned.
+        races: Rows of the table of races, as text: race, tree, how it was made, episodes, mean
+            return, what became of it.
     """
 
     title: str
@@ -35,13 +41,21 @@ class RunReport:
     trees: Mapping[str, TreePolicy] = field(default_factory=dict)
     files: Sequence[tuple[str, str]] = ()
     notes: Sequence[str] = ()
+    trust: ModelTrust | None = None
+    races: Sequence[Sequence[str]] = ()
 
 
 def run_page(report: RunReport) -> str:
     """Return the report as one self-contained HTML page."""
     sections = [
         _section("Learning", _charts(report)) if report.curves else "",
-        _section("Comparison", _table(report)) if report.rows else "",
+        _section("Can this world model be trusted here?", _trust(report.trust))
+        if report.trust is not None
+        else "",
+        _section("Races", _table("Races", RACES, report.races)) if report.races else "",
+        _section("Comparison", _table("Comparison", report.header, report.rows))
+        if report.rows
+        else "",
         _section("Trees", _trees(report)) if report.trees else "",
         _section("Files", _files(report)) if report.files else "",
     ]
@@ -71,19 +85,36 @@ def _charts(report: RunReport) -> str:
     return f'<div class="charts">{"".join(figures)}</div>\n{legend(names)}'
 
 
-def _table(report: RunReport) -> str:
-    """Return the table in a region that scrolls by itself on a narrow screen."""
-    head = "".join(f'<th scope="col">{escape(title)}</th>' for title in report.header)
+def _trust(trust: ModelTrust) -> str:
+    """Return a sentence on the model, and its scores against real returns."""
+    sentence = trust.describe()
+    points = [
+        (imagined, real, f"imagined {imagined:.1f}, really {real:.1f} in {n} episodes")
+        for imagined, real, n in zip(
+            trust.imagined.tolist(), trust.real.tolist(), trust.episodes.tolist(), strict=True
+        )
+    ]
+    drawn = (
+        '<div class="charts"><figure><figcaption>Mean real return of each tree</figcaption>\n'
+        f"{scatter('score in the world model', 'mean real return', points)}</figure></div>"
+    )
+    return f"<p>{escape(sentence[0].upper() + sentence[1:])}.</p>{drawn if points else ''}"
+
+
+def _table(name: str, header: Sequence[str], cells: Sequence[Sequence[str]]) -> str:
+    """Return a table in a region that scrolls by itself on a narrow screen."""
+    head = "".join(f'<th scope="col">{escape(title)}</th>' for title in header)
     rows = [
         "".join(
             f'<th scope="row">{escape(cell)}</th>' if column == 0 else f"<td>{escape(cell)}</td>"
             for column, cell in enumerate(row)
         )
-        for row in report.rows
+        for row in cells
     ]
     body = "".join(f"<tr>{row}</tr>\n" for row in rows)
     return (
-        '<div class="scrolls" tabindex="0" role="region" aria-label="Comparison table">'
+        '<div class="scrolls" tabindex="0" role="region" '
+        f'aria-label="{name} table">'
         f"<table><thead><tr>{head}</tr></thead>\n<tbody>{body}</tbody></table></div>"
     )
 

@@ -7,6 +7,7 @@ from eutree.training.learn import learn
 from eutree.training.phases import Phase, Plan
 from eutree.training.result import LearningResult, StepCounts
 from eutree.training.run import Run
+from eutree.training.teaching import Teacher
 
 __all__ = [
     "Asking",
@@ -16,6 +17,7 @@ __all__ = [
     "Plan",
     "Run",
     "StepCounts",
+    "Teacher",
     "learn",
     "stored_observations",
 ]

@@ -31,6 +31,7 @@ from eutree.training.proposals import SearchSettings
 from eutree.training.result import LearningResult, StepCounts
 from eutree.training.run import Run
 from eutree.training.run_folder import ConfigDocument, RunFolder, SavingClock
+from eutree.training.teaching import AskedTeacher, Teacher, as_teacher
 from eutree.training.tensorboard import TensorBoardLog
 from eutree.validation import check_integer, check_number
 
@@ -44,6 +45,7 @@ def learn(
     *,
     demonstrations: Demonstrations | None = None,
     expert: TreePolicy | None = None,
+    teacher: Teacher | None = None,
     method: str | Method | None = None,
     start: str | None = None,
     episodes: int | None = None,
@@ -77,6 +79,8 @@ def learn(
             beat that of ``fit_expert_tree`` (or ``expert``); if not, that one is the result.
         demonstrations: Episodes of an expert, in the features of one observation.
         expert: The expert tree; fitted to the demonstrations if a start needs it.
+        teacher: Who says what to do at observations that are met later, in place of the network
+            that ``distilled-dqn`` would train; its training is not counted but declared.
         method: How to learn: a name of ``eutree.learners.METHODS`` or of a preset, such as
             ``"paper"`` to be faithful, or a method of your own choices. By default model-based
             planning or, offline, ``"corrected"``.
@@ -166,7 +170,15 @@ def learn(
             problem = replace(problem, steps=max(steps - race_steps, 0))
         environment = str(guarded.spec or guarded.name)
     learned_from = demonstrations if log is None else log.known
-    begin = _start(start, problem, learned_from, expert, seed=seed, offline=offline)
+    begin = _start(
+        start,
+        problem,
+        learned_from,
+        expert,
+        as_teacher(teacher, None if env is None else guarded),
+        seed=seed,
+        offline=offline,
+    )
     check_fits(chosen, problem, begin, offline=offline)
     beginning = Beginning(chosen, problem, begin)
     _check_races(plan, begin)
@@ -190,6 +202,7 @@ def learn(
         seed=seed,
         demonstrations="" if demonstrations is None else demonstrations.digest,
         expert="" if expert is None else hashlib.sha256(expert.to_bytes()).hexdigest(),
+        teacher="" if teacher is None else teacher.name(),
         asking="" if ask is None else repr(asking),
         strict=strict,
         race=None if plan.race is None else asdict(plan.race),
@@ -223,11 +236,13 @@ def learn(
             teacher=run.at.teacher_steps,
             learning=run.steps - run.at.teacher_steps,
             racing=run.at.racing_steps,
+            declared=0 if teacher is None else teacher.steps,
         ),
         challengers=run.challengers,
         against_start=run.judgement,
         against_fit=against_fit,
         teacher=run.learner.teacher if isinstance(run.learner, HasTeacher) else None,
+        model_trust=run.model_trust(),
     )
 
 
@@ -393,6 +408,7 @@ def _start(
     problem: Problem,
     demonstrations: Demonstrations | None,
     expert: TreePolicy | None,
+    teacher: AskedTeacher | None,
     *,
     seed: int,
     offline: bool,
@@ -407,4 +423,4 @@ def _start(
         start = replace(start, episodes=_needed(demonstrations, "offline learning").kept)
     if start.episodes:
         check_rewards(_needed(demonstrations, start.name), alone=offline)
-    return start
+    return replace(start, teacher=teacher)

@@ -6,7 +6,9 @@ from eutree.display import Displayed
 from eutree.evaluation import CurvePoint
 from eutree.evaluation.off_policy import OffPolicyComparison
 from eutree.learners import History, Method
-from eutree.policies import Policy, TreePolicy
+from eutree.learners.learner import ValuingPolicy
+from eutree.learners.model_trust import ModelTrust
+from eutree.policies import TreePolicy
 from eutree.training.judging import Judgement
 from eutree.wording import counted
 
@@ -20,16 +22,19 @@ class StepCounts:
         teacher: Taken by whoever was asked while learning.
         learning: Taken by the learner.
         racing: Taken by trees that raced.
+        declared: Those in which a teacher of your own was trained before, by your word. They are no
+            part of ``total``.
     """
 
     demonstrations: int = 0
     teacher: int = 0
     learning: int = 0
     racing: int = 0
+    declared: int = 0
 
     @property
     def total(self) -> int:
-        """All of them."""
+        """All of the run and of the demonstrations."""
         return self.demonstrations + self.teacher + self.learning + self.racing
 
 
@@ -53,6 +58,8 @@ class LearningResult(Displayed):
             policy unless the learned tree is believed to beat it.
         teacher: Who taught, where the method has a teacher: a policy with ``action_values``, for
             ``distill`` for example.
+        model_trust: How the world model orders the trees that were really run, where the method
+            compares both.
     """
 
     policy: TreePolicy
@@ -67,7 +74,8 @@ class LearningResult(Displayed):
     challengers: int = 0
     against_start: Judgement | None = None
     against_fit: OffPolicyComparison | None = None
-    teacher: Policy | None = None
+    teacher: ValuingPolicy | None = None
+    model_trust: ModelTrust | None = None
 
     def __repr__(self) -> str:
         """Return the result in one line; the stored transitions would be pages."""

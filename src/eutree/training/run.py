@@ -21,7 +21,9 @@ from eutree.interaction.episode import ending_of, success_of
 from eutree.interaction.requests import Request, StepAnswer
 from eutree.interaction.seeding import Stream
 from eutree.learners import Step
+from eutree.learners.learner import KnowsItsModel
 from eutree.learners.model_planning import transitions_of
+from eutree.learners.model_trust import ModelTrust
 from eutree.policies import TreePolicy
 from eutree.training.asking import Questions
 from eutree.training.beginning import (
@@ -152,6 +154,11 @@ class Run:
         }[phase]()
         self.whole = True
         self._take_time()
+
+    def model_trust(self) -> ModelTrust | None:
+        """Return how the learner's world model orders trees; None where it has none, or no idea."""
+        learner = self.learner
+        return learner.model_trust() if isinstance(learner, KnowsItsModel) else None
 
     def policy(self) -> TreePolicy:
         """Return the present policy, frozen."""

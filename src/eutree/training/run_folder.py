@@ -65,6 +65,7 @@ class ConfigDocument(Document, frozen=True, kw_only=True):
     seed: int
     demonstrations: str
     expert: str = ""
+    teacher: str = ""
     asking: str = ""
     strict: bool = False
     race: dict[str, Any] | None = None

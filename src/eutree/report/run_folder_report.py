@@ -1,0 +1,159 @@
+"""The report of one run, from its folder: teacher, world model, races, curve, trees."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from eutree.errors import FormatError, InvalidArgumentError
+from eutree.files import read_bytes
+from eutree.learners.model_trust import ModelTrust
+from eutree.policies import TreePolicy
+from eutree.report.run_page import RunReport
+from eutree.training import Judgement
+
+WINDOW = 20  # training episodes of a mean of the teacher's
+_MOST = 2**28  # bytes of a log
+_FILES = (
+    ("the policy", "policy.json"),
+    ("how the run was started", "config.json"),
+    ("its frozen evaluations", "curve.csv"),
+    ("what happened", "events.jsonl"),
+)
+
+Event = dict[str, Any]
+
+
+def report_of_run(folder: str | Path) -> RunReport:
+    """Return what the page of a run shows.
+
+    Args:
+        folder: The run folder, of a run that is over or under way.
+
+    Raises:
+        FileError: A file of it cannot be read.
+        FormatError: Its log or its configuration is not as a run writes it.
+        InvalidArgumentError: It holds no run.
+    """
+    path = Path(folder)
+    for name in ("config.json", "events.jsonl"):
+        if not (path / name).exists():
+            raise InvalidArgumentError(f"{path} must be a run folder, got one without {name}")
+    config = _objects(path / "config.json")[0]
+    events = _objects(path / "events.jsonl")
+    try:
+        return _report(path, config, events)
+    except (KeyError, TypeError, ValueError) as error:
+        raise FormatError(path / "events.jsonl", "event", f"is not a run's: {error}") from None
+
+
+def _report(path: Path, config: Event, events: Sequence[Event]) -> RunReport:
+    judged = [event for event in events if event["event"] == "judgement"]
+    taught = [event for event in events if event.get("stage") == "teacher"]
+    steps = max((int(event["steps"]) for event in events), default=0)
+    notes = [f"Seed {config['seed']}, {steps:,} environment steps."]
+    if taught:
+        notes.append(f"{int(taught[-1]['steps']):,} of them are its teacher's.")
+    if config.get("teacher"):
+        notes.append(f"Its teacher is one's own: {config['teacher']}, which are not counted.")
+    if judged:
+        sentence = Judgement.from_facts(judged[-1]).describe("the tree that it started from")
+        notes.append(f"{sentence[0].upper()}{sentence[1:]}.")
+    return RunReport(
+        title=f"{path.resolve().name}: {config['method']['name']} in {config['environment']}",
+        curves=_curves(events, taught),
+        trees={
+            caption: TreePolicy.load(path / name)
+            for caption, name in (("The policy", "policy.json"), ("Its start", "expert.json"))
+            if (path / name).exists()
+        },
+        files=[(label, name) for label, name in _FILES if (path / name).exists()],
+        notes=notes,
+        trust=_trust(events),
+        races=_races(events),
+    )
+
+
+def _objects(path: Path) -> list[Event]:
+    """Return the JSON objects of a file, one or one in each line."""
+    text = read_bytes(path, limit=_MOST).decode(errors="replace")
+    lines = text.splitlines() if path.suffix == ".jsonl" else [text]
+    try:
+        found = [json.loads(line) for line in lines]
+    except (ValueError, RecursionError) as error:
+        raise FormatError(path, "document", str(error)) from None
+    if not all(isinstance(one, dict) for one in found):
+        raise FormatError(path, "document", "must be objects of JSON")
+    return found
+
+
+def _curves(
+    events: Sequence[Event], taught: Sequence[Event]
+) -> dict[str, dict[str, list[tuple[float, float, float, float]]]]:
+    """Return the frozen evaluations, and the teacher's training returns, as means of twenty."""
+    curves = {}
+    points = [event for event in events if event["event"] == "evaluation"]
+    if len(points) > 1:
+        curves["return of the policy"] = {"learned": [_point(event) for event in points]}
+    if len(taught) > WINDOW:
+        returns = np.array([float(event["return"]) for event in taught])
+        mean = np.convolve(returns, np.full(WINDOW, 1.0 / WINDOW), mode="valid")
+        number = np.array([float(event["episode"]) for event in taught[WINDOW - 1 :]])
+        some = np.unique(np.linspace(0, mean.size - 1, 200).astype(int))  # enough for a line
+        rows = zip(number[some].tolist(), mean[some].tolist(), strict=True)
+        curves["return of the teacher while it learns"] = {
+            "teacher": [(at, value, value, value) for at, value in rows]
+        }
+    return curves
+
+
+def _point(event: Event) -> tuple[float, float, float, float]:
+    value = float(event["mean_return"])
+    return float(event["episode"]), value, value, value
+
+
+def _trust(events: Sequence[Event]) -> ModelTrust | None:
+    """Return the last comparison of imagined with real returns; None where there was none."""
+    known = [event for event in events if "imagined" in event]
+    if not known:
+        return None
+    last = known[-1]
+    return ModelTrust(
+        np.array(last["imagined"], dtype=np.float64),
+        np.array(last["real"], dtype=np.float64),
+        np.array(last["real_episodes"], dtype=np.int64),
+    )
+
+
+def _races(events: Sequence[Event]) -> list[tuple[str, ...]]:
+    """Return a row for each tree in each race."""
+    heats: dict[tuple[int, int], list[Event]] = {}
+    winners: dict[int, Event] = {}
+    for event in events:
+        if "race" in event and "entrant" in event:
+            heats.setdefault((int(event["race"]), int(event["entrant"])), []).append(event)
+            if "winner" in event:
+                winners[int(event["race"])] = event
+    return [
+        (
+            str(race),
+            str(entrant),
+            str(runs[0]["origin"]),
+            str(len(runs)),
+            f"{np.mean([float(event['return']) for event in runs]):.1f}",
+            _fate(entrant, winners.get(race)),
+        )
+        for (race, entrant), runs in sorted(heats.items())
+    ]
+
+
+def _fate(entrant: int, end: Mapping[str, Any] | None) -> str:
+    """Return what a race did to a tree."""
+    if end is None or entrant not in (end["winner"], end.get("policy", end["winner"])):
+        return ""
+    words = ["is the policy"] if entrant == end.get("policy", end["winner"]) else []
+    if entrant == end["winner"] and end["ahead"]:
+        words.append(f"won, {end['ahead']:+.1f} (s.e. {end['error']:.1f}, {end['pairs']} pairs)")
+    return ", ".join(words)

@@ -1,0 +1,130 @@
+"""A teacher of one's own, whom trees copy: a model of Stable-Baselines3, a large tree, a script."""
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from eutree.arrays import Floats, Integers
+from eutree.errors import InvalidArgumentError
+from eutree.interaction import GuardedEnv
+from eutree.interaction.acting import Actor
+from eutree.interaction.record import Controller, as_policy
+from eutree.policies import TreePolicy
+from eutree.validation import check_integer
+
+
+@dataclass(frozen=True, eq=False)
+class Teacher:
+    """Who teaches a learner that copies a teacher, in place of the network that it would train.
+
+    Attributes:
+        policy: Anything with SB3's ``predict`` that decides by one observation alone, or a function
+            that makes such a thing for the environment.
+        steps: Environment steps in which it was trained, by your word. They are reported apart from
+            those of the run, and are no part of its budget.
+        action_values: Its value of each action, from observations [N, d] to [N, A]. By default its
+            method of that name; without any all wrong actions count alike, and VIPER's weights say
+            nothing. With values the action of the largest one counts, not that of ``predict``.
+    """
+
+    policy: Controller
+    steps: int
+    action_values: Callable[[Floats], ArrayLike] | None = None
+
+    def __post_init__(self) -> None:
+        check_integer("steps", self.steps, low=0)
+
+    def name(self) -> str:
+        """Return what tells it from another in a run's configuration; "" cannot be."""
+        kind = getattr(self.policy, "__name__", type(self.policy).__name__)
+        if isinstance(self.policy, TreePolicy):
+            kind = hashlib.sha256(self.policy.to_bytes()).hexdigest()
+        return f"{kind}, {self.steps} steps"
+
+
+class AskedTeacher:
+    """A teacher of one's own as a learner sees it, who senses the environment's features.
+
+    Args:
+        teacher: The teacher.
+        env: Where it decides.
+
+    Attributes:
+        reads_features: As a policy it gets the vector of the environment's features.
+    """
+
+    reads_features = True
+
+    def __init__(self, teacher: Teacher, env: GuardedEnv) -> None:
+        policy = as_policy(teacher.policy, env.env)
+        self._n_actions = env.schema.n_actions
+        self._actor = Actor(policy, env)
+        self._values = teacher.action_values or getattr(policy, "action_values", None)
+
+    def action_values(self, observations: Floats) -> Floats:
+        """Return its values at observations [N, d], shape [N, A]; or 1 for its action.
+
+        Raises:
+            InvalidArgumentError: What it answers is not as it must be.
+        """
+        shape = (len(observations), self._n_actions)
+        if self._values is None:
+            table = np.zeros(shape)
+            table[np.arange(shape[0]), [self._decision(row) for row in observations]] = 1.0
+            return table
+        table = np.asarray(self._values(observations), dtype=np.float64)
+        if table.shape != shape or not np.isfinite(table).all():
+            raise InvalidArgumentError(
+                f"teacher: action_values must return finite numbers of shape {shape}, "
+                f"got shape {table.shape}"
+            )
+        return table
+
+    def predict(
+        self,
+        observation: ArrayLike,
+        state: Any = None,
+        episode_start: ArrayLike | None = None,
+        deterministic: bool = True,
+    ) -> tuple[Integers, Any]:
+        """Return its action for one observation [d], or those of a batch."""
+        features = np.asarray(observation, dtype=np.float64)
+        values = self.action_values(np.atleast_2d(features))
+        return values.argmax(axis=1).reshape(features.shape[:-1]), state
+
+    def _decision(self, observation: Floats) -> int:
+        """Return its action at one observation [d]."""
+        self._actor.start()
+        action = self._actor.act(observation)
+        if self._actor.remembers:
+            raise InvalidArgumentError(
+                "teacher must decide by one observation alone, got one whose predict returns a "
+                "state: what it would do depends on how it came there"
+            )
+        if not 0 <= action < self._n_actions:
+            raise InvalidArgumentError(
+                f"teacher must return an action from 0 to {self._n_actions - 1}, got {action}"
+            )
+        return action
+
+
+def as_teacher(given: "Teacher | None", env: GuardedEnv | None) -> AskedTeacher | None:
+    """Return a teacher as a learner sees it.
+
+    Raises:
+        InvalidArgumentError: It is no ``Teacher``, or there is nowhere to ask it.
+    """
+    if given is None:
+        return None
+    if not isinstance(given, Teacher):
+        raise InvalidArgumentError(
+            "teacher must be eutree.Teacher(policy, steps=...), which says what its training "
+            f"cost, got {given!r}"
+        )
+    if env is None:
+        raise InvalidArgumentError("teacher must be None without an environment to act in")
+    return AskedTeacher(given, env)
