@@ -10,6 +10,7 @@ import pytest
 
 import eutree
 from eutree.cli._learning import as_values, in_words, progress_of
+from eutree.cli.main import run
 from eutree.envs.experts import follow_the_fall
 from eutree.errors import InvalidArgumentError, RunFolderError
 from eutree.learners import DistilledDQN
@@ -191,3 +192,35 @@ def test_the_command_line_shows_the_stage(env, shown):
     used = [steps for _, steps, _ in labels]
     assert used == sorted(used)
     assert {total for _, _, total in labels} == {BUDGET}
+
+
+QUICK = ["updates=50", "more_updates=20", "members=1", "hidden=8", "batch=16"]
+
+
+def test_the_command_line_takes_a_teacher_and_writes_the_page(shown, tmp_path, capsys):
+    shown.save(tmp_path / "demos")
+    out = tmp_path / "run"
+    words = f"learn CartPole-v1 --demos {tmp_path / 'demos'} --method distilled-dqn --steps 3000"
+    asked = f"--max-leaves 3 --evaluation-episodes 2 --teacher fall --teacher-steps 7 --out {out}"
+    choices = [word for one in QUICK for word in ("--set", f"world_model.{one}")]
+    assert run([*words.split(), *asked.split(), *choices, "--json"]) == 0
+    values = json.loads(capsys.readouterr().out)
+    assert values["environment_steps"]["declared"] == 7
+    assert "model_trust" in values
+    page = tmp_path / "page.html"
+    assert run(["show", str(out), "--run-html", str(page)]) == 0
+    assert "Its teacher is one" in page.read_text()
+    assert run(["show", str(tmp_path / "demos"), "--run-html", str(page)]) != 0
+    assert "must be a run folder" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "error"),
+    [
+        ("--teacher-steps 5", "--teacher-steps says what --teacher cost; name the teacher"),
+        ("--teacher nobody", "unknown --teacher 'nobody'"),
+    ],
+)
+def test_a_teacher_on_the_command_line_must_be_known(words, error, tmp_path, capsys):
+    run(["learn", "CartPole-v1", *words.split(), "--out", str(tmp_path / "run")])
+    assert error in capsys.readouterr().err

@@ -8,7 +8,7 @@ import numpy as np
 from eutree.arrays import Floats, Integers
 from eutree.policy_search.rank_correlation import RankCorrelation, rank_correlation
 
-FEWEST_TREES = 4  # below which no interval is known
+FEWEST_TREES = 5  # four are in perfect order by chance once in 24 times
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,8 +32,8 @@ class ModelTrust:
 
     @property
     def better_than_chance(self) -> bool:
-        """Whether the interval lies above 0."""
-        return self.correlation.better_than_chance
+        """Whether the interval lies above 0, and there are at least five trees."""
+        return self.correlation.n >= FEWEST_TREES and self.correlation.better_than_chance
 
     def describe(self) -> str:
         """Return what can be said of the model in one sentence."""
@@ -50,8 +50,8 @@ class ModelTrust:
         if found.better_than_chance:
             return f"the world model can be trusted here: its order {measured}"
         return (
-            f"the world model cannot be trusted here: its order {measured}, which may be chance; "
-            "only trees that were clearly better in real episodes were adopted"
+            f"the world model cannot be trusted here: its order {measured}, no better than "
+            "chance; only trees that were clearly better in real episodes were adopted"
         )
 
     def figures(self) -> dict[str, float | int | list[float] | list[int]]:

@@ -134,7 +134,7 @@ def _races(events: Sequence[Event]) -> list[tuple[str, ...]]:
     for event in events:
         if "race" in event and "entrant" in event:
             heats.setdefault((int(event["race"]), int(event["entrant"])), []).append(event)
-            if "winner" in event:
+            if "policy" in event or "winner" in event:
                 winners[int(event["race"])] = event
     return [
         (
@@ -151,9 +151,10 @@ def _races(events: Sequence[Event]) -> list[tuple[str, ...]]:
 
 def _fate(entrant: int, end: Mapping[str, Any] | None) -> str:
     """Return what a race did to a tree."""
-    if end is None or entrant not in (end["winner"], end.get("policy", end["winner"])):
+    if end is None:
         return ""
-    words = ["is the policy"] if entrant == end.get("policy", end["winner"]) else []
-    if entrant == end["winner"] and end["ahead"]:
+    winner = end.get("winner")
+    words = ["is the policy"] if entrant == end.get("policy", winner) else []
+    if entrant == winner and end["ahead"]:
         words.append(f"won, {end['ahead']:+.1f} (s.e. {end['error']:.1f}, {end['pairs']} pairs)")
     return ", ".join(words)

@@ -95,7 +95,7 @@ def _trust(trust: ModelTrust) -> str:
         )
     ]
     drawn = (
-        '<div class="charts"><figure><figcaption>Mean real return of each tree</figcaption>\n'
+        '<div class="charts alone"><figure><figcaption>Mean real return of each tree</figcaption>\n'
         f"{scatter('score in the world model', 'mean real return', points)}</figure></div>"
     )
     return f"<p>{escape(sentence[0].upper() + sentence[1:])}.</p>{drawn if points else ''}"
