@@ -1,6 +1,7 @@
 """Simulated people at the recorder: what they show, what `fit` makes of it, what practice adds.
 
-    python benchmarks/people.py [--task evasion] [--folders 60] [--first 1000] [--learn]
+    python benchmarks/people.py [--task evasion] [--folders 60] [--first 1000] [--keep FILE]
+    python benchmarks/people.py --learn people|nothing [...]
 
 A *person* is a style of playing with hands of flesh: decides by what was to be seen some 150 to
 350 ms ago, misjudges distances, lapses now and then into holding the last key, and may miss the
@@ -10,14 +11,17 @@ reports. Whoever wants to teach a learner like a person in a test takes ``person
 
 For each folder a line is printed: what the person reaches in many episodes and in the folder; the
 tree of C4.5 release 8; what ``eutree.fit`` returns alone and after 100 episodes of practice, each
-played in the same further episodes. ``--learn`` prints what ``eutree.learn`` makes of the tree of
-release 8, of a folder as bad as it may be, in 200 and 400 episodes.
+played in the same further episodes. ``--learn people`` prints what ``eutree.learn`` makes of the
+tree of release 8, of a folder as bad as it may be, in 200 and 400 episodes; ``--learn nothing``
+what it makes of nothing, with the folders' numbers as seeds. ``--keep`` names a file of finished
+folders: a run that is started again goes on from there.
 """
 
 import argparse
+import json
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 from types import ModuleType
@@ -417,16 +421,43 @@ def summary(lines: list[Line]) -> str:
     return "\n".join([*rows, f"worse than person and folder without a warning: {silent}"])
 
 
-def learned(task: str, number: int, *, judged: int) -> tuple[float, float, float]:
-    """Return what the tree of release 8 reaches, and after 200 and 400 episodes of learning."""
+@dataclass(frozen=True)
+class Learned:
+    """What ``eutree.learn`` made of one folder, or of nothing."""
+
+    number: int
+    start: float
+    after_200: float
+    after_400: float
+
+    def __str__(self) -> str:
+        """Return the line of the table."""
+        figures = (self.start, self.after_200, self.after_400)
+        return f"| {self.number} | {' | '.join(map(_figure, figures))} |"
+
+
+LEARNED_HEAD = "| folder | start | 200 episodes | 400 episodes |\n|---|---|---|---|"
+
+
+def learned(task: str, number: int, *, judged: int, nothing: bool) -> Learned:
+    """Return what is reached at the start, and after 200 and 400 episodes of learning.
+
+    Args:
+        task: The task.
+        number: Number of the folder, and the seed.
+        judged: Episodes that say how good a tree is.
+        nothing: Start from nothing in place of the folder and its tree of release 8.
+    """
     env = TASKS[task].make()
-    demonstrations = folder(task, number)
-    expert = eutree.fit_expert_tree(demonstrations)
-    after: dict[int, Any] = {}
+    demonstrations = None if nothing else folder(task, number)
+    expert = None if demonstrations is None else eutree.fit_expert_tree(demonstrations)
+    after: dict[int, float] = {}
 
     def keep(run: Any) -> None:
-        if run.episode in (200, 400):
-            after[run.episode] = run.policy()
+        if run.episode in (0, 200, 400) and run.episode not in after:
+            tree = run.policy()
+            seen = eutree.evaluate(tree, env, episodes=judged, seed=JUDGING_SEED)
+            after[run.episode] = _merit(seen)
 
     eutree.learn(
         env,
@@ -438,11 +469,44 @@ def learned(task: str, number: int, *, judged: int) -> tuple[float, float, float
         seed=number,
         on_progress=keep,
     )
-    trees = (expert, after[200], after[400])
-    first, middle, last = (
-        _merit(eutree.evaluate(tree, env, episodes=judged, seed=JUDGING_SEED)) for tree in trees
+    return Learned(number, after[0], after[200], after[400])
+
+
+def learned_summary(rows: list[Learned]) -> str:
+    """Return the figures of all folders."""
+    table = np.array([(row.start, row.after_200, row.after_400) for row in rows])
+    return (
+        f"mean {table.mean(axis=0).round(3)}, worst {table.min(axis=0).round(3)}, "
+        f"at least 95 %: {(table >= 0.95).mean(axis=0).round(3)}"
     )
-    return first, middle, last
+
+
+class Finished:
+    """The folders that are done, in a file of JSON lines if there is one.
+
+    Args:
+        path: The file; None keeps nothing.
+    """
+
+    def __init__(self, path: Path | None) -> None:
+        self._path = path
+        lines = path.read_text().splitlines() if path is not None and path.exists() else []
+        self._known = {entry["number"]: entry for entry in map(json.loads, lines)}
+
+    def get(self, number: int) -> dict[str, Any] | None:
+        """Return what came of a folder, if it is known."""
+        return self._known.get(number)
+
+    def add(self, entry: Line | Learned) -> None:
+        """Keep what came of a folder."""
+        if self._path is not None:
+            with self._path.open("a") as file:
+                file.write(json.dumps(asdict(entry)) + "\n")
+
+
+def _line_of(known: dict[str, Any]) -> Line:
+    traits, warnings = Traits(**known["traits"]), tuple(known["warnings"])
+    return Line(**{**known, "traits": traits, "warnings": warnings})
 
 
 def main() -> None:
@@ -453,25 +517,38 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=FIRST_REPORTED)
     parser.add_argument("--judged", type=int, default=JUDGED)
     parser.add_argument("--episodes", type=int, default=200)
-    parser.add_argument("--learn", action="store_true")
+    parser.add_argument("--learn", choices=("people", "nothing"))
+    parser.add_argument("--keep", type=Path)
     arguments = parser.parse_args()
     task, judged = arguments.task, arguments.judged
     numbers = range(arguments.first, arguments.first + arguments.folders)
+    finished = Finished(arguments.keep)
     if arguments.learn:
-        print("| folder | release 8 | 200 episodes | 400 episodes |\n|---|---|---|---|")
+        print(LEARNED_HEAD)
         rows = []
         for number in numbers:
-            rows.append(learned(task, number, judged=judged))
-            print(f"| {number} | {' | '.join(map(_figure, rows[-1]))} |", flush=True)
-        table = np.array(rows)
-        print(f"\nmean {table.mean(axis=0).round(3)}, worst {table.min(axis=0).round(3)}")
-        print(f"at least 95 %: {(table >= 0.95).mean(axis=0).round(3)}")
+            known = finished.get(number)
+            nothing = arguments.learn == "nothing"
+            row = Learned(**known) if known else learned(
+                task, number, judged=judged, nothing=nothing
+            )  # fmt: skip
+            if known is None:
+                finished.add(row)
+            rows.append(row)
+            print(row, flush=True)
+        print(f"\n{learned_summary(rows)}")
         return
     print(HEAD)
     lines = []
     for number in numbers:
-        lines.append(line(task, number, judged=judged, episodes=arguments.episodes))
-        print(lines[-1], flush=True)
+        known = finished.get(number)
+        entry = _line_of(known) if known else line(
+            task, number, judged=judged, episodes=arguments.episodes
+        )  # fmt: skip
+        if known is None:
+            finished.add(entry)
+        lines.append(entry)
+        print(entry, flush=True)
     print(f"\n{summary(lines)}")
 
 

@@ -1,5 +1,7 @@
 """The button *Make my tree*: what it fits, plays and practises, without a page."""
 
+from dataclasses import replace
+
 import gymnasium
 import numpy as np
 import pytest
@@ -40,6 +42,7 @@ def test_a_tree_is_fitted_and_plays_and_its_verdict_is_true(folder) -> None:
     wins = sum(int(block.successes.sum()) for block in blocks)
     assert views[-1].message == f"you 3 of 3; this tree {wins} of 100"
     assert views[-1].worse == (wins < 97)
+    assert views[-1].may_gain == (wins < 97)
     assert views[-1].n_leaves == tree.n_leaves
     assert views[-1].rules == str(tree)
     assert views[-1].svg.startswith("<svg")
@@ -57,6 +60,21 @@ def test_practice_keeps_the_better_tree_and_shows_its_curve(folder, monkeypatch)
     assert int(last.message.split()[-3]) >= fitted
     practised = folder.with_name("demos-practised.json")
     assert practised.exists() == (str(practised) in last.commands[0])
+
+
+def test_practice_is_offered_to_a_tree_that_is_as_good_as_a_poor_person(folder) -> None:
+    demos = eutree.Demonstrations.load(folder)
+    lost = [replace(e, is_success=False, ending="collision") for e in demos.episodes[:2]]
+    poor = folder.with_name("poor")
+    replace(demos, episodes=(*lost, demos.episodes[2])).save(poor)
+    _, views = made(poor, episodes=3)
+    last = views[-1]
+    assert last.message.startswith("you 1 of 3;")
+    assert not last.worse
+    wins = int(last.message.split()[-3])
+    assert 40 < wins < 97  # what three episodes make of it: no longer a matter of the person
+    assert last.may_gain
+    assert "practice may make it better still" in last.note
 
 
 def test_whoever_leaves_stops_it(folder) -> None:
@@ -93,8 +111,6 @@ def test_what_falls_short(tree, person, short) -> None:
 
 
 def test_an_episode_that_was_ended_early_is_no_success(folder) -> None:
-    from dataclasses import replace
-
     demos = eutree.Demonstrations.load(folder)
     first = replace(demos.episodes[0], is_success=None, terminated=False, ending="stopped")
     stopped = replace(demos, episodes=(first, *demos.episodes[1:]))

@@ -14,6 +14,7 @@ from eutree.errors import InvalidArgumentError
 from eutree.fitting import Person
 from eutree.fitting.candidates import RELEASE_8, SETTINGS, Candidate, candidates, promising
 from eutree.fitting.choosing import mend, race
+from eutree.fitting.diagnosis import about_doubt, about_result
 from eutree.fitting.playing import Played, Player
 from eutree.fitting.repair import blame, repairs, shown_in
 from eutree.policies import TreePolicy
@@ -79,6 +80,35 @@ def by_hand(schema, *, door):
 
 def wrong(episode, **changes):
     return replace(episode, **changes)
+
+
+class TestDoubt:
+    """A tree that chance may have made look as good as what was shown."""
+
+    def test_an_interval_that_reaches_below_the_person_is_a_doubt(self, corridor, shown):
+        tree = by_hand(shown.schema, door=(0, 1))  # walks in at a gap of 0.5 to 0.7: 2 of 5 fail
+        few, many = (Player(corridor, 0).play(tree, n, 0).evaluation for n in (40, 1000))
+        person = Person(few.success_rate - 0.02, 0.0, 15)
+        assert not about_result(person, few)
+        (sentence,) = about_doubt(person, few)
+        assert "may fall short" in sentence
+        assert f"{few.success_rate:.1%} of 40 episodes (95 % interval" in sentence
+        assert about_doubt(Person(many.success_rate - 0.02, 0.0, 15), many) == []
+
+    def test_returns_are_doubted_like_successes(self, corridor, shown):
+        tree = by_hand(shown.schema, door=(0, 1))
+        played = Player(corridor, 0).play(tree, 40, 0).evaluation
+        (sentence,) = about_doubt(Person(None, played.mean_return, 15), played)
+        assert "it earns" in sentence
+        assert about_doubt(Person(None, played.return_interval[0], 15), played) == []
+
+    def test_a_doubtful_tree_gets_the_leaf_and_the_cause(self, corridor, shown):
+        tree = by_hand(shown.schema, door=(0, 1))
+        mixed = replace(shown, episodes=Player(corridor, 0).play(tree, 100, 0).episodes)
+        report = eutree.fit(mixed, corridor, episodes=100, settings=RELEASE_8)
+        assert report.as_good_as_shown
+        assert "may fall short" in report.warnings[0]
+        assert "leaf" in report.warnings[1]
 
 
 class TestFit:

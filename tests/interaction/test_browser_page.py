@@ -480,6 +480,7 @@ class ScriptedMaker:
             phase="ready",
             message="you 13 of 15; this tree 56 of 100",
             worse=True,
+            may_gain=True,
             n_leaves=1,
             svg=DRAWING,
             rules="go",
@@ -499,7 +500,7 @@ class ScriptedMaker:
         if len(self.calls) > 2:
             raise InvalidArgumentError("the folder is gone")
         better = "you 13 of 15; this tree 96 of 100"
-        show(replace(self.ready, message=better, worse=False, curve=curve, of=100))
+        show(replace(self.ready, message=better, worse=False, may_gain=False, curve=curve, of=100))
 
 
 def test_the_end_is_one_button(chromium, tmp_path) -> None:
@@ -515,7 +516,7 @@ def test_the_end_is_one_button(chromium, tmp_path) -> None:
         assert person.page.locator("#verdict").inner_text() == "you 13 of 15; this tree 56 of 100"
         picture = person.page.locator("#tree")
         assert picture.evaluate("image => image.naturalWidth") == 80
-        assert "1 leaves" in picture.get_attribute("alt")
+        assert "one leaf" in picture.get_attribute("alt")
         commands = person.page.locator("#commands code")
         assert commands.all_inner_texts() == list(maker.ready.commands)
         person.page.get_by_role("button", name="Copy: eutree show demos-tree.json").click()

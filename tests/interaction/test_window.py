@@ -16,7 +16,7 @@ from eutree.interaction.recorder import Recorder
 from eutree.interaction.replay import replay
 from eutree.interaction.settings import SessionSettings
 from eutree.interaction.window import Gamepad, Window, key_name
-from eutree.interaction.window_screen import SIZE, fitting, words
+from eutree.interaction.window_screen import SIZE, STAGE, fitting, words
 from tests.interaction.people import Corridor
 from tests.interaction.xvfb import display
 
@@ -143,7 +143,7 @@ def test_a_long_list_stays_in_the_window_and_shows_the_chosen_one(person) -> Non
     for _ in range(30):
         person.tap(pygame.K_TAB)
         rows = person.window._screen._rows
-        assert max(box.bottom for box, _ in rows) <= 640
+        assert max(box.bottom for box, _ in rows) <= SIZE[1]
         assert person.window._screen.chosen in [row for _, row in rows]
     assert person.window._screen.chosen == 0
 
@@ -250,7 +250,7 @@ def test_real_keys_in_a_real_window(tmp_path) -> None:
 
 
 def test_a_small_desktop_shows_the_whole_window(person) -> None:
-    """At 1024 x 600 the window of 1100 x 640 was cut off."""
+    """At 1024 x 600 it was cut off."""
     assert fitting((1920, 1080)) == SIZE
     width, height = fitting((1024, 600))
     assert (width <= 942, height <= 552) == (True, True)
@@ -276,3 +276,55 @@ def test_a_layout_without_latin_letters_keeps_its_keys() -> None:
 def test_the_window_says_which_episodes_ended_early(person) -> None:
     person.tap(pygame.K_RETURN).until("playing").rest(0.3).tap(pygame.K_e).until("review")
     assert any("1 of them ended early" in line for line in words(person.view)[1])
+
+
+def test_the_window_says_the_task_and_what_the_keys_do(tmp_path) -> None:
+    env = gymnasium.make("eutree/Evasion2-v0", render_mode="rgb_array")
+    person = Person(tmp_path / "demos", env, countdown=0.6)
+    title, lines, _ = words(person.view)
+    assert title == "Show how it is done"
+    assert lines[0] == env.unwrapped.task_description
+    assert lines[1] == "Hold Right or Space: go; no key: stop."
+    person.tap(pygame.K_RETURN)
+    assert person.view.state == "countdown"
+    assert words(person.view)[1][0].startswith("Hold the key while it counts")
+    person.recorder.close()
+    person.window.close()
+
+
+def test_words_never_cover_the_picture(person) -> None:
+    """All that a screen adds to the picture is the pill in its corner and the line at its edge."""
+    left, top, width, height = STAGE
+    surface, screen = person.window._screen._surface, person.window._screen
+    middle = (slice(left + 200, left + width - 4), slice(top + 60, top + height - 8))
+
+    def picture():
+        bare = surface.copy()
+        bare.fill((255, 254, 251), STAGE)
+        bare.blit(screen._picture, screen._picture.get_rect(center=pygame.Rect(STAGE).center))
+        return pygame.surfarray.array3d(bare)[middle]
+
+    def shown():
+        return pygame.surfarray.array3d(surface)[middle]
+
+    assert np.array_equal(shown(), picture())
+    for state in ("countdown", "playing"):
+        if state == "countdown":
+            person.tap(pygame.K_RETURN)
+        person.until(state)
+        assert np.array_equal(shown(), picture())
+    person.tap(pygame.K_p).until("paused")
+    assert np.array_equal(shown(), picture())
+    person.tap(pygame.K_e).until("review")
+    assert np.array_equal(shown(), picture())
+
+
+def test_a_line_fills_until_the_next_decision(tmp_path) -> None:
+    person = Person(tmp_path / "demos", Corridor(length=100, limit=10_000), fps=1.0)
+    person.tap(pygame.K_RETURN).until("playing").rest(0.3)
+    screen = person.window._screen
+    first = screen._beat_width(person.view)
+    person.rest(0.3)
+    assert 0 < first < screen._beat_width(person.view) <= STAGE[2]
+    person.recorder.close()
+    person.window.close()

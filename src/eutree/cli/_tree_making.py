@@ -14,15 +14,17 @@ if TYPE_CHECKING:
 
     from eutree.data import Demonstrations
     from eutree.evaluation import Evaluation
+    from eutree.fitting.report import FitReport
     from eutree.interaction.tree_making import Show, TreeView
     from eutree.policies import TreePolicy
 
-PLAYED = 100  # episodes by which a tree is judged, the same for every tree
+FITTED = 200  # episodes that judge the fit; practice begins with them too
+PLAYED = 100  # episodes of the verdict, the same for every tree
 BLOCK = 20  # of them at once, so that progress is seen
 PRACTICE = 200  # episodes of learning after the first press; each further one doubles them
 CURVE_EVERY = 10  # episodes of practice between two points of the curve
 PER_POINT = 50  # episodes played for each point
-WITHIN = 0.03  # a share of successes this much lower is as good
+WITHIN = 0.03  # a share of successes this much lower is as good; practice stops paying there
 
 
 @dataclass(frozen=True)
@@ -100,10 +102,9 @@ class PageTree:
         seed: int = 0,
     ) -> None:
         self._folder, self._environment, self._make, self._seed = folder, environment, make, seed
-        self._fitted: TreePolicy | None = None
+        self._fitted: FitReport | None = None
         self._best: tuple[TreePolicy, Result, Path] | None = None
         self._presses = 0
-        self._warnings: tuple[str, ...] = ()
 
     def make(self, show: "Show", stop: Callable[[], bool]) -> None:
         """Fit a tree to the demonstrations recorded so far, and let it play."""
@@ -115,17 +116,17 @@ class PageTree:
         fitted = self._fit(demonstrations, show, stop)
         if fitted is None:
             return
-        tree, self._warnings = fitted
+        tree = fitted.policy
         path = self._folder.with_name(f"{self._folder.name}-tree.json")
         tree.save(path)
         played = self._play(tree, show, stop)
         if played is not None:
-            self._fitted, self._best, self._presses = tree, (tree, played, path), 0
+            self._fitted, self._best, self._presses = fitted, (tree, played, path), 0
             show(self._verdict(result_of_person(demonstrations), note=""))
 
     def _fit(
         self, demonstrations: "Demonstrations", show: "Show", stop: Callable[[], bool]
-    ) -> "tuple[TreePolicy, tuple[str, ...]] | None":
+    ) -> "FitReport | None":
         """Return the tree chosen by playing, and what to know of it; None if nobody waits."""
         from eutree.fitting.fit import fit
         from eutree.interaction.tree_making import FITTING, TreeView
@@ -139,19 +140,16 @@ class PageTree:
 
         env = self._make()
         try:
-            report = fit(
-                demonstrations, env, episodes=PLAYED, seed=self._seed, on_progress=progress
-            )
+            return fit(demonstrations, env, episodes=FITTED, seed=self._seed, on_progress=progress)
         except _NobodyWaits:
             return None
         finally:
             env.close()
-        return report.policy, report.warnings
 
     def practise(self, show: "Show", stop: Callable[[], bool]) -> None:
         """Let the tree learn for a while, and keep the better one."""
         from eutree.data import Demonstrations
-        from eutree.training.learn import learn
+        from eutree.fitting.practice import practise
 
         if self._best is None:
             self.make(show, stop)
@@ -164,15 +162,13 @@ class PageTree:
         env, other = self._make(), self._make()
         try:
             curve = _Curve(other, self._practising(person, episodes), show)
-            result = learn(
+            tree = practise(
+                self._fitted.policy,
+                demonstrations,
+                self._fitted.plays,
                 env,
-                demonstrations=demonstrations,
-                expert=self._fitted,
-                history=self._fitted.history,
                 episodes=episodes,
                 seed=self._seed,
-                evaluate_every=episodes,
-                evaluation_episodes=BLOCK,
                 callback=curve,
                 stop=stop,
             )
@@ -181,14 +177,14 @@ class PageTree:
             other.close()
         if stop():
             return
-        played = self._play(result.policy, show, stop)
+        played = self._play(tree, show, stop)
         if played is None:
             return
         note = f"After {episodes} episodes of practice; before it {before}."
         if played.value > before.value:
             path = self._folder.with_name(f"{self._folder.name}-practised.json")
-            result.policy.save(path)
-            self._best = (result.policy, played, path)
+            tree.save(path)
+            self._best = (tree, played, path)
         else:
             note = f"{episodes} episodes of practice found nothing better, only {played}."
         show(replace(self._verdict(person, note=note), curve=curve.points, of=episodes))
@@ -237,16 +233,22 @@ class PageTree:
             raise AssertionError("a verdict needs a tree")
         tree, played, path = self._best
         worse = played.falls_short_of(person)
-        parts = [note, "It falls short of you; practice may mend that." if worse else ""]
+        may_gain = worse or played.successes is None or played.value < 1.0 - WITHIN
+        parts = [note]
+        if worse:
+            parts.append("It falls short of you; practice may mend that.")
+        elif may_gain:
+            parts.append("It is as good as you; practice may make it better still.")
         if tree.n_leaves == 1:
             parts.append(f"It has a single leaf: it always answers {_only_action(tree)}.")
-        elif worse and tree is self._fitted:
-            parts += self._warnings
+        elif worse and self._fitted is not None and tree is self._fitted.policy:
+            parts += self._fitted.warnings
         return TreeView(
             phase=READY,
             message=f"you {person}; this tree {played}",
             note=" ".join(filter(None, parts)),
             worse=worse,
+            may_gain=may_gain,
             yours=person.value,
             is_share=person.successes is not None,
             commands=self._commands(path),

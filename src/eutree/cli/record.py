@@ -144,6 +144,10 @@ def _record_person(
         _record_in_browser(output, recorder, spec, out, host=host, port=port)
     kept = [episode for episode in recorder.session.episodes if episode.kept]
     steps = sum(map(len, kept))
+    if window and kept:
+        output.say(
+            f"eutree fit {out} --out {out}-tree.json makes your tree; --practise 200 mends it"
+        )
     output.result(
         {"episodes": len(kept), "n_transitions": steps, "path": str(out)},
         f"{len(kept)} episodes, {steps} transitions, in {out}",

@@ -7,7 +7,7 @@ import numpy as np
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.data import Demonstrations
 from eutree.evaluation import Evaluation
-from eutree.fitting.person import Person
+from eutree.fitting.person import MARGIN, Person
 from eutree.fitting.playing import Played
 from eutree.fitting.repair import blame, shown_in
 from eutree.inspection.regions import Region, domain
@@ -92,6 +92,27 @@ def about_result(person: Person, tree: Evaluation) -> list[str]:
     return [
         f"The tree earns {tree.mean_return:.4g} on average in {tree.episodes} episodes, the "
         f"demonstrations {person.mean_return:.4g} in {person.episodes}."
+    ]
+
+
+def about_doubt(person: Person, tree: Evaluation) -> list[str]:
+    """Return that a tree may fall short of its demonstrator: chance may have hidden it."""
+    if person.success_rate is not None and tree.success_interval is not None:
+        low, high = tree.success_interval
+        if low >= person.success_rate - MARGIN:
+            return []
+        return [
+            f"The tree may fall short of the demonstrations: {tree.success_rate:.1%} of "
+            f"{tree.episodes} episodes (95 % interval {low:.1%} to {high:.1%}) against "
+            f"{person.success_rate:.1%} of {person.episodes}. More --episodes tell."
+        ]
+    low, high = tree.return_interval
+    if not low < person.mean_return - MARGIN * abs(person.mean_return):
+        return []
+    return [
+        f"The tree may fall short of the demonstrations: it earns {tree.mean_return:.4g} on "
+        f"average (95 % interval {low:.4g} to {high:.4g}), they {person.mean_return:.4g} in "
+        f"{person.episodes} episodes. More --episodes tell."
     ]
 
 

@@ -13,6 +13,7 @@ from eutree.fitting.candidates import SETTINGS, Candidate, candidates, promising
 from eutree.fitting.choosing import COMPARING, JUDGING, MOST_REPAIR_PLAYS, mend, race
 from eutree.fitting.diagnosis import (
     about_demonstrations,
+    about_doubt,
     about_result,
     about_size,
     harms,
@@ -20,16 +21,15 @@ from eutree.fitting.diagnosis import (
 )
 from eutree.fitting.person import Person
 from eutree.fitting.playing import Played, Player, Progress
+from eutree.fitting.practice import practise as learn_on
 from eutree.fitting.report import FitReport
 from eutree.interaction import describe
 from eutree.interaction.making import make
 from eutree.schema import EnvironmentSpec
-from eutree.training.learn import learn
 from eutree.validation import check_integer, check_seed
 
 MOST_RACING = 8  # candidates
 RACE_SHARE, REPAIR_SHARE = 3.0, 0.3  # of the episodes that judge the tree
-MOST_KNOWN = 20_000  # steps of what a tree has played that practice begins with
 
 
 Environment = gymnasium.Env[Any, Any] | EnvironmentSpec | str
@@ -102,17 +102,18 @@ def fit(
         fitting = _Fitting(demonstrations, lessons, world, player, episodes, seed)
         chosen, known = fitting.choose(found, repair=settings is None)
         judged = fitting.judge(chosen)
-        report = _report(chosen, judged, lessons, found, [], player.episodes)
+        plays = known + judged.episodes
+        report = replace(_report(chosen, judged, lessons, found, [], player.episodes), plays=plays)
         if not practise:
             return report
-        better = fitting.practise(chosen, known + judged.episodes, practise, on_progress)
+        better = fitting.practise(chosen, plays, practise, on_progress)
         count = player.episodes + practise
         if better is None:
             note = f"{practise} episodes of practice made nothing better of it."
             warnings = (*report.warnings, note)
             return replace(report, warnings=warnings, episodes_played=count, before_practice=report)
         after = _report(*better, lessons, found, [], count)
-        return replace(after, before_practice=report)
+        return replace(after, before_practice=report, plays=better[1].episodes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,28 +164,21 @@ class _Fitting:
         episodes: int,
         on_progress: Progress | None,
     ) -> tuple[Candidate, Played] | None:
-        """Return what learning makes of the tree and its play; None if that is no better.
-
-        Learning begins with what the tree has played too: the model of the world that it plans in
-        is better by that, for nothing.
-        """
+        """Return what learning makes of the tree and its play; None if that is no better."""
 
         def tell(run: Any) -> None:
             if on_progress is not None:
                 on_progress("practising", run.episode, episodes)
 
-        shown = (*self.demonstrations.episodes, *_recent(known))
-        learned = learn(
+        learned = learn_on(
+            chosen.policy,
+            self.demonstrations,
+            known,
             self.world,
-            demonstrations=replace(self.demonstrations, episodes=shown),
-            expert=chosen.policy,
-            history=chosen.policy.history,
             episodes=episodes,
-            evaluate_every=episodes,
-            evaluation_episodes=1,
             seed=self.seed,
             on_progress=tell,
-        ).policy
+        )
         self.player.begin("comparing", 2 * self.episodes)
         mine = self.player.play(chosen.policy, self.episodes, COMPARING)
         rival = self.player.play(learned, self.episodes, COMPARING)
@@ -220,17 +214,6 @@ def _best_left_out(found: list[Candidate]) -> Candidate:
     return max(promising(found, len(found)), key=lambda entry: float(entry.correct.mean()))
 
 
-def _recent(episodes: tuple[Episode, ...]) -> tuple[Episode, ...]:
-    """Return the last episodes, of ``MOST_KNOWN`` steps at most."""
-    steps, kept = 0, []
-    for episode in reversed(episodes):
-        steps += len(episode)
-        if steps > MOST_KNOWN:
-            break
-        kept.append(episode)
-    return tuple(reversed(kept))
-
-
 def _report(
     chosen: Candidate,
     judged: Played | None,
@@ -242,11 +225,14 @@ def _report(
     policy, person = chosen.policy, Person.of(demonstrations)
     warnings = [*about_demonstrations(demonstrations), *about_size(policy, demonstrations)]
     if judged is not None:
+        found_harms = harms(judged, demonstrations)
         worse = about_result(person, judged.evaluation)
+        if found_harms and not worse:  # where hardly an episode ends badly, a doubt helps nobody
+            worse = about_doubt(person, judged.evaluation)
         warnings += worse
         warnings += [
             in_words(harm, policy, demonstrations.n_transitions)
-            for harm in harms(judged, demonstrations)
+            for harm in found_harms
             if worse or harm.holds_on
         ]
     shown = demonstrations.with_history(policy.history)

@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 
+from eutree.data import Episode
 from eutree.display import Displayed
 from eutree.evaluation import Evaluation
 from eutree.fitting.person import Person
@@ -24,6 +25,7 @@ class FitReport(Displayed):
         n_candidates: Trees that were compared.
         episodes_played: Episodes played in all: to choose, to repair, to judge, to practise.
         before_practice: The report of the tree that practice began with; None without practice.
+        plays: What the tree has played so far: ``eutree.fitting.practice`` goes on from it.
     """
 
     policy: TreePolicy
@@ -36,6 +38,7 @@ class FitReport(Displayed):
     n_candidates: int
     episodes_played: int
     before_practice: "FitReport | None" = None
+    plays: tuple[Episode, ...] = ()
 
     @property
     def as_good_as_shown(self) -> bool | None:

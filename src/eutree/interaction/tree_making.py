@@ -21,7 +21,8 @@ class TreeView:
         note: What follows from it; may be empty.
         finished: Episodes played or practised so far.
         of: How many there will be; 0 where that is not known.
-        worse: Whether the tree falls short of the person, so that practice is offered.
+        worse: Whether the tree falls short of the person.
+        may_gain: Whether practice may make it better, so that it is offered.
         n_leaves: Leaves of the tree; 0 before there is one.
         svg: Drawing of the tree; empty before there is one.
         rules: The tree as nested rules.
@@ -37,6 +38,7 @@ class TreeView:
     finished: int = 0
     of: int = 0
     worse: bool = False
+    may_gain: bool = False
     n_leaves: int = 0
     svg: str = ""
     rules: str = ""

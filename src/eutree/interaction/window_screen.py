@@ -1,5 +1,9 @@
-"""What the recorder's window looks like: the picture, and beside it keys and episodes."""
+"""What the recorder's window looks like: the picture, words below it, keys and episodes beside it.
 
+Nothing covers the picture but a small pill in its corner and a thin line at its lower edge.
+"""
+
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -9,7 +13,6 @@ from eutree.interaction.ask_session import ASKED
 from eutree.interaction.events import EpisodeView, Frame, Tick, View
 from eutree.interaction.session import (
     COUNTDOWN,
-    FAILED,
     FINISHED,
     OPENING,
     PAUSED,
@@ -17,9 +20,12 @@ from eutree.interaction.session import (
     REVIEW,
 )
 
-SIZE = (1100, 640)
+SIZE = (1100, 720)
 FREE = 0.92  # of the desktop; the rest is for its bars and the window's title
-STAGE = (20, 64, 740, 494)  # left, top, width, height of the picture's place
+STAGE = (20, 64, 740, 478)  # left, top, width, height of the picture's place
+CARD_TOP = 554  # of the words below it
+LINE_WIDTH = 90  # characters of a line of the card
+SHORTEST_BEAT = 0.15  # seconds between decisions; below that a line would only flicker
 SIDE = 784  # left edge of the column beside it
 SIDE_WIDTH = 296
 
@@ -67,7 +73,8 @@ class Screen:
         self._fonts: dict[tuple[int, bool], Any] = {}
         self._faces: dict[bool, str | None] = {}
         self._picture: Any = None
-        self._shown: tuple[View, int | None] | None = None
+        self._shown: tuple[View, int | None, int] | None = None
+        self._beat: tuple[tuple[int, float, float], float] = ((-1, 0.0, 0.0), 0.0)
         self.chosen: int | None = None  # place in the list of the episode that can be changed
         self._rows: list[tuple[Any, int]] = []  # where the episodes of the list are drawn
 
@@ -81,7 +88,7 @@ class Screen:
         """Draw a view if anything has changed since the last one."""
         if tick.view.state in (PLAYING, COUNTDOWN):
             self.chosen = None
-        shown = (tick.view, self.chosen)
+        shown = (tick.view, self.chosen, self._beat_width(tick.view))
         if tick.frame is None and shown == self._shown:
             return
         if tick.frame is not None:
@@ -113,47 +120,54 @@ class Screen:
         bar.width = round(bar.width * min(view.saved / view.target, 1.0))
         self._box(bar, GOOD, radius=4)
 
+    def _beat_width(self, view: View) -> int:
+        """Return how much of the thin line is filled; full when the next decision falls."""
+        runs = view.state == PLAYING and not (view.awaits_key or view.turn_based)
+        if not runs or view.interval < SHORTEST_BEAT:
+            return 0
+        now = time.monotonic()
+        which = (view.step, view.beat, view.interval)
+        if self._beat[0] != which:
+            self._beat = (which, now)
+        share = view.beat + (now - self._beat[1]) / view.interval
+        return round(STAGE[2] * min(share, 1.0))
+
     def _stage(self, view: View) -> None:
         pygame = self._pygame
         place = pygame.Rect(STAGE)
         self._box(place, PANEL, radius=12)
         if self._picture is not None:
             self._surface.blit(self._picture, self._picture.get_rect(center=place.center))
-        if view.state == COUNTDOWN:
-            self._countdown(view, place)
-        elif view.state != PLAYING:
-            self._card(view, place)
-        status = f"{view.speed:g} x    {mode_name(view)}    step {view.step}"
-        self._text(status, (STAGE[0], STAGE[1] + STAGE[3] + 14), color=SOFT)
+        width = self._beat_width(view)
+        if width:
+            self._box(pygame.Rect(place.left, place.bottom - 4, width, 4), ACCENT, radius=2)
         if view.state in (PLAYING, COUNTDOWN):
-            name = view.actions[view.action].name
-            self._text(name, (STAGE[0] + 400, STAGE[1] + STAGE[3] + 10), bold=True, color=ACCENT,
-                       size=20)  # fmt: skip
+            self._pill(view, place)
+        self._card(view)
+        status = f"{view.speed:g} x    {mode_name(view)}    step {view.step}"
+        self._text(status, (STAGE[0], SIZE[1] - 24), color=SOFT, size=13)
 
-    def _countdown(self, view: View, place: Any) -> None:
-        self._pygame.draw.circle(self._surface, PANEL, place.center, 84)
-        self._pygame.draw.circle(self._surface, LINE, place.center, 84, 2)
-        number = self._font(96, bold=True).render(str(view.countdown), True, INK)
-        self._surface.blit(number, number.get_rect(center=place.center))
+    def _pill(self, view: View, place: Any) -> None:
+        """Say in the picture's corner which action is under way, and which one comes."""
+        text, is_idle = pill(view)
+        color, ink = (PANEL, INK) if is_idle else (ACCENT, PANEL)
+        image = self._font(16, bold=True).render(text, True, ink)
+        box = image.get_rect(topleft=(place.left + 24, place.top + 15)).inflate(24, 10)
+        self._box(box, color, radius=box.height // 2)
+        self._pygame.draw.rect(self._surface, LINE, box, 1, border_radius=box.height // 2)
+        self._surface.blit(image, image.get_rect(center=box.center))
 
-    def _card(self, view: View, place: Any) -> None:
+    def _card(self, view: View) -> None:
+        """Write below the picture what to do now; the count stands before it."""
         title, lines, color = words(view)
-        rendered = [self._font(24, bold=True).render(title, True, color)]
-        rendered += [
-            self._font(16).render(part, True, INK) for line in lines for part in wrap(line)
-        ]
-        width = max(image.get_width() for image in rendered) + 56
-        height = sum(image.get_height() + 6 for image in rendered) + 30
-        box = self._pygame.Rect(0, 0, width, height)
-        box.midbottom = (place.centerx, place.bottom - 18)
-        if view.state in (PAUSED, FINISHED, FAILED):
-            box.center = place.center
-        self._box(box, PANEL, radius=14)
-        self._pygame.draw.rect(self._surface, LINE, box, 1, border_radius=14)
-        top = box.top + 16
-        for image in rendered:
-            self._surface.blit(image, image.get_rect(midtop=(box.centerx, top)))
-            top += image.get_height() + 6
+        left, top = STAGE[0] + 4, CARD_TOP
+        if view.state == COUNTDOWN and view.countdown:
+            number = self._font(62, bold=True).render(str(view.countdown), True, ACCENT)
+            self._surface.blit(number, (left, top))
+            left += 66
+        self._text(title, (left, top), size=22, bold=True, color=color)
+        for place, part in enumerate(part for line in lines for part in wrap(line, LINE_WIDTH)):
+            self._text(part, (left, top + 32 + 21 * place))
 
     def _column(self, view: View) -> None:
         top = self._panel("Keys", 64, key_lines(view))
@@ -263,15 +277,45 @@ def result_color(row: EpisodeView) -> tuple[int, int, int]:
     return INK if row.success is None else GOOD if row.success else BAD
 
 
+def pill(view: View) -> tuple[str, bool]:
+    """Return what is under way and, after an arrow, what comes; and whether nothing is done."""
+    acting, coming = view.actions[view.action], view.actions[view.coming]
+    if view.state == COUNTDOWN and not view.step:
+        return coming.name, coming.is_idle
+    changes = coming is not acting and view.state == PLAYING and not view.awaits_key
+    return f"{acting.name} \u2192 {coming.name}" if changes else acting.name, coming.is_idle
+
+
+def key_sentence(view: View) -> str:
+    """Return which key does what, and what happens without one."""
+    verb = "Press" if view.turn_based else "Switch with" if view.toggle else "Hold"
+    parts = [
+        f"{' or '.join(map(key_text, action.keys))}: {action.name}"
+        for action in view.actions
+        if action.keys
+    ]
+    idle = next((action.name for action in view.actions if action.is_idle), None)
+    rest = f"; no key: {idle}" if idle is not None else "; without a key the last one goes on"
+    return f"{verb} {', '.join(parts)}{'' if view.turn_based else rest}."
+
+
 def words(view: View) -> tuple[str, list[str], Any]:
-    """Return title, lines and the title's color of the card over the picture."""
+    """Return title, lines and the title's color of the card below the picture."""
     keys = {name: key_text(key) for name, key in view.controls.items()}
     saved = f"{view.saved} of {view.target} saved"
     enough = view.saved >= view.target
     finish = f"{keys.get('finish', '')}: finish"
     early = ended_early(view.episodes)
     if view.state == OPENING:
-        return "Show how it is done", [*early, f"Enter: start     {finish}"], INK
+        task = view.task or "Act as you would have the machine act."
+        slow = ["It is shown slowly at first, because it is quick."] if view.is_slowed else []
+        lines = [task, key_sentence(view), *slow, *early, f"Enter: start     {finish}"]
+        return "Show how it is done", lines, INK
+    if view.state == COUNTDOWN:
+        return "Get ready", [_when_it_begins(view), key_sentence(view)], INK
+    if view.state == PLAYING:
+        title = "Press a key to begin" if view.awaits_key else "Your turn"
+        return title, [key_sentence(view)], INK
     if view.state == ASKED:
         within = f"Please answer within {view.countdown} s; else learning goes on without you."
         answer = f"Enter: show it     {keys.get('finish', '')}: not now, hand back"
@@ -285,11 +329,19 @@ def words(view: View) -> tuple[str, list[str], Any]:
             title = f"{title}, {last.comment or 'discarded'}"
         following = "Enter: finish" if enough else f"Enter: next     {finish}"
         redo = f"{keys.get('redo', '')}: same start again     {keys.get('discard', '')}: discard"
+        failed = last is not None and last.kept and last.success is False
+        stays = ["It counts: failures may stay. Discard it if your hand slipped."] if failed else []
         color = INK if last is None or not last.kept else result_color(last)
-        return title, [saved, *early, following, redo], color
+        return title, [saved, *stays, *early, f"{following}     {redo}"], color
     if view.state == FINISHED:
         return saved, ["Everything is stored. Any key closes the window."], GOOD if enough else INK
     return "The recording has ended", [view.message, "What was recorded is stored."], BAD
+
+
+def _when_it_begins(view: View) -> str:
+    if any(action.is_idle for action in view.actions):
+        return "Hold the key while it counts: what you hold counts from the first decision on."
+    return "The episode begins with your first key."
 
 
 def ended_early(episodes: list[EpisodeView]) -> list[str]:
@@ -305,7 +357,7 @@ def key_text(key: str) -> str:
     )
 
 
-def wrap(text: str, width: int = 70) -> list[str]:
+def wrap(text: str, width: int) -> list[str]:
     """Return the text in lines of at most about ``width`` characters."""
     lines = [""]
     for word in text.split(" "):

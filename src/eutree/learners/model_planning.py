@@ -62,7 +62,7 @@ class PlanningMethod:
     exploration: float = 0.1
     planner: Planner = Planner()
     max_transitions: int | None = None
-    unpruned_start: bool = False
+    unpruned_start: bool = True
 
     def __post_init__(self) -> None:
         check_integer("gathering_episodes", self.gathering_episodes, low=1)

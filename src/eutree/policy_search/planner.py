@@ -112,9 +112,9 @@ class Planner:
         growth: Plan again when the history has grown by this factor.
         max_transitions: Most recent transitions a world model is fitted to.
         discount: gamma of rollouts.
-        incumbent_first: Episodes of its own that the incumbent needs before a challenger acts; what
-            somebody else has demonstrated is then no evidence on it. 0 takes demonstrations for
-            what it can do, as is right for a tree that does what was shown.
+        incumbent_first: Episodes of its own that an incumbent made of demonstrations needs before a
+            challenger acts: what somebody else has demonstrated is then no evidence on it. 0 takes
+            demonstrations for what it can do, as is right where it has played them itself.
     """
 
     n_episodes: int = 1000
@@ -129,7 +129,7 @@ class Planner:
     growth: float = 1.06
     max_transitions: int = 50_000
     discount: float = 1.0
-    incumbent_first: int = 0
+    incumbent_first: int = 10
 
     def __post_init__(self) -> None:
         check_integer("n_episodes", self.n_episodes, low=8)
@@ -148,8 +148,13 @@ class Planner:
         check_integer("incumbent_first", self.incumbent_first, low=0)
 
     def incumbent_acts(self, plan: Plan) -> bool:
-        """Return whether too little is known of the incumbent: it acts in a challenger's place."""
-        return len(plan.own_episodes) < self.incumbent_first
+        """Return whether the incumbent acts in a challenger's place.
+
+        It does while it has but a few episodes of its own beside somebody's demonstrations; one
+        that was a challenger has proved itself.
+        """
+        own = len(plan.own_episodes)
+        return own < self.incumbent_first and own < len(plan.incumbent_episodes)
 
     def due(self, plan: Plan, n_seen: int) -> bool:
         """Return whether enough transitions were seen to plan again."""

@@ -318,7 +318,7 @@ function show() {
   rebuild("pads", [view.actions, view.turn_based, view.controls], showPads);
   rebuild("buttons", [view.state, watching, view.saved >= view.target, view.saved > 0, view.controls,
     lastKept(), view.makes, phase()], showButtons);
-  rebuild("practise", [view.state, watching, phase(), view.tree?.worse], showPractise);
+  rebuild("practise", [view.state, watching, phase(), view.tree?.may_gain], showPractise);
   rebuild("episodes", [view.episodes, watching, isOver()], showEpisodes);
   rebuild("numbers", view.numbers, showNumbers);
   rebuild("tree", view.tree || null, showTree);
@@ -472,7 +472,7 @@ function mark(episode) {
 const MARKS = { [GOOD]: "✓", [BAD]: "✕" };
 
 function showPractise() {
-  const offered = phase() === "ready" && view.tree.worse && ["opening", "review"].includes(view.state);
+  const offered = phase() === "ready" && view.tree.may_gain && ["opening", "review"].includes(view.state);
   const button = document.createElement("button");
   button.type = "button";
   button.className = "first";
@@ -658,7 +658,7 @@ function showTree() {
   $("drawing").hidden = !tree.svg;
   if (tree.svg) {
     $("tree").src = `data:image/svg+xml;charset=utf-8,${encodeURIComponent(tree.svg)}`;
-    $("tree").alt = `Drawing of the tree, ${tree.n_leaves} leaves; the same as rules below`;
+    $("tree").alt = `Drawing of the tree, ${tree.n_leaves === 1 ? "one leaf" : `${tree.n_leaves} leaves`}; the same as rules below`;
   }
   $("rules-details").hidden = !tree.rules;
   $("rules").textContent = tree.rules;
