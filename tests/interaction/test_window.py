@@ -16,7 +16,7 @@ from eutree.interaction.recorder import Recorder
 from eutree.interaction.replay import replay
 from eutree.interaction.settings import SessionSettings
 from eutree.interaction.window import Gamepad, Window, key_name
-from eutree.interaction.window_screen import SIZE, STAGE, fitting, words
+from eutree.interaction.window_screen import CARD_TOP, MOST_LINES, SIZE, STAGE, fitting, words
 from tests.interaction.people import Corridor
 from tests.interaction.xvfb import display
 
@@ -290,6 +290,22 @@ def test_the_window_says_the_task_and_what_the_keys_do(tmp_path) -> None:
     assert words(person.view)[1][0].startswith("Hold the key while it counts")
     person.recorder.close()
     person.window.close()
+
+
+def test_what_to_press_stands_below_a_long_description(person) -> None:
+    """Beside it the window says pace and mode: nothing is drawn over anything else."""
+    screen, written = person.window._screen, []
+    text = screen._text
+    screen._text = lambda words, place, **more: (
+        written.append((words, place)) or text(words, place, **more)
+    )
+    person.recorder.session._task = "Push the cart to where it has to be. " * 40
+    person.rest(0.1)
+    below = [(words, place) for words, place in written if place[1] >= CARD_TOP and place[0] < 700]
+    last, (_, top) = below[-1]
+    assert last == "Enter: start     Esc: finish"
+    assert top + 21 <= SIZE[1]
+    assert len({place for _, place in below}) == MOST_LINES + 1
 
 
 def test_words_never_cover_the_picture(person) -> None:

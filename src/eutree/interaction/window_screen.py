@@ -20,11 +20,12 @@ from eutree.interaction.session import (
     REVIEW,
 )
 
-SIZE = (1100, 720)
+SIZE = (1100, 740)
 FREE = 0.92  # of the desktop; the rest is for its bars and the window's title
-STAGE = (20, 64, 740, 478)  # left, top, width, height of the picture's place
-CARD_TOP = 554  # of the words below it
+STAGE = (20, 64, 740, 470)  # left, top, width, height of the picture's place
+CARD_TOP = 544  # of the words below it
 LINE_WIDTH = 90  # characters of a line of the card
+MOST_LINES = 7  # of the card below its title
 SHORTEST_BEAT = 0.15  # seconds between decisions; below that a line would only flicker
 SIDE = 784  # left edge of the column beside it
 SIDE_WIDTH = 296
@@ -144,8 +145,8 @@ class Screen:
         if view.state in (PLAYING, COUNTDOWN):
             self._pill(view, place)
         self._card(view)
-        status = f"{view.speed:g} x    {mode_name(view)}    step {view.step}"
-        self._text(status, (STAGE[0], SIZE[1] - 24), color=SOFT, size=13)
+        status = f"{view.speed:g} x   {mode_name(view)}   step {view.step}"
+        self._text(status, (SIDE, SIZE[1] - 28), color=SOFT, size=13)
 
     def _pill(self, view: View, place: Any) -> None:
         """Say in the picture's corner which action is under way, and which one comes."""
@@ -166,7 +167,10 @@ class Screen:
             self._surface.blit(number, (left, top))
             left += 66
         self._text(title, (left, top), size=22, bold=True, color=color)
-        for place, part in enumerate(part for line in lines for part in wrap(line, LINE_WIDTH)):
+        parts = [part for line in lines for part in wrap(line, LINE_WIDTH)]
+        if len(parts) > MOST_LINES:  # what to press next stands in the last line
+            parts = [*parts[: MOST_LINES - 1], parts[-1]]
+        for place, part in enumerate(parts):
             self._text(part, (left, top + 32 + 21 * place))
 
     def _column(self, view: View) -> None:
@@ -177,7 +181,7 @@ class Screen:
 
     def _episodes(self, view: View, top: int) -> None:
         """Draw the list of episodes, the last first, and the marked one in any case."""
-        count, room = len(view.episodes), max((SIZE[1] - top - 76) // 22, 1)
+        count, room = len(view.episodes), max((SIZE[1] - top - 104) // 22, 1)
         first = max(0, count - room)
         if self.chosen is not None:
             first = min(first, self.chosen)
@@ -308,8 +312,8 @@ def words(view: View) -> tuple[str, list[str], Any]:
     early = ended_early(view.episodes)
     if view.state == OPENING:
         task = view.task or "Act as you would have the machine act."
-        slow = ["It is shown slowly at first, because it is quick."] if view.is_slowed else []
-        lines = [task, key_sentence(view), *slow, *early, f"Enter: start     {finish}"]
+        slow = " It is shown slowly at first, because it is quick." if view.is_slowed else ""
+        lines = [task, key_sentence(view) + slow, *early, f"Enter: start     {finish}"]
         return "Show how it is done", lines, INK
     if view.state == COUNTDOWN:
         return "Get ready", [_when_it_begins(view), key_sentence(view)], INK
