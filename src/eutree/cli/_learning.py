@@ -21,14 +21,18 @@ class Following:
 
     Args:
         progress: The line to show it on.
+        output: Where to say why the run's method was chosen.
     """
 
-    def __init__(self, progress: ProgressLine) -> None:
+    def __init__(self, progress: ProgressLine, output: Output) -> None:
         self._progress = progress
+        self._output = output
         self._label = ""
 
     def __call__(self, run: "Run") -> None:
         """Show where the run stands now."""
+        if not self._label and run.beginning.reason:
+            self._output.say(run.beginning.reason)
         label, count, total = progress_of(run)
         if label != self._label:
             self._progress.restart(label, max(total, 1))
@@ -80,6 +84,7 @@ def as_values(result: "LearningResult", out: Path) -> dict[str, Any]:
     steps, judgement = result.environment_steps, result.against_start
     return {
         "method": result.method.name,
+        "reason": result.reason,
         "start": result.start,
         "episodes": result.episodes,
         "steps": result.steps,

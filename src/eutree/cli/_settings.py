@@ -30,6 +30,8 @@ def chosen_method(
     from eutree.learners import method as method_of
     from eutree.learners.choices import with_choices
 
+    if name == "auto":
+        name = None
     if settings is None and not changes and discount is None:
         return name
     document = {} if settings is None else dict(_read(settings))

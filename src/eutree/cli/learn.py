@@ -37,7 +37,8 @@ if TYPE_CHECKING:
               "expert; for distilled-dqn.")  # fmt: skip
 @count_option("--teacher-steps", None, "Steps in which --teacher was trained.", least=0)
 @path_option("--out", text="Run folder to write.")
-@click.option("--method", help="How to learn: planning (the default), u-tree, ...; or a preset.")
+@click.option("--method", help="How to learn: planning, distilled-dqn, u-tree, ...; or a preset. "
+              "auto, the default, lets the task decide between the first two.")  # fmt: skip
 @click.option("--preset", help="A method with all choices made: default, paper (literal), paper-d, "
               "corrected (the default of --offline).")  # fmt: skip
 @click.option("--set", "changes", multiple=True, metavar="KEY=VALUE",
@@ -180,7 +181,7 @@ def learn(
             ask=controller,
             asking=Asking(max_requests=ask_requests, max_steps=ask_steps),
             stop=stop,
-            on_progress=Following(progress),
+            on_progress=Following(progress, output),
             **options,
         )
         if stop():

@@ -24,11 +24,13 @@ class Beginning:
         method: How is learned.
         problem: What is learned.
         start: Where learning begins.
+        reason: Why this method, where nobody named one; else "".
     """
 
     method: Method
     problem: Problem
     start: Start
+    reason: str = ""
 
     def learner(self) -> Learner:
         """Return the learner at its start."""

@@ -19,6 +19,7 @@ from eutree.interaction.requests import Controller
 from eutree.interaction.seeding import Stream
 from eutree.learners import Method, Problem, start_of
 from eutree.learners import method as method_of
+from eutree.learners.default_choice import Choice, Evidence, default_for
 from eutree.learners.learner import HasTeacher, Start, check_fits
 from eutree.learners.registry import to_document
 from eutree.policies import Policy, TreePolicy
@@ -82,8 +83,9 @@ def learn(
         teacher: Who says what to do at observations that are met later, in place of the network
             that ``distilled-dqn`` would train; its training is not counted but declared.
         method: How to learn: a name of ``eutree.learners.METHODS`` or of a preset, such as
-            ``"paper"`` to be faithful, or a method of your own choices. By default model-based
-            planning or, offline, ``"corrected"``.
+            ``"paper"`` to be faithful, or a method of your own choices. By default, and for
+            ``"auto"``, ``distilled-dqn`` for six features or more with demonstrations and 80,000
+            steps to spend, else model-based planning or, offline, ``"corrected"``.
         start: Where learning begins: ``"nothing"``, ``"tree"``, ``"tree+demos"``, ``"demos"`` or
             ``"random-tree"``; the paper's C. U-Tree, EU-Tree - DT and EU-Tree are the first
             three. By default what is given.
@@ -137,17 +139,25 @@ def learn(
         check_number("checkpoint_seconds", checkpoint_seconds, low=0.0)
     asking = asking or Asking()
     clock = SavingClock(checkpoint_seconds)
-    chosen = _method(method, offline=env is None, max_transitions=max_transitions)
+    choice = _choice(
+        None if method == "auto" else method,
+        start,
+        Evidence(demonstrations, steps, teacher is not None),
+        offline=env is None,
+        plans=bool(race_steps or keep_success or history or ask or max_transitions),
+    )
+    chosen = _remembering(choice.method, max_transitions)
     if max_leaves is not None:
         chosen = _with_limit(chosen, max_leaves, races=race_steps > 0)
-    race = SearchSettings(steps=race_steps, max_leaves=max_leaves, keep_success=keep_success)
     plan = Plan(
         episodes=_episodes(episodes, steps, minutes),
         steps=steps,
         seconds=None if minutes is None else 60.0 * check_number("minutes", minutes, low=0.0),
         evaluate_every=evaluate_every,
         gathers=env is not None,
-        race=race if race_steps else None,
+        race=SearchSettings(steps=race_steps, max_leaves=max_leaves, keep_success=keep_success)
+        if race_steps
+        else None,
         keep_success=keep_success,
         seed=seed,
     )
@@ -180,7 +190,7 @@ def learn(
         offline=offline,
     )
     check_fits(chosen, problem, begin, offline=offline)
-    beginning = Beginning(chosen, problem, begin)
+    beginning = Beginning(chosen, problem, begin, choice.reason)
     _check_races(plan, begin)
     run = Run(
         beginning,
@@ -243,6 +253,7 @@ def learn(
         against_fit=against_fit,
         teacher=run.learner.teacher if isinstance(run.learner, HasTeacher) else None,
         model_trust=run.model_trust(),
+        reason=choice.reason,
     )
 
 
@@ -361,11 +372,27 @@ def _go_on(
             folder.save_checkpoint(run)
 
 
-def _method(method: str | Method | None, *, offline: bool, max_transitions: int | None) -> Method:
-    """Return the method that is meant, with the bound on its memory."""
-    if method is None:
-        method = "corrected" if offline else "default"
-    chosen = method_of(method) if isinstance(method, str) else method
+def _choice(
+    method: str | Method | None,
+    start: str | None,
+    evidence: Evidence,
+    *,
+    offline: bool,
+    plans: bool,
+) -> Choice:
+    """Return the method that is meant, and why where nobody said so.
+
+    With ``plans`` something is asked of the run that only planning does.
+    """
+    if method is not None:
+        return Choice(method_of(method) if isinstance(method, str) else method, "")
+    if offline or plans or start not in (None, "demos", "tree+demos"):
+        return Choice(method_of("corrected" if offline else "default"), "")
+    return default_for(evidence)
+
+
+def _remembering(chosen: Method, max_transitions: int | None) -> Method:
+    """Return a method with the bound on its memory."""
     if max_transitions is None:
         return chosen
     if not hasattr(chosen, "max_transitions"):

@@ -60,6 +60,7 @@ class LearningResult(Displayed):
             ``distill`` for example.
         model_trust: How the world model orders the trees that were really run, where the method
             compares both.
+        reason: Why this method learned, where none was named; else "".
     """
 
     policy: TreePolicy
@@ -76,6 +77,7 @@ class LearningResult(Displayed):
     against_fit: OffPolicyComparison | None = None
     teacher: ValuingPolicy | None = None
     model_trust: ModelTrust | None = None
+    reason: str = ""
 
     def __repr__(self) -> str:
         """Return the result in one line; the stored transitions would be pages."""

@@ -96,6 +96,7 @@ class Run:
         self.recorded: dict[str, float | int | None] = {}
         self.stopped = False
         self.whole = True
+        self._last_evaluated: tuple[tuple[bytes, int], Evaluation] | None = None
         self._arena = arena
         self._stop = stop
         self._questions = questions
@@ -381,6 +382,13 @@ class Run:
         return policy, evaluation
 
     def _evaluated(self, policy: TreePolicy, stream: int) -> Evaluation:
+        """Evaluate a policy; the one that was evaluated last needs no other run of its episodes."""
+        asked = key(policy), stream
+        if self._last_evaluated is None or self._last_evaluated[0] != asked:
+            self._last_evaluated = asked, self._evaluated_anew(policy, stream)
+        return self._last_evaluated[1]
+
+    def _evaluated_anew(self, policy: TreePolicy, stream: int) -> Evaluation:
         seed = episode_seed(self.plan.seed, 0, stream)
         return self._acting.evaluator(policy, seed)
 
