@@ -47,8 +47,13 @@ def with_choices(method: Method, changes: Mapping[str, Any]) -> Method:
         UnknownNameError: The method has no such choice.
         InvalidArgumentError: A name is that of several choices, or a value is not one of its.
     """
+    given = list(_flat(changes))
+    kinds = [pair for pair in given if pair[0].rpartition(".")[2] == "type"]
+    if kinds and len(kinds) < len(given):  # first of all: a kind brings its own choices
+        method = with_choices(method, dict(kinds))
+        given = [pair for pair in given if pair not in kinds]
     document = to_document(method)
-    for name, value in _flat(changes):
+    for name, value in given:
         place, *parts = reversed(_path(name, document, method))
         part = document
         for step in reversed(parts):

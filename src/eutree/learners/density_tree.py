@@ -11,6 +11,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from eutree.learners.gates import AnyGain, SplitGate
 from eutree.learners.learner import Arrays, Needs, Problem, Start
 from eutree.learners.stored_state import check_u_tree
 from eutree.learners.targets import OneStep, Target
@@ -35,6 +36,7 @@ class DensityTreeMethod:
     name: ClassVar[str] = "density-tree"
     needs: ClassVar[Needs] = Needs()
     target: ClassVar[Target] = OneStep()
+    gate: ClassVar[SplitGate] = AnyGain()
     solve_each_split: ClassVar[bool] = False
     solve_growth: ClassVar[float] = 1.0
     retest_growth: ClassVar[float] = 1.0

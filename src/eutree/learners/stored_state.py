@@ -43,6 +43,7 @@ WHERE_IT_IS_SO: Expected = {
     "locked": ("i", "K"),
     "history_demonstrated": ("b", "N"),
     "lessons": ("f", "Sd"),
+    "split_at": ("i", "1"),
 }
 _U_TREE: Expected = {
     "mdp_values": ("f", "L"),
@@ -188,6 +189,7 @@ def check_u_tree(
         "mdp_queue": (0, check.n_leaves - 1),
         "tested_at": (0, MOST),
         "solved_at": (0, check.n_seen),
+        "split_at": (0, check.n_seen),
     })  # fmt: skip
     if np.unique(state["mdp_queue"]).size != state["mdp_queue"].size:
         raise check.refuse("mdp_queue", "a state stands in it twice")

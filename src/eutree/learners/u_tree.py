@@ -21,6 +21,7 @@ from eutree.errors import InvalidArgumentError
 from eutree.learners.confidence import Confidence, doubt
 from eutree.learners.discretizer import Discretizer
 from eutree.learners.forgetting import LeafReservoirs
+from eutree.learners.gates import AnyGain, SplitGate, expected_gain
 from eutree.learners.history import TERMINAL, History
 from eutree.learners.learner import (
     Arrays,
@@ -42,6 +43,8 @@ from eutree.splitting import KolmogorovSmirnov, LeafSample, Naive, SignificanceT
 from eutree.trees import DecisionTree
 from eutree.validation import check_integer, check_number
 
+ALWAYS = AnyGain()
+
 
 @dataclass(frozen=True, kw_only=True)
 class UTreeMethod:
@@ -54,6 +57,8 @@ class UTreeMethod:
         target: What q of a transition is (Eq. 2).
         splitter: Which cut of a leaf is its best.
         significance: Whether the best cut is more than chance (the stopping criterion).
+        gate: Whether a significant cut is made: ``AnyGain`` always, ``ConservativeImprovement``
+            only if the policy is expected to gain enough by it.
         solve_each_split: Solve the MDP after every split, as Table 1 says, instead of once at the
             end of an expansion.
         solve_growth: Solve the MDP exactly only in an expansion to which the history has grown to
@@ -76,6 +81,7 @@ class UTreeMethod:
     target: Target = OneStep()
     splitter: KolmogorovSmirnov = KolmogorovSmirnov(score="scaled", compare="pooled", min_leaf=1)
     significance: SignificanceTest = Naive()
+    gate: SplitGate = ALWAYS
     solve_each_split: bool = True
     solve_growth: float = 1.0
     retest_growth: float = 1.0
@@ -161,6 +167,7 @@ class UTree:
         none = np.zeros(tree.n_leaves, dtype=np.int64)
         self._prior = np.array(none if prior is None else prior)  # [L]
         self._tested_at = np.zeros(tree.n_leaves, dtype=np.int64)  # [L] seen at the last test
+        self._split_at = 0  # transitions ever seen at the last split
         self._locked = frozenset(locked)
         self._lessons = Lessons(tree.n_features)
         self._steps: list[Step] = []
@@ -300,7 +307,20 @@ class UTree:
             actions=self.history.actions[rows].astype(np.int64),
             episodes=self.history.episodes[rows].astype(np.int64),
         )
-        return self.method.cut(sample, generator)
+        split = self.method.cut(sample, generator)
+        return split if split is None or self._admits(split, leaf, sample) else None
+
+    def _admits(self, split: Split, leaf: int, sample: LeafSample) -> bool:
+        """Return whether a cut passes the gate; if not, the leaf is tested again next time."""
+
+        def gain() -> float:
+            share = self.history.seen_leaving()[leaf] / self.history.n_seen
+            return expected_gain(split, sample, self._greedy(leaf), float(share))
+
+        if self.method.gate.admits(gain, self.history.n_seen - self._split_at):
+            return True
+        self._tested_at[leaf] = 0
+        return False
 
     def _split(self, leaf: int, split: Split) -> LeafSplit:
         """Split ``leaf`` in all but the tree; relabel its transitions and recount just those."""
@@ -323,6 +343,7 @@ class UTree:
         self._prior = np.append(self._prior, greedy)
         self._tested_at = np.append(self._tested_at, 0)
         self._tested_at[leaf] = 0
+        self._split_at = self.history.n_seen
         return LeafSplit(leaf, new_leaf, int(split.feature), float(split.threshold))
 
     # What it knows ------------------------------------------------------------------------------
@@ -383,6 +404,8 @@ class UTree:
         state |= {"tested_at": self._tested_at, "prior": self._prior}
         if self._locked:
             state["locked"] = np.array(sorted(self._locked))
+        if self.method.gate != ALWAYS:
+            state["split_at"] = np.array([self._split_at])
         return state | self._lessons.state() | self._solving.state()
 
     @classmethod
@@ -401,6 +424,8 @@ class UTree:
         learner.mdp.restore(part(state, "mdp_"))
         learner._tested_at = np.array(state["tested_at"])
         learner._lessons.restore(state)
+        if "split_at" in state:
+            learner._split_at = int(state["split_at"][0])
         if "solved_at" in state:
             learner._solving.solved_at = int(state["solved_at"][0])
         return learner
