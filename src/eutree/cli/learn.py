@@ -25,6 +25,7 @@ from eutree.schema import EnvironmentSpec
 
 if TYPE_CHECKING:
     from eutree.data import Demonstrations
+    from eutree.report import PartitionCallback
     from eutree.training import Teacher
     from eutree.training.signals import StopRequest
 
@@ -80,6 +81,8 @@ if TYPE_CHECKING:
               help="Time between two checkpoints; 0 for one after every episode. By default "
               "saving takes at most a twentieth of the time.")  # fmt: skip
 @path_option("--tensorboard", text="Folder for a log that TensorBoard shows; one for each run.")
+@click.option("--partition", metavar="X,Y", help="Draw the partition over two features while it "
+              "grows; for show --run-html.")  # fmt: skip
 @click.option("--strict", is_flag=True, help="Refuse observations outside the space's bounds.")
 @count_option("--runs", 1, "Runs, with seeds from --seed on; the best is chosen and judged.")
 @click.option("--n-jobs", type=int, default=-1, show_default=True,
@@ -113,6 +116,7 @@ def learn(
     offline: bool,
     runs: int,
     n_jobs: int,
+    partition: str | None,
     backend: str,
     address: str | None,
     env_arguments: dict[str, Any],
@@ -157,6 +161,8 @@ def learn(
         "steps": steps,
         "race_steps": race_steps,
     }
+    if partition is not None and (offline or runs > 1):
+        raise InvalidArgumentError("--partition follows one run that acts: no --offline, no --runs")
     if runs > 1:
         if spec is None or ask is not None or options.pop("tensorboard") is not None:
             raise InvalidArgumentError("--runs takes no --offline, --ask or --tensorboard")
@@ -182,6 +188,7 @@ def learn(
             asking=Asking(max_requests=ask_requests, max_steps=ask_steps),
             stop=stop,
             on_progress=Following(progress, output),
+            callback=None if partition is None else _drawing(partition, out),
             **options,
         )
         if stop():
@@ -228,6 +235,16 @@ def _saying_how_to_go_on(output: Output, stop: "StopRequest", out: Path) -> Iter
         state = "stopped and saved" if saved else "stopped before anything was learned"
         output.say(f"{state}; go on with --resume")
         raise SystemExit(stop.exit_code) from None
+
+
+def _drawing(features: str, out: Path) -> "PartitionCallback":
+    """Return what draws the partition over two features, "X,Y", into the run folder."""
+    from eutree.report.partitions import DRAWINGS, PartitionCallback
+
+    x, separator, y = (part.strip() for part in features.partition(","))
+    if not (x and separator and y):
+        raise InvalidArgumentError(f"--partition must be two features X,Y, got {features!r}")
+    return PartitionCallback(x, y, out / DRAWINGS)
 
 
 def _spec(

@@ -16,7 +16,7 @@ The loop of a run, for every method:
 
 What only some learners can do is a protocol of its own, which its user checks for by
 ``isinstance``: ``CanDoubt``, ``CanRace``, ``ChoosesStarts``, ``HasStages``, ``HasTeacher``,
-``KnowsItsModel``, ``HasPolicy``.
+``KnowsItsModel``, ``HasPolicy``, ``HasPartition``.
 """
 
 from collections.abc import Callable, Mapping
@@ -36,6 +36,7 @@ from eutree.learners.confidence import Confidence
 from eutree.learners.goals import reached
 from eutree.learners.history import History
 from eutree.learners.model_trust import ModelTrust
+from eutree.learners.partition import Partition, Plane
 from eutree.policies import LeafStatistics, Policy, TreePolicy
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.trees import DecisionTree
@@ -417,6 +418,15 @@ class HasPolicy(Protocol):
 
     def own_policy(self) -> Policy:
         """Return the present policy, frozen."""
+        ...
+
+
+@runtime_checkable
+class HasPartition(Protocol):
+    """A learner whose states are not the leaves of its tree: it shows them itself."""
+
+    def partition(self, plane: Plane) -> Partition:
+        """Return the present partition as one sees it in a plane."""
         ...
 
 

@@ -28,11 +28,13 @@ from eutree.learners.episode_buffer import EpisodeBuffer, store
 from eutree.learners.goals import goal_boxes, reached
 from eutree.learners.history import History
 from eutree.learners.learner import Arrays, Decisions, Needs, Problem, Start, Step, Update
+from eutree.learners.partition import Partition, Plane, Region, rectangles
 from eutree.learners.relabelling import relabelled
 from eutree.learners.root_box import root_box
 from eutree.learners.stored_state import TREE, StateCheck, part, prefixed
 from eutree.policies import TreePolicy
 from eutree.trees import DecisionTree
+from eutree.trees.boxes import leaf_boxes
 from eutree.validation import check_integer, check_vector
 
 _TILES = ("means", "errors", "visits", "size")
@@ -218,6 +220,10 @@ class PartiGameLearner:
         """Return the present aims and the controller, frozen."""
         return CellPolicy(self._copy())
 
+    def partition(self, plane: Plane) -> Partition:
+        """Return the cells that a plane meets, with their costs, and the goal."""
+        return cells_seen(self.game, plane)
+
     def state(self) -> Arrays:
         """Return all that is known between two episodes."""
         game = self.game
@@ -299,6 +305,19 @@ class CellPolicy:
         given = np.asarray(observation, dtype=np.float64)
         actions = np.array([self.game.best(row) for row in np.atleast_2d(given)], dtype=np.int64)
         return (int(actions[0]) if given.ndim == 1 else actions), state
+
+
+def cells_seen(game: PartiGame, plane: Plane) -> Partition:
+    """Return the cells of a game that a plane meets, with their costs, and the goal."""
+    found, outlines = rectangles(*leaf_boxes(game.cells.tree), plane)
+    first, last = game.cells.goals[:, 0], game.cells.goals[:, 1]
+    _, goals = rectangles(np.nextafter(first, -np.inf), last, plane)
+    costs = game.plan().cost
+    regions = tuple(
+        Region(outline, value=float(costs[cell]))
+        for cell, outline in zip(found.tolist(), outlines, strict=True)
+    )
+    return Partition(plane, regions, "aims to the goal", goals=tuple(goals))
 
 
 def _controller(low: Floats, span: Floats, problem: Problem) -> LearnedController:

@@ -41,6 +41,7 @@ from eutree.learners.learner import (
     Update,
 )
 from eutree.learners.model_planning import transitions_of
+from eutree.learners.partition import Partition, Plane, corners_seen, leaves_seen
 from eutree.learners.relabelling import relabelled
 from eutree.learners.root_box import root_box
 from eutree.learners.stored_state import TREE, StateCheck, part, prefixed
@@ -252,6 +253,18 @@ class VariableResolution:
     def own_policy(self) -> "LookAheadPolicy":
         """Return the look-ahead, frozen; before there is one, the expert, or the first action."""
         return LookAheadPolicy(self.solved, self._world, self._informed)
+
+    def partition(self, plane: Plane) -> Partition:
+        """Return the boxes that a plane meets; the corners where it shows all features."""
+        if self.solved is None:
+            decisions = self.decisions()
+            unknown = np.full(decisions.tree.n_leaves, np.nan)
+            return Partition(plane, leaves_seen(decisions.tree, decisions.actions, unknown, plane))
+        grid = self.solved.grid
+        regions = corners_seen(grid, self.solved.policy, self.solved.values, plane)
+        if len(plane.at) > 2:
+            return Partition(plane, regions, "value")
+        return Partition(plane, regions, "value", grid.corners[:, plane.axes], "corners")
 
     def state(self) -> Arrays:
         """Return all that is known between two episodes."""

@@ -30,6 +30,7 @@ from eutree.learners import _kernels_q_learning as kernels
 from eutree.learners.episode_buffer import EpisodeBuffer, store
 from eutree.learners.history import TERMINAL, History
 from eutree.learners.learner import Arrays, Decisions, Needs, Problem, Start, Step, Update
+from eutree.learners.partition import Partition, Plane, codewords_seen
 from eutree.learners.relabelling import relabelled
 from eutree.learners.stored_state import TREE, StateCheck, part, prefixed
 from eutree.mdp import TabularMDP
@@ -232,6 +233,17 @@ class VectorQuantization:
     def own_policy(self) -> "RegionPolicy":
         """Return the policy over regions, frozen."""
         return RegionPolicy(self.book, self.greedy_actions())
+
+    def partition(self, plane: Plane) -> Partition:
+        """Return the regions that a plane meets, and the codewords where it shows all features."""
+        known = ~np.isnan(self.values)
+        best = np.where(known, self.values, -np.inf).max(axis=1)
+        values = np.where(known.any(axis=1), best, np.nan)
+        words = (self.book.codewords * self.book.scale)[:, plane.axes]
+        regions = codewords_seen(self.book, self.greedy_actions(), values, plane)
+        if len(plane.at) > 2:
+            return Partition(plane, regions, "value")
+        return Partition(plane, regions, "value", words, "codewords")
 
     def state(self) -> Arrays:
         """Return all that is known between two episodes."""

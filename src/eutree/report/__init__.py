@@ -5,6 +5,8 @@ from eutree.report.demonstrations_page import (
     demonstration_figures,
     demonstrations_page,
 )
+from eutree.report.partition_chart import partition_chart
+from eutree.report.partitions import PartitionCallback, drawings
 from eutree.report.policy_page import policy_page
 from eutree.report.run_folder_report import report_of_run
 from eutree.report.run_page import RunReport, run_page
@@ -12,10 +14,13 @@ from eutree.report.watching import WatchedEpisode, watch
 
 __all__ = [
     "DemonstrationFigures",
+    "PartitionCallback",
     "RunReport",
     "WatchedEpisode",
     "demonstration_figures",
     "demonstrations_page",
+    "drawings",
+    "partition_chart",
     "policy_page",
     "report_of_run",
     "run_page",

@@ -11,6 +11,7 @@ from eutree.errors import FormatError, InvalidArgumentError
 from eutree.files import read_bytes
 from eutree.learners.model_trust import ModelTrust
 from eutree.policies import TreePolicy
+from eutree.report.partitions import DRAWINGS, drawings
 from eutree.report.run_page import RunReport
 from eutree.training import Judgement
 
@@ -71,6 +72,7 @@ def _report(path: Path, config: Event, events: Sequence[Event]) -> RunReport:
         },
         files=[(label, name) for label, name in _FILES if (path / name).exists()],
         notes=notes,
+        partitions=drawings(path / DRAWINGS),
         trust=_trust(events),
         races=_races(events),
     )

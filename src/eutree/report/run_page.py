@@ -1,5 +1,6 @@
 """The report of a run: learning curves, the comparison, the trees, the files."""
 
+from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
@@ -10,6 +11,7 @@ from eutree.export.svg import STYLE
 from eutree.learners.model_trust import ModelTrust
 from eutree.policies import TreePolicy
 from eutree.report.chart import Series, chart, legend, scatter
+from eutree.report.coverage_chart import action_legend
 from eutree.report.html import asset, page
 from eutree.wording import counted
 
@@ -27,6 +29,7 @@ class RunReport:
         header: Titles of the table's columns.
         rows: Rows of the table, as text; the first column names the row.
         trees: Policies to draw, with a caption each.
+        partitions: Drawings of the partition while it grew: a caption and SVG text each.
         files: A label and a path, relative to the page, for each file to link.
         notes: Sentences below the title.
         trust: What the world model imagined of trees, and what they really earned.
@@ -39,6 +42,7 @@ class RunReport:
     header: Sequence[str] = ()
     rows: Sequence[Sequence[str]] = ()
     trees: Mapping[str, TreePolicy] = field(default_factory=dict)
+    partitions: Sequence[tuple[str, str]] = ()
     files: Sequence[tuple[str, str]] = ()
     notes: Sequence[str] = ()
     trust: ModelTrust | None = None
@@ -56,6 +60,7 @@ def run_page(report: RunReport) -> str:
         _section("Comparison", _table("Comparison", report.header, report.rows))
         if report.rows
         else "",
+        _section("Partition", _partitions(report)) if report.partitions else "",
         _section("Trees", _trees(report)) if report.trees else "",
         _section("Files", _files(report)) if report.files else "",
     ]
@@ -64,7 +69,7 @@ def run_page(report: RunReport) -> str:
     return page(
         title=report.title,
         body="\n".join(["<main>", heading, *filter(None, sections), "</main>"]),
-        style=asset("chart.css") + asset("run.css") + STYLE,
+        style=asset("chart.css") + asset("partition.css") + asset("run.css") + STYLE,
     )
 
 
@@ -128,6 +133,23 @@ def _trees(report: RunReport) -> str:
         f"{to_svg(policy, standalone=False)}</div></figure>"
         for name, policy in report.trees.items()
     )
+
+
+def _partitions(report: RunReport) -> str:
+    """Return the drawings side by side, each an image of its own: no word of it is the page's."""
+    figures = (
+        f'<figure><img alt="{escape(caption)}" src="data:image/svg+xml;base64,'
+        f'{b64encode(drawing.encode()).decode("ascii")}">'
+        f"<figcaption>{escape(caption)}</figcaption></figure>"
+        for caption, drawing in report.partitions
+    )
+    schemas = [policy.schema for policy in report.trees.values()]
+    actions = action_legend(schemas[0]) if schemas else ""
+    key = (
+        '<p class="quiet">A region has the hue of its action and is stronger the more it is worth; '
+        "the line is the way of the last episode.</p>"
+    )
+    return f'{key}<div class="partitions">{"".join(figures)}</div>{actions}'
 
 
 def _files(report: RunReport) -> str:
