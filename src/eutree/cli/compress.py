@@ -21,7 +21,9 @@ if TYPE_CHECKING:
     from eutree.arrays import Floats
     from eutree.compression import CompressionReport
     from eutree.compression.rounding import Rounding
+    from eutree.data import Demonstrations
     from eutree.policies import TreePolicy
+    from eutree.world_model import Transitions
 
 
 @click.command(epilog="Example: eutree compress runs/a --out small.json --round")
@@ -37,6 +39,12 @@ if TYPE_CHECKING:
 @click.option("--max-disagreement", type=float, metavar="SHARE",
               help="Give the smallest tree that changes at most this share of the recorded "
               "decisions.")  # fmt: skip
+@count_option(
+    "--max-leaves", None, "Give a tree of at most so many leaves, whatever it costs.", least=2
+)
+@click.option("--imagined", is_flag=True,
+              help="With --max-leaves, cut where that costs least in episodes imagined by a world "
+              "model of the run's transitions, or of those of --demos.")  # fmt: skip
 @click.option("--weights", default="visits", show_default=True,
               help="What a changed decision costs: visits (1 each) or q-gap (by the values of "
               "the leaves).")  # fmt: skip
@@ -63,6 +71,7 @@ def compress(
     source: Path,
     out: Path,
     demos: Path | None,
+    imagined: bool,
     return_margin: float | None,
     evaluates: bool,
     round_thresholds: tuple[str, ...],
@@ -88,7 +97,13 @@ def compress(
     rounding = _rounding(round_thresholds)
     check_writable(out)
     small, report = compress_policy(
-        policy, observations, env=spec, margin=return_margin, round_thresholds=rounding, **options
+        policy,
+        observations,
+        experience=_experience(source, demos, policy) if imagined else None,
+        env=spec,
+        margin=return_margin,
+        round_thresholds=rounding,
+        **options,
     )
     small.save(out)
     change = report.return_change
@@ -107,6 +122,7 @@ def compress(
             "return_range": report.return_range,
             "range_known": report.range_known,
             "episodes_needed": report.episodes_needed,
+            "imagined": report.imagined,
             "path": str(out),
         },
         f"{small}\n{_in_words(report, len(observations))}; written to {out}",
@@ -128,6 +144,20 @@ def _read(source: Path, demos: Path | None) -> "tuple[TreePolicy, Floats]":
     policy = TreePolicy.load(source)
     recorded = Demonstrations.load(demos).with_history(policy.history, policy.past_actions)
     return policy, recorded.observations
+
+
+def _experience(
+    source: Path, demos: Path | None, policy: "TreePolicy"
+) -> "Transitions | Demonstrations":
+    """Return what a world model is fitted to."""
+    from eutree.data import Demonstrations
+    from eutree.training import stored_transitions
+
+    if source.is_dir():
+        return stored_transitions(source, policy.schema.n_actions)
+    if demos is None:
+        raise InvalidArgumentError("--imagined needs a run folder, or --demos")
+    return Demonstrations.load(demos)
 
 
 def _rounding(texts: tuple[str, ...]) -> "Rounding":
@@ -157,6 +187,9 @@ def _in_words(report: "CompressionReport", n_rows: int) -> str:
         f"{n_rows} recorded observations, another on "
         f"{report.disagreement_volume:.3%} of the observation box"
     )
+    if report.imagined is not None:
+        before, after = report.imagined
+        words += f"; imagined to earn {before:.2f} before, {after:.2f} after"
     if report.return_change is not None:
         low, high = report.return_change.interval
         words += (

@@ -75,6 +75,15 @@ class Ladder:
         size, _, number = min(sizes)
         return self._prunings[number].of_size(size)
 
+    def of_size(self, n_leaves: int) -> TreePolicy:
+        """Return the cheapest tree of at most so many leaves."""
+        found = [
+            (float(prunings.costs[min(n_leaves, prunings.costs.size) - 1]), number)
+            for number, prunings in enumerate(self._prunings)
+        ]
+        prunings = self._prunings[min(found)[1]]
+        return prunings.of_size(min(n_leaves, prunings.costs.size))
+
     def rungs(self) -> list[TreePolicy]:
         """Return the cheapest tree of every size that is worth it, the smallest first."""
         rungs: list[TreePolicy] = []

@@ -8,8 +8,9 @@ demanded fidelity wins. Who can give something up gets less: a share of the reco
 (``max_disagreement``), or a margin of the return (``env`` and ``margin``).
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import gymnasium
@@ -20,12 +21,16 @@ from eutree.arrays import Floats
 from eutree.c45 import C45Settings
 from eutree.compression.candidates import Ladder, by_c45, lossless, merged, with_locks
 from eutree.compression.costs import WEIGHTS, Costs
+from eutree.compression.imagined import Pruned, pruned_in_imagination
 from eutree.compression.racing import Arena, Verdict, meet, race
 from eutree.compression.report import CompressionReport
 from eutree.compression.rounding import Rounding, rounded, steps_of
+from eutree.data import Demonstrations
 from eutree.errors import InvalidArgumentError
 from eutree.interaction.making import make
 from eutree.interaction.return_range import return_range as known_range
+from eutree.learners import History
+from eutree.learners.model_planning import transitions_of
 from eutree.policies import TreePolicy
 from eutree.policy_search.betting import episodes_needed
 from eutree.policy_search.racing import Demand, first_error
@@ -39,9 +44,14 @@ from eutree.validation import (
     check_seed,
     check_vector,
 )
+from eutree.world_model import Transitions
+from eutree.world_model.ensemble import EnsembleSettings
+
+IMAGINED_STREAM = 41
 
 MODES = ("auto", "merge", "paper", "lossless")
 
+Experience = History | Demonstrations | Transitions
 Environment = gymnasium.Env[Any, Any] | EnvironmentSpec | str
 
 
@@ -51,6 +61,8 @@ def compress(
     *,
     mode: str = "auto",
     max_disagreement: float | None = None,
+    max_leaves: int | None = None,
+    experience: Experience | None = None,
     weights: str = "visits",
     env: Environment | None = None,
     margin: float | None = None,
@@ -58,6 +70,7 @@ def compress(
     episodes: int = 1000,
     return_range: tuple[float, float] | None = None,
     round_thresholds: Rounding = False,
+    world_model: EnsembleSettings | None = None,
     seed: int = 0,
 ) -> tuple[TreePolicy, CompressionReport]:
     """Return a policy with fewer leaves that decides the same, and what changed.
@@ -71,6 +84,11 @@ def compress(
             and ``"auto"`` keep the decision on every recorded observation; ``"auto"`` takes the
             smallest of all ways. ``"paper"`` is unpruned C4.5, which may change some decisions.
         max_disagreement: Give the smallest tree that costs at most this share instead.
+        max_leaves: Give a tree of at most so many leaves instead, whatever that costs.
+        experience: Transitions to imagine episodes by: a run's ``history``, or demonstrations. With
+            ``max_leaves`` nodes are then cut where that costs least in a world model fitted to
+            them, which is worth it from some ten thousand varied transitions on; without it,
+            where labels change least.
         weights: What a changed decision costs: ``"visits"``, 1 each; ``"q-gap"``, what the values
             of the policy's leaves say it loses.
         env: Where to evaluate the result beside the input, on the same fresh episodes.
@@ -84,6 +102,7 @@ def compress(
         round_thresholds: Write each threshold with the fewest significant digits that leave
             every recorded observation in its leaf of the result; or a step (0.1), or a step for
             each named feature: thresholds become multiples of it, which may change decisions.
+        world_model: How the world model of ``experience`` is fitted, if not as usual.
         seed: Seed of the episodes.
 
     Returns:
@@ -95,12 +114,13 @@ def compress(
     check_integer("episodes", episodes, low=2)
     check_number("confidence", confidence, low=0.5, high=1, low_open=True, high_open=True)
     _check_gates(mode, max_disagreement, env, margin)
+    _check_size(policy, mode, max_leaves, experience, others=(max_disagreement, margin))
     rows = check_observations("observations", observations, n_features=policy.tree.n_features)
     costs = Costs.of(policy, rows, weights)
     steps = steps_of(round_thresholds, policy.schema)
     shortened = round_thresholds is not False
     arena = None if env is None else Arena(_made(env), seed)
-    verdict = demand = None
+    verdict = demand = scores = None
     if arena is not None:
         demand = Demand(
             margin=margin or 0.0,
@@ -112,6 +132,17 @@ def compress(
         result, method, verdict = _by_return(
             policy, costs, arena, demand, steps=steps if shortened else None
         )
+    elif max_leaves is not None:
+        chance = np.random.default_rng((seed, IMAGINED_STREAM))
+        imagine = None
+        if experience is not None:
+            imagine = partial(
+                pruned_in_imagination,
+                known=_transitions(experience, policy),
+                settings=world_model or EnsembleSettings(),
+                generator=chance,
+            )
+        result, method, scores = _of_size(policy, costs, max_leaves, imagine)
     elif max_disagreement is not None:
         result, method = _within(policy, costs, max_disagreement)
     else:
@@ -130,6 +161,7 @@ def compress(
         environment_steps=0 if arena is None else arena.steps,
         range_known=demand is not None and demand.known_range is not None,
         episodes_needed=too_few,
+        imagined=scores,
     )
 
 
@@ -167,6 +199,67 @@ def _within(policy: TreePolicy, costs: Costs, share: float) -> tuple[TreePolicy,
         return exact, "merge"
     found = with_locks(Ladder(policy, costs).within(share), policy)
     return (found, "budget") if found.n_leaves <= exact.n_leaves else (exact, "merge")
+
+
+def _of_size(
+    policy: TreePolicy,
+    costs: Costs,
+    max_leaves: int,
+    imagine: Callable[..., Pruned] | None,
+) -> tuple[TreePolicy, str, tuple[float, float] | None]:
+    """Return a tree of at most so many leaves, what made it, and its score with the input's."""
+    exact = merged(policy)
+    if exact.n_leaves <= max_leaves or not costs.rows.size:
+        if exact.n_leaves > max_leaves:
+            raise InvalidArgumentError(
+                "observations must hold at least one, to choose what max_leaves gives up"
+            )
+        return exact, "merge", None
+    if imagine is None:
+        return Ladder(policy, costs).of_size(max_leaves), "budget", None
+    found = imagine(policy, costs, max_leaves=max_leaves)
+    return found.policy, found.method, (found.before, found.after)
+
+
+def _transitions(experience: Experience, policy: TreePolicy) -> Transitions:
+    """Return transitions in the features of a policy."""
+    if isinstance(experience, Transitions):
+        known = experience
+    elif isinstance(experience, History):
+        known = transitions_of(experience, policy.schema.n_actions)
+    else:
+        shown = experience.with_history(policy.history, policy.past_actions)
+        known = Transitions.of(shown.kept, policy.schema.n_actions)
+    if known.observations.shape[1] != policy.tree.n_features or not known.rewards.size:
+        raise InvalidArgumentError(
+            f"experience must hold transitions of {policy.tree.n_features} features, "
+            f"got shape {known.observations.shape}"
+        )
+    return known
+
+
+def _check_size(
+    policy: TreePolicy,
+    mode: str,
+    max_leaves: int | None,
+    experience: Experience | None,
+    *,
+    others: tuple[float | None, float | None],
+) -> None:
+    """Raise InvalidArgumentError unless a limit of leaves can be asked for."""
+    if max_leaves is None:
+        if experience is not None:
+            raise InvalidArgumentError("experience needs max_leaves, to prune a tree to")
+        return
+    check_integer("max_leaves", max_leaves, low=2)
+    if mode != "auto" or others != (None, None):
+        raise InvalidArgumentError(
+            'max_leaves needs mode="auto", and neither max_disagreement nor margin'
+        )
+    if policy.locked:
+        raise InvalidArgumentError(
+            "max_leaves must be None for a policy with locked leaves, which all stay"
+        )
 
 
 def _by_return(

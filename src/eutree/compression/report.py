@@ -16,7 +16,8 @@ class CompressionReport:
         disagreement_volume: Exact share of the observation box on which they decide differently;
             the box is the environment's, or the recorded data's where that is unbounded.
         method: Which candidate was kept: ``"merge"``, ``"drop"`` (tests that all recorded
-            observations answer alike), ``"lossless"``, ``"paper"``, ``"budget"`` or ``"return"``.
+            observations answer alike), ``"lossless"``, ``"paper"``, ``"budget"``, ``"return"`` or
+            ``"imagined"``.
         weighted_disagreement: What the changed decisions cost, as a share of the worst; with
             ``weights="visits"`` the share of recorded observations decided differently.
         environment_steps: Steps of all episodes run, in choosing and in confirming.
@@ -28,6 +29,8 @@ class CompressionReport:
         range_known: Whether that range is known, or else only the range of all returns seen.
         episodes_needed: How many episodes could have confirmed the margin at best, where those
             allowed were too few for any tree; else None.
+        imagined: Scores of the input and of the result in a world model, pessimistic mean returns;
+            None where there is none.
     """
 
     n_leaves_before: int
@@ -43,3 +46,4 @@ class CompressionReport:
     return_range: tuple[float, float] | None = None
     range_known: bool = False
     episodes_needed: int | None = None
+    imagined: tuple[float, float] | None = None

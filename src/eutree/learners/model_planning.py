@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from eutree.arrays import Floats, Int32s, Integers
+from eutree.arrays import Booleans, Floats, Int32s, Integers
 from eutree.c45 import C45Settings, grow
 from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
@@ -368,19 +368,24 @@ class _Actor:
 
 def transitions_of(history: History, n_actions: int) -> Transitions:
     """Return a history as planning sees it; what a gap divides counts as two episodes."""
-    numbers = history.episodes.astype(np.int64)
-    gaps = ~history.continues
-    gaps[1:] &= numbers[1:] == numbers[:-1]
-    gaps[:1] = False
     return Transitions(
         history.observations,
         history.actions.astype(np.int64),
         history.rewards,
         history.next_observations,
         history.entered == TERMINAL,
-        numbers + np.cumsum(gaps),
+        as_whole(history.episodes.astype(np.int64), history.continues),
         n_actions,
     )
+
+
+def as_whole(episodes: Integers, continues: Booleans) -> Integers:
+    """Return numbers of episodes [N] such that what a gap divides counts as two."""
+    gaps = ~continues
+    gaps[1:] &= episodes[1:] == episodes[:-1]
+    gaps[:1] = False
+    whole: Integers = episodes + np.cumsum(gaps)
+    return whole
 
 
 def _forgetting(method: PlanningMethod) -> RecentEpisodes | None:

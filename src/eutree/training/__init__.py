@@ -1,7 +1,7 @@
 """Learning runs: gather, update, evaluate, race, and the public ``learn``."""
 
 from eutree.training.asking import Asking
-from eutree.training.checkpoint import stored_observations
+from eutree.training.checkpoint import stored_observations, stored_transitions
 from eutree.training.judging import Judgement
 from eutree.training.learn import learn
 from eutree.training.phases import Phase, Plan
@@ -20,4 +20,5 @@ __all__ = [
     "Teacher",
     "learn",
     "stored_observations",
+    "stored_transitions",
 ]

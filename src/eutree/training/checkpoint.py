@@ -20,6 +20,7 @@ from eutree.arrays import Floats
 from eutree.errors import FormatError
 from eutree.evaluation import CurvePoint
 from eutree.files import Document, read_archive, write_archive
+from eutree.learners.model_planning import as_whole
 from eutree.training.judging import Judgement
 from eutree.training.phases import Position
 from eutree.training.progress import GatheredEpisodes, progress_to_csv
@@ -33,6 +34,7 @@ from eutree.training.race_state import (
     race_to_document,
 )
 from eutree.training.run import Run
+from eutree.world_model import Transitions
 
 CHECKPOINT = "checkpoint.npz"
 _EVENTS = "run_events"
@@ -144,6 +146,11 @@ def _judgement(path: Path, event: dict[str, Any]) -> Judgement:
         raise FormatError(path, _EVENTS, f"a judgement: {error!r}") from None
 
 
+_TRANSITION = (("observations", "f", 2), ("actions", "i", 1), ("rewards", "f", 1),
+               ("next_observations", "f", 2), ("terminal", "b", 1), ("episodes", "i", 1),
+               ("continues", "b", 1))  # fmt: skip
+
+
 def stored_observations(path: str | Path) -> Floats:
     """Return the observations of all transitions that a run folder's learner stored, [N, d]."""
     checkpoint, name = Path(path) / CHECKPOINT, "history_observations"
@@ -154,6 +161,42 @@ def stored_observations(path: str | Path) -> Floats:
     if stored.dtype != np.float64 or stored.ndim != 2 or not np.isfinite(stored).all():
         raise FormatError(checkpoint, name, "must be finite numbers of shape [N, d]")
     return stored
+
+
+def stored_transitions(path: str | Path, n_actions: int) -> Transitions:
+    """Return all transitions that a run folder's learner stored, as a world model is fitted to.
+
+    Args:
+        path: The folder.
+        n_actions: Number of actions of its task.
+    """
+    checkpoint = Path(path) / CHECKPOINT
+    arrays = read_archive(checkpoint, CheckpointDocument, limit=MAX_CHECKPOINT)[1]
+    columns = {}
+    for name, kind, axes in _TRANSITION:
+        found = arrays.get(f"history_{name}")
+        if found is None or found.dtype.kind != kind or found.ndim != axes:
+            raise FormatError(checkpoint, f"history_{name}", f"must be there, with {axes} axes")
+        if kind == "f" and not np.isfinite(found).all():
+            raise FormatError(checkpoint, f"history_{name}", "must be finite")
+        columns[name] = found
+    if len({len(column) for column in columns.values()}) != 1:
+        raise FormatError(checkpoint, "history", "must have rows of the same number")
+    observations, actions = columns["observations"], columns["actions"].astype(np.int64)
+    episodes = columns["episodes"].astype(np.int64)
+    if columns["next_observations"].shape != observations.shape:
+        raise FormatError(checkpoint, "history_next_observations", "has another shape")
+    if not ((actions >= 0) & (actions < n_actions)).all() or (np.diff(episodes) < 0).any():
+        raise FormatError(checkpoint, "history_actions", "must be actions of ascending episodes")
+    return Transitions(
+        observations,
+        actions,
+        columns["rewards"],
+        columns["next_observations"],
+        columns["terminal"],
+        as_whole(episodes, columns["continues"]),
+        n_actions,
+    )
 
 
 def _gathered(path: Path, arrays: dict[str, NDArray[Any]]) -> GatheredEpisodes:

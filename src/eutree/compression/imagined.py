@@ -1,0 +1,87 @@
+"""Cut a tree to size by what it would earn: by imagined returns in a world model of a history.
+
+Labels do not say what a leaf is worth: a leaf that decides a hundredth of all observations may be
+the one that brakes. Where transitions are at hand, an ensemble of networks is fitted to them and
+cuts are chosen by imagined episodes; the cheapest pruning by labels is a rival as well.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from eutree.arrays import Integers
+from eutree.compression.candidates import Ladder, merged
+from eutree.compression.costs import Costs
+from eutree.policies import TreePolicy
+from eutree.policy_search.rollout_pruning import pruned_by_rollouts
+from eutree.trees import DecisionTree
+from eutree.world_model import ActionTree
+from eutree.world_model.action_trees import from_decision_tree, to_decision_tree
+from eutree.world_model.ensemble import EnsembleSettings, fit_ensemble
+from eutree.world_model.ensemble_rollouts import EnsembleRollouts
+from eutree.world_model.transitions import Transitions
+
+TRIES = 3  # prunings with imagined episodes of their own
+TIMES = 3  # leaves to prune from, in those allowed; what is larger is cut by labels first
+N_STARTS = 50  # first observations of imagined episodes
+
+
+@dataclass(frozen=True)
+class Pruned:
+    """A tree cut to size.
+
+    Attributes:
+        policy: The tree.
+        method: ``"imagined"``, or ``"budget"`` where cutting by labels was better.
+        before: Score of the input in imagined episodes that chose nothing.
+        after: The same of the result.
+    """
+
+    policy: TreePolicy
+    method: str
+    before: float
+    after: float
+
+
+def pruned_in_imagination(
+    policy: TreePolicy,
+    costs: Costs,
+    known: Transitions,
+    max_leaves: int,
+    settings: EnsembleSettings,
+    generator: np.random.Generator,
+) -> Pruned:
+    """Return the tree cut to at most so many leaves, by the best of several prunings.
+
+    Args:
+        policy: The tree, without locks.
+        costs: What other decisions cost at the recorded observations, by labels.
+        known: Transitions to fit a world model to.
+        max_leaves: Most leaves of the result.
+        settings: How it is fitted.
+        generator: Source of all chance.
+    """
+    ladder = Ladder(policy, costs)
+    whole = merged(policy)
+    large = whole if whole.n_leaves <= TIMES * max_leaves else ladder.of_size(TIMES * max_leaves)
+    ensemble = fit_ensemble(known, settings, generator)
+    rivals = [("budget", ladder.of_size(max_leaves))]
+    for _ in range(TRIES):
+        rollouts = EnsembleRollouts(ensemble, N_STARTS, generator)
+        tree, _ = pruned_by_rollouts(_acting(large), rollouts, max_leaves, generator)
+        structure, actions = to_decision_tree(tree, policy.tree.n_features)
+        rivals.append(("imagined", _with(policy, structure, actions)))
+    fresh = EnsembleRollouts(ensemble, N_STARTS, generator)
+    fresh.run(_acting(whole))
+    scores = [fresh.score(fresh.returns_of(_acting(tree))) for _, tree in rivals]
+    best = int(np.argmax(scores))
+    method, tree = rivals[best]
+    return Pruned(merged(tree), method, fresh.score(fresh.returns), scores[best])
+
+
+def _acting(policy: TreePolicy) -> ActionTree:
+    return from_decision_tree(policy.tree, policy.actions)
+
+
+def _with(policy: TreePolicy, tree: DecisionTree, actions: Integers) -> TreePolicy:
+    return replace(policy, tree=tree, actions=actions, leaves=None, locked=())
