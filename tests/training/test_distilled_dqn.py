@@ -1,5 +1,6 @@
 """The method ``distilled-dqn`` in a run: budget, common starts, going on, the limit of leaves."""
 
+import importlib
 import json
 from dataclasses import replace
 from html import escape
@@ -179,6 +180,57 @@ def test_a_teacher_that_cannot_teach_is_refused(teacher, words, env, shown):
 def test_methods_that_ask_nobody_refuse_a_teacher(env, shown):
     with pytest.raises(InvalidArgumentError, match="asks no teacher"):
         eutree.learn(env, demonstrations=shown, teacher=eutree.Teacher(Pushes(), steps=0))
+
+
+@pytest.mark.parametrize(
+    "place",
+    ["neural.double_dqn.kernels.update", "world_model.ensemble.kernels.fit",
+     "world_model.ensemble_rollouts.kernels.rival_returns"],
+)  # fmt: skip
+def test_an_interruption_in_the_middle_of_an_update_loses_nothing(
+    place, whole, env, shown, tmp_path, monkeypatch
+):
+    """The last checkpoint is good, whatever was under way: networks, world model, imagination."""
+    module, _, name = place.rpartition(".kernels.")
+    kernels = importlib.import_module(f"eutree.{module}").kernels
+    plainly, calls = getattr(kernels, name), 0
+
+    def interrupted(*arguments):
+        nonlocal calls
+        calls += 1
+        if calls == 2:
+            raise KeyboardInterrupt
+        return plainly(*arguments)
+
+    monkeypatch.setattr(kernels, name, interrupted)
+    out = tmp_path / "run"
+    with pytest.raises(KeyboardInterrupt):
+        learned(env, shown, out=out, checkpoint_seconds=0)
+    learned(env, shown, out=out, resume=True)
+    _, folder = whole
+    for file in ("policy.json", "events.jsonl"):
+        assert (out / file).read_bytes() == (folder / file).read_bytes()
+
+
+def test_no_loop_runs_for_long_without_a_chance_to_interrupt(env, shown, monkeypatch):
+    """A compiled loop ends after 256 updates, a third of a second, however many are to be made."""
+    sizes = []
+    for module, name, rows in (
+        ("neural.double_dqn", "update", 2),
+        ("world_model.ensemble", "fit", 2),
+    ):
+        kernels = importlib.import_module(f"eutree.{module}").kernels
+        plainly = getattr(kernels, name)
+
+        def counted(*arguments, plainly=plainly, rows=rows):
+            sizes.append(len(arguments[rows]))
+            return plainly(*arguments)
+
+        monkeypatch.setattr(kernels, name, counted)
+    model = replace(METHOD.world_model, updates=600)
+    method = replace(METHOD, demonstration_updates=600, world_model=model)
+    learned(env, shown, method=method)
+    assert max(sizes) == 256
 
 
 def test_the_command_line_shows_the_stage(env, shown):

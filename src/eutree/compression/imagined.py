@@ -73,10 +73,10 @@ def pruned_in_imagination(
         rivals.append(("imagined", _with(policy, structure, actions)))
     fresh = EnsembleRollouts(ensemble, N_STARTS, generator)
     fresh.run(_acting(whole))
-    scores = [fresh.score(fresh.returns_of(_acting(tree))) for _, tree in rivals]
+    scores = [fresh.score(fresh.returns_of(_acting(rival))) for _, rival in rivals]
     best = int(np.argmax(scores))
-    method, tree = rivals[best]
-    return Pruned(merged(tree), method, fresh.score(fresh.returns), scores[best])
+    method, chosen = rivals[best]
+    return Pruned(merged(chosen), method, fresh.score(fresh.returns), scores[best])
 
 
 def _acting(policy: TreePolicy) -> ActionTree:

@@ -284,15 +284,16 @@ class DistilledDQNLearner:
 
     def _gather(self, generator: np.random.Generator) -> Figures:
         """Fit DAgger's next tree, if its round is over; race when all rounds are."""
+        earned: Figures = {"return": float(self.history.rewards[self._rows_of_last()].sum())}
         if self.steps - self._round_from < self._dagger_steps / DAGGER_ROUNDS:
-            return {}
+            return earned
         self._round_from = self.steps
         if self.steps - self._teacher_steps >= self._dagger_steps:
             self.stage = Stage.RACE
             self._propose(generator)
-            return {"rivals": len(self._entrants) - 1}
+            return earned | {"rivals": len(self._entrants) - 1}
         self._student = self._students.fit(self.history.observations, STUDENT_LEAVES)
-        return {"labels": self.history.size - self._labelled_from}
+        return earned | {"labels": self.history.size - self._labelled_from}
 
     def _propose(self, generator: np.random.Generator) -> None:
         """Fit the world model, make rivals of the policy, and let them race."""
