@@ -1,26 +1,35 @@
-"""Measure parti-game in the thesis's mazes and on its puck, and grids on Car on the Hill.
+"""Measure the methods besides the default against figures that were published for them.
 
-Run: python benchmarks/discretizers.py [mazes] [variants] [car] [--runs 40] [--tasks Puck]
+Run: python benchmarks/discretizers.py [mazes] [variants] [car] [mountain-car]
+     [mountain-car-learned] [history] [vqql] [--runs 40] [--steps 50000] [--tasks Puck]
 
 Parti-game: trials, cells and steps until a trial brings nothing new, and the steps of that trial.
 Car on the Hill: mean discounted return of 256 states drawn uniformly, under one look-ahead a step.
+MountainCar: mean return of 100 starts with the true dynamics; with a learned model, that of the
+tree and of the method's own policy. U-Tree with a memory: average reward of the learned tree for
+each step. VQQL: success of its tree on Evasion2.
 """
 
 import argparse
 import time
+from collections.abc import Callable
 from typing import Any
 
 import gymnasium
 import numpy as np
 
-import eutree  # noqa: F401 - registers
+import eutree
 from eutree.discretization.cells import GOAL, Cells
 from eutree.discretization.corner_process import KnownWorld, Solved, solved
 from eutree.discretization.displacements import GivenController, LearnedController
 from eutree.discretization.influence import CRITERIA, refined
 from eutree.discretization.kuhn import Grid
 from eutree.discretization.parti_game import GOES_ON, TAKEN_BACK, PartiGame, Rules
+from eutree.envs.experts import EXPERTS
 from eutree.envs.maze import MOVES
+from eutree.learners.choices import with_choices
+from eutree.learners.registry import method
+from eutree.training.callbacks import BaseCallback
 from eutree.trees import DecisionTree
 
 PUBLISHED = {  # Al-Ansari 2001, table 5: trials, cells, steps, final path; means of 40
@@ -36,6 +45,13 @@ PUBLISHED_VARIANTS = {  # table 2: cells of PG, LPPG, LLPPG with a given control
     "MazeC": (176, 120, 96),
     "MazeD": (1194, 350, 21),
 }
+# Choices, episodes of 200 steps, optimum (exact), published (Veness et al. 2011).
+MEMORY: dict[str, tuple[dict[str, Any], int, float, float]] = {
+    "Maze1D": ({"history": 2, "past_actions": 3, "discount": 0.95}, 100, 0.5, 0.50),
+    "CheeseMaze": ({"history": 1, "past_actions": 1, "discount": 0.95}, 150, 6.7 / 5.3, 1.28),
+    "Tiger": ({"history": 5, "past_actions": 0, "discount": 0.95}, 200, 1.084, 1.12),
+}
+EVASION = "eutree/Evasion2-v0"
 MOST_TRIALS, MOST_STEPS = 60, 100_000
 SIZES = (200, 400, 800, 2000)  # corners
 
@@ -177,17 +193,170 @@ def refinement(task: Car, first: tuple[int, int], share: float, criterion: str) 
     print(f"| {sides} | {share} | {criterion} | {' | '.join(found)} | {spent:.1f} |", flush=True)
 
 
+class MountainCar:
+    """MountainCar-v0 with its true dynamics."""
+
+    def __init__(self) -> None:
+        self.low, self.high = np.array([-1.2, -0.07]), np.array([0.6, 0.07])
+        self.world = KnownWorld(self.dynamics, 3, 0.99)
+        self.starts = np.column_stack([np.linspace(-0.6, -0.4, 100), np.zeros(100)])
+
+    def dynamics(self, states: Any, actions: Any) -> Any:
+        """Return where actions lead, what they earn, and the chance to go on."""
+        push = 0.001 * (actions - 1) - 0.0025 * np.cos(3 * states[:, 0])
+        velocity = np.clip(states[:, 1] + push, -0.07, 0.07)
+        position = np.clip(states[:, 0] + velocity, -1.2, 0.6)
+        velocity = np.where((position <= -1.2) & (velocity < 0), 0.0, velocity)
+        over = (position >= 0.5) & (velocity >= 0)
+        rewards = np.full(len(states), -1.0)
+        return np.column_stack([position, velocity]), rewards, np.where(over, 0.0, 1.0)
+
+    def mean_return(self, solution: Solved) -> float:
+        """Return the mean return of the starts, in at most 200 steps."""
+        states, total = self.starts.copy(), np.zeros(100)
+        going = np.arange(100)
+        for _ in range(200):
+            actions = solution.actions(self.world, states[going])
+            states[going], rewards, goes_on = self.dynamics(states[going], actions)
+            total[going] += rewards
+            going = going[goes_on > 0.0]
+            if not going.size:
+                break
+        return float(total.mean())
+
+
+def mountain_car() -> None:
+    """Print returns of uniform grids and of every criterion on MountainCar, with its dynamics."""
+    task = MountainCar()
+    print("| uniform grid | corners | mean return |\n|---|---|---|")
+    for k in (3, 4, 5, 6, 8):
+        solution = solved(Grid.uniform(task.low, task.high, (k, k)), task.world)
+        side, found = 2**k + 1, task.mean_return(solution)
+        print(f"| {side} x {side} | {solution.grid.n_corners:,} | {found:.1f} |", flush=True)
+    print("\n| begins with | criterion | " + " | ".join(f"{n:,} corners" for n in SIZES) + " |")
+    print("|---|---|" + "---|" * len(SIZES))
+    for first in ((3, 3), (4, 4)):
+        for criterion in CRITERIA:
+            solution, found_by = solved(Grid.uniform(task.low, task.high, first), task.world), []
+            for n in SIZES:
+                while solution.grid.n_corners < n:
+                    finer = refined(solution, criterion, 0.2, task.starts[::6])
+                    if len(finer.low) == len(solution.grid.low):
+                        break
+                    solution = solved(finer, task.world, before=solution)
+                value = task.mean_return(solution)
+                found_by.append(f"{value:.1f} ({solution.grid.n_corners:,})")
+            sides = " x ".join(str(2**k + 1) for k in first)
+            print(f"| {sides} | {criterion} | {' | '.join(found_by)} |", flush=True)
+
+
+class OwnPolicy(BaseCallback):
+    """Evaluates the policy that a method decides by itself, at the end."""
+
+    def __init__(self, env: Any) -> None:
+        super().__init__()
+        self.env = env
+
+    def _on_training_end(self) -> None:
+        own = self.model.run.learner.own_policy()
+        self.found = eutree.evaluate(own, self.env, episodes=100, seed=10**6)
+
+
+def mountain_car_learned(runs: int, steps: int) -> None:
+    """Print what `vrd` reaches in a learned model, from 15 demonstrations."""
+    print("| seed | steps | return of the tree | its own policy | leaves | seconds |")
+    print("|---|---|---|---|---|---|")
+    env = gymnasium.make("MountainCar-v0")
+    for seed in range(1, runs + 1):
+        before = time.process_time()
+        expert = EXPERTS["MountainCar-v0"]["rock"](env)
+        shown = eutree.record(env, expert, episodes=15, seed=seed)
+        own = OwnPolicy(env)
+        learned = eutree.learn(
+            env, demonstrations=shown, method="vrd", steps=steps, seed=seed, callback=own,
+            evaluate_every=10**6, evaluation_episodes=1,
+        )  # fmt: skip
+        tree = eutree.evaluate(learned.policy, env, episodes=100, seed=10**6)
+        print(
+            f"| {seed} | {learned.steps:,} | {tree.mean_return:.1f} | {own.found.mean_return:.1f} "
+            f"| {learned.policy.n_leaves} | {time.process_time() - before:.0f} |",
+            flush=True,
+        )
+
+
+def history(runs: int) -> None:
+    """Print the average reward that trees with a memory earn for each step."""
+    print("| task | steps | reward a step | lowest | leaves | optimum | published | seconds |")
+    print("|---|---|---|---|---|---|---|---|")
+    for name, (choices, episodes, optimum, published) in MEMORY.items():
+        rows, before = [], time.process_time()
+        chosen = with_choices(method("history-u-tree"), choices)
+        for seed in range(runs):
+            made = f"eutree/{name}-v0"
+            env = gymnasium.make(made, trial_limit=200, disable_env_checker=True)
+            learned = eutree.learn(
+                env, method=chosen, start="nothing", episodes=episodes, seed=seed,
+                evaluate_every=10**6, evaluation_episodes=1,
+            )  # fmt: skip
+            test = gymnasium.make(made, trial_limit=1000, disable_env_checker=True)
+            found = eutree.evaluate(learned.policy, test, episodes=50, seed=10**6 + seed)
+            rows.append((found.mean_return / 1000, learned.policy.n_leaves))
+        rewards, leaves = np.array(rows).T
+        error = rewards.std(ddof=1) / np.sqrt(runs)
+        spent = (time.process_time() - before) / runs
+        print(
+            f"| {name} | {episodes * 200:,} | {rewards.mean():.3f} ± {error:.3f} | "
+            f"{rewards.min():.3f} | {leaves.mean():.0f} | {optimum:.3f} | {published:.2f} | "
+            f"{spent:.0f} |",
+            flush=True,
+        )
+
+
+def vqql(runs: int) -> None:
+    """Print the success of the trees of `vqql` on Evasion2, from tree and demonstrations."""
+    print(
+        "| seed | expert tree | tree | own regions | leaves | seconds |\n|---|---|---|---|---|---|"
+    )
+    env = gymnasium.make(EVASION)
+    for seed in range(runs):
+        before = time.process_time()
+        shown = eutree.record(env, EXPERTS[EVASION]["gate"](env), episodes=15, seed=seed)
+        own = OwnPolicy(env)
+        learned = eutree.learn(
+            env, demonstrations=shown, method="vqql", episodes=400, seed=seed, callback=own,
+            evaluate_every=10**6, evaluation_episodes=1,
+        )  # fmt: skip
+        assert learned.expert is not None
+        rates = [
+            eutree.evaluate(policy, env, episodes=300, seed=10**6).success_rate or 0.0
+            for policy in (learned.expert, learned.policy)
+        ]
+        print(
+            f"| {seed} | {rates[0]:.1%} | {rates[1]:.1%} | {own.found.success_rate or 0.0:.1%} | "
+            f"{learned.policy.n_leaves} | {time.process_time() - before:.0f} |",
+            flush=True,
+        )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("parts", nargs="*", default=["mazes", "variants", "car"])
     parser.add_argument("--runs", type=int, default=40)
+    parser.add_argument("--steps", type=int, default=50_000)
     parser.add_argument("--tasks", nargs="+", choices=PUBLISHED, default=[*PUBLISHED])
     arguments = parser.parse_args()
+    known: dict[str, Callable[[], None]] = {
+        "mazes": lambda: mazes(arguments.tasks, arguments.runs),
+        "variants": variants,
+        "car": car,
+        "mountain-car": mountain_car,
+        "mountain-car-learned": lambda: mountain_car_learned(arguments.runs, arguments.steps),
+        "history": lambda: history(arguments.runs),
+        "vqql": lambda: vqql(arguments.runs),
+    }
     for part in arguments.parts:
         print(f"\n{part}\n", flush=True)
-        {"mazes": lambda: mazes(arguments.tasks, arguments.runs), "variants": variants, "car": car}[
-            part
-        ]()
+        known[part]()
 
 
 if __name__ == "__main__":

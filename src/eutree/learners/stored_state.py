@@ -200,10 +200,7 @@ def check_planning(path: str | Path, state: State, problem: Problem, *, bounded:
     expected = dict(_PLAN)
     for name, size in zip(_PLANNED_TREES, "TUVW", strict=True):
         if name == "incumbent" or f"plan_{name}_feature" in state:
-            expected |= {
-                f"plan_{name}_{field}": ("f" if field == "threshold" else "i", size)
-                for field in ActionTree._fields
-            }
+            expected |= action_tree_arrays(f"plan_{name}_", size)
     check = StateCheck(path, state, problem, expected, bounds="1" if bounded else "")
     check.sized("actions", check.n_leaves, "the tree's leaves")
     last = check.n_episodes - 1
@@ -218,21 +215,30 @@ def check_planning(path: str | Path, state: State, problem: Problem, *, bounded:
     })  # fmt: skip
     for name in _PLANNED_TREES:
         if f"plan_{name}_feature" in state:
-            _check_planned_tree(check, state, name, problem)
+            check_action_tree(check, state, f"plan_{name}_", problem)
 
 
-def _check_planned_tree(check: StateCheck, state: State, name: str, problem: Problem) -> None:
-    first = f"plan_{name}_feature"
+def action_tree_arrays(prefix: str, axis: str) -> Expected:
+    """Return what the arrays of a tree of actions must be, under names with a prefix."""
+    return {
+        f"{prefix}{field}": ("f" if field == "threshold" else "i", axis)
+        for field in ActionTree._fields
+    }
+
+
+def check_action_tree(check: StateCheck, state: State, prefix: str, problem: Problem) -> None:
+    """Raise FormatError unless arrays under names with a prefix are a tree of actions."""
+    first = f"{prefix}feature"
     for field in ("feature", "left", "right"):
-        if (state[f"plan_{name}_{field}"].astype(np.int32) != state[f"plan_{name}_{field}"]).any():
-            raise check.refuse(f"plan_{name}_{field}", "not a tree: a number is out of range")
-    tree = ActionTree(*(state[f"plan_{name}_{field}"] for field in ActionTree._fields))
+        if (state[f"{prefix}{field}"].astype(np.int32) != state[f"{prefix}{field}"]).any():
+            raise check.refuse(f"{prefix}{field}", "not a tree: a number is out of range")
+    tree = ActionTree(*(state[f"{prefix}{field}"] for field in ActionTree._fields))
     try:
         _, actions = to_decision_tree(tree, problem.n_features)
     except EutreeError as error:
         raise check.refuse(first, f"not a tree: {error}") from None
     if not ((actions >= 0) & (actions < problem.n_actions)).all():
-        raise check.refuse(f"plan_{name}_action", f"must be in 0..{problem.n_actions - 1}")
+        raise check.refuse(f"{prefix}action", f"must be in 0..{problem.n_actions - 1}")
 
 
 def prefixed(prefix: str, state: State) -> dict[str, NDArray[Any]]:

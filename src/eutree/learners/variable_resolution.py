@@ -58,10 +58,11 @@ class VariableResolutionMethod:
     """The choices of variable resolution discretization.
 
     Attributes:
-        first_boxes: Boxes at the first solution; all are halved until there are so many. In a
-            single box nothing is between corners, and no criterion sees anything.
+        first_boxes: Boxes at the first solution; all are halved until there are so many. Where
+            they are too coarse V is so wrong that criteria refine the wrong places.
         criterion: Where boxes are halved: "average", "nonlinearity", "disagreement", "combined",
-            "stdev_inf" or "starts" (the starts of what was demonstrated).
+            "stdev_inf" or "starts" (the influence on the starts of what was demonstrated;
+            "average" where nothing was).
         share: Share of the boxes that one refinement halves.
         refinements: Refinements in an update.
         max_corners: Corners (states) from which on nothing is halved.
@@ -76,8 +77,8 @@ class VariableResolutionMethod:
     name: ClassVar[str] = "vrd"
     needs: ClassVar[Needs] = Needs(max_features=MOST_FEATURES)
 
-    first_boxes: int = 64
-    criterion: str = "average"
+    first_boxes: int = 256
+    criterion: str = "starts"
     share: float = 0.2
     refinements: int = 3
     max_corners: int = 1000

@@ -32,10 +32,19 @@ from eutree.learners.history import TERMINAL, History
 from eutree.learners.learner import Arrays, Decisions, Needs, Problem, Start, Step, Update
 from eutree.learners.partition import Partition, Plane, codewords_seen
 from eutree.learners.relabelling import relabelled
-from eutree.learners.stored_state import TREE, StateCheck, part, prefixed
+from eutree.learners.stored_state import (
+    TREE,
+    StateCheck,
+    action_tree_arrays,
+    check_action_tree,
+    part,
+    prefixed,
+)
+from eutree.learners.trial import Trial
 from eutree.mdp import TabularMDP
 from eutree.trees import DecisionTree
 from eutree.validation import check_choice, check_integer, check_number
+from eutree.world_model._kernels import leaf_node
 
 Solver = Literal["q-learning", "model"]
 
@@ -52,6 +61,8 @@ class VectorQuantizationMethod:
         gathering_episodes: Episodes between two designs of the codebook.
         rate: The n-th update of a region and action has the rate alpha = n ** -rate.
         replays: How often the stored transitions are replayed in an update, the last one first.
+        trial: Whether an expert's tree gives way only to one that earns more, in every second
+            episode (:mod:`eutree.learners.trial`); False takes every new tree, as published.
     """
 
     name: ClassVar[str] = "vqql"
@@ -64,6 +75,7 @@ class VectorQuantizationMethod:
     gathering_episodes: int = 20
     rate: float = 0.8
     replays: int = 10
+    trial: bool = True
 
     def __post_init__(self) -> None:
         check_integer("n_regions", self.n_regions, low=1)
@@ -78,6 +90,8 @@ class VectorQuantizationMethod:
         """Return the learner at its start: an expert tree is the outer partition."""
         tree, actions, locked = start.first_leaves(problem)
         learner = VectorQuantization(tree, problem.n_actions, self, prior=actions, locked=locked)
+        if self.trial and start.expert is not None and not start.random:
+            learner.trial = Trial(tree, actions)
         if start.episodes:
             learner.add_demonstrations(start.episodes)
         return learner
@@ -96,7 +110,25 @@ class VectorQuantizationMethod:
             "values": ("f", "RA"),
             "tried": ("i", "RA"),
         }
+        tried = "trial_counts" in state
+        trees = [
+            name
+            for name in ("trial_incumbent_", "trial_challenger_")
+            if tried and (f"{name}feature" in state or "incumbent" in name)
+        ]
+        for name, axis in zip(trees, "TU", strict=False):
+            expected |= action_tree_arrays(name, axis)
+        if tried:
+            expected |= {"trial_gains": ("f", "G"), "trial_returns": ("f", "V"),
+                         "trial_counts": ("i", "W")}  # fmt: skip
         check = StateCheck(path, state, problem, expected)
+        if tried:
+            check.sized("trial_returns", 3, "a pair's first, the lowest and the highest")
+            check.sized("trial_counts", 3, "episodes, pairs and adopted challengers")
+            check.within({"trial_counts": (0, 2**62)})
+            check.finite(("trial_gains",))
+        for name in trees:
+            check_action_tree(check, state, name, problem)
         check.sized("prior", check.n_leaves, "the tree's leaves")
         check.sized("first", check.n_leaves + 1, "one more than the tree's leaves")
         check.finite(("codewords", "scale"))
@@ -126,6 +158,7 @@ class VectorQuantization:
         book: The present codebook.
         values: Q of each region and action, NaN where it was never tried, shape [R, A].
         history: All transitions stored so far.
+        trial: What an expert's tree gives way by; None where every new tree is taken.
     """
 
     def __init__(
@@ -148,6 +181,7 @@ class VectorQuantization:
         self.values = np.full((self.book.n_regions, n_actions), np.nan)
         self._tried = np.zeros(self.values.shape, dtype=np.int64)
         self._buffer = EpisodeBuffer()
+        self.trial: Trial | None = None
 
     def add_demonstrations(self, episodes: Iterable[Episode]) -> None:
         """Store the expert's transitions, and learn a first codebook and Q from them."""
@@ -168,8 +202,18 @@ class VectorQuantization:
         self._before = self.values.copy(), self._tried.copy()
         self._region = self._region_of(observation)
 
+    def next_start(self) -> int | None:
+        """Return the number of the next episode's start where trees are compared."""
+        return None if self.trial is None else self.trial.next_start()
+
     def act(self) -> int:
-        """Return the greedy action of the present region; a random one with epsilon."""
+        """Return the greedy action of the present region; a random one with epsilon.
+
+        While a tree is on trial, what it does.
+        """
+        tree = None if self.trial is None else self.trial.acting()
+        if tree is not None:
+            return int(tree.action[leaf_node(tree, 0, self._buffer.present)])
         leaf = int(self.book.leaf[self._region])
         if leaf in self._locked:
             return int(self._prior[leaf])
@@ -198,6 +242,8 @@ class VectorQuantization:
         """Store the episode, whose last step was terminated or truncated."""
         episode = self._buffer.finish()
         store(self.history, episode, np.zeros(len(episode.observations), dtype=np.int32))
+        if self.trial is not None:
+            self.trial.episode_over(float(episode.rewards.sum()))
 
     def discard_episode(self) -> None:
         """Be as before ``start_episode``, to the bit; do nothing between two episodes."""
@@ -212,7 +258,12 @@ class VectorQuantization:
         distances = self.book.distances(self.history.observations)
         distortion = float((distances**2).mean()) if distances.size else 0.0
         figures = {"n_regions": self.book.n_regions, "distortion": distortion}
-        return Update(figures=figures | {"n_regions_before": before})
+        figures |= {"n_regions_before": before}
+        if self.trial is not None:
+            newest = self._newest()
+            challenges = self.trial.challenge(newest.tree, newest.actions)
+            figures |= {"challengers": int(challenges), "adopted": self.trial.adopted}
+        return Update(figures=figures)
 
     def greedy_actions(self) -> Integers:
         """Return the action of each region, shape [R]; the leaf's prior one where none is known."""
@@ -223,6 +274,20 @@ class VectorQuantization:
         return np.where(learned, best, self._prior[leaves])
 
     def decisions(self) -> Decisions:
+        """Return the tree that has proved itself; without a trial the newest one."""
+        if self.trial is None:
+            return self._newest()
+        tree, actions = self.trial.decided(self.book.tree.n_features)
+        if self.trial.adopted == 0:  # the expert's own, whose leaves may be locked
+            tree, actions = self.book.tree, self._prior
+        observations = self.history.observations
+        own = self.greedy_actions()[self.book.regions(observations)]
+        same = actions[tree.leaf_index(observations)] == own
+        locked = () if self.trial.adopted else tuple(sorted(self._locked))
+        fidelity = float(same.mean()) if same.size else 1.0
+        return Decisions(tree=tree, actions=actions, locked=locked, fidelity=fidelity)
+
+    def _newest(self) -> Decisions:
         """Return the outer tree where each leaf is one region, else C4.5's tree of the regions."""
         tree, actions, locked = self.book.tree, self.greedy_actions(), tuple(sorted(self._locked))
         observations = self.history.observations
@@ -257,7 +322,8 @@ class VectorQuantization:
             "tried": self._tried,
         }
         locked = {"locked": np.array(sorted(self._locked))} if self._locked else {}
-        return tree | own | locked | prefixed("history_", self.history.state())
+        trial = {} if self.trial is None else prefixed("trial_", self.trial.state())
+        return tree | own | locked | trial | prefixed("history_", self.history.state())
 
     @classmethod
     def from_state(
@@ -278,6 +344,8 @@ class VectorQuantization:
         learner.history = History.from_state(
             part(state, "history_"), DecisionTree.single_leaf(n_features)
         )
+        if "trial_counts" in state:
+            learner.trial = Trial.from_state(part(state, "trial_"))
         return learner
 
     def _region_of(self, observation: Floats) -> int:
