@@ -14,7 +14,7 @@ from eutree.discretization.influence import CRITERIA, influence, refined, varian
 from eutree.discretization.kuhn import Grid
 from eutree.errors import InvalidArgumentError, UnknownNameError
 from eutree.trees import DecisionTree
-from tests.discretization.worlds import random_tree
+from tests.discretization.worlds import mountain_car, random_tree
 
 
 def random_grid(seed: int, d: int, n_splits: int = 12) -> tuple[np.random.Generator, Grid]:
@@ -317,6 +317,51 @@ def test_on_car_on_the_hill_refined_boxes_beat_uniform_ones_twice_as_many() -> N
     uniform = solved(Grid.uniform(low, high, (5, 4)), world)
     assert uniform.grid.n_corners > 2 * solution.grid.n_corners
     assert mean_return(solution) >= mean_return(uniform)
+
+
+LOW, HIGH = np.array([-1.2, -0.07]), np.array([0.6, 0.07])  # of MountainCar
+STARTS = np.column_stack([np.linspace(-0.6, -0.4, 40), np.zeros(40)])
+
+
+def steps_needed(solution: Solved, world: KnownWorld) -> float:
+    """Return the mean number of steps from the starts to the flag, 200 at most."""
+    states, needed = STARTS.copy(), np.full(len(STARTS), 200.0)
+    for step in range(1, 201):
+        states, _, goes_on = mountain_car(states, solution.actions(world, states))
+        needed[(goes_on == 0.0) & (needed == 200.0)] = step
+    return float(needed.mean())
+
+
+def test_mountain_car_here_is_that_of_gymnasium() -> None:
+    env: Any = gymnasium.make("MountainCar-v0").unwrapped
+    env.reset(seed=0)
+    generator = np.random.default_rng(0)
+    states = generator.uniform(LOW, HIGH, (200, 2))
+    states[:20, 0] = LOW[0]
+    actions = generator.integers(3, size=200)
+    after, rewards, goes_on = mountain_car(states, actions)
+    for i in range(200):
+        env.state = states[i]
+        observed, reward, terminated, _, _ = env.step(int(actions[i]))
+        assert observed == pytest.approx(after[i], abs=1e-6)
+        assert (reward, terminated) == (rewards[i], goes_on[i] == 0.0)
+
+
+def test_on_mountain_car_refining_for_the_starts_comes_near_a_grid_of_129_x_129() -> None:
+    world = KnownWorld(mountain_car, 3, 0.99)
+    exact = solved(Grid.uniform(LOW, HIGH, (7, 7)), world)
+    found = {}
+    for criterion in ("starts", "average"):
+        solution = solved(Grid.uniform(LOW, HIGH, (4, 4)), world)
+        while solution.grid.n_corners < 900:
+            finer = refined(solution, criterion, 0.2, STARTS)
+            solution = solved(finer, world, before=solution)
+        found[criterion] = steps_needed(solution, world)
+        assert solution.grid.n_corners < 1100  # of 16,641
+    best = steps_needed(exact, world)
+    assert best == pytest.approx(98, abs=1.5)
+    assert found["starts"] < 1.03 * best
+    assert found["average"] > 1.05 * best  # value differs where no decision does
 
 
 def test_mistakes_are_said() -> None:

@@ -71,3 +71,14 @@ def trial(env: Any, game: PartiGame, generator: np.random.Generator, limit: int 
         game.observe(observation, action, after, ending)
         observation = after
     return step
+
+
+def mountain_car(states: np.ndarray, actions: np.ndarray) -> tuple[Any, Any, Any]:
+    """MountainCar-v0: next states, rewards and the chance to go on."""
+    push = 0.001 * (actions - 1) - 0.0025 * np.cos(3 * states[:, 0])
+    velocity = np.clip(states[:, 1] + push, -0.07, 0.07)
+    position = np.clip(states[:, 0] + velocity, -1.2, 0.6)
+    velocity = np.where((position <= -1.2) & (velocity < 0), 0.0, velocity)
+    over = (position >= 0.5) & (velocity >= 0)
+    after = np.column_stack([position, velocity])
+    return after, np.full(len(states), -1.0), np.where(over, 0.0, 1.0)
