@@ -64,5 +64,6 @@ def test_held_actions_are_those_of_the_trees():
     np.testing.assert_allclose(two.discount, one.discount, atol=1e-9)
     np.testing.assert_allclose(two.reward, one.reward, atol=1e-9)
     assert (two.leaf == one.leaf).mean() > 0.98  # rounding at a border
+    assert learned.n_steps_taken == known.n_steps_taken > points.shape[0] * 3
     assert (one.discount < 0.3).any()
     assert (one.discount > 0.5).any()

@@ -11,7 +11,7 @@ not drawn: their chance takes weight from what follows.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol, TypeAlias
 
 import numpy as np
@@ -35,11 +35,17 @@ class World(Protocol):
     Attributes:
         n_actions: Number of actions A.
         discount: Weight of the next step's value.
+        n_steps_taken: Steps taken in it so far.
     """
 
     @property
     def n_actions(self) -> int:
         """Number of actions A."""
+        ...
+
+    @property
+    def n_steps_taken(self) -> int:
+        """Steps taken in it so far."""
         ...
 
     @property
@@ -73,6 +79,12 @@ class KnownWorld:
     n_actions: int
     discount: float
     longest: int = 50
+    _taken: list[int] = field(default_factory=lambda: [0], init=False, repr=False, compare=False)
+
+    @property
+    def n_steps_taken(self) -> int:
+        """Steps taken in it so far."""
+        return self._taken[0]
 
     def hold(
         self, grid: Grid, places: Floats, actions: Integers
@@ -83,6 +95,7 @@ class KnownWorld:
         entered, leaf = np.full(n, -1, dtype=np.int64), np.zeros(n, dtype=np.int64)
         going = np.arange(n)  # those that are still in the box they first entered
         for _ in range(self.longest):
+            self._taken[0] += going.size
             after, earned, goes_on = self.dynamics(state[going], actions[going])
             reward[going] += discount[going] * earned
             discount[going] *= self.discount * goes_on
@@ -111,6 +124,11 @@ class ModelledWorld:
     n_actions: int
     discount: float
     longest: int = 50
+
+    @property
+    def n_steps_taken(self) -> int:
+        """Steps taken in it so far."""
+        return self.model.n_steps_taken
 
     def hold(
         self, grid: Grid, places: Floats, actions: Integers

@@ -235,7 +235,7 @@ class ModelPlanning:
         if self.plan.incumbent is not before:
             self._adopt(*to_decision_tree(self.plan.incumbent, self.tree.n_features))
         is_new = plan.challenger is not None and plan.challenger is not challenger
-        return Update(figures={"challengers": int(is_new)})
+        return Update(figures={"challengers": int(is_new), "model_steps": plan.model_steps})
 
     def decisions(self) -> Decisions:
         """Return the incumbent, with the returns to go of its own episodes."""

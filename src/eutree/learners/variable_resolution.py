@@ -163,6 +163,7 @@ class VariableResolution:
         self._problem = problem
         self.solved: Solved | None = None
         self._world: World | None = None
+        self._model_steps = 0
         self._solved_from = 0
         self._starts = np.array([e.observations[0] for e in start.episodes if len(e)])
         self.history = History(problem.n_features, 1)
@@ -226,7 +227,6 @@ class VariableResolution:
             grid = grid.halve([(i, int(axis)) for i, axis in enumerate(longest)])
         self.tree = grid.tree
         self.solved = solved(grid, world, before=before, initial_policy=self._prior(grid))
-        self._model_steps = grid.n_corners * self.n_actions
         for _ in range(self.method.refinements):
             if self.solved.grid.n_corners >= self.method.max_corners:
                 break
@@ -236,7 +236,7 @@ class VariableResolution:
             self.tree = finer.tree
             prior = self._prior(finer)
             self.solved = solved(finer, world, before=self.solved, initial_policy=prior)
-            self._model_steps += finer.n_corners * self.n_actions
+        self._model_steps = world.n_steps_taken  # without those of acting, which come later
 
     def decisions(self) -> Decisions:
         """Return C4.5's tree of the look-ahead; before there is one, the expert's tree."""

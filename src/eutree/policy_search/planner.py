@@ -42,6 +42,7 @@ class Plan:
         demonstrations: How many of the first episodes are demonstrations that still count.
         valid_from: First episode that world models are fitted to; the dynamics have changed since
             those before.
+        model_steps: Steps taken in world models by the last planning.
     """
 
     incumbent: ActionTree
@@ -54,6 +55,7 @@ class Plan:
     planned_at: int = 0
     demonstrations: int = 0
     valid_from: int = 0
+    model_steps: int = 0
 
     @property
     def evaluated(self) -> ActionTree:
@@ -182,7 +184,10 @@ class Planner:
         begin = plan.corrected or plan.explorer or plan.incumbent
         explorer = self.improvement.improve(optimistic, begin, scale)
         challenger = self._challenger(plan, pessimistic, scale)
-        return replace(plan, challenger=challenger, explorer=explorer, corrected=None)
+        taken = pessimist.n_steps_taken + optimist.n_steps_taken
+        return replace(
+            plan, challenger=challenger, explorer=explorer, corrected=None, model_steps=taken
+        )
 
     def _affordable(self, data: Transitions) -> int:
         """Return how many rollouts to make, were they as long as the stored ones."""

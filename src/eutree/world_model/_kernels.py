@@ -31,6 +31,7 @@ class World(NamedTuple):
     lines: Floats  # [L, 2 d + 4] coefficients, constant, the action's constant, lowest, highest
     noise: Integers  # [L, 2] first residual, number of residuals
     residuals: Floats  # [K]
+    tally: Integers  # [1] steps taken in it so far
 
 
 class ActionTree(NamedTuple):
@@ -120,6 +121,7 @@ def model_step(
     move: Floats,  # [d] scratch
 ) -> tuple[float, bool]:
     """Move one step; return the reward and whether it was the last."""
+    world.tally[0] += 1
     d = move.size
     mask = draws.size - 1
     for i in range(d):

@@ -28,6 +28,7 @@ def expected_step(world: World, action: int, state: Floats, move: Floats) -> tup
     A chance of an end is not drawn: rewards of the three kinds of steps are weighed by theirs. As
     in ``model_step``, a good end is what a bad one leaves over.
     """
+    world.tally[0] += 1
     d = move.size
     for i in range(d):
         row = model_leaf(world.tests, world.thresholds, world.roots[action, i], state)

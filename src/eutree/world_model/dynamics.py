@@ -89,6 +89,11 @@ class WorldModel:
     horizon: int
     n_actions: int
 
+    @property
+    def n_steps_taken(self) -> int:
+        """Steps taken so far in it and in what ``without_noise`` made of it."""
+        return int(self.world.tally[0])
+
     def without_noise(self) -> "WorldModel":
         """Return the model in which every step does what is expected of it."""
         return replace(self, world=self.world._replace(residuals=0.0 * self.world.residuals))
@@ -269,4 +274,5 @@ def _unrolled(trees: Sequence[ModelTree], n_actions: int) -> World:
     residuals = np.concatenate([tree.residuals for tree in trees])
     tests, thresholds = tests[:n_nodes], thresholds[:n_nodes]
     lines, noise = lines[:n_lines], noise[:n_lines]
-    return World(roots, tests, thresholds, lines, noise, residuals)
+    tally = np.zeros(1, dtype=np.int64)
+    return World(roots, tests, thresholds, lines, noise, residuals, tally)
