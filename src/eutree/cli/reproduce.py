@@ -37,13 +37,17 @@ def reproduce(
     seed: int,
     as_json: bool,
 ) -> None:
-    """Reproduce EXPERIMENT, or all, and say which of the paper's claims hold."""
+    """Reproduce EXPERIMENT, or all of the paper's, and say which of its claims hold.
+
+    The experiment "framework" is ours: every method from every start, on three tasks. It has no
+    presets, and episodes of its own.
+    """
     from dataclasses import asdict, replace
 
     from rich.table import Column, Table
 
     from eutree.experiments.experiment import FULL, SMOKE
-    from eutree.experiments.registry import EXPERIMENTS, chosen
+    from eutree.experiments.registry import EXPERIMENTS, FRAMEWORK, FRAMEWORK_TITLE, chosen
     from eutree.experiments.reproduce import number_text
     from eutree.experiments.reproduce import reproduce as reproduce_experiments
     from eutree.experiments.runs import RunSpec
@@ -52,8 +56,11 @@ def reproduce(
 
     output = Output(as_json=as_json)
     if listing or experiment is None:
-        titles = {name: e.title for name, e in EXPERIMENTS.items()}
+        titles = {name: e.title for name, e in EXPERIMENTS.items()} | {FRAMEWORK: FRAMEWORK_TITLE}
         output.result(titles, "\n".join(f"{name}  {title}" for name, title in titles.items()))
+        return
+    if experiment == FRAMEWORK:
+        _framework(output, out, runs, smoke, n_jobs, backend, address, seed)
         return
     for preset in presets:
         check_choice("--preset", preset, PRESETS)
@@ -75,3 +82,37 @@ def reproduce(
         {"claims": [asdict(claim) for claim in result.claims], "path": str(result.folder)}, table
     )
     output.say(f"report: {result.folder / 'report.html'}")
+
+
+def _framework(
+    output: Output,
+    out: Path,
+    runs: int,
+    smoke: bool,
+    n_jobs: int,
+    backend: str,
+    address: str | None,
+    seed: int,
+) -> None:
+    """Run every method from every start, and say what teaching is worth to each."""
+    from rich.table import Column, Table
+
+    from eutree.experiments.framework import FrameworkSpec, specs
+    from eutree.experiments.framework_report import reproduce_framework, verdicts_to_facts
+
+    wanted = specs(runs=2 if smoke else runs, first_seed=seed, smoke=smoke)
+    with cluster(backend, address), output.progress("runs", 100) as progress:
+
+        def show(count: int, total: int, spec: FrameworkSpec) -> None:
+            progress.update(100 * count // total, f"{count} of {total}: {spec.name}")
+
+        result = reproduce_framework(wanted, out, n_jobs=n_jobs, on_run=show)
+    table = Table(Column("method", no_wrap=True), "sentence", "ours [95 %]", "verdict", "expected")
+    for verdict in result.verdicts:
+        said = verdict.expectation
+        table.add_row(
+            said.method, said.sentence, verdict.number, verdict.holds, verdict.as_expected
+        )
+    facts = {"verdicts": verdicts_to_facts(result.verdicts), "path": str(result.folder)}
+    output.result(facts, table)
+    output.say(f"tables: {result.folder / 'framework.md'}")

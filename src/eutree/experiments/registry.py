@@ -21,8 +21,11 @@ EXPERIMENTS = {
     )
 }
 
+FRAMEWORK = "framework"  # runs methods from starts, not learners under presets
+FRAMEWORK_TITLE = "The framework: every method, every start"
+
 
 def chosen(name: str) -> list[Experiment]:
-    """Return the experiment of that name, or every one for ``"all"``."""
-    check_choice("experiment", name, [*EXPERIMENTS, "all"])
+    """Return the experiment of that name, or every one of the paper's for ``"all"``."""
+    check_choice("experiment", name, [*EXPERIMENTS, FRAMEWORK, "all"])
     return list(EXPERIMENTS.values()) if name == "all" else [EXPERIMENTS[name]]

@@ -2,12 +2,16 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 import joblib
 
 from eutree.experiments.runs import RunRecord, RunSpec, run
 from eutree.files import make_folder, read_document, write_document
 from eutree.files.atomic import remove_orphans
+
+Spec = TypeVar("Spec")
+Made = TypeVar("Made")
 
 
 class Results:
@@ -51,7 +55,7 @@ class Results:
         """
         missing = [spec for spec in dict.fromkeys(specs) if not self.has(spec)]
         count = len(set(specs)) - len(missing)
-        for record in _records(missing, n_jobs):
+        for record in in_parallel(run, missing, n_jobs):
             self.save(record)
             count += 1
             on_run(count, record.spec)
@@ -60,9 +64,9 @@ class Results:
         return self._runs / f"{spec.name}.json"
 
 
-def _records(specs: Sequence[RunSpec], n_jobs: int) -> Iterator[RunRecord]:
-    """Yield the records of runs as they are done, in any order."""
-    tasks = [joblib.delayed(run)(spec) for spec in specs]
+def in_parallel(do: Callable[[Spec], Made], specs: Sequence[Spec], n_jobs: int) -> Iterator[Made]:
+    """Yield what is made of specs as it is done, in any order, wherever joblib sends it."""
+    tasks = [joblib.delayed(do)(spec) for spec in specs]
     try:
         parallel = joblib.Parallel(n_jobs=n_jobs, return_as="generator_unordered")
     except ValueError:  # Ray's backend can only hand back whole batches

@@ -1,0 +1,372 @@
+"""The framework that the paper announces: what runs, as data, and what came of each run.
+
+The paper teaches one discretizer by demonstration and says that others could be taught alike. Here
+every method meets every start, on three tasks, with a good and with a poor demonstrator. Runs of
+one seed have in common the demonstrations, the evaluation episodes and the budget, whatever the
+method and the start; so arms are compared in pairs.
+
+A start that a method cannot take is a record too: its reason stands where the figures would be.
+"""
+
+import hashlib
+import time
+from dataclasses import asdict, dataclass, replace
+from functools import cache
+from typing import Any, ClassVar, cast
+
+import gymnasium
+import msgspec
+
+from eutree.data import Demonstrations
+from eutree.envs.experts import experts_for, late
+from eutree.errors import InvalidArgumentError
+from eutree.evaluation import evaluate
+from eutree.files import Document
+from eutree.interaction import episode_seed, record
+from eutree.interaction.making import make
+from eutree.learners import METHODS, Method
+from eutree.learners.expert_tree import fit_expert_tree
+from eutree.learners.learner import HasPolicy
+from eutree.learners.parti_game import PartiGameMethod
+from eutree.policies import Policy
+from eutree.schema import EnvironmentSpec
+from eutree.training import LearningResult, Run, learn
+from eutree.training.beginning import EVALUATION_STREAM
+
+GOOD, POOR = "good", "poor"
+FROZEN = "frozen"  # the expert tree, which learns nothing
+LEFT_OUT = {
+    "distilled-dqn": "its network takes minutes a run, two hundred times what the others do"
+}
+TAUGHT = tuple(name for name in METHODS if name not in LEFT_OUT)
+
+Goal = tuple[tuple[float, ...], tuple[float, ...]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """A task of the experiment, and how much of it is run.
+
+    Attributes:
+        title: Its name, for people.
+        environment: Id of the environment.
+        demonstrator: The good scripted demonstrator.
+        delay: Steps by which the poor one acts late; else it is the good one.
+        chance: Mean return of uniformly random actions, 1,000 episodes.
+        goal: Both corners of the goal for methods that must know it; None if there is none.
+        demonstrations: Episodes that are demonstrated.
+        episodes: Episodes of each run.
+        gathering_episodes: Episodes between two updates, of every method.
+        evaluate_every: Episodes between two frozen evaluations.
+        evaluation_episodes: Episodes of each frozen evaluation.
+        final_episodes: Episodes of the evaluation of what was learned in the end.
+    """
+
+    title: str
+    environment: str
+    demonstrator: str
+    delay: int
+    chance: float
+    goal: Goal | None
+    demonstrations: int
+    episodes: int
+    gathering_episodes: int
+    evaluate_every: int
+    evaluation_episodes: int
+    final_episodes: int
+
+    def small(self) -> "Task":
+        """Return the task with a few tiny runs, to see that everything works."""
+        return replace(
+            self,
+            demonstrations=3,
+            episodes=4,
+            gathering_episodes=2,
+            evaluate_every=2,
+            evaluation_episodes=2,
+            final_episodes=2,
+        )
+
+
+TASKS = {
+    "evasion": Task(
+        title="2-Evasion",
+        environment="eutree/Evasion2-v0",
+        demonstrator="gate",
+        delay=2,
+        chance=-21.4,
+        goal=((30.0, -11.0, -11.0), (30.0, 11.0, 11.0)),
+        demonstrations=15,
+        episodes=100,
+        gathering_episodes=20,
+        evaluate_every=10,
+        evaluation_episodes=100,
+        final_episodes=100,
+    ),
+    "mountain-car": Task(
+        title="MountainCar",
+        environment="MountainCar-v0",
+        demonstrator="rock",
+        delay=20,
+        chance=-200.0,
+        goal=((0.5, -0.07), (0.6, 0.07)),
+        demonstrations=15,
+        episodes=40,
+        gathering_episodes=10,
+        evaluate_every=5,
+        evaluation_episodes=8,
+        final_episodes=20,
+    ),
+    "cart-pole": Task(
+        title="CartPole",
+        environment="CartPole-v1",
+        demonstrator="balance",
+        delay=5,
+        chance=22.7,
+        goal=None,
+        demonstrations=5,
+        episodes=40,
+        gathering_episodes=10,
+        evaluate_every=5,
+        evaluation_episodes=5,
+        final_episodes=10,
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Arm:
+    """Where a method begins, and who demonstrated.
+
+    Attributes:
+        start: A start of ``eutree.learners.starts``, or ``"frozen"``: the expert tree as it is.
+        demonstrator: ``"good"`` or ``"poor"``; without demonstrations it is the good one's seed.
+    """
+
+    start: str
+    demonstrator: str = GOOD
+
+    @property
+    def name(self) -> str:
+        """The start, and the demonstrator where it is the poor one."""
+        return self.start if self.demonstrator == GOOD else f"{self.start}, {self.demonstrator}"
+
+
+NOTHING, TREE, TREE_AND_DEMOS = Arm("nothing"), Arm("tree"), Arm("tree+demos")
+DEMOS, RANDOM_TREE = Arm("demos"), Arm("random-tree")
+POOR_TREE, POOR_TREE_AND_DEMOS = Arm("tree", POOR), Arm("tree+demos", POOR)
+POOR_DEMOS = Arm("demos", POOR)
+ARMS = (
+    NOTHING,
+    TREE,
+    TREE_AND_DEMOS,
+    DEMOS,
+    RANDOM_TREE,
+    POOR_TREE,
+    POOR_TREE_AND_DEMOS,
+    POOR_DEMOS,
+)
+FROZEN_ARMS = (Arm(FROZEN), Arm(FROZEN, POOR))
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrameworkSpec:
+    """Everything that decides the result of one run.
+
+    Attributes:
+        task: Name of the task, a key of ``TASKS``.
+        settings: The task itself: its environment, and how much of it is run.
+        method: Name of the method; empty for the expert tree as it is.
+        arm: Where it begins, and who demonstrated.
+        seed: Seed of demonstrations, learning and evaluations.
+    """
+
+    task: str
+    settings: Task
+    method: str
+    arm: Arm
+    seed: int = 0
+
+    @property
+    def name(self) -> str:
+        """A file name that tells the run apart from every other."""
+        digest = hashlib.sha256(repr(sorted(asdict(self).items())).encode()).hexdigest()[:12]
+        start = self.arm.name.replace(", ", "-")
+        return f"{self.seed:02d}-{self.task}-{self.method or 'c45'}-{start}-{digest}"
+
+
+class Evaluated(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A frozen evaluation of the tree: when, and how it did."""
+
+    episode: int
+    mean_return: float
+    success: float | None
+    n_leaves: int
+
+
+class FrameworkRecord(Document, frozen=True, kw_only=True):
+    """What came of a run.
+
+    Attributes:
+        spec: What was run.
+        refused: Why the method does not take the start or the task; then the rest is empty.
+        curve: Frozen evaluations of the tree along the way, the first before any learning.
+        tree_return: Mean return of the last tree on fresh episodes.
+        own_return: That of the method's own policy on the same episodes; the tree's where the
+            leaves decide.
+        fidelity: Share of stored observations at which both decide alike.
+        n_leaves: Leaves of the last tree.
+        demonstrated_steps: Environment steps of the demonstrations that the start made use of.
+        learning_steps: Environment steps taken while learning.
+        model_steps: Steps taken in world models by the updates.
+    """
+
+    FORMAT: ClassVar[str] = "eutree/framework-run"
+    VERSION: ClassVar[int] = 1
+
+    spec: FrameworkSpec
+    refused: str = ""
+    curve: tuple[Evaluated, ...] = ()
+    tree_return: float = 0.0
+    own_return: float = 0.0
+    fidelity: float = 1.0
+    n_leaves: int = 0
+    demonstrated_steps: int = 0
+    learning_steps: int = 0
+    model_steps: int = 0
+
+
+def specs(
+    *,
+    runs: int,
+    methods: tuple[str, ...] = TAUGHT,
+    first_seed: int = 0,
+    smoke: bool = False,
+) -> list[FrameworkSpec]:
+    """Return all runs, seed by seed: an interruption leaves a smaller experiment that is whole.
+
+    Args:
+        runs: Seeds.
+        methods: Methods to run.
+        first_seed: The first seed.
+        smoke: Whether each run is a tiny one.
+    """
+    tasks = {name: task.small() if smoke else task for name, task in TASKS.items()}
+    cells = [("", arm) for arm in FROZEN_ARMS]
+    cells += [(method, arm) for method in methods for arm in ARMS]
+    return [
+        FrameworkSpec(task=name, settings=task, method=method, arm=arm, seed=first_seed + run)
+        for run in range(runs)
+        for name, task in tasks.items()
+        for method, arm in cells
+    ]
+
+
+def run(spec: FrameworkSpec) -> tuple[FrameworkRecord, float]:
+    """Do one run; return what came of it and its CPU seconds.
+
+    The same spec gives the same record, whichever process does it. Demonstrations are recorded
+    once in a process, before the clock starts.
+    """
+    env = make(EnvironmentSpec(spec.settings.environment))
+    shown = None if spec.arm == NOTHING else _shown(spec.settings, spec.arm.demonstrator, spec.seed)
+    begin = time.process_time()
+    made = _frozen(spec, env, shown) if shown and not spec.method else _learned(spec, env, shown)
+    return made, time.process_time() - begin
+
+
+def method_for(name: str, task: Task) -> Method:
+    """Return the method with its default choices but two: its phases, and the task's goal."""
+    kind: Any = METHODS[name]
+    chosen = kind(gathering_episodes=task.gathering_episodes)
+    if isinstance(chosen, PartiGameMethod) and task.goal is not None:
+        return replace(chosen, goal=task.goal)
+    return cast(Method, chosen)
+
+
+@cache
+def _shown(task: Task, demonstrator: str, seed: int) -> Demonstrations:
+    """Record the task's demonstrator, or the one that is late."""
+    expert = experts_for(task.environment)[task.demonstrator]
+    if demonstrator == POOR:
+        expert = late(expert, task.delay)
+    env = make(EnvironmentSpec(task.environment))
+    return record(env, expert, episodes=task.demonstrations, seed=seed)
+
+
+def _frozen(
+    spec: FrameworkSpec, env: gymnasium.Env[Any, Any], shown: Demonstrations
+) -> FrameworkRecord:
+    """Evaluate the expert tree on the episodes on which all arms are evaluated."""
+    tree, task = fit_expert_tree(shown), spec.settings
+    seed = episode_seed(spec.seed, 0, EVALUATION_STREAM)
+    found = evaluate(tree, env, episodes=task.evaluation_episodes, seed=seed)
+    final = evaluate(tree, env, episodes=task.final_episodes, seed=spec.seed).mean_return
+    point = Evaluated(0, found.mean_return, found.success_rate, tree.n_leaves)
+    return FrameworkRecord(
+        spec=spec,
+        curve=(point,),
+        tree_return=final,
+        own_return=final,
+        n_leaves=tree.n_leaves,
+        demonstrated_steps=shown.n_transitions,
+    )
+
+
+def _learned(
+    spec: FrameworkSpec, env: gymnasium.Env[Any, Any], shown: Demonstrations | None
+) -> FrameworkRecord:
+    """Learn, or say why the method refuses."""
+    task, kept = spec.settings, []
+
+    def keep(run: Run) -> None:
+        kept[:] = [run]
+
+    try:
+        result = learn(
+            env,
+            demonstrations=shown,
+            method=method_for(spec.method, task),
+            start=spec.arm.start,
+            episodes=task.episodes,
+            evaluate_every=task.evaluate_every,
+            evaluation_episodes=task.evaluation_episodes,
+            seed=spec.seed,
+            on_progress=keep,
+        )
+    except InvalidArgumentError as error:
+        _, _, reason = str(error).partition("does not fit this task: ")
+        if not reason:
+            raise
+        return FrameworkRecord(spec=spec, refused=reason)
+    return _record(spec, env, shown, result, kept[0])
+
+
+def _record(
+    spec: FrameworkSpec,
+    env: gymnasium.Env[Any, Any],
+    shown: Demonstrations | None,
+    result: LearningResult,
+    run: Run,
+) -> FrameworkRecord:
+    """Evaluate what was made on fresh episodes and put everything in a record."""
+
+    def mean_return(policy: Policy) -> float:
+        episodes = spec.settings.final_episodes
+        return evaluate(policy, env, episodes=episodes, seed=spec.seed).mean_return
+
+    learner, of_tree = run.learner, mean_return(result.policy)
+    uses_demonstrations = spec.arm.start not in ("nothing", "random-tree")
+    return FrameworkRecord(
+        spec=spec,
+        curve=tuple(
+            Evaluated(p.episode, p.mean_return, p.success_rate, p.n_leaves) for p in result.curve
+        ),
+        tree_return=of_tree,
+        own_return=mean_return(learner.own_policy()) if isinstance(learner, HasPolicy) else of_tree,
+        fidelity=learner.decisions().fidelity,
+        n_leaves=result.policy.n_leaves,
+        demonstrated_steps=shown.n_transitions if shown and uses_demonstrations else 0,
+        learning_steps=result.steps,
+        model_steps=sum(int(event.get("model_steps", 0)) for event in run.events),
+    )
