@@ -27,8 +27,10 @@ from eutree.interaction.making import make
 from eutree.learners import METHODS, Method
 from eutree.learners.expert_tree import fit_expert_tree
 from eutree.learners.learner import HasPolicy
+from eutree.learners.model_planning import PlanningMethod
 from eutree.learners.parti_game import PartiGameMethod
 from eutree.policies import Policy
+from eutree.policy_search.planner import Planner
 from eutree.schema import EnvironmentSpec
 from eutree.training import LearningResult, Run, learn
 from eutree.training.beginning import EVALUATION_STREAM
@@ -38,6 +40,7 @@ FROZEN = "frozen"  # the expert tree, which learns nothing
 LEFT_OUT = {
     "distilled-dqn": "its network takes minutes a run, two hundred times what the others do"
 }
+FEW_IMAGINED = Planner(n_episodes=200, n_explorer_episodes=100, n_steps=10_000)
 TAUGHT = tuple(name for name in METHODS if name not in LEFT_OUT)
 
 Goal = tuple[tuple[float, ...], tuple[float, ...]]
@@ -97,11 +100,11 @@ TASKS = {
         chance=-21.4,
         goal=((30.0, -11.0, -11.0), (30.0, 11.0, 11.0)),
         demonstrations=15,
-        episodes=100,
+        episodes=80,
         gathering_episodes=20,
         evaluate_every=10,
-        evaluation_episodes=100,
-        final_episodes=100,
+        evaluation_episodes=50,
+        final_episodes=30,
     ),
     "mountain-car": Task(
         title="MountainCar",
@@ -111,11 +114,11 @@ TASKS = {
         chance=-200.0,
         goal=((0.5, -0.07), (0.6, 0.07)),
         demonstrations=15,
-        episodes=40,
-        gathering_episodes=10,
+        episodes=20,
+        gathering_episodes=5,
         evaluate_every=5,
-        evaluation_episodes=8,
-        final_episodes=20,
+        evaluation_episodes=4,
+        final_episodes=8,
     ),
     "cart-pole": Task(
         title="CartPole",
@@ -125,11 +128,11 @@ TASKS = {
         chance=22.7,
         goal=None,
         demonstrations=5,
-        episodes=40,
-        gathering_episodes=10,
+        episodes=20,
+        gathering_episodes=5,
         evaluate_every=5,
-        evaluation_episodes=5,
-        final_episodes=10,
+        evaluation_episodes=4,
+        final_episodes=8,
     ),
 }
 
@@ -154,18 +157,8 @@ class Arm:
 
 NOTHING, TREE, TREE_AND_DEMOS = Arm("nothing"), Arm("tree"), Arm("tree+demos")
 DEMOS, RANDOM_TREE = Arm("demos"), Arm("random-tree")
-POOR_TREE, POOR_TREE_AND_DEMOS = Arm("tree", POOR), Arm("tree+demos", POOR)
-POOR_DEMOS = Arm("demos", POOR)
-ARMS = (
-    NOTHING,
-    TREE,
-    TREE_AND_DEMOS,
-    DEMOS,
-    RANDOM_TREE,
-    POOR_TREE,
-    POOR_TREE_AND_DEMOS,
-    POOR_DEMOS,
-)
+POOR_TREE_AND_DEMOS = Arm("tree+demos", POOR)
+ARMS = (NOTHING, TREE, TREE_AND_DEMOS, DEMOS, RANDOM_TREE, POOR_TREE_AND_DEMOS)
 FROZEN_ARMS = (Arm(FROZEN), Arm(FROZEN, POOR))
 
 
@@ -276,11 +269,13 @@ def run(spec: FrameworkSpec) -> tuple[FrameworkRecord, float]:
 
 
 def method_for(name: str, task: Task) -> Method:
-    """Return the method with its default choices but two: its phases, and the task's goal."""
+    """Return the method with its default choices but few: those that the page names."""
     kind: Any = METHODS[name]
     chosen = kind(gathering_episodes=task.gathering_episodes)
     if isinstance(chosen, PartiGameMethod) and task.goal is not None:
         return replace(chosen, goal=task.goal)
+    if isinstance(chosen, PlanningMethod):
+        return replace(chosen, planner=FEW_IMAGINED)
     return cast(Method, chosen)
 
 
@@ -317,7 +312,8 @@ def _learned(
     spec: FrameworkSpec, env: gymnasium.Env[Any, Any], shown: Demonstrations | None
 ) -> FrameworkRecord:
     """Learn, or say why the method refuses."""
-    task, kept = spec.settings, []
+    task = spec.settings
+    kept: list[Run] = []
 
     def keep(run: Run) -> None:
         kept[:] = [run]

@@ -20,7 +20,6 @@ import numpy as np
 
 from eutree.arrays import Floats
 from eutree.errors import InvalidArgumentError, MissingExtraError
-from eutree.evaluation.intervals import Estimate
 from eutree.experiments.framework import (
     ARMS,
     FROZEN_ARMS,
@@ -196,7 +195,7 @@ def verdicts_to_markdown(runs: Runs, found: Sequence[Verdict]) -> str:
         cells = [_of_task(runs, task, method) for task in runs.tasks]
         lines.append(
             f"| `{method}` | {verdict.number} | {' | '.join(cells)} | "
-            f"{number_text(_counted(runs, verdict))} | **{verdict.holds}** | "
+            f"{_counted(runs, verdict)} | **{verdict.holds}** | "
             f"{verdict.expectation.expected} | {verdict.as_expected} |"
         )
     lines += [
@@ -226,16 +225,16 @@ def _of_task(runs: Runs, task: str, method: str) -> str:
     return f"{number_text(ratio)} {learned}: {halved(ratio, [alone])}"
 
 
-def _counted(runs: Runs, verdict: Verdict) -> Estimate | None:
+def _counted(runs: Runs, verdict: Verdict) -> str:
     """Return the ratio of learning times with demonstrations counted as episodes."""
     if not verdict.tasks:
-        return None
+        return ""
     method = verdict.expectation.method
 
     def times(arm: Arm) -> list[Times]:
         return [runs.times(task, method, arm) for task in verdict.tasks]
 
-    return ratio_of_times(times(TREE_AND_DEMOS), times(NOTHING), fair=True)
+    return number_text(ratio_of_times(times(TREE_AND_DEMOS), times(NOTHING), fair=True))
 
 
 def tables_to_markdown(runs: Runs, seconds: Mapping[str, float]) -> str:

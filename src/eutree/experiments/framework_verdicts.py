@@ -22,7 +22,7 @@ from eutree.experiments.framework import (
     FROZEN,
     GOOD,
     NOTHING,
-    POOR_TREE,
+    POOR_TREE_AND_DEMOS,
     RANDOM_TREE,
     TASKS,
     TREE,
@@ -88,8 +88,8 @@ EXPECTATIONS = (
     Expectation("density-tree", HOLDS, _CUTS, TREE, RANDOM_TREE),
     Expectation("adaptive-q", HOLDS, _CUTS, TREE, RANDOM_TREE),
     Expectation("vqql", HOLDS, _CUTS, TREE, RANDOM_TREE),
-    Expectation("vrd", HOLDS, _HARM, NOTHING, POOR_TREE),
-    Expectation("parti-game", HOLDS, _HARM, NOTHING, POOR_TREE),
+    Expectation("vrd", HOLDS, _HARM, NOTHING, POOR_TREE_AND_DEMOS),
+    Expectation("parti-game", HOLDS, _HARM, NOTHING, POOR_TREE_AND_DEMOS),
 )
 
 
