@@ -1,12 +1,16 @@
 """``eutree reproduce``: the paper's figures and tables, with our numbers beside."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from eutree.cli._cluster import cluster, cluster_options
 from eutree.cli._options import count_option, json_option, seed_option
 from eutree.cli._output import Output
+
+if TYPE_CHECKING:
+    from eutree.experiments.framework import FrameworkSpec
 
 
 @click.command(epilog="Example: eutree reproduce figure-2 --n-jobs 2")
@@ -16,6 +20,8 @@ from eutree.cli._output import Output
               help="Folder of results; finished runs are never done again.")  # fmt: skip
 @click.option("--preset", "presets", multiple=True, default=("paper", "default"),
               show_default=True, help="Settings to compare. May be repeated.")  # fmt: skip
+@click.option("--method", "methods", multiple=True,
+              help="Methods of the framework; all by default. May be repeated.")  # fmt: skip
 @count_option("--runs", 15, "Runs of each learner.", least=2)
 @count_option("--episodes", 400, "Episodes of each run.")
 @click.option("--smoke", is_flag=True, help="A few tiny runs, to see that everything works.")
@@ -28,6 +34,7 @@ def reproduce(
     listing: bool,
     out: Path,
     presets: tuple[str, ...],
+    methods: tuple[str, ...],
     runs: int,
     episodes: int,
     smoke: bool,
@@ -47,6 +54,7 @@ def reproduce(
     from rich.table import Column, Table
 
     from eutree.experiments.experiment import FULL, SMOKE
+    from eutree.experiments.framework import SMOKE_RUNS, TAUGHT, specs
     from eutree.experiments.registry import EXPERIMENTS, FRAMEWORK, FRAMEWORK_TITLE, chosen
     from eutree.experiments.reproduce import number_text
     from eutree.experiments.reproduce import reproduce as reproduce_experiments
@@ -60,7 +68,10 @@ def reproduce(
         output.result(titles, "\n".join(f"{name}  {title}" for name, title in titles.items()))
         return
     if experiment == FRAMEWORK:
-        _framework(output, out, runs, smoke, n_jobs, backend, address, seed)
+        runs = SMOKE_RUNS if smoke else runs
+        wanted = specs(runs=runs, methods=methods or TAUGHT, first_seed=seed, smoke=smoke)
+        with cluster(backend, address):
+            _framework(output, wanted, out, n_jobs)
         return
     for preset in presets:
         check_choice("--preset", preset, PRESETS)
@@ -84,26 +95,15 @@ def reproduce(
     output.say(f"report: {result.folder / 'report.html'}")
 
 
-def _framework(
-    output: Output,
-    out: Path,
-    runs: int,
-    smoke: bool,
-    n_jobs: int,
-    backend: str,
-    address: str | None,
-    seed: int,
-) -> None:
+def _framework(output: Output, wanted: "list[FrameworkSpec]", out: Path, n_jobs: int) -> None:
     """Run every method from every start, and say what teaching is worth to each."""
     from rich.table import Column, Table
 
-    from eutree.experiments.framework import FrameworkSpec, specs
     from eutree.experiments.framework_report import reproduce_framework, verdicts_to_facts
 
-    wanted = specs(runs=2 if smoke else runs, first_seed=seed, smoke=smoke)
-    with cluster(backend, address), output.progress("runs", 100) as progress:
+    with output.progress("runs", 100) as progress:
 
-        def show(count: int, total: int, spec: FrameworkSpec) -> None:
+        def show(count: int, total: int, spec: "FrameworkSpec") -> None:
             progress.update(100 * count // total, f"{count} of {total}: {spec.name}")
 
         result = reproduce_framework(wanted, out, n_jobs=n_jobs, on_run=show)

@@ -34,6 +34,7 @@ from eutree.policy_search.planner import Planner
 from eutree.schema import EnvironmentSpec
 from eutree.training import LearningResult, Run, learn
 from eutree.training.beginning import EVALUATION_STREAM
+from eutree.validation import check_choice
 
 GOOD, POOR = "good", "poor"
 FROZEN = "frozen"  # the expert tree, which learns nothing
@@ -160,6 +161,7 @@ DEMOS, RANDOM_TREE = Arm("demos"), Arm("random-tree")
 POOR_TREE_AND_DEMOS = Arm("tree+demos", POOR)
 ARMS = (NOTHING, TREE, TREE_AND_DEMOS, DEMOS, RANDOM_TREE, POOR_TREE_AND_DEMOS)
 FROZEN_ARMS = (Arm(FROZEN), Arm(FROZEN, POOR))
+SMOKE_RUNS = 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -243,7 +245,12 @@ def specs(
         methods: Methods to run.
         first_seed: The first seed.
         smoke: Whether each run is a tiny one.
+
+    Raises:
+        UnknownNameError: A method is not one of those that are taught.
     """
+    for method in methods:
+        check_choice("--method", method, TAUGHT)
     tasks = {name: task.small() if smoke else task for name, task in TASKS.items()}
     cells = [("", arm) for arm in FROZEN_ARMS]
     cells += [(method, arm) for method in methods for arm in ARMS]

@@ -27,5 +27,5 @@ FRAMEWORK_TITLE = "The framework: every method, every start"
 
 def chosen(name: str) -> list[Experiment]:
     """Return the experiment of that name, or every one of the paper's for ``"all"``."""
-    check_choice("experiment", name, [*EXPERIMENTS, FRAMEWORK, "all"])
+    check_choice("experiment", name, [*EXPERIMENTS, "all"])
     return list(EXPERIMENTS.values()) if name == "all" else [EXPERIMENTS[name]]

@@ -22,6 +22,7 @@ from eutree.learners.learner import Problem, Start, StartName
 from eutree.policies import TreePolicy
 from eutree.trees import DecisionTree
 from eutree.validation import check_choice
+from eutree.wording import counted
 
 STARTS: tuple[str, ...] = get_args(StartName)
 RANDOM_LEAVES = 16
@@ -131,4 +132,9 @@ def _most(demonstrations: Demonstrations | None, expert: TreePolicy | None) -> s
 def _needed(demonstrations: Demonstrations | None, name: str) -> Demonstrations:
     if demonstrations is None:
         raise InvalidArgumentError(f"start {name!r} needs demonstrations, got none")
+    if not demonstrations.n_transitions:
+        raise InvalidArgumentError(
+            f"start {name!r} needs demonstrations of at least one transition, got "
+            f"{counted(len(demonstrations), 'episode')} without a step"
+        )
     return demonstrations
