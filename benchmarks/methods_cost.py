@@ -22,14 +22,10 @@ import eutree
 from eutree.data import Demonstrations
 from eutree.envs.experts import experts_for
 from eutree.interaction import GuardedEnv, episode_seed
+from eutree.interaction.seeding import Stream
 from eutree.learners import METHODS, Problem, Step, start_of
 from eutree.learners.learner import HasPolicy, Learner
-from eutree.training.beginning import (
-    EXPANSION_STREAM,
-    EXPLORATION_STREAM,
-    TRAINING_STREAM,
-    generator_of,
-)
+from eutree.training.beginning import generator_of
 
 PEER = "u-tree"
 TASKS = {"2-Evasion": "eutree/Evasion2-v0", "MountainCar": "MountainCar-v0"}
@@ -70,7 +66,7 @@ def cost(name: str, env: GuardedEnv, demonstrations: Demonstrations, steps: int)
         acting, taken, episode = acting + spent, taken + length, episode + 1
         if episode % method.gathering_episodes == 0:
             begin = time.thread_time()
-            learner.update(generator_of(0, EXPANSION_STREAM, episode))
+            learner.update(generator_of(0, Stream.EXPANSION, episode))
             updating += time.thread_time() - begin
     decisions = learner.decisions()
     policy: Any = decisions.policy(problem)
@@ -86,9 +82,9 @@ def cost(name: str, env: GuardedEnv, demonstrations: Demonstrations, steps: int)
 
 def _episode(learner: Learner, env: GuardedEnv, episode: int) -> tuple[float, int]:
     """Live through an episode; return the learner's CPU seconds and the steps."""
-    observation = env.reset(episode_seed(0, episode, TRAINING_STREAM))
+    observation = env.reset(episode_seed(0, episode, Stream.TRAINING))
     begin = time.thread_time()
-    learner.start_episode(observation, generator_of(0, EXPLORATION_STREAM, episode))
+    learner.start_episode(observation, generator_of(0, Stream.EXPLORATION, episode))
     spent, length, ended = time.thread_time() - begin, 0, False
     while not ended:
         begin = time.thread_time()

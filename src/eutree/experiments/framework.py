@@ -24,6 +24,7 @@ from eutree.evaluation import evaluate
 from eutree.files import Document
 from eutree.interaction import episode_seed, record
 from eutree.interaction.making import make
+from eutree.interaction.seeding import Stream
 from eutree.learners import METHODS, Method
 from eutree.learners.expert_tree import fit_expert_tree
 from eutree.learners.learner import HasPolicy
@@ -33,7 +34,6 @@ from eutree.policies import Policy
 from eutree.policy_search.planner import Planner
 from eutree.schema import EnvironmentSpec
 from eutree.training import LearningResult, Run, learn
-from eutree.training.beginning import EVALUATION_STREAM
 from eutree.validation import check_choice
 
 GOOD, POOR = "good", "poor"
@@ -301,7 +301,7 @@ def _frozen(
 ) -> FrameworkRecord:
     """Evaluate the expert tree on the episodes on which all arms are evaluated."""
     tree, task = fit_expert_tree(shown), spec.settings
-    seed = episode_seed(spec.seed, 0, EVALUATION_STREAM)
+    seed = episode_seed(spec.seed, 0, Stream.EVALUATION)
     found = evaluate(tree, env, episodes=task.evaluation_episodes, seed=seed)
     final = evaluate(tree, env, episodes=task.final_episodes, seed=spec.seed).mean_return
     point = Evaluated(0, found.mean_return, found.success_rate, tree.n_leaves)
