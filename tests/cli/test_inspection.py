@@ -9,6 +9,20 @@ def test_diff_of_a_policy_with_itself_is_empty(eutree, expert):
     assert (answer.json["share"], answer.json["boxes"], answer.json["structure"]) == (0.0, [], [])
 
 
+def test_diff_counts_the_demonstrated_steps(eutree, expert, demonstrations):
+    answer = eutree("edit", expert, "--set-action", "0=stop", "--out", "other.json")
+    assert answer.code == 0
+    found = eutree("diff", expert, "other.json", "--demos", demonstrations, "--json").json
+    plain = eutree("diff", expert, "other.json", "--json").json
+    assert plain["visited"] is None
+    assert found["share"] == plain["share"]
+    assert abs(found["visited"] - sum(box["visited"] for box in found["boxes"])) < 1e-12
+    assert (
+        "of the recorded steps"
+        in eutree("diff", expert, "other.json", "--demos", demonstrations).out
+    )
+
+
 def test_verify_exits_with_0_for_a_proof_and_1_for_a_refutation(eutree, expert, demonstrations):
     everywhere = "0 <= position <= 30"
     refuted = eutree("verify", expert, "--property", f"never go when {everywhere}")

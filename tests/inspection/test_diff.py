@@ -99,3 +99,18 @@ def test_other_names_are_refused():
         InvalidArgumentError, match="second policy must have the features and actions of the first"
     ):
         diff(one, replace(one, schema=Schema.anonymous(2, 2)))
+
+
+@settings(max_examples=50, deadline=None)
+@given(seed=seeds)
+def test_recorded_observations_are_counted_where_they_differ(seed):
+    generator = np.random.default_rng(seed)
+    one, two = (lattice_policy(generator, 2) for _ in range(2))
+    rows = generator.integers(0, 13, size=(40, 2)) / 2.0  # on thresholds and bounds too
+    found = diff(one, two, observations=rows)
+    assert found.visited == pytest.approx((one.predict(rows)[0] != two.predict(rows)[0]).mean())
+    assert found.visited == pytest.approx(sum(box.visited for box in found.boxes))
+    visits = [box.visited for box in found.boxes]
+    assert visits == sorted(visits, reverse=True)
+    assert {box.words for box in found.boxes} == {box.words for box in diff(one, two).boxes}
+    assert all(box.visited is None for box in diff(one, two).boxes)

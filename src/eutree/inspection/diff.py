@@ -4,6 +4,7 @@ from collections import defaultdict
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from eutree.arrays import Floats, Integers
 from eutree.display import Displayed
@@ -11,6 +12,7 @@ from eutree.inspection.regions import Region, domain, finite_box, volumes
 from eutree.policies import TreePolicy
 from eutree.trees.boxes import leaf_boxes, meetings
 from eutree.trees.text import condition, printable
+from eutree.validation import check_observations
 
 
 @dataclass(frozen=True)
@@ -23,6 +25,7 @@ class Disagreement:
         first: Action of the first policy.
         second: Action of the second.
         words: All this in words.
+        visited: The share of the recorded observations that lie in it; None where none are given.
     """
 
     region: Region
@@ -30,6 +33,7 @@ class Disagreement:
     first: int
     second: int
     words: str
+    visited: float | None = None
 
 
 @dataclass(frozen=True)
@@ -38,31 +42,51 @@ class PolicyDiff(Displayed):
 
     Attributes:
         share: Exact share of the observation box on which they disagree.
-        boxes: All boxes of disagreement, the largest first; neighbours are joined.
+        boxes: All boxes of disagreement; neighbours are joined. The largest come first or, where
+            recorded observations are given, the most visited.
         structure: What changed in the tree, from the root on, in words.
         n_leaves: Leaves of both.
+        visited: The share of the recorded observations on which they disagree; None where none
+            are given.
     """
 
     share: float
     boxes: tuple[Disagreement, ...]
     structure: tuple[str, ...]
     n_leaves: tuple[int, int]
+    visited: float | None = None
 
     def __str__(self) -> str:
-        """Return the difference in words, the ten largest boxes of it."""
+        """Return the difference in words, the first ten boxes of it."""
         before, after = self.n_leaves
-        lines = [f"{before} leaves, then {after}; another action on {self.share:.4%} of the box"]
-        lines += [f"  {box.share:.4%}: {box.words}" for box in self.boxes[:10]]
+        steps = "" if self.visited is None else f" and {self.visited:.1%} of the recorded steps"
+        lines = [
+            f"{before} leaves, then {after}; another action on {self.share:.4%} of the box{steps}"
+        ]
+        lines += [f"  {_share(box)}: {box.words}" for box in self.boxes[:10]]
         if len(self.boxes) > 10:
             lines.append(f"  and {len(self.boxes) - 10} smaller boxes")
         return "\n".join([*lines, *(f"  {change}" for change in self.structure)])
 
 
-def diff(first: TreePolicy, second: TreePolicy) -> PolicyDiff:
+def _share(box: Disagreement) -> str:
+    """Return how large a box is, or how much of what was recorded lies in it."""
+    return f"{box.share:.4%}" if box.visited is None else f"{box.visited:.1%} of the steps"
+
+
+def diff(
+    first: TreePolicy, second: TreePolicy, *, observations: ArrayLike | None = None
+) -> PolicyDiff:
     """Return what changed between two policies of the same features and actions.
 
     The box is that of the schema's bounds; where they are infinite it reaches a tenth beyond the
     outermost thresholds of both trees.
+
+    Args:
+        first: The policy before.
+        second: The policy after.
+        observations: Recorded observations, shape [N, d], in the features of the trees: how much of
+            them each change concerns is counted, and the changes stand in that order.
 
     Raises:
         InvalidArgumentError: The two have other features or actions.
@@ -76,19 +100,39 @@ def diff(first: TreePolicy, second: TreePolicy) -> PolicyDiff:
         np.maximum(low, inside.low), np.minimum(high, inside.high), actions
     )
     shares = volumes(low, high, box_low, box_high)
+    visited: list[float] | None = None
+    order = np.argsort(-shares, kind="stable")
+    if observations is not None:
+        rows = check_observations("observations", observations, n_features=mine.n_features)
+        visits = _visits(low, high, inside, rows)
+        order = np.lexsort((-shares, -visits))
+        visited = visits.tolist()
     boxes = []
-    for number in np.argsort(-shares, kind="stable").tolist():
+    for number in order.tolist():
         region = Region(low[number], high[number])
         one, two = (int(action) for action in actions[number])
         names = [printable(mine.actions[action]) for action in (one, two)]
         words = f"{names[0]} became {names[1]} where {region.words(mine, inside)}"
-        boxes.append(Disagreement(region, float(shares[number]), one, two, words))
+        steps = None if visited is None else visited[number]
+        boxes.append(Disagreement(region, float(shares[number]), one, two, words, steps))
     return PolicyDiff(
         share=float(shares.sum()),
         boxes=tuple(boxes),
         structure=tuple(_structure(first, second)),
         n_leaves=(first.n_leaves, second.n_leaves),
+        visited=None if visited is None else sum(visited),
     )
+
+
+def _visits(low: Floats, high: Floats, inside: Region, rows: Floats) -> Floats:
+    """Return the share of rows in each box; a box that ends at the bounds has no end there."""
+    low = np.where(low == inside.low, -np.inf, low)
+    high = np.where(high == inside.high, np.inf, high)
+    counts = [
+        np.all((rows > a) & (rows <= b), axis=1).sum() for a, b in zip(low, high, strict=True)
+    ]
+    shares: Floats = np.array(counts, dtype=np.float64) / max(len(rows), 1)
+    return shares
 
 
 def _pieces(first: TreePolicy, second: TreePolicy) -> tuple[Floats, Floats, Integers]:
