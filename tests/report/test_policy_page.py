@@ -17,7 +17,9 @@ from eutree.errors import InvalidArgumentError
 from eutree.export._probes import probes
 from eutree.policies import TreePolicy
 from eutree.report import WatchedEpisode, policy_page
-from eutree.report.policy_page import policy_features
+from eutree.report.head import Pointer
+from eutree.report.policy_page import policy_verdict
+from eutree.report.tree_data import policy_features
 from eutree.schema import Feature, Schema
 from tests.export.policies import EVASION, NASTY, policy_of, tree
 from tests.export.tools import need
@@ -233,8 +235,11 @@ def test_one_leaf_and_no_episodes(chromium: Any, tmp_path: Path) -> None:
     opened.page.close()
 
 
-def test_a_large_page_is_small_and_opens_quickly(chromium: Any, tmp_path: Path) -> None:
-    """200 leaves, 50 episodes of 24 steps, pictures as large as real ones (about 2 kB)."""
+def test_a_large_page_is_small(chromium: Any, tmp_path: Path) -> None:
+    """200 leaves, 50 episodes of 24 steps, pictures as large as real ones (about 2 kB).
+
+    How long it takes to open is measured by ``benchmarks/policy_page.py``.
+    """
     policy = policy_of(tree(200, 3, seed=1), EVASION, statistics=True)
     frame = PIXEL + bytes(2000)
     content = policy_page(policy, episodes=episodes(policy, count=50, steps=24, frame=frame))
@@ -242,15 +247,53 @@ def test_a_large_page_is_small_and_opens_quickly(chromium: Any, tmp_path: Path) 
     path.write_text(content, encoding="utf-8")
     assert content.count("data:image/webp") == 49 * 25
     assert path.stat().st_size <= 5_000_000
-    durations = []
-    for _ in range(3):
-        start = time.perf_counter()
-        opened = open_page(chromium, path)
-        opened.page.wait_for_selector("body[data-ready]", timeout=20_000)
-        durations.append(time.perf_counter() - start)
-        opened.assert_quiet()
-        opened.page.close()
-    assert min(durations) <= 10.0  # a guard against quadratic work, not a measurement
+    opened = open_page(chromium, path)
+    opened.page.wait_for_selector("body[data-ready]", timeout=60_000)
+    elements = opened.page.evaluate("document.querySelectorAll('*').length")
+    assert elements <= 20 * policy.tree.n_nodes + 1000  # of the order of the tree, not its square
+    opened.assert_quiet()
+    opened.page.close()
+
+
+def test_the_verdict_points_at_the_leaf_that_matters(chromium: Any, tmp_path: Path) -> None:
+    policy = policy_of(tree(9, 3), EVASION)
+    good, bad = episodes(policy, count=2)
+    leaf = int(policy.tree.leaf_index(bad.episode.observations[-2:-1])[0])
+    node = int(policy.tree.node_of_leaf[leaf])
+    action = policy.schema.actions[policy.actions[leaf]]
+    bad = replace(bad, episode=replace(bad.episode, is_success=False), frames=())
+    words = policy_verdict(policy, [good, bad])
+    assert words == [
+        "1 of 2 episodes succeed; it ends in ",
+        Pointer(f"leaf {leaf} ({action})", f"node-{node}"),
+    ]
+    (tmp_path / "page.html").write_text(policy_page(policy, episodes=[good, bad]), encoding="utf-8")
+    opened = open_page(chromium, tmp_path / "page.html")
+    opened.page.wait_for_selector("body[data-ready]", timeout=10_000)
+    opened.page.click("#collapse-all")
+    for _ in range(2):  # also when the address says it already
+        opened.page.click(".verdict a")
+        wait_for(opened, selected=node)
+        assert opened.page.locator(f'.node.selected[data-node="{node}"]').is_visible()
+        opened.page.click("#live")
+        wait_for(opened, selected="")
+    opened.assert_quiet()
+    opened.page.close()
+
+
+def test_without_failures_the_verdict_names_the_leaf_of_most_steps() -> None:
+    policy = policy_of(tree(2, 1), Schema.anonymous(1, 2))
+    cut = float(policy.tree.threshold[0])
+    rows = np.array([[cut], [cut + 1], [cut + 1], [cut + 1], [cut]])
+    _, right = policy.tree.leaf_index(rows[:2]).tolist()
+    episode = Episode(rows, np.zeros(4, np.int64), np.ones(4), True, False)
+    said = policy_verdict(policy, [WatchedEpisode(episode)])
+    assert said[0] == "Mean return 4 in 1 episode; 75 % of all steps end in "
+    assert said[1] == Pointer(
+        f"leaf {right} ({policy.schema.actions[policy.actions[right]]})",
+        f"node-{int(policy.tree.node_of_leaf[right])}",
+    )
+    assert policy_verdict(policy, []) == ["A tree of 2 leaves"]
 
 
 def test_pictures_that_do_not_fit_are_left_out() -> None:
