@@ -2,65 +2,125 @@
 
 import json
 import re
+from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from eutree.cli.main import run
-from eutree.evaluation import CurvePoint
-from eutree.experiments import demo
-from eutree.experiments.demo import DemoSettings, run_demo
+from eutree.evaluation import Evaluation
+from eutree.experiments.demo import DemoSettings, run_demo, table_rows
+from eutree.experiments.demo_page import DemoFacts
+from eutree.experiments.stories import Story, story_of
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
+from eutree.training.judging import judged
+from tests.export.policies import EVASION, policy_of, tree
 
 FILES = [
     *("expert.json", "small.json", "small.c", "small.svg", "report.html", "demonstrations"),
-    *("runs/eu-tree/policy.json", "runs/eu-tree/curve.csv", "runs/c-u-tree/policy.json"),
+    *("learned/policy.json", "learned/runs.csv", "learned/runs/0/curve.csv"),
 ]
+FEW = Story(
+    learning={"episodes": 10, "evaluate_every": 5, "evaluation_episodes": 5}, final_episodes=20
+)
+FASTER = replace(FEW, change={"opponent_speed": 4.2}, changed="they are faster", margin=5.0)
 
 
-def quick(environment, **changes):
-    return DemoSettings(
-        environment=EnvironmentSpec(environment),
-        runs=2,
-        episodes=20,
-        evaluate_every=10,
-        evaluation_episodes=5,
-        final_episodes=20,
-        **changes,
-    )
+def quick(environment, story):
+    spec = EnvironmentSpec(environment)
+    return DemoSettings(environment=spec, story=story, runs=2, n_jobs=1)
 
 
-@pytest.mark.parametrize("environment", ["eutree/Evasion2-v0", "CartPole-v1"])
-def test_the_demo_makes_all_its_files_and_a_self_contained_report(tmp_path, environment):
-    said = []
+@pytest.mark.parametrize(
+    ("environment", "story"), [("eutree/Evasion2-v0", FASTER), ("CartPole-v1", FEW)]
+)
+def test_the_demo_makes_all_its_files_and_a_self_contained_report(tmp_path, environment, story):
+    said, finished = [], []
     result = run_demo(
-        quick(environment), tmp_path / "out", say=said.append, follow=lambda label, state: None
+        quick(environment, story),
+        tmp_path / "out",
+        say=said.append,
+        follow=lambda count, run: finished.append(run.seed),
     )
     for name in FILES:
         assert (tmp_path / "out" / name).exists(), name
     page = result.report.read_text()
     assert not re.search(r"(src|href)=[\"']?(https?:)?//", page)
-    for name in ("Expert tree", "C. U-Tree", "EU-Tree, compressed"):
+    for name in ("Expert tree", "Compressed tree", "run 1", "Before, from the same start"):
         assert name in page
-    assert result.compression.agreement == 1.0
     small = TreePolicy.load(tmp_path / "out" / "small.json")
     assert small.n_leaves == result.compression.n_leaves_after
-    assert any("expert tree of" in text for text in said)
-    header, rows = demo.table_rows(result.policies, result.evaluations)
+    assert any("made a tree of" in text for text in said)
+    assert finished == [0, 1]
+    header, rows = table_rows(result)
     assert header[:3] == ["Policy", "Leaves", "Return"]
-    assert rows[0][1] == str(result.policies[rows[0][0]].n_leaves)
-    assert set(result.evaluations) == set(result.policies)
+    assert [row[0] for row in rows] == ["Expert tree", "Learned tree", "Compressed tree"]
+    assert rows[0][1] == str(result.policies["Expert tree"].n_leaves)
+    assert (result.at_home is None) == (not story.change)
+    assert small.environment.arguments.get("opponent_speed") == story.change.get("opponent_speed")
+
+
+def evaluation(returns):
+    size = len(returns)
+    return Evaluation(np.array(returns), np.ones(size), np.array(["goal"] * size))
+
+
+def facts(before, after):
+    policies = {"Expert tree": policy_of(tree(9, 3), EVASION)}
+    policies["Compressed tree"] = policy_of(tree(4, 3), EVASION)
+    one, two = evaluation(before), evaluation(after)
+    nothing = SimpleNamespace()
+    return DemoFacts(
+        settings=quick("eutree/Evasion2-v0", FASTER),
+        demonstrations=nothing,
+        policies=policies,
+        evaluations={"Expert tree": one, "Compressed tree": two},
+        at_home=None,
+        judgement=judged(one, two, challengers=0),
+        runs=nothing,
+        compression=nothing,
+        played=nothing,
+        changes=nothing,
+        source="",
+    )
+
+
+def test_the_verdict_says_better_only_where_the_interval_does():
+    noise = np.linspace(-30, 30, 40) + 50
+    better = facts(noise, noise + 20).verdict
+    assert better == (
+        "The tree that was shown earns 50 once they are faster. "
+        "Learning mends it: with 4 leaves it earns 70."
+    )
+    assert "Learning harms it" in facts(noise, noise - 20).verdict
+    assert "40 episodes cannot tell apart" in facts(noise, noise[::-1] + 5).verdict
+    assert "cannot tell apart" in facts(noise, noise).verdict
+
+
+def test_every_story_is_of_an_environment_with_a_demonstrator():
+    from eutree.envs.experts import EXPERTS
+    from eutree.experiments.stories import _STORIES
+
+    assert set(_STORIES) <= set(EXPERTS)
+    assert story_of("eutree:eutree/Evasion2-v0").change == {"opponent_speed": 4.2}
+    assert story_of("MountainCar-v0").change == {}
 
 
 def test_a_demo_replaces_an_earlier_demo_and_nothing_else(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    line = ["demo", "CartPole-v1", "--episodes", "3", "--runs", "2", "--json"]
+    few = replace(FEW, learning=dict(FEW.learning) | {"race_steps": 0})
+    monkeypatch.setattr("eutree.experiments.demo.story_of", lambda environment: few)
+    line = ["demo", "CartPole-v1", "--episodes", "3", "--runs", "2", "--n-jobs", "1", "--json"]
     for _ in range(2):
         assert run(line) == 0
         answer = json.loads(capsys.readouterr().out)
         assert answer["report"] == "demo-report/report.html"
         assert next(row["Policy"] for row in answer["policies"]) == "Expert tree"
+        assert [entry["seed"] for entry in answer["runs"]] == [0, 1]
+        assert sum(entry["winner"] for entry in answer["runs"]) == 1
+        assert answer["verdict"].startswith("The tree that was shown")
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.txt").write_text("years of work")
     assert run([*line, "--out", "mine"]) == 2
@@ -71,7 +131,6 @@ def test_a_demo_replaces_an_earlier_demo_and_nothing_else(tmp_path, capsys, monk
 def test_the_expert_tree_is_the_paper_s(tmp_path):
     """7 to 13 leaves and at least 95 % of 1,000 fresh episodes, on average over 15 seeds."""
     import gymnasium
-    import numpy as np
 
     import eutree
 
@@ -84,16 +143,3 @@ def test_the_expert_tree_is_the_paper_s(tmp_path):
         success.append(eutree.evaluate(expert, env, episodes=1000, seed=seed).success_rate)
     assert 7 <= np.mean(leaves) <= 13
     assert np.mean(success) >= 0.95
-
-
-def test_intervals_end_where_the_measure_does():
-    def run_of(success_rate, n_leaves):
-        point = CurvePoint(0, 0, success_rate, 0.5, n_leaves)
-        return SimpleNamespace(curve=(point,))
-
-    runs = [run_of(1.0, 1), run_of(1.0, 1), run_of(0.4, 40)]
-    ends = {name: demo._series(runs, measure)[0][2:] for name, measure in demo.MEASURES.items()}
-    assert ends["success rate"][1] == 1.0
-    assert ends["leaves"][0] == 1.0
-    assert ends["leaves"][1] > 40
-    assert ends["return"] == (0.5, 0.5)

@@ -15,6 +15,7 @@ from eutree.experiments.demo import DemoSettings, run_demo
 from eutree.experiments.experiment import SMOKE
 from eutree.experiments.registry import chosen
 from eutree.experiments.reproduce import reproduce
+from eutree.experiments.stories import Story
 from eutree.policies import TreePolicy
 from eutree.report import WatchedEpisode, demonstrations_page, policy_page, run_page
 from eutree.schema import EnvironmentSpec
@@ -43,15 +44,14 @@ def pages(
     }
     for name, text in texts.items():
         (folder / f"{name}.html").write_text(text)
+    few = {"episodes": 2, "evaluate_every": 1, "evaluation_episodes": 2}
     short = DemoSettings(
         environment=EnvironmentSpec("eutree/Evasion2-v0"),
+        story=Story(learning=few, final_episodes=4),
         runs=2,
-        episodes=2,
-        evaluate_every=1,
-        evaluation_episodes=2,
-        final_episodes=2,
+        n_jobs=1,
     )
-    demo = run_demo(short, folder / "demo", say=print, follow=lambda label, run: None).report
+    demo = run_demo(short, folder / "demo", say=print, follow=lambda count, run: None).report
     reproduce(chosen("expert"), folder / "results", scale=SMOKE, presets=("paper",))
     found = {name: folder / f"{name}.html" for name in texts}
     return found | {"demo": demo, "reproduce": folder / "results" / "report.html"}

@@ -1,26 +1,50 @@
 """The report of a run: everything shown, every name harmless, nothing from outside."""
 
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from eutree.report import RunReport, run_page
+from eutree.report import (
+    CHANGES_ID,
+    RunReport,
+    Stage,
+    Table,
+    WatchedEpisode,
+    WatchedTree,
+    run_page,
+)
+from eutree.report.changes import LeafChange, changed_leaves
 from eutree.report.chart import chart, ticks
+from eutree.report.head import Pointer
 from tests.export.policies import EVASION, NASTY, policy_of, tree
-from tests.report.browser import grave_violations, open_page
+from tests.report.browser import Opened, grave_violations, open_page
+from tests.report.watched import episodes
 
 CURVE = [(0.0, 0.5, 0.4, 0.6), (20.0, 0.8, 0.7, 0.9), (40.0, 0.9, 0.85, 0.95)]
 
 
 def report(name: str = "EU-Tree") -> RunReport:
+    policy = policy_of(tree(9, 3), EVASION)
     return RunReport(
         title=f"{name}, a run",
         curves={"success rate": {name: CURVE, "C. U-Tree": CURVE[:2]}, name: {name: CURVE}},
-        header=("learner", name),
-        rows=[(name, "99 %"), ("C. U-Tree", name)],
+        verdict=[name, Pointer(name, CHANGES_ID), "."],
+        stages=[Stage(name, "99 %", name, name)],
+        watched=WatchedTree(
+            policy,
+            [replace(watched, by=name) for watched in episodes(policy, count=2)],
+            {3: LeafChange(0, 1.0), 4: LeafChange(1, 0.25)},
+            caption=name,
+        ),
+        changes=[(name, 0.25), ("small", 0.01)],
+        tables={
+            name: Table(("learner", name), [(name, "99 %"), ("C. U-Tree", name)], f"of {name}", 1)
+        },
+        texts={name: name},
         trees={name: policy_of(tree(9, 3), EVASION, statistics=True)},
         files=[(name, name), ("the policy", "a folder/policy.json")],
         notes=[name],
@@ -51,6 +75,7 @@ def test_everything_is_shown() -> None:
         assert words in outline.text
     assert outline.tags.count("polyline") == 4  # the second measure knows one learner of two
     assert outline.tags.count("table") == 1
+    assert outline.tags.count("h1") == 1
     assert ("href", "a%20folder/policy.json") in outline.attributes
 
 
@@ -62,7 +87,7 @@ def test_any_name_is_harmless(name: str) -> None:
         assert not key.startswith("on")
         assert key != "style"
         if key == "href":
-            assert re.fullmatch(r"[A-Za-z0-9%/_.~-]*", value or "")
+            assert re.fullmatch(r"#?[A-Za-z0-9%/_.~-]*", value or "")
 
 
 def test_parts_without_content_are_left_out() -> None:
@@ -98,6 +123,76 @@ def test_browser_is_quiet_and_nothing_is_cut_off(chromium: Any, tmp_path: Path, 
     assert opened.page.locator("main svg.chart").count() == 2
     assert opened.page.locator("b").count() == 0
     opened.page.close()
+
+
+def opened_report(chromium: Any, tmp_path: Path, width: int = 1280) -> Opened:
+    (tmp_path / "run.html").write_text(run_page(report()), encoding="utf-8")
+    opened = open_page(chromium, tmp_path / "run.html", width=width)
+    opened.page.wait_for_selector("body[data-ready]", timeout=10_000)
+    return opened
+
+
+def test_changed_leaves_are_marked_and_the_verdict_points_at_them(
+    chromium: Any, tmp_path: Path
+) -> None:
+    opened = opened_report(chromium, tmp_path)
+    changed = opened.page.locator(".node.changed")
+    assert changed.count() == 2
+    words = sorted(node.locator(".was").inner_html() for node in changed.all())
+    assert words == ["was go in 25 %", "was stop"]
+    assert "decided otherwise before" in opened.page.locator("#key").inner_text()
+    link = opened.page.locator(".verdict a")
+    assert opened.page.locator(link.get_attribute("href") or "").is_visible()
+    changed.first.click()
+    assert "Before: " in opened.page.locator("#details").inner_text()
+    opened.assert_quiet()
+    opened.page.close()
+
+
+def test_an_episode_of_somebody_else_says_where_this_tree_differs(
+    chromium: Any, tmp_path: Path
+) -> None:
+    policy = policy_of(tree(9, 3), EVASION)
+    (own,) = episodes(policy, count=1, steps=3)
+    other = replace(own.episode, actions=1 - own.episode.actions)
+    played = [own, WatchedEpisode(other, own.frames, by="Somebody")]
+    page = run_page(RunReport("Two", watched=WatchedTree(policy, played)))
+    (tmp_path / "run.html").write_text(page, encoding="utf-8")
+    opened = open_page(chromium, tmp_path / "run.html")
+    opened.page.wait_for_selector("body[data-ready]", timeout=10_000)
+    assert "this tree" not in opened.page.locator("#status").inner_text()
+    opened.page.select_option("#episode", "1")
+    action = policy.schema.actions[own.episode.actions[0]]
+    assert f"this tree: {action}" in opened.page.locator("#status").inner_text()
+    assert opened.page.locator("#details").inner_text().count("Somebody") == 0
+    opened.page.close()
+
+
+def test_on_paper_the_whole_tree_is_there(chromium: Any, tmp_path: Path) -> None:
+    opened = opened_report(chromium, tmp_path, width=390)
+    opened.page.emulate_media(media="print", color_scheme="dark")
+    opened.page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    frame = opened.page.locator("#canvas").bounding_box()
+    for node in opened.page.locator(".node .box").all():
+        box = node.bounding_box()
+        assert frame["x"] - 1 <= box["x"]
+        assert box["x"] + box["width"] <= frame["x"] + frame["width"] + 1
+    assert not opened.page.locator("#play").is_visible()
+    paper = "getComputedStyle(document.body).backgroundColor"
+    assert opened.page.evaluate(paper) == "rgb(255, 255, 255)"
+    opened.page.close()
+
+
+def test_which_leaves_changed() -> None:
+    """A stump at 18 against one leaf that always goes: one leaf differs, on all of its rows."""
+    before = policy_of(tree(1, 3), EVASION)
+    before = replace(before, actions=[1])
+    stump = tree(1, 3).split(0, 0, 18.0)
+    after = replace(policy_of(stump, EVASION), actions=[0, 1])
+    rows = [[1.0, 0.0, 0.0], [17.0, 0.0, 0.0], [20.0, 0.0, 0.0]]
+    assert changed_leaves(before, after, rows) == {0: LeafChange(1, 1.0)}
+    assert changed_leaves(after, before, rows) == {0: LeafChange(0, 2 / 3)}
+    assert changed_leaves(after, after, rows) == {}
 
 
 @pytest.mark.promise(25)

@@ -8,11 +8,17 @@ import gymnasium
 import numpy as np
 import pytest
 
+from eutree.envs.experts import wait_at_crossing
 from eutree.errors import EutreeError, InvalidArgumentError, UnknownNameError
-from eutree.interaction import GuardedEnv, episode_seed, run_episode
+from eutree.interaction import GuardedEnv, episode_seed, record, run_episode
 from eutree.interaction.seeding import Stream
 from eutree.report import watch
-from eutree.report.watching import encode, watch_if_possible
+from eutree.report.watching import (
+    encode,
+    film,
+    film_if_possible,
+    watch_if_possible,
+)
 from eutree.schema import EnvironmentSpec, Schema
 from tests.export.policies import EVASION, policy_of, tree
 
@@ -30,6 +36,21 @@ def test_watching_does_not_change_the_episode() -> None:
     np.testing.assert_array_equal(watched.episode.actions, plain.actions)
     assert len(watched.frames) == len(plain.observations)
     assert image.open(BytesIO(watched.frames[0])).size == (480, 320)
+
+
+def test_a_recorded_episode_is_filmed_as_it_was() -> None:
+    pytest.importorskip("pygame")
+    pytest.importorskip("PIL")
+    env = gymnasium.make("eutree/Evasion2-v0")
+    (shown,) = record(env, wait_at_crossing, episodes=1, seed=4).episodes
+    watched = film(EVASION_2, shown)
+    assert len(watched.frames) == len(shown.observations)
+    assert len(set(watched.frames)) > len(watched.frames) / 2
+    faster = EnvironmentSpec("eutree/Evasion2-v0", {"opponent_speed": 4.2})
+    with pytest.raises(InvalidArgumentError, match="must go as recorded"):
+        film(faster, shown)
+    without = film_if_possible(faster, shown, by="me")
+    assert (without.episode, without.frames, without.by) == (shown, (), "me")
 
 
 def test_without_pictures() -> None:

@@ -1,7 +1,8 @@
 """``eutree demo``: the whole main job in about a minute."""
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -9,14 +10,23 @@ from eutree.cli._options import count_option, env_arg_option, json_option, seed_
 from eutree.cli._output import Output
 from eutree.schema import EnvironmentSpec
 
+if TYPE_CHECKING:
+    from rich.console import Group
+
+    from eutree.experiments.demo import DemoResult
+
 
 @click.command(epilog="Example: eutree demo CartPole-v1 --expert fall")
 @click.argument("environment", default="eutree/Evasion2-v0")
 @click.option("--expert", help="A scripted demonstrator of the environment; by default its first.")
 @click.option("--out", type=click.Path(path_type=Path), default="demo-report", show_default=True,
               help="Folder to write.")  # fmt: skip
-@count_option("--episodes", 200, "Episodes of each learning run.")
-@count_option("--runs", 3, "Learning runs of each learner.", least=2)
+@count_option(
+    "--episodes", None, "Episodes of each learning run, instead of the demo's own budget."
+)
+@count_option("--runs", 3, "Learning runs; the best is chosen.")
+@click.option("--n-jobs", type=int, default=-1, show_default=True,
+              help="Processes for the runs; -1 for all cores.")  # fmt: skip
 @env_arg_option
 @seed_option
 @json_option
@@ -24,43 +34,86 @@ def demo(
     environment: str,
     expert: str | None,
     out: Path,
-    episodes: int,
+    episodes: int | None,
     runs: int,
+    n_jobs: int,
     env_arguments: dict[str, Any],
     seed: int,
     as_json: bool,
 ) -> None:
-    """Show, learn, evaluate, compress and export in ENVIRONMENT; write an HTML report."""
-    from rich.table import Table
+    """Show, fit, learn, judge, compress and export in ENVIRONMENT; write an HTML report.
 
-    from eutree.experiments.demo import DemoSettings, run_demo, table_rows
-    from eutree.training import Run
+    In Evasion the opponents run faster once the demonstrations are over, and learning has to mend
+    the tree; elsewhere the demonstrator is a mediocre script.
+    """
+    from eutree.experiments.demo import run_demo, settings_for, table_rows
+    from eutree.training.many import FinishedRun
 
     output = Output(as_json=as_json)
-    settings = DemoSettings(
-        environment=EnvironmentSpec(environment, env_arguments),
+    settings = settings_for(
+        EnvironmentSpec(environment, env_arguments),
         expert=expert,
-        episodes=episodes,
         runs=runs,
+        n_jobs=n_jobs,
         seed=seed,
     )
-    with output.progress("learning", 2 * runs * episodes) as progress:
-        gathered: dict[str, int] = {}
+    if episodes is not None:
+        story = settings.story
+        learning = dict(story.learning) | {"episodes": episodes}
+        settings = replace(settings, story=replace(story, learning=learning))
+    with output.progress("runs", runs) as progress:
 
-        def follow(label: str, run: Run) -> None:
-            gathered[label] = run.episode
-            progress.update(sum(gathered.values()), f"{label}: {run.curve[-1].describe()}")
+        def follow(count: int, run: FinishedRun) -> None:
+            progress.update(count, f"run {run.seed}: {run.selection}")
 
         result = run_demo(settings, out, say=output.say, follow=follow)
-    header, rows = table_rows(result.policies, result.evaluations)
-    table = Table(*header)
-    for row in rows:
-        table.add_row(*row)
+    header, rows = table_rows(result)
     output.result(
         {
             "report": str(result.report),
+            "verdict": result.verdict,
             "policies": [dict(zip(header, row, strict=True)) for row in rows],
+            "against_start": result.judgement.facts(),
+            "changed_steps": result.changes.visited,
+            "runs": [
+                {
+                    "seed": run.seed,
+                    "path": str(run.path),
+                    "n_leaves": run.n_leaves,
+                    "environment_steps": run.environment_steps,
+                    "mean_return": run.selection.mean_return,
+                    "success_rate": run.selection.success_rate,
+                    "winner": number == result.runs.winner,
+                }
+                for number, run in enumerate(result.runs.runs)
+            ],
         },
-        table,
+        _story(result),
     )
-    output.say(f"report: {result.report}")
+
+
+def _story(result: "DemoResult") -> "Group":
+    """Return the whole story on one screen."""
+    from rich.console import Group
+    from rich.table import Table
+    from rich.text import Text
+
+    from eutree.experiments.demo import table_rows
+
+    header, rows = table_rows(result)
+    table = Table(*header)
+    for row in rows:
+        table.add_row(*row)
+    small = tuple(result.policies.values())[-1]
+    changes = [
+        f"  {box.visited:.0%} of the steps: {box.words}"
+        for box in result.changes.boxes[:3]
+        if box.visited
+    ]
+    lines = [
+        "",
+        *(["What learning changed:", *changes] if changes else []),
+        f"{result.report.parent / 'small.c'}: the {small.n_leaves} leaves as a C function",
+        f"open {result.report} in a browser: watch it decide, see what changed",
+    ]
+    return Group(Text(result.verdict, style="bold"), table, Text("\n".join(lines)))

@@ -1,59 +1,50 @@
-"""The whole main job once: demonstrate, fit, learn, evaluate, compress, export, report.
+"""The whole main job once: demonstrate, fit, learn, judge, compress, export, report.
 
-It is the paper's loop in small: 15 demonstrations of a scripted demonstrator, the expert tree, a
-few learning runs of the EU-Tree beside the C. U-Tree, and a table like Table 2.
+It tells what the program is for: somebody shows a task, C4.5 makes a tree of it, the world turns
+out to be different, learning mends the tree, and what changed can be read.
 """
 
+import os
 import shutil
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial
-from math import inf
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
-from statistics import fmean
-from typing import Any, NamedTuple
+from typing import Any
 
-import gymnasium
+import joblib
 
 from eutree.compression import CompressionReport, compress
+from eutree.compression.rounding import rounded
 from eutree.data import Demonstrations
 from eutree.envs.experts import experts_for
 from eutree.errors import FileError
-from eutree.evaluation import CurvePoint, Evaluation, evaluate
-from eutree.evaluation.intervals import mean_interval
-from eutree.experiments.runs import STARTS
+from eutree.evaluation import Evaluation, evaluate
+from eutree.experiments.demo_page import DemoFacts, Played, demo_report
+from eutree.experiments.stories import Story, story_of
 from eutree.export import to_c, to_svg
 from eutree.files import make_folder, write_text
-from eutree.interaction import record
+from eutree.inspection import PolicyDiff, diff
+from eutree.interaction import episode_seed, record
 from eutree.interaction.making import make
+from eutree.interaction.seeding import Stream
 from eutree.learners.expert_tree import fit_expert_tree
 from eutree.policies import TreePolicy
-from eutree.report import RunReport, run_page
+from eutree.report import run_page
 from eutree.schema import EnvironmentSpec
-from eutree.training import LearningResult, Run, learn
+from eutree.training import learn
+from eutree.training.judging import Judgement, judged
+from eutree.training.many import FinishedRun, LearningRuns, learn_runs
+from eutree.trees import DecisionTree
 from eutree.validation import check_choice
 from eutree.wording import counted
 
 Say = Callable[[str], None]
-Follow = Callable[[str, Run], None]
+Follow = Callable[[int, FinishedRun], None]
 
 MARK = ".eutree-demo"
 
-
-class Measure(NamedTuple):
-    """What a chart shows of each evaluation, and what it can be: intervals end there."""
-
-    value: Callable[[CurvePoint], float | None]
-    low: float = -inf
-    high: float = inf
-
-
-MEASURES = {
-    "success rate": Measure(lambda point: point.success_rate, 0.0, 1.0),
-    "return": Measure(lambda point: point.mean_return),
-    "leaves": Measure(lambda point: float(point.n_leaves), 1.0),
-}
-LABELS = {"eu-tree": "EU-Tree", "c-u-tree": "C. U-Tree"}
+EXPERT, LEARNED, COMPRESSED = "Expert tree", "Learned tree", "Compressed tree"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,25 +53,27 @@ class DemoSettings:
 
     Attributes:
         environment: Where.
+        story: What changes, how it learns, what it may spend; by default what ``story_of`` says.
         expert: Name of the scripted demonstrator; None takes the environment's first.
         demonstrations: Episodes to record.
-        runs: Learning runs of each learner, with seeds of their own.
-        episodes: Episodes of each learning run.
-        evaluate_every: Episodes between two frozen evaluations.
-        evaluation_episodes: Episodes of each of them.
-        final_episodes: Episodes of the comparison at the end.
+        runs: Learning runs, with seeds of their own; the best is chosen.
+        n_jobs: Processes, as joblib counts them.
         seed: Seed of everything.
     """
 
     environment: EnvironmentSpec
+    story: Story = field(default_factory=Story)
     expert: str | None = None
     demonstrations: int = 15
     runs: int = 3
-    episodes: int = 200
-    evaluate_every: int = 20
-    evaluation_episodes: int = 50
-    final_episodes: int = 500
+    n_jobs: int = -1
     seed: int = 0
+
+    @property
+    def changed(self) -> EnvironmentSpec:
+        """Where it learns and is judged."""
+        arguments = dict(self.environment.arguments) | dict(self.story.change)
+        return EnvironmentSpec(self.environment.id, arguments)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,15 +81,25 @@ class DemoResult:
     """What the demo made.
 
     Attributes:
-        policies: Expert tree, learned trees and the compressed tree, by name.
-        evaluations: How each of them did.
+        policies: Expert tree, learned tree and compressed tree, by name.
+        evaluations: How each of them did where it learned, on the same fresh episodes.
+        at_home: How the expert tree did where it was shown; None if that is the same place.
+        judgement: The compressed tree against the expert tree, episode by episode.
+        runs: All learning runs.
         compression: What compression changed.
+        changes: What is decided otherwise than by the expert tree (its thresholds rounded).
+        verdict: All of it in a sentence.
         report: The HTML report.
     """
 
     policies: Mapping[str, TreePolicy]
     evaluations: Mapping[str, Evaluation]
+    at_home: Evaluation | None
+    judgement: Judgement
+    runs: LearningRuns
     compression: CompressionReport
+    changes: PolicyDiff
+    verdict: str
     report: Path
 
 
@@ -107,61 +110,73 @@ def run_demo(settings: DemoSettings, out: Path, *, say: Say, follow: Follow) -> 
         settings: How much of everything.
         out: Folder to write; made if it does not exist.
         say: Takes a sentence before each step.
-        follow: Takes the learner's label and its run after each episode.
+        follow: Takes the number of finished runs and the last of them.
     """
-    env, name = make(settings.environment), _expert_name(settings)
-    folder = _fresh_folder(out)  # not before: a mistake must not cost an earlier report
-    demonstrations = _demonstrate(settings, env, name, folder, say)
-    expert = fit_expert_tree(demonstrations)
-    expert.save(folder / "expert.json")
-    say(f"C4.5 made an expert tree of {counted(expert.n_leaves, 'leaf')}:\n{expert}")
-    starts: dict[str, dict[str, Any]] = {
-        "eu-tree": {"demonstrations": demonstrations, "expert": expert},
-        "c-u-tree": {},
-    }
-    results = {
-        name: _learn(name, settings, start, folder, say, follow) for name, start in starts.items()
-    }
-    learned = results["eu-tree"][0]
-    small, compression = compress(learned.policy, learned.history.observations)
-    small.save(folder / "small.json")
-    write_text(folder / "small.c", to_c(small))
-    write_text(folder / "small.svg", to_svg(small))
-    say(f"compressed {compression.n_leaves_before} leaves to {compression.n_leaves_after}")
-    policies = {
-        "Expert tree": expert,
-        "C. U-Tree": results["c-u-tree"][0].policy,
-        "EU-Tree": learned.policy,
-        "EU-Tree, compressed": small,
-    }
-    say(f"evaluating each on {settings.final_episodes} fresh episodes")
-    evaluations = {
-        name: evaluate(
-            policy, settings.environment, episodes=settings.final_episodes, seed=settings.seed
-        )
-        for name, policy in policies.items()
-    }
-    page = run_page(_report(settings, demonstrations, policies, evaluations, results))
-    write_text(folder / "report.html", page)
-    return DemoResult(policies, evaluations, compression, folder / "report.html")
+    name, folder = _expert_name(settings), _fresh_folder(out)
+    demonstrations = _demonstrate(settings, name, folder, say)
+    with _warming_up(settings, demonstrations):
+        expert = fit_expert_tree(demonstrations)
+        expert.save(folder / "expert.json")
+        say(f"C4.5 made a tree of {counted(expert.n_leaves, 'leaf')} of them")
+    runs = _learn(settings, demonstrations, expert, folder, say, follow)
+    learned = runs.result
+    small, compression = compress(
+        learned.policy,
+        learned.history.observations,
+        round_thresholds=True,
+        env=None if settings.story.margin is None else settings.changed,
+        margin=settings.story.margin,
+        seed=settings.seed,
+    )
+    _export(small, folder)
+    policies = {EXPERT: expert, LEARNED: learned.policy, COMPRESSED: small}
+    say(f"judging each tree on {settings.story.final_episodes} fresh episodes")
+    evaluations = {name: _judge(settings, policy) for name, policy in policies.items()}
+    at_home = _judge(settings, expert, at=settings.environment) if settings.story.change else None
+    judgement = judged(evaluations[EXPERT], evaluations[COMPRESSED], challengers=0)
+    played = Played.of(expert, small, settings.changed, seed=settings.seed)
+    seen = played.observations
+    changes = diff(rounded(expert, seen), small, observations=seen)
+    facts = DemoFacts(
+        settings=settings,
+        demonstrations=demonstrations,
+        policies=policies,
+        evaluations=evaluations,
+        at_home=at_home,
+        judgement=judgement,
+        runs=runs,
+        compression=compression,
+        played=played,
+        changes=changes,
+        source=(folder / "small.c").read_text(encoding="utf-8"),
+    )
+    write_text(folder / "report.html", run_page(demo_report(facts)))
+    return DemoResult(
+        policies, evaluations, at_home, judgement, runs, compression, changes, facts.verdict,
+        folder / "report.html",
+    )  # fmt: skip
 
 
-def table_rows(
-    policies: Mapping[str, TreePolicy], evaluations: Mapping[str, Evaluation]
-) -> tuple[list[str], list[list[str]]]:
-    """Return header and rows of a table like the paper's Table 2."""
-    succeeds = all(e.success_rate is not None for e in evaluations.values())
+def table_rows(result: DemoResult) -> tuple[list[str], list[list[str]]]:
+    """Return header and rows of a table of the policies."""
+    succeeds = all(e.success_rate is not None for e in result.evaluations.values())
     header = ["Policy", "Leaves", "Return", "95 % interval"]
     rows = []
-    for name, result in evaluations.items():
-        low, high = result.return_interval
-        row = [name, str(policies[name].n_leaves), f"{result.mean_return:.1f}"]
+    for name, evaluation in result.evaluations.items():
+        low, high = evaluation.return_interval
+        row = [name, str(result.policies[name].n_leaves), f"{evaluation.mean_return:.1f}"]
         row.append(f"{low:.1f} to {high:.1f}")
-        if result.success_rate is not None and result.success_interval is not None:
-            least, most = result.success_interval
-            row.append(f"{result.success_rate:.1%} ({least:.1%} to {most:.1%})")
+        if evaluation.success_rate is not None and evaluation.success_interval is not None:
+            least, most = evaluation.success_interval
+            rate = f"{100 * evaluation.success_rate:.1f} %"
+            row.append(f"{rate} ({100 * least:.1f} to {100 * most:.1f})")
         rows.append(row)
     return [*header, "Success"] if succeeds else header, rows
+
+
+def settings_for(environment: EnvironmentSpec, **choices: Any) -> DemoSettings:
+    """Return the settings of an environment's own story."""
+    return DemoSettings(environment=environment, story=story_of(environment.id), **choices)
 
 
 def _fresh_folder(path: Path) -> Path:
@@ -184,91 +199,91 @@ def _expert_name(settings: DemoSettings) -> str:
     )
 
 
-def _demonstrate(
-    settings: DemoSettings, env: gymnasium.Env[Any, Any], name: str, folder: Path, say: Say
-) -> Demonstrations:
+def _demonstrate(settings: DemoSettings, name: str, folder: Path, say: Say) -> Demonstrations:
+    """Record the demonstrations."""
     expert = experts_for(settings.environment.id)[name]
-    say(f"the scripted demonstrator {name!r} shows {settings.environment} to the learner")
-    demonstrations = record(env, expert, episodes=settings.demonstrations, seed=settings.seed)
-    demonstrations.save(folder / "demonstrations")
-    say(f"{len(demonstrations)} demonstrations, {demonstrations.n_transitions} transitions")
-    return demonstrations
+    say(f"the scripted demonstrator {name!r} shows {settings.environment}")
+    env = make(settings.environment)
+    try:
+        shown = record(env, expert, episodes=settings.demonstrations, seed=settings.seed)
+    finally:
+        env.close()
+    shown.save(folder / "demonstrations")
+    say(f"{counted(len(shown), 'episode')} shown, {counted(shown.n_transitions, 'step')}")
+    return shown
 
 
 def _learn(
-    name: str,
     settings: DemoSettings,
-    start: dict[str, Any],
+    demonstrations: Demonstrations,
+    expert: TreePolicy,
     folder: Path,
     say: Say,
     follow: Follow,
-) -> Sequence[LearningResult]:
-    """Run one learner with several seeds; the first run is kept in a folder."""
-    say(f"{LABELS[name]} learns: {settings.runs} runs of {settings.episodes} episodes")
-    results = []
-    for run in range(settings.runs):
-        label = f"{LABELS[name]} {run + 1}"
-        result = learn(
-            make(settings.environment),
-            **start,
-            start=STARTS[name],
-            episodes=settings.episodes,
-            evaluate_every=settings.evaluate_every,
-            evaluation_episodes=settings.evaluation_episodes,
-            seed=settings.seed + run,
-            out=folder / "runs" / name if run == 0 else None,
-            on_progress=partial(follow, label),
-        )
-        results.append(result)
-    return results
-
-
-def _report(
-    settings: DemoSettings,
-    demonstrations: Demonstrations,
-    policies: Mapping[str, TreePolicy],
-    evaluations: Mapping[str, Evaluation],
-    results: Mapping[str, Sequence[LearningResult]],
-) -> RunReport:
-    header, rows = table_rows(policies, evaluations)
-    curves = {
-        name: {LABELS[learner]: _series(runs, measure) for learner, runs in results.items()}
-        for name, measure in MEASURES.items()
-    }
-    return RunReport(
-        title=f"{settings.environment}: shown, learned, compressed, exported",
-        curves={k: v for k, v in curves.items() if all(v.values())},
-        header=header,
-        rows=rows,
-        trees={k: policies[k] for k in ("Expert tree", "EU-Tree", "EU-Tree, compressed")},
-        files=[
-            ("the demonstrations", "demonstrations"),
-            ("the expert tree", "expert.json"),
-            ("the EU-Tree's run: policy, curve, progress, events, checkpoint", "runs/eu-tree"),
-            ("the C. U-Tree's run", "runs/c-u-tree"),
-            ("the compressed tree", "small.json"),
-            ("the compressed tree in C", "small.c"),
-            ("the compressed tree, drawn", "small.svg"),
-        ],
-        notes=[
-            f"{len(demonstrations)} demonstrations by {demonstrations.expert}, "
-            f"{demonstrations.n_transitions} transitions. {settings.runs} learning runs of "
-            f"{settings.episodes} episodes each; the shaded bands are 95 % intervals over runs. "
-            f"The table is of {settings.final_episodes} fresh episodes a policy."
-        ],
+) -> LearningRuns:
+    """Let several runs learn beside each other, and choose the best on episodes of its own."""
+    once = f", now that {settings.story.changed}" if settings.story.changed else ""
+    say(f"{counted(settings.runs, 'run')} of learning{once}")
+    return learn_runs(
+        settings.changed,
+        runs=settings.runs,
+        out=folder / "learned",
+        n_jobs=settings.n_jobs,
+        seed=settings.seed,
+        selection_episodes=max(2, settings.story.final_episodes // 5),
+        judging_episodes=settings.story.final_episodes,
+        on_run=follow,
+        demonstrations=demonstrations,
+        expert=expert,
+        **settings.story.learning,
     )
 
 
-def _series(
-    runs: Sequence[LearningResult], measure: Measure
-) -> list[tuple[int, float, float, float]]:
-    """Return (episode, mean, low, high) of a measure over runs; nothing where it is unknown."""
-    series = []
-    for points in zip(*(run.curve for run in runs), strict=True):
-        values = [known for known in map(measure.value, points) if known is not None]
-        if len(values) < len(points):
-            return []
-        low, high = mean_interval(values)
-        low, high = max(low, measure.low), min(high, measure.high)
-        series.append((points[0].episode, fmean(values), low, high))
-    return series
+def _judge(
+    settings: DemoSettings, policy: TreePolicy, *, at: EnvironmentSpec | None = None
+) -> Evaluation:
+    """Evaluate on the episodes that all policies share and that chose nothing."""
+    return evaluate(
+        policy,
+        at or settings.changed,
+        episodes=settings.story.final_episodes,
+        seed=episode_seed(settings.seed, 0, Stream.JUDGING),
+    )
+
+
+def _export(small: TreePolicy, folder: Path) -> None:
+    small.save(folder / "small.json")
+    write_text(folder / "small.c", to_c(small))
+    write_text(folder / "small.svg", to_svg(small))
+
+
+@contextmanager
+def _warming_up(settings: DemoSettings, demonstrations: Demonstrations) -> Iterator[None]:
+    """Let another process compile what learning needs while this one fits the expert tree.
+
+    Right after installation half of the demo's time goes into compiling, and nothing of it waits
+    for the expert tree. Once the compiled code is on the disk this costs a second of another core.
+    """
+    cores = joblib.effective_n_jobs(settings.n_jobs)
+    if cores < 2 or (os.cpu_count() or 1) < 2:
+        yield
+        return
+    task = joblib.delayed(_learn_a_little)(settings, demonstrations)
+    warm = joblib.Parallel(n_jobs=cores, return_as="generator")([task])
+    try:
+        yield
+    finally:
+        list(warm)
+
+
+def _learn_a_little(settings: DemoSettings, demonstrations: Demonstrations) -> None:
+    """Learn for two episodes from a tree of one leaf; what comes of it is of no interest."""
+    schema = demonstrations.schema
+    start = TreePolicy(DecisionTree.single_leaf(schema.n_features), [0], schema)  # type: ignore[arg-type]
+    options = dict(settings.story.learning) | {"episodes": 2, "evaluate_every": 2}
+    options |= {"evaluation_episodes": 2, "race_steps": 0}
+    env = make(settings.changed)
+    try:
+        learn(env, demonstrations=demonstrations, expert=start, seed=settings.seed, **options)
+    finally:
+        env.close()

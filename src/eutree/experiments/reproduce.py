@@ -12,6 +12,7 @@ A folder of results holds
 
 import base64
 import json
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from html import escape
@@ -24,7 +25,9 @@ from eutree.experiments.experiment import Experiment, Records, Scale
 from eutree.experiments.results import Results
 from eutree.experiments.runs import RunSpec
 from eutree.files import write_bytes, write_text
+from eutree.report.head import head
 from eutree.report.html import asset, page
+from eutree.wording import counted
 
 PRESETS = ("paper", "default")
 
@@ -188,14 +191,19 @@ def _page(
         title = escape(experiment.title)
         drawn = _figure(figures[experiment.id], title) if experiment.id in figures else ""
         sections.append(f"<section><h2>{title}</h2>{drawn}{_table(mine)}</section>")
-    verdicts = [claim.holds for claim in claims]
-    counts = ", ".join(f"{v}: {verdicts.count(v)}" for v in dict.fromkeys(verdicts))
-    body = (
-        "<main><header><h1>The paper's results, reproduced</h1>"
-        f"<p>{len(claims)} verdicts. {escape(counts.capitalize())}.</p></header>"
-        f"{''.join(sections)}</main>"
-    )
-    return page(title="The paper's results, reproduced", body=body, style=asset("run.css"))
+    title = "The paper's results, reproduced"
+    top = head(title, [_verdict(claims)], ["Brackets are 95 % intervals; a rule decides each."])
+    body = f"<main>{top}{''.join(sections)}</main>"
+    return page(title=title, body=body, style=asset("run.css"))
+
+
+def _verdict(claims: Sequence[Claim]) -> str:
+    """Return how many claims hold, and what becomes of the others."""
+    counts = Counter(claim.holds for claim in claims)
+    held = counts.pop("holds", 0)
+    rest = ", ".join(f"{verdict}: {count}" for verdict, count in counts.most_common())
+    others = f"; {rest}" if rest else ""
+    return f"{held} of {counted(len(claims), 'verdict')} on the paper's claims hold{others}."
 
 
 def _figure(svg: str, title: str) -> str:

@@ -9,14 +9,18 @@ from eutree.report.partition_chart import partition_chart
 from eutree.report.partitions import PartitionCallback, drawings
 from eutree.report.policy_page import policy_page
 from eutree.report.run_folder_report import report_of_run
-from eutree.report.run_page import RunReport, run_page
+from eutree.report.run_page import CHANGES_ID, RunReport, Stage, Table, WatchedTree, run_page
 from eutree.report.watching import WatchedEpisode, watch
 
 __all__ = [
+    "CHANGES_ID",
     "DemonstrationFigures",
     "PartitionCallback",
     "RunReport",
+    "Stage",
+    "Table",
     "WatchedEpisode",
+    "WatchedTree",
     "demonstration_figures",
     "demonstrations_page",
     "drawings",

@@ -16,11 +16,13 @@ from eutree.data.summary import Conflict, Summary, summarize
 from eutree.evaluation.expert_curve import ExpertCurve, expert_curve
 from eutree.report.chart import chart, legend
 from eutree.report.coverage_chart import action_legend, histogram_chart, map_chart
+from eutree.report.head import Pointer, Verdict, head
 from eutree.report.html import asset, page
 from eutree.report.time_chart import MAX_FEATURES, panels, style_of, time_chart
 from eutree.schema import Schema
 
 MAX_EPISODES = 100
+DIFFER = "where-they-differ"
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,9 +73,13 @@ def demonstrations_page(
     figures = figures or demonstration_figures(demonstrations)
     body = [
         "<main>",
-        _header(demonstrations, title, figures),
+        _head(demonstrations, title, figures),
         _section("Would more demonstrations help?", _curve(figures)),
-        _section("Where the demonstrations differ", _differences(demonstrations, figures, numbers)),
+        _section(
+            "Where the demonstrations differ",
+            _differences(demonstrations, figures, numbers),
+            DIFFER,
+        ),
         _section("What was seen", _coverage(demonstrations)),
         _section("Episodes", _episodes(demonstrations, figures, numbers)),
         "</main>",
@@ -82,36 +88,46 @@ def demonstrations_page(
     return page(title=title, body="\n".join(body), style=style)
 
 
-def _header(demonstrations: Demonstrations, title: str, figures: DemonstrationFigures) -> str:
+def _head(demonstrations: Demonstrations, title: str, figures: DemonstrationFigures) -> str:
+    """Return what the demonstrations are worth, then what they are."""
     discarded = len(demonstrations.episodes) - len(demonstrations)
-    success = figures.summary.success_rate
     facts = [
         str(demonstrations.environment or "environment unknown"),
         f"by {demonstrations.expert}" if demonstrations.expert else "",
         f"{len(demonstrations)} episodes" + (f" and {discarded} discarded" if discarded else ""),
         f"{demonstrations.n_transitions} steps",
-        "" if success is None else f"{success:.0%} successful",
     ]
-    line = escape(" · ".join(filter(None, facts)))
-    return f"<header><h1>{escape(title)}</h1><p>{line}</p></header>"
+    return head(title, _verdict(figures), [" · ".join(filter(None, facts))])
 
 
-def _section(title: str, content: str) -> str:
-    return f"<section><h2>{title}</h2>\n{content}\n</section>"
+def _verdict(figures: DemonstrationFigures) -> Verdict:
+    """Return how often the task was done, how often the hands contradict themselves, what to do."""
+    parts: list[str | Pointer] = []
+    success, share = figures.summary.success_rate, figures.neighbours.disagreement
+    if success is not None:
+        parts.append(f"{100 * success:.0f} % of the episodes succeed")
+    if share is not None:
+        parts += ["; " if parts else "", Pointer(f"{100 * share:.0f} % of the steps", DIFFER)]
+        parts.append(" were answered otherwise elsewhere")
+    return [*parts, ". " if parts else "", figures.advice]
+
+
+def _section(title: str, content: str, name: str = "") -> str:
+    known = f' id="{name}"' if name else ""
+    return f"<section{known}><h2>{title}</h2>\n{content}\n</section>"
 
 
 def _curve(figures: DemonstrationFigures) -> str:
-    """Return the advice and the learning curve with its law."""
-    advice = f'<p class="advice">{escape(figures.advice)}</p>'
+    """Return the learning curve with its law, which the advice in the head rests on."""
     curve = figures.curve
     if curve is None:
-        return advice
+        return "<p>There are too few episodes for a learning curve.</p>"
     measured = [(float(p.k), p.accuracy, *p.interval) for p in curve.points]
     last = curve.n_episodes + curve.more
     law = [(float(k), *(1.0 - curve.law.error(k),) * 3) for k in range(1, last + 1)]
     series = {"measured, with its 95 % interval": measured, "power law, extended": law}
     return (
-        f'{advice}\n<figure class="single"><figcaption>Accuracy of the expert tree on '
+        f'<figure class="single"><figcaption>Accuracy of the expert tree on '
         f"episodes it has not seen</figcaption>{chart('accuracy', series, percent=True)}"
         f"{legend(list(series))}</figure>\n"
         '<p class="quiet">Accuracy is the share of the steps of an episode at which C4.5, fitted '

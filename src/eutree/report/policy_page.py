@@ -1,29 +1,20 @@
 """A policy watched while it decides: the tree, an episode player, what is known of each leaf."""
 
-import base64
-import json
+from collections import Counter
 from collections.abc import Sequence
-from html import escape
 from string import Template
-from typing import Any
 
 import numpy as np
 
-from eutree.arrays import Floats
 from eutree.data import Demonstrations, Episode
-from eutree.errors import InvalidArgumentError
-from eutree.export._palette import FILLS
 from eutree.policies import TreePolicy
+from eutree.report.head import Pointer, Verdict, head
 from eutree.report.html import as_json, asset, base_style, page
+from eutree.report.tree_data import SIZE_LIMIT, add_pictures, policy_features, tree_data
 from eutree.report.watching import WatchedEpisode
 from eutree.wording import counted
 
-_SCRIPTS = ("model", "tree", "player", "details", "rules", "slices", "search")
-
-SIZE_LIMIT = 5_000_000
-
-EXACT, SHORT = 17, 6  # significant digits: all that a double has; enough to read
-MOST_EXACT = 60_000  # numbers of observations, about a megabyte
+_SCRIPTS = ("model", "tree", "player", "details", "rules", "slices", "search", "start")
 
 
 def policy_page(
@@ -52,124 +43,70 @@ def policy_page(
     if policy.environment and policy.environment.arguments:
         arguments = sorted(policy.environment.arguments.items())
         subtitle += "".join(f", {key} = {value}" for key, value in arguments)
+    verdict = policy_verdict(policy, episodes, demonstrations)
     body = Template(asset("policy.html")).substitute(
-        title=escape(heading), subtitle=escape(subtitle)
+        head=head(heading, verdict, [subtitle], beside=asset("search.html")),
+        tree=asset("tree.html"),
+        player=asset("player.html"),
+        details=asset("details.html"),
     )
-    data = _data(policy, episodes, demonstrations) | {"file": file}
+    data = tree_data(policy, episodes, demonstrations) | {"file": file}
     scripts = "".join(asset(f"{name}.js") for name in _SCRIPTS)
-    style = asset("policy.css")
+    style = asset("watch.css") + asset("policy.css")
     text = body + scripts + base_style() + style
-    room = size_limit - len(as_json(data)) - len(text.encode()) - 4096
-    for entry, watched in zip(data["episodes"], episodes, strict=True):
-        frames = _frames(watched)
-        room -= sum(map(len, frames)) + 3 * len(frames)
-        if room < 0:
-            break
-        entry["frames"] = frames or None
+    add_pictures(data, episodes, size_limit - len(as_json(data)) - len(text.encode()) - 4096)
     return page(title=heading, body=body, style=style, script=scripts, data=data)
 
 
-def _data(
+def policy_verdict(
     policy: TreePolicy,
     episodes: Sequence[WatchedEpisode],
-    demonstrations: Demonstrations | None,
-) -> dict[str, Any]:
-    """Return what the page's script reads, without pictures."""
-    tree, schema = policy.tree, policy.schema
-    names = ("feature", "left", "right", "leaf")
-    shown = [
-        {
-            "name": feature.name,
-            "unit": feature.unit,
-            "low": _finite(feature.low),
-            "high": _finite(feature.high),
-        }
-        for feature in schema.features
-    ]
-    recorded = () if demonstrations is None else demonstrations.episodes
-    n_numbers = sum(watched.episode.observations.size for watched in episodes) * (
-        policy.history + 1
-    )
-    digits = EXACT if n_numbers <= MOST_EXACT else SHORT
-    statistics = None
+    demonstrations: Demonstrations | None = None,
+) -> Verdict:
+    """Return how the episodes went, and the leaf that has most to do with it.
+
+    Where some fail, that is the leaf in which most of the failures end; else the one that most of
+    the steps counted on the page end in.
+    """
+    played = [watched.episode for watched in episodes if len(watched.episode)]
+    outcome = _outcome(played)
+    failed = [episode for episode in played if episode.is_success is False]
+    if failed:
+        leaf, count = Counter(_leaves(policy, e)[-1] for e in failed).most_common(1)[0]
+        many = f"{count} of {len(failed)} failures end in " if len(failed) > 1 else "it ends in "
+        return [f"{outcome}; {many}", _pointer(policy, leaf)]
     if policy.leaves is not None:
-        statistics = {
-            "visits": policy.leaves.visits.tolist(),
-            "values": _rounded(policy.leaves.values),
-            "deviations": _rounded(policy.leaves.deviations),
-        }
-    return {
-        "tree": {name: getattr(tree, name).tolist() for name in names}
-        | {"threshold": [_finite(value) for value in tree.threshold.tolist()]},
-        "features": shown,
-        "actions": list(schema.actions),
-        "fills": FILLS,
-        "leafActions": policy.actions.tolist(),
-        "leaves": statistics,
-        "document": _document(policy),
-        "episodes": [
-            _episode(policy, watched.episode, whole=True, digits=digits) for watched in episodes
-        ],
-        "demonstrations": [_episode(policy, episode, whole=False) for episode in recorded],
-    }
+        visits = policy.leaves.visits.sum(axis=1)
+    else:
+        shown = demonstrations.episodes if demonstrations is not None else ()
+        ends = [leaf for e in (*played, *shown) for leaf in _leaves(policy, e)]
+        visits = np.bincount(np.array(ends, dtype=np.int64), minlength=policy.n_leaves)
+    if not visits.any():
+        return [outcome or f"A tree of {counted(policy.n_leaves, 'leaf')}"]
+    leaf = int(visits.argmax())
+    share = f"{100 * visits[leaf] / visits.sum():.0f} % of all steps end in "
+    return [f"{outcome}; {share}" if outcome else share, _pointer(policy, leaf)]
 
 
-def _document(policy: TreePolicy) -> Any:
-    """Return the content of the policy's file, or None if no file can hold it."""
-    try:
-        return json.loads(policy.to_bytes())
-    except InvalidArgumentError:
-        return None
+def _leaves(policy: TreePolicy, episode: Episode) -> list[int]:
+    """Return the leaf of each decision of an episode."""
+    found: list[int] = policy.tree.leaf_index(policy_features(policy, episode)[:-1]).tolist()
+    return found
 
 
-def _episode(
-    policy: TreePolicy, episode: Episode, *, whole: bool, digits: int = SHORT
-) -> dict[str, Any]:
-    """Return an episode: always which leaf each step fell in; what was seen, if ``whole``."""
-    features = policy_features(policy, episode)
-    leaves = policy.tree.leaf_index(features)
-    entry = {
-        "actions": episode.actions.tolist(),
-        "rewards": [float(f"{value:.6g}") for value in episode.rewards.tolist()],
-        "leaves": leaves.tolist() if whole else leaves[:-1].tolist(),
-    }
-    if whole:
-        entry |= {
-            "observations": _rounded(features, digits),
-            "ending": episode.ending,
-            "success": episode.is_success,
-            "frames": None,
-        }
-    return entry
+def _outcome(played: Sequence[Episode]) -> str:
+    """Return how many episodes succeed or, where that is not reported, what they earn."""
+    known = [episode.is_success for episode in played if episode.is_success is not None]
+    if known:
+        verb = "succeeds" if len(known) == 1 else "succeed"
+        return f"{sum(known)} of {counted(len(known), 'episode')} {verb}"
+    if not played:
+        return ""
+    mean = float(np.mean([episode.undiscounted_return for episode in played]))
+    return f"Mean return {mean:.4g} in {counted(len(played), 'episode')}"
 
 
-def policy_features(policy: TreePolicy, episode: Episode) -> Floats:
-    """Return what the policy sees at each observation of an episode, the past included."""
-    observations = episode.observations
-    if observations.shape[1] != policy.observation_size:
-        raise InvalidArgumentError(
-            f"episodes must have observations of {policy.observation_size} features, "
-            f"got {observations.shape[1]}"
-        )
-    return policy.features.of_episode(observations, episode.actions)
-
-
-def _frames(watched: WatchedEpisode) -> list[str]:
-    """Return the pictures of an episode as data URIs."""
-    return [
-        f"data:{watched.media_type};base64,{base64.b64encode(frame).decode('ascii')}"
-        for frame in watched.frames
-    ]
-
-
-def _rounded(matrix: Floats, digits: int = SHORT) -> list[list[float | None]]:
-    """Return numbers with some significant digits; NaN becomes None."""
-    return [
-        [float(f"{value:.{digits}g}") if np.isfinite(value) else None for value in row]
-        for row in matrix.tolist()
-    ]
-
-
-def _finite(value: float) -> float | None:
-    """Return a finite number, or None."""
-    return value if np.isfinite(value) else None
+def _pointer(policy: TreePolicy, leaf: int) -> Pointer:
+    """Return the name of a leaf and its action, pointing at its node."""
+    action = policy.schema.actions[policy.actions[leaf]]
+    return Pointer(f"leaf {leaf} ({action})", f"node-{int(policy.tree.node_of_leaf[leaf])}")

@@ -12,9 +12,11 @@ from eutree.files import read_bytes
 from eutree.learners.model_trust import ModelTrust
 from eutree.policies import TreePolicy
 from eutree.report.partitions import DRAWINGS, drawings
-from eutree.report.run_page import RunReport
+from eutree.report.run_page import RunReport, Table, WatchedTree
 from eutree.training import Judgement
 
+RACES = ("race", "tree", "made by", "episodes", "mean return", "then")
+SHOWN = "The policy: a click on a leaf says what is known of it."
 WINDOW = 20  # training episodes of a mean of the teacher's
 _MOST = 2**28  # bytes of a log
 _FILES = (
@@ -55,26 +57,32 @@ def _report(path: Path, config: Event, events: Sequence[Event]) -> RunReport:
     taught = [event for event in events if event.get("stage") == "teacher"]
     steps = max((int(event["steps"]) for event in events), default=0)
     notes = [f"Seed {config['seed']}, {steps:,} environment steps."]
+    trees = {
+        caption: TreePolicy.load(path / name)
+        for caption, name in (("The policy", "policy.json"), ("Its start", "expert.json"))
+        if (path / name).exists()
+    }
+    policy = trees.pop("The policy", None)
+    races = _races(events)
     if taught:
         notes.append(f"{int(taught[-1]['steps']):,} of them are its teacher's.")
     if config.get("teacher"):
         notes.append(f"Its teacher is one's own: {config['teacher']}, which are not counted.")
+    verdict = "This run has not ended yet, or had nothing to be judged against."
     if judged:
         sentence = Judgement.from_facts(judged[-1]).describe("the tree that it started from")
-        notes.append(f"{sentence[0].upper()}{sentence[1:]}.")
+        verdict = f"{sentence[0].upper()}{sentence[1:]}."
     return RunReport(
         title=f"{path.resolve().name}: {config['method']['name']} in {config['environment']}",
         curves=_curves(events, taught),
-        trees={
-            caption: TreePolicy.load(path / name)
-            for caption, name in (("The policy", "policy.json"), ("Its start", "expert.json"))
-            if (path / name).exists()
-        },
+        verdict=[verdict],
+        watched=None if policy is None else WatchedTree(policy, caption=SHOWN),
+        tables={"Races": Table(RACES, races)} if races else {},
+        trees=trees,
         files=[(label, name) for label, name in _FILES if (path / name).exists()],
         notes=notes,
         partitions=drawings(path / DRAWINGS),
         trust=_trust(events),
-        races=_races(events),
     )
 
 

@@ -1,21 +1,86 @@
-"""The report of a run: learning curves, the comparison, the trees, the files."""
+"""The report of a run: the verdict, the tree to watch, what changed, curves, the rest folded."""
 
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
+from string import Template
+from typing import Any
 from urllib.parse import quote
 
+import numpy as np
+
+from eutree.arrays import Floats
 from eutree.export import to_svg
 from eutree.export.svg import STYLE
 from eutree.learners.model_trust import ModelTrust
 from eutree.policies import TreePolicy
+from eutree.report.changes import LeafChange
 from eutree.report.chart import Series, chart, legend, scatter
 from eutree.report.coverage_chart import action_legend
-from eutree.report.html import asset, page
+from eutree.report.head import Verdict, head
+from eutree.report.html import as_json, asset, base_style, page
+from eutree.report.tree_data import SIZE_LIMIT, add_pictures, tree_data
+from eutree.report.watching import WatchedEpisode
 from eutree.wording import counted
 
-RACES = ("race", "tree", "made by", "episodes", "mean return", "then")
+CHANGES_ID = "what-changed"  # where a verdict may point
+
+_SCRIPTS = ("model", "tree", "player", "details", "start")
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One of the large figures below the verdict.
+
+    Attributes:
+        label: What it is of.
+        figure: The figure.
+        interval: Its interval, or what else belongs to it.
+        words: A few words on what that is.
+    """
+
+    label: str
+    figure: str
+    interval: str = ""
+    words: str = ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of texts; the first column names the row.
+
+    Attributes:
+        header: Titles of the columns.
+        rows: The rows.
+        caption: What it shows and what it was measured on.
+        marked: Number of the row to point out; -1 for none.
+    """
+
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    caption: str = ""
+    marked: int = -1
+
+
+@dataclass(frozen=True, eq=False)
+class WatchedTree:
+    """The tree that the page shows, and what it plays.
+
+    Attributes:
+        policy: The policy.
+        episodes: Episodes to play: its own, and those of others for comparison.
+        changes: Leaves that decide otherwise than before, to be marked.
+        observations: What the shares of nodes are counted on, shape [N, d]; by default the
+            policy's own counts or else the episodes.
+        caption: What is to be seen.
+    """
+
+    policy: TreePolicy
+    episodes: Sequence[WatchedEpisode] = ()
+    changes: Mapping[int, LeafChange] = field(default_factory=dict)
+    observations: Floats | None = None
+    caption: str = ""
 
 
 @dataclass(frozen=True)
@@ -23,59 +88,119 @@ class RunReport:
     """What a run's report shows; whatever is empty is left out.
 
     Attributes:
-        title: Heading of the page.
+        title: What the page is about.
+        verdict: The result in a sentence.
+        notes: Sentences below the verdict.
+        stages: Large figures, in the order of the story.
+        watched: The tree to watch.
+        changes: Sentences on what changed, each with the share of the steps that it concerns.
         curves: For each measure ("success rate", "return", "leaves") the points of each learner:
             episode, mean, low and high. A success rate is shown as a percentage.
-        header: Titles of the table's columns.
-        rows: Rows of the table, as text; the first column names the row.
-        trees: Policies to draw, with a caption each.
+        tables: Tables by title.
         partitions: Drawings of the partition while it grew: a caption and SVG text each.
-        files: A label and a path, relative to the page, for each file to link.
-        notes: Sentences below the title.
         trust: What the world model imagined of trees, and what they really earned.
-        races: Rows of the table of races, as text: race, tree, how it was made, episodes, mean
-            return, what became of it.
+        trees: Policies to draw, with a caption each; folded.
+        texts: Further texts, such as source code, by title; folded.
+        files: A label and a path, relative to the page, for each file to link.
     """
 
     title: str
-    curves: Mapping[str, Series] = field(default_factory=dict)
-    header: Sequence[str] = ()
-    rows: Sequence[Sequence[str]] = ()
-    trees: Mapping[str, TreePolicy] = field(default_factory=dict)
-    partitions: Sequence[tuple[str, str]] = ()
-    files: Sequence[tuple[str, str]] = ()
+    verdict: Verdict = ()
     notes: Sequence[str] = ()
+    stages: Sequence[Stage] = ()
+    watched: WatchedTree | None = None
+    changes: Sequence[tuple[str, float]] = ()
+    curves: Mapping[str, Series] = field(default_factory=dict)
+    tables: Mapping[str, Table] = field(default_factory=dict)
+    partitions: Sequence[tuple[str, str]] = ()
     trust: ModelTrust | None = None
-    races: Sequence[Sequence[str]] = ()
+    trees: Mapping[str, TreePolicy] = field(default_factory=dict)
+    texts: Mapping[str, str] = field(default_factory=dict)
+    files: Sequence[tuple[str, str]] = ()
 
 
-def run_page(report: RunReport) -> str:
-    """Return the report as one self-contained HTML page."""
+def run_page(report: RunReport, *, size_limit: int = SIZE_LIMIT) -> str:
+    """Return the report as one self-contained HTML page.
+
+    Args:
+        report: What it shows.
+        size_limit: Size in bytes above which pictures are left out, those of the last episodes
+            first.
+    """
     sections = [
+        _stages(report.stages) if report.stages else "",
+        _watch(report.watched) if report.watched else "",
+        _section("What changed", _changes(report.changes), CHANGES_ID) if report.changes else "",
         _section("Learning", _charts(report)) if report.curves else "",
         _section("Can this world model be trusted here?", _trust(report.trust))
         if report.trust is not None
         else "",
-        _section("Races", _table("Races", RACES, report.races)) if report.races else "",
-        _section("Comparison", _table("Comparison", report.header, report.rows))
-        if report.rows
-        else "",
         _section("Partition", _partitions(report)) if report.partitions else "",
-        _section("Trees", _trees(report)) if report.trees else "",
+        *(_section(title, _table(table)) for title, table in report.tables.items()),
+        _folds(report),
         _section("Files", _files(report)) if report.files else "",
     ]
-    notes = "".join(f"<p>{escape(note)}</p>" for note in report.notes)
-    heading = f"<header><h1>{escape(report.title)}</h1>{notes}</header>"
-    return page(
-        title=report.title,
-        body="\n".join(["<main>", heading, *filter(None, sections), "</main>"]),
-        style=asset("chart.css") + asset("partition.css") + asset("run.css") + STYLE,
+    top = head(report.title, report.verdict, report.notes)
+    body = "\n".join(["<main>", top, *filter(None, sections), "</main>"])
+    style = asset("chart.css") + asset("partition.css") + asset("run.css") + STYLE
+    if report.watched is None:
+        return page(title=report.title, body=body, style=style)
+    style = asset("watch.css") + style
+    script = "".join(asset(f"{name}.js") for name in _SCRIPTS)
+    data = _data(report.watched)
+    text = body + script + base_style() + style
+    room = size_limit - len(as_json(data)) - len(text.encode()) - 4096
+    add_pictures(data, report.watched.episodes, room)
+    return page(title=report.title, body=body, style=style, script=script, data=data)
+
+
+def _data(watched: WatchedTree) -> dict[str, Any]:
+    tree, rows = watched.policy.tree, watched.observations
+    data = tree_data(watched.policy, watched.episodes, changes=watched.changes)
+    if rows is not None:
+        data["visits"] = np.bincount(tree.leaf_index(rows), minlength=tree.n_leaves).tolist()
+    return data
+
+
+def _section(title: str, content: str, name: str = "") -> str:
+    """Return a section with its heading, and the name by which links find it."""
+    known = f' id="{name}"' if name else ""
+    return f"<section{known}><h2>{escape(title)}</h2>\n{content}\n</section>"
+
+
+def _stages(stages: Sequence[Stage]) -> str:
+    """Return the large figures, side by side."""
+    entries = "".join(
+        f"<li><h2>{escape(stage.label)}</h2>"
+        f'<p class="figure">{escape(stage.figure)} '
+        f'<span class="quiet">{escape(stage.interval)}</span></p>'
+        f'<p class="quiet">{escape(stage.words)}</p></li>'
+        for stage in stages
+    )
+    return f'<section><ol class="stages">{entries}</ol></section>'
+
+
+def _watch(watched: WatchedTree) -> str:
+    """Return the tree and the player beside it; its script draws both."""
+    return Template(asset("watch.html")).substitute(
+        caption=escape(watched.caption),
+        tree=asset("tree.html"),
+        player=asset("player.html"),
+        details=asset("details.html"),
     )
 
 
-def _section(title: str, content: str) -> str:
-    """Return a section with its heading."""
-    return f"<section><h2>{title}</h2>\n{content}\n</section>"
+def _changes(changes: Sequence[tuple[str, float]]) -> str:
+    """Return what changed as a list; a bar says how many steps that concerns."""
+    most = max(share for _, share in changes) or 1.0
+    entries = "".join(
+        f'<li><span class="share">{100 * share:.1f} %</span>'
+        f'<svg viewBox="0 0 100 10" preserveAspectRatio="none" aria-hidden="true">'
+        f'<rect class="amount" width="{100 * share / most:.1f}" height="10" rx="2"/></svg>'
+        f"<span>{escape(words)}</span></li>"
+        for words, share in changes
+    )
+    return f'<ol class="changes">{entries}</ol>'
 
 
 def _charts(report: RunReport) -> str:
@@ -106,35 +231,6 @@ def _trust(trust: ModelTrust) -> str:
     return f"<p>{escape(sentence[0].upper() + sentence[1:])}.</p>{drawn if points else ''}"
 
 
-def _table(name: str, header: Sequence[str], cells: Sequence[Sequence[str]]) -> str:
-    """Return a table in a region that scrolls by itself on a narrow screen."""
-    head = "".join(f'<th scope="col">{escape(title)}</th>' for title in header)
-    rows = [
-        "".join(
-            f'<th scope="row">{escape(cell)}</th>' if column == 0 else f"<td>{escape(cell)}</td>"
-            for column, cell in enumerate(row)
-        )
-        for row in cells
-    ]
-    body = "".join(f"<tr>{row}</tr>\n" for row in rows)
-    return (
-        '<div class="scrolls" tabindex="0" role="region" '
-        f'aria-label="{name} table">'
-        f"<table><thead><tr>{head}</tr></thead>\n<tbody>{body}</tbody></table></div>"
-    )
-
-
-def _trees(report: RunReport) -> str:
-    """Return each tree, drawn, in a frame that scrolls."""
-    return "\n".join(
-        f'<figure class="tree"><figcaption>{escape(name)}: '
-        f"{counted(policy.n_leaves, 'leaf')}</figcaption>"
-        f'<div class="scrolls" tabindex="0" role="region" aria-label="{escape(name)}, drawn">'
-        f"{to_svg(policy, standalone=False)}</div></figure>"
-        for name, policy in report.trees.items()
-    )
-
-
 def _partitions(report: RunReport) -> str:
     """Return the drawings side by side, each an image of its own: no word of it is the page's."""
     figures = (
@@ -143,13 +239,60 @@ def _partitions(report: RunReport) -> str:
         f"<figcaption>{escape(caption)}</figcaption></figure>"
         for caption, drawing in report.partitions
     )
-    schemas = [policy.schema for policy in report.trees.values()]
-    actions = action_legend(schemas[0]) if schemas else ""
+    policies = [*([report.watched.policy] if report.watched else []), *report.trees.values()]
+    actions = action_legend(policies[0].schema) if policies else ""
     key = (
         '<p class="quiet">A region has the hue of its action and is stronger the more it is worth; '
         "the line is the way of the last episode.</p>"
     )
     return f'{key}<div class="partitions">{"".join(figures)}</div>{actions}'
+
+
+def _table(table: Table) -> str:
+    """Return the table in a region that scrolls by itself on a narrow screen."""
+    head_cells = "".join(f'<th scope="col">{escape(title)}</th>' for title in table.header)
+    rows = [
+        "".join(
+            f'<th scope="row">{escape(cell)}</th>' if column == 0 else f"<td>{escape(cell)}</td>"
+            for column, cell in enumerate(row)
+        )
+        for row in table.rows
+    ]
+    opened = ["<tr>"] * len(rows)
+    if 0 <= table.marked < len(rows):
+        opened[table.marked] = '<tr class="marked">'
+    body = "".join(f"{start}{row}</tr>\n" for start, row in zip(opened, rows, strict=True))
+    caption = f"<caption>{escape(table.caption)}</caption>" if table.caption else ""
+    label = escape(table.caption or "Table")
+    return (
+        f'<div class="scrolls" tabindex="0" role="region" aria-label="{label}">'
+        f"<table>{caption}<thead><tr>{head_cells}</tr></thead>\n<tbody>{body}</tbody></table></div>"
+    )
+
+
+def _folds(report: RunReport) -> str:
+    """Return the further trees and texts, folded."""
+    folds = [
+        _fold(
+            f"{name}: {counted(policy.n_leaves, 'leaf')}",
+            f'<div class="scrolls tree" tabindex="0" role="region" aria-label="{escape(name)}, '
+            f'drawn">{to_svg(policy, standalone=False)}</div>',
+        )
+        for name, policy in report.trees.items()
+    ]
+    folds += [
+        _fold(
+            title,
+            f'<pre class="scrolls" tabindex="0" role="region" aria-label="{escape(title)}">'
+            f"{escape(text)}</pre>",
+        )
+        for title, text in report.texts.items()
+    ]
+    return f"<section>{''.join(folds)}</section>" if folds else ""
+
+
+def _fold(title: str, content: str) -> str:
+    return f"<details><summary>{escape(title)}</summary>{content}</details>\n"
 
 
 def _files(report: RunReport) -> str:

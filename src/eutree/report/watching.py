@@ -1,6 +1,6 @@
 """Episodes with pictures: what the policy's page plays."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import BytesIO
 from typing import Any
 
@@ -12,7 +12,7 @@ from eutree.errors import EnvironmentFault, EutreeError, InvalidArgumentError, M
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
 from eutree.interaction.making import make
 from eutree.interaction.seeding import Stream
-from eutree.policies import TreePolicy
+from eutree.policies import Policy, TreePolicy
 from eutree.schema import EnvironmentSpec
 from eutree.validation import check_integer, check_seed
 
@@ -31,11 +31,13 @@ class WatchedEpisode:
         episode: The episode.
         frames: An encoded picture for each observation; empty where there are none.
         media_type: What the pictures are, for example ``"image/webp"``.
+        by: Whose episode it is, if not simply that of the policy watched.
     """
 
     episode: Episode
     frames: tuple[bytes, ...] = ()
     media_type: str = "image/webp"
+    by: str = ""
 
     def __post_init__(self) -> None:
         if self.frames and len(self.frames) != len(self.episode.observations):
@@ -106,12 +108,66 @@ def watch_if_possible(
     return [], f"no episodes: {problem}"
 
 
+def film(spec: EnvironmentSpec, episode: Episode) -> WatchedEpisode:
+    """Replay a recorded episode and take a picture of each observation.
+
+    Args:
+        spec: The environment.
+        episode: The episode; its seed must be known.
+
+    Raises:
+        InvalidArgumentError: The environment draws no pictures, or the episode goes otherwise.
+    """
+    env = make(spec, render_mode="rgb_array")
+    try:
+        guarded = GuardedEnv(env)
+        camera = _Camera(guarded, _Recorded(episode))
+        replayed = run_episode(guarded, camera, episode.seed)
+        camera.shoot()
+    finally:
+        env.close()
+    if not np.array_equal(replayed.observations, episode.observations, equal_nan=True):
+        raise InvalidArgumentError(f"episode must go as recorded in {spec}, it went otherwise")
+    return WatchedEpisode(episode, tuple(camera.frames))
+
+
+def film_if_possible(spec: EnvironmentSpec, episode: Episode, *, by: str = "") -> WatchedEpisode:
+    """Return an episode with pictures where they can be had, else without."""
+    try:
+        return replace(film(spec, episode), by=by)
+    except EnvironmentFault:
+        raise
+    except EutreeError:
+        return WatchedEpisode(episode, by=by)
+
+
+class _Recorded:
+    """Takes the actions of an episode, one after the other; past their end the last one."""
+
+    reads_features = True
+
+    def __init__(self, episode: Episode) -> None:
+        self._actions, self._step = episode.actions.tolist(), 0
+
+    def predict(
+        self,
+        observation: ArrayLike,
+        state: Any = None,
+        episode_start: ArrayLike | None = None,
+        deterministic: bool = True,
+    ) -> tuple[Any, Any]:
+        """Return the next recorded action."""
+        action = self._actions[min(self._step, len(self._actions) - 1)]
+        self._step += 1
+        return action, state
+
+
 class _Camera:
     """Passes ``predict`` on to a policy and takes a picture before each decision."""
 
     reads_features = True
 
-    def __init__(self, guarded: GuardedEnv, policy: TreePolicy) -> None:
+    def __init__(self, guarded: GuardedEnv, policy: Policy) -> None:
         self._guarded, self._policy = guarded, policy
         self.frames: list[bytes] = []
 

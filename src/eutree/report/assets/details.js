@@ -16,7 +16,7 @@ function drawDetails() {
   byId("details-title").textContent = state.selected === null && liveLeaf() !== null ? `${title}, live` : title;
   byId("live").hidden = state.selected === null || liveLeaf() === null;
   byId("details-body").replaceChildren(
-    heading(node, leaves), conditionList(node), ...visitsAndValues(node, leaves), ...returnsOf(leaves),
+    heading(node, leaves), ...before(node), conditionList(node), ...visitsAndValues(node, leaves), ...returnsOf(leaves),
     ...demonstrationsIn(leaves), ...episodesThrough(leaves),
   );
 }
@@ -34,6 +34,13 @@ function heading(node, leaves) {
   }
   line.append(`${percent(shareOf(node))} of ${visitsOf[0]} ${statistics ? "visits" : "recorded steps"}`);
   return line;
+}
+
+/** Return what was decided in a leaf before, where that was something else. */
+function before(node) {
+  const change = isLeaf(node) ? data.changes[tree.leaf[node]] : null;
+  if (!change) return [];
+  return [element("p", {}, "Before: ", element("strong", {}, actions[change.was]), ` in ${percent(change.share)} of the steps that were recorded here.`)];
 }
 
 /** Return the box of a node in words. */
@@ -89,6 +96,7 @@ const highestReturn = allReturns.reduce((a, b) => Math.max(a, b), -Infinity);
 
 /** Return the histogram of what was earned from here to the end of the episode. */
 function returnsOf(leaves) {
+  if (data.visits) return []; // counted on more than what is played here: too few for a histogram
   const values = leaves.flatMap((leaf) => [...episodeSteps[leaf], ...demonstrationSteps[leaf]]).map(({ rest }) => rest);
   if (!values.length) return part("Returns from here", element("p", { class: "quiet" }, "No recorded step fell in here."));
   const nBins = 24;

@@ -92,6 +92,7 @@ function conditionsOf(node) {
 function stepsByLeaf(episodes) {
   const steps = Array.from({ length: nLeaves }, () => []);
   episodes.forEach((episode, number) => {
+    if (episode.own === false) return; // what others earned says nothing of this policy
     let rest = 0;
     for (let step = episode.actions.length - 1; step >= 0; step--) {
       rest += episode.rewards[step];
@@ -122,7 +123,7 @@ function recount() {
   statistics = moved ? null : data.leaves;
   episodeSteps = stepsByLeaf(data.episodes);
   demonstrationSteps = stepsByLeaf(moved ? [] : data.demonstrations);
-  const leafVisits = statistics
+  const leafVisits = data.visits ? data.visits : statistics
     ? statistics.visits.map((row) => row.reduce((a, b) => a + b, 0))
     : episodeSteps.map((steps, leaf) => steps.length + demonstrationSteps[leaf].length);
   for (let node = nNodes - 1; node >= 0; node--) {

@@ -32,13 +32,16 @@ function play(on = timer === null) {
 function episodeTitle(episode, number) {
   const total = short(episode.rewards.reduce((a, b) => a + b, 0));
   const mark = episode.success === null ? "" : episode.success ? "✓ " : "✗ ";
-  return `${mark}Episode ${number + 1}: ${episode.ending || "ended"}, return ${total}, ${episode.actions.length} steps`;
+  const name = episode.by || `Episode ${number + 1}`;
+  return `${mark}${name}: ${episode.ending || "ended"}, return ${total}${episode.by ? "" : `, ${episode.actions.length} steps`}`;
 }
 
-/** Return what the policy decides at a step since it was edited, where that differs. */
+/** Return what the policy decides at a step where that differs: in an episode of somebody else, or since it was edited. */
 function decided(episode, step) {
   const now = data.leafActions[episode.leaves[step]];
-  return now === original.leafActions[episode.recorded[step]] ? "" : `edited: ${actions[now]}, `;
+  const own = original.leafActions[episode.recorded[step]];
+  const other = episode.actions[step] === own ? "" : `this tree: ${actions[own]}, `;
+  return now === own ? other : `edited: ${actions[now]}, `;
 }
 
 /** Draw the present step: picture, words, values. */

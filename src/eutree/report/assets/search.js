@@ -1,5 +1,5 @@
 "use strict";
-/* Search in tests and leaves; the page starts at the end of this file. */
+/* Search in tests and leaves. */
 
 let matches = [];
 let current = -1;
@@ -40,9 +40,7 @@ function nextMatch() {
   if (!matches.length) return;
   current = (current + 1) % matches.length;
   const node = matches[current];
-  reveal(node);
-  show({ selected: node });
-  bringIntoView(node);
+  point(node);
   markMatches();
   sayCount();
 }
@@ -58,10 +56,4 @@ byId("search-form").addEventListener("submit", (event) => {
   event.preventDefault();
   nextMatch();
 });
-
-onChange(markTree);
-drawTree();
-fit(0.6);
-show({});
-new ResizeObserver(() => drawSlice()).observe(slice);
-document.body.dataset.ready = "true";
+marks.push(markMatches);

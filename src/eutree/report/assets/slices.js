@@ -148,3 +148,4 @@ slice.addEventListener("click", (event) => {
 });
 window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", drawSlice);
 onChange(drawSlice);
+new ResizeObserver(() => drawSlice()).observe(slice);

@@ -1,14 +1,15 @@
 "use strict";
 /* The tree: layout, drawing, pan and zoom, keys. */
 
-const LEAF_BOX = 26, TEST_BOX = 38, GAP = 42, PADDING = 10, KNOB = 8;
-const CLOSEST = 44, WIDEST = 84;
+const LEAF_BOX = 30, CHANGED_BOX = 46, TEST_BOX = 46, GAP = 44, PADDING = 11, KNOB = 8;
+const CLOSEST = 52, WIDEST = 96, LARGEST = 1.5;
 const canvas = byId("canvas");
 const view = { x: 0, y: 0, scale: 1 };
 const collapsed = new Set();
 let places = new Map();
 let rowHeight = CLOSEST;
 let focused = 0;
+const marks = []; // what else marks nodes, each time they are drawn anew
 
 const measure = document.createElement("canvas").getContext("2d");
 
@@ -39,14 +40,22 @@ function linesOf(node) {
   return [cut(features[feature].name, 24), cut(withUnit(`≤ ${short(tree.threshold[node])}`, feature), 24)];
 }
 
+/** Return what a leaf did before, in a few words; nothing where it decides as before. */
+function changeOf(node) {
+  const change = isLeaf(node) ? data.changes[tree.leaf[node]] : null;
+  if (!change) return "";
+  const was = `was ${cut(actions[change.was], 24)}`;
+  return change.share > 0.995 ? was : `${was} in ${percent(change.share)}`;
+}
+
 /** Return how wide a node's box is: its words, and for a leaf its share of the visits. */
 function boxWidth(node) {
   if (!isLeaf(node)) {
     const [name, bound] = linesOf(node);
-    return Math.max(textWidth(name, "12px"), textWidth(bound, "600 13px")) + 2 * PADDING + KNOB;
+    return Math.max(textWidth(name, "13px"), textWidth(bound, "600 15px")) + 2 * PADDING + KNOB;
   }
-  const words = textWidth(cut(wordsOf(node)), "600 13px") + textWidth(` ${percent(shareOf(node))}`, "11px");
-  return words + 2 * PADDING + 8 + 120 * shareOf(node);
+  const words = textWidth(cut(wordsOf(node)), "600 15px") + textWidth(` ${percent(shareOf(node))}`, "13px");
+  return Math.max(words, textWidth(changeOf(node), "13px")) + 2 * PADDING + 8 + 120 * shareOf(node);
 }
 
 /** Compute where each visible node stands: a row for each end, columns by depth. */
@@ -98,7 +107,7 @@ function drawTree() {
   byId("nodes").replaceChildren(...nodes);
   document.body.dataset.visible = places.size;
   markTree();
-  markMatches();
+  for (const mark of marks) mark();
 }
 
 /** Return the curve to a child and the answer beside it. */
@@ -124,8 +133,9 @@ function drawBranch(node, answer, child) {
 function drawNode(node, { x, y, width }) {
   const leaf = isLeaf(node);
   const siblings = node === 0 ? [0] : childrenOf(parentOf[node]);
+  const change = changeOf(node);
   const words = leaf
-    ? `${wordsOf(node)} ${percent(shareOf(node))} of visits, leaf ${tree.leaf[node]}`
+    ? `${wordsOf(node)} ${percent(shareOf(node))}${change && ` ${change},`} of visits, leaf ${tree.leaf[node]}`
     : `${wordsOf(node)}?`;
   const answer = node === 0 ? "" : siblings[0] === node ? "yes: " : "no: ";
   const group = drawing("g", {
@@ -134,15 +144,19 @@ function drawNode(node, { x, y, width }) {
     "aria-posinset": siblings.indexOf(node) + 1, tabindex: node === focused ? 0 : -1,
     transform: `translate(${x} ${y})`,
   });
-  const height = leaf ? LEAF_BOX : TEST_BOX;
+  const height = !leaf ? TEST_BOX : change ? CHANGED_BOX : LEAF_BOX;
   const box = drawing("rect", { class: "box", y: -height / 2, width, height, rx: leaf ? height / 2 : 7 });
   const ring = drawing("rect", { class: "ring", x: -4, y: -height / 2 - 4, width: width + 8, height: height + 8, rx: leaf ? height / 2 + 4 : 10 });
   group.append(ring, box);
   if (leaf) {
     box.style.fill = fills[data.leafActions[tree.leaf[node]] % fills.length];
-    const label = drawing("text", { x: width / 2, y: 4.5, "text-anchor": "middle" }, `${cut(wordsOf(node))} `);
+    const label = drawing("text", { x: width / 2, y: change ? -2 : 5, "text-anchor": "middle" }, `${cut(wordsOf(node))} `);
     label.append(drawing("tspan", { class: "share", dx: 2 }, percent(shareOf(node))));
     group.append(label);
+    if (change) {
+      group.classList.add("changed");
+      group.append(drawing("text", { class: "was", x: width / 2, y: 15, "text-anchor": "middle" }, change));
+    }
   } else {
     group.setAttribute("aria-expanded", isOpen(node));
     group.append(...drawLines(node, (width - KNOB) / 2), drawKnob(node, width));
@@ -155,8 +169,8 @@ function drawNode(node, { x, y, width }) {
 function drawLines(node, x) {
   const [name, bound] = linesOf(node);
   return [
-    drawing("text", { class: "name", x, y: -4, "text-anchor": "middle" }, name),
-    drawing("text", { class: "bound", x, y: 12, "text-anchor": "middle" }, bound),
+    drawing("text", { class: "name", x, y: -5, "text-anchor": "middle" }, name),
+    drawing("text", { class: "bound", x, y: 14, "text-anchor": "middle" }, bound),
   ];
 }
 
@@ -212,7 +226,7 @@ function applyView() {
 function fit(smallest = 0) {
   const { clientWidth, clientHeight } = canvas;
   const room = 56;
-  const across = Math.min(1.15, (clientWidth - 32) / extent().width);
+  const across = Math.min(LARGEST, (clientWidth - 32) / extent().width);
   const nRows = [...places.keys()].filter((node) => !isOpen(node)).length;
   const wanted = (clientHeight - 2 * room) / Math.max(smallest, across) / nRows;
   rowHeight = Math.min(WIDEST, Math.max(CLOSEST, wanted));
@@ -364,4 +378,26 @@ byId("tree-panel").addEventListener("keydown", (event) => {
   if (keys[event.key] && !event.ctrlKey && !event.metaKey) keys[event.key]();
 });
 
+/** Select a node and bring it before the reader's eyes. */
+function point(node) {
+  reveal(node);
+  show({ selected: node });
+  bringIntoView(node);
+  byId("tree-panel").scrollIntoView({ block: "nearest" });
+}
+
+/** Follow a link to a node, such as #node-12. */
+function follow(hash) {
+  const node = Number(/^#node-(\d+)$/.exec(hash)?.[1] ?? NaN);
+  if (node < nNodes) point(node);
+}
+addEventListener("hashchange", () => follow(location.hash));
+document.addEventListener("click", (event) => {
+  const link = event.target.closest('a[href^="#node-"]');
+  if (link && link.hash === location.hash) follow(link.hash);
+});
+
 byId("key").append(...actions.map((name, action) => element("li", {}, swatch(action), name)));
+if (Object.keys(data.changes).length) {
+  byId("key").append(element("li", {}, element("span", { class: "swatch outlined" }), "decided otherwise before"));
+}

@@ -1,0 +1,63 @@
+"""What the demo tells in which environment: what changes, how it learns, what to spend.
+
+A demonstrator who does everything right leaves nothing to learn. So the world changes after the
+demonstrations (the opponents of Evasion become faster), or the demonstrator is mediocre from the
+start (the plain scripts of Gymnasium's tasks). Budgets are chosen so that the whole demo takes
+about a minute on two cores for Evasion and a few minutes for the others.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True, kw_only=True)
+class Story:
+    """What the demo does in an environment.
+
+    Attributes:
+        change: Arguments of the environment that are others after the demonstrations.
+        changed: What that means, to follow "once" in a sentence; empty if nothing changes.
+        learning: Options of ``learn``: the method if it is not the default one, and budgets.
+        margin: How much return compression may give up; None keeps every recorded decision.
+        final_episodes: Fresh episodes on which every policy is judged.
+    """
+
+    change: Mapping[str, Any] = field(default_factory=dict)
+    changed: str = ""
+    learning: Mapping[str, Any] = field(default_factory=dict)
+    margin: float | None = None
+    final_episodes: int = 1000
+
+
+_PLANNING = {"episodes": 200, "evaluate_every": 20, "evaluation_episodes": 50}
+_FASTER = Story(
+    change={"opponent_speed": 4.2},
+    changed="the opponents run at 4.2 instead of 3.2 m/s",
+    learning=_PLANNING,
+    margin=2.0,
+)
+_RACED = {"episodes": 20, "evaluate_every": 5, "evaluation_episodes": 20, "race_steps": 20_000}
+
+_STORIES = {
+    "eutree/Evasion-v0": _FASTER,
+    "eutree/Evasion2-v0": _FASTER,
+    "eutree/Evasion3-v0": _FASTER,
+    "CartPole-v1": Story(learning=_RACED, final_episodes=200),
+    "LunarLander-v3": Story(
+        learning={
+            "method": "distilled-dqn",
+            "steps": 90_000,
+            "max_leaves": 34,
+            "evaluate_every": 100,
+            "evaluation_episodes": 10,
+        },
+        final_episodes=200,
+    ),
+}
+
+
+def story_of(environment: str) -> Story:
+    """Return what the demo tells in an environment, given its id; a plain story for others."""
+    name = environment.rpartition(":")[2]
+    return _STORIES.get(name, Story(learning=_PLANNING, final_episodes=200))

@@ -1,0 +1,148 @@
+"""What the scripts of a page read: the tree, what is known of its leaves, episodes to play."""
+
+import base64
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from eutree.arrays import Floats
+from eutree.data import Demonstrations, Episode
+from eutree.errors import InvalidArgumentError
+from eutree.export._palette import FILLS
+from eutree.policies import TreePolicy
+from eutree.report.changes import LeafChange
+from eutree.report.watching import WatchedEpisode
+
+SIZE_LIMIT = 5_000_000
+
+EXACT, SHORT = 17, 6  # significant digits: all that a double has; enough to read
+MOST_EXACT = 60_000  # numbers of observations, about a megabyte
+
+
+def tree_data(
+    policy: TreePolicy,
+    episodes: Sequence[WatchedEpisode],
+    demonstrations: Demonstrations | None = None,
+    changes: Mapping[int, LeafChange] | None = None,
+) -> dict[str, Any]:
+    """Return what a page's scripts read, without pictures.
+
+    Args:
+        policy: The policy whose tree is drawn.
+        episodes: Episodes to play.
+        demonstrations: Which demonstrated steps fell in which leaf is shown, if given.
+        changes: Leaves that decide otherwise than an earlier policy, to be marked.
+    """
+    tree, schema = policy.tree, policy.schema
+    names = ("feature", "left", "right", "leaf")
+    shown = [
+        {
+            "name": feature.name,
+            "unit": feature.unit,
+            "low": _finite(feature.low),
+            "high": _finite(feature.high),
+        }
+        for feature in schema.features
+    ]
+    recorded = () if demonstrations is None else demonstrations.episodes
+    n_numbers = sum(watched.episode.observations.size for watched in episodes) * (
+        policy.history + 1
+    )
+    digits = EXACT if n_numbers <= MOST_EXACT else SHORT
+    statistics = None
+    if policy.leaves is not None:
+        statistics = {
+            "visits": policy.leaves.visits.tolist(),
+            "values": _rounded(policy.leaves.values),
+            "deviations": _rounded(policy.leaves.deviations),
+        }
+    return {
+        "tree": {name: getattr(tree, name).tolist() for name in names}
+        | {"threshold": [_finite(value) for value in tree.threshold.tolist()]},
+        "features": shown,
+        "actions": list(schema.actions),
+        "fills": FILLS,
+        "leafActions": policy.actions.tolist(),
+        "leaves": statistics,
+        "changes": {str(leaf): change.facts() for leaf, change in (changes or {}).items()},
+        "document": _document(policy),
+        "episodes": [
+            _episode(policy, watched.episode, whole=True, digits=digits) | {"by": watched.by}
+            for watched in episodes
+        ],
+        "demonstrations": [_episode(policy, episode, whole=False) for episode in recorded],
+    }
+
+
+def add_pictures(data: dict[str, Any], episodes: Sequence[WatchedEpisode], room: int) -> None:
+    """Add the pictures of as many episodes, from the first on, as have room in so many bytes."""
+    for entry, watched in zip(data["episodes"], episodes, strict=True):
+        frames = _frames(watched)
+        room -= sum(map(len, frames)) + 3 * len(frames)
+        if room < 0:
+            break
+        entry["frames"] = frames or None
+
+
+def _document(policy: TreePolicy) -> Any:
+    """Return the content of the policy's file, or None if no file can hold it."""
+    try:
+        return json.loads(policy.to_bytes())
+    except InvalidArgumentError:
+        return None
+
+
+def _episode(
+    policy: TreePolicy, episode: Episode, *, whole: bool, digits: int = SHORT
+) -> dict[str, Any]:
+    """Return an episode: always which leaf each step fell in; what was seen, if ``whole``."""
+    features = policy_features(policy, episode)
+    leaves = policy.tree.leaf_index(features)
+    entry = {
+        "actions": episode.actions.tolist(),
+        "rewards": [float(f"{value:.6g}") for value in episode.rewards.tolist()],
+        "leaves": leaves.tolist() if whole else leaves[:-1].tolist(),
+    }
+    if whole:
+        entry |= {
+            "observations": _rounded(features, digits),
+            "ending": episode.ending,
+            "success": episode.is_success,
+            "own": bool(np.array_equal(policy.actions[leaves[:-1]], episode.actions)),
+            "frames": None,
+        }
+    return entry
+
+
+def policy_features(policy: TreePolicy, episode: Episode) -> Floats:
+    """Return what the policy sees at each observation of an episode, the past included."""
+    observations = episode.observations
+    if observations.shape[1] != policy.observation_size:
+        raise InvalidArgumentError(
+            f"episodes must have observations of {policy.observation_size} features, "
+            f"got {observations.shape[1]}"
+        )
+    return policy.features.of_episode(observations, episode.actions)
+
+
+def _frames(watched: WatchedEpisode) -> list[str]:
+    """Return the pictures of an episode as data URIs."""
+    return [
+        f"data:{watched.media_type};base64,{base64.b64encode(frame).decode('ascii')}"
+        for frame in watched.frames
+    ]
+
+
+def _rounded(matrix: Floats, digits: int = SHORT) -> list[list[float | None]]:
+    """Return numbers with some significant digits; NaN becomes None."""
+    return [
+        [float(f"{value:.{digits}g}") if np.isfinite(value) else None for value in row]
+        for row in matrix.tolist()
+    ]
+
+
+def _finite(value: float) -> float | None:
+    """Return a finite number, or None."""
+    return value if np.isfinite(value) else None
