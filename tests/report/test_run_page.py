@@ -168,6 +168,21 @@ def test_an_episode_of_somebody_else_says_where_this_tree_differs(
     opened.page.close()
 
 
+def test_without_episodes_the_tree_has_the_whole_width(chromium: Any, tmp_path: Path) -> None:
+    watched = WatchedTree(policy_of(tree(2, 3), EVASION))
+    (tmp_path / "run.html").write_text(
+        run_page(RunReport("One", watched=watched)), encoding="utf-8"
+    )
+    opened = open_page(chromium, tmp_path / "run.html")
+    opened.page.wait_for_selector("body[data-ready]", timeout=10_000)
+    assert not opened.page.locator("#episode-panel").is_visible()
+    widths = "['#tree-panel', '.beside'].map(s => document.querySelector(s).clientWidth)"
+    inner, outer = opened.page.evaluate(widths)
+    assert inner == outer
+    opened.assert_quiet()
+    opened.page.close()
+
+
 def test_on_paper_the_whole_tree_is_there(chromium: Any, tmp_path: Path) -> None:
     opened = opened_report(chromium, tmp_path, width=390)
     opened.page.emulate_media(media="print", color_scheme="dark")

@@ -84,7 +84,7 @@ function drawObservation(values) {
 
 if (data.episodes.length === 0) {
   byId("episode-panel").hidden = true;
-  document.querySelector(".skip").hidden = true;
+  document.querySelector(".skip")?.setAttribute("hidden", "");
 } else {
   byId("episode").append(...data.episodes.map((episode, number) => element("option", { value: number }, episodeTitle(episode, number))));
   byId("episode").addEventListener("change", (event) => {
