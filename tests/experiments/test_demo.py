@@ -10,9 +10,9 @@ import pytest
 
 from eutree.cli.main import run
 from eutree.evaluation import Evaluation
-from eutree.experiments.demo import DemoSettings, run_demo, table_rows
+from eutree.experiments.demo import run_demo, table_rows
 from eutree.experiments.demo_page import DemoFacts
-from eutree.experiments.stories import Story, story_of
+from eutree.experiments.stories import DemoSettings, Story, story_of
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
 from eutree.training.judging import judged

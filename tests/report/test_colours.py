@@ -11,11 +11,11 @@ import gymnasium
 import pytest
 
 import eutree
-from eutree.experiments.demo import DemoSettings, run_demo
+from eutree.experiments.demo import run_demo
 from eutree.experiments.experiment import SMOKE
 from eutree.experiments.registry import chosen
 from eutree.experiments.reproduce import reproduce
-from eutree.experiments.stories import Story
+from eutree.experiments.stories import DemoSettings, Story
 from eutree.policies import TreePolicy
 from eutree.report import WatchedEpisode, demonstrations_page, policy_page, run_page
 from eutree.schema import EnvironmentSpec

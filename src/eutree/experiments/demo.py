@@ -8,7 +8,7 @@ import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from eutree.envs.experts import experts_for
 from eutree.errors import FileError
 from eutree.evaluation import Evaluation, evaluate
 from eutree.experiments.demo_page import DemoFacts, Played, demo_report
-from eutree.experiments.stories import Story, story_of
+from eutree.experiments.stories import DemoSettings, story_of
 from eutree.export import to_c, to_svg
 from eutree.files import make_folder, write_text
 from eutree.inspection import PolicyDiff, diff
@@ -45,35 +45,6 @@ Follow = Callable[[int, FinishedRun], None]
 MARK = ".eutree-demo"
 
 EXPERT, LEARNED, COMPRESSED = "Expert tree", "Learned tree", "Compressed tree"
-
-
-@dataclass(frozen=True, kw_only=True)
-class DemoSettings:
-    """How much of everything.
-
-    Attributes:
-        environment: Where.
-        story: What changes, how it learns, what it may spend; by default what ``story_of`` says.
-        expert: Name of the scripted demonstrator; None takes the environment's first.
-        demonstrations: Episodes to record.
-        runs: Learning runs, with seeds of their own; the best is chosen.
-        n_jobs: Processes, as joblib counts them.
-        seed: Seed of everything.
-    """
-
-    environment: EnvironmentSpec
-    story: Story = field(default_factory=Story)
-    expert: str | None = None
-    demonstrations: int = 15
-    runs: int = 3
-    n_jobs: int = -1
-    seed: int = 0
-
-    @property
-    def changed(self) -> EnvironmentSpec:
-        """Where it learns and is judged."""
-        arguments = dict(self.environment.arguments) | dict(self.story.change)
-        return EnvironmentSpec(self.environment.id, arguments)
 
 
 @dataclass(frozen=True, eq=False)

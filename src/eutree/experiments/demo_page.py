@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from eutree.compression import CompressionReport
 from eutree.data import Demonstrations, Episode
 from eutree.evaluation import CurvePoint, Evaluation
 from eutree.evaluation.curves import curve_from_csv
+from eutree.experiments.stories import DemoSettings
 from eutree.inspection import PolicyDiff
 from eutree.policies import TreePolicy
 from eutree.report import CHANGES_ID, RunReport, Stage, Table, WatchedEpisode, WatchedTree, watch
@@ -22,9 +22,6 @@ from eutree.schema import EnvironmentSpec
 from eutree.training.judging import Judgement
 from eutree.training.many import FinishedRun, LearningRuns
 from eutree.wording import counted
-
-if TYPE_CHECKING:
-    from eutree.experiments.demo import DemoSettings
 
 STARTS = 60  # of which one is shown: where learning made the largest difference
 MOST_CHANGES = 6
@@ -87,7 +84,7 @@ class DemoFacts:
         source: The C function.
     """
 
-    settings: "DemoSettings"
+    settings: DemoSettings
     demonstrations: Demonstrations
     policies: Mapping[str, TreePolicy]
     evaluations: Mapping[str, Evaluation]

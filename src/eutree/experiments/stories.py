@@ -10,6 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from eutree.schema import EnvironmentSpec
+
 
 @dataclass(frozen=True, kw_only=True)
 class Story:
@@ -61,3 +63,32 @@ def story_of(environment: str) -> Story:
     """Return what the demo tells in an environment, given its id; a plain story for others."""
     name = environment.rpartition(":")[2]
     return _STORIES.get(name, Story(learning=_PLANNING, final_episodes=200))
+
+
+@dataclass(frozen=True, kw_only=True)
+class DemoSettings:
+    """How much of everything.
+
+    Attributes:
+        environment: Where.
+        story: What changes, how it learns, what it may spend; by default what ``story_of`` says.
+        expert: Name of the scripted demonstrator; None takes the environment's first.
+        demonstrations: Episodes to record.
+        runs: Learning runs, with seeds of their own; the best is chosen.
+        n_jobs: Processes, as joblib counts them.
+        seed: Seed of everything.
+    """
+
+    environment: EnvironmentSpec
+    story: Story = field(default_factory=Story)
+    expert: str | None = None
+    demonstrations: int = 15
+    runs: int = 3
+    n_jobs: int = -1
+    seed: int = 0
+
+    @property
+    def changed(self) -> EnvironmentSpec:
+        """Where it learns and is judged."""
+        arguments = dict(self.environment.arguments) | dict(self.story.change)
+        return EnvironmentSpec(self.environment.id, arguments)
