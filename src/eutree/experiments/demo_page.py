@@ -16,6 +16,7 @@ from eutree.inspection import PolicyDiff
 from eutree.policies import TreePolicy
 from eutree.report import CHANGES_ID, RunReport, Stage, Table, WatchedEpisode, WatchedTree, watch
 from eutree.report.changes import changed_leaves
+from eutree.report.chart import Series
 from eutree.report.head import Pointer, Verdict
 from eutree.report.watching import film_if_possible
 from eutree.schema import EnvironmentSpec
@@ -240,7 +241,7 @@ def _filmed(facts: DemoFacts) -> list[WatchedEpisode]:
     return [film_if_possible(spec, episode, by=by) for spec, episode, by in played]
 
 
-def _curves(facts: DemoFacts) -> dict[str, dict[str, Sequence[tuple[float, float, float, float]]]]:
+def _curves(facts: DemoFacts) -> dict[str, Series]:
     """Return success, return and leaves of every run."""
     runs = facts.runs
     found = {
@@ -251,7 +252,7 @@ def _curves(facts: DemoFacts) -> dict[str, dict[str, Sequence[tuple[float, float
         "return": lambda point: point.mean_return,
         "leaves": lambda point: float(point.n_leaves),
     }
-    drawn = {}
+    drawn: dict[str, Series] = {}
     for measure, value in measures.items():
         series = {name: [(p.episode, value(p)) for p in points] for name, points in found.items()}
         if all(known is not None for entries in series.values() for _, known in entries):
