@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import joblib
+import numpy as np
 
 from eutree.compression import CompressionReport, compress
 from eutree.compression.rounding import rounded
@@ -250,7 +251,8 @@ def _warming_up(settings: DemoSettings, demonstrations: Demonstrations) -> Itera
 def _learn_a_little(settings: DemoSettings, demonstrations: Demonstrations) -> None:
     """Learn for two episodes from a tree of one leaf; what comes of it is of no interest."""
     schema = demonstrations.schema
-    start = TreePolicy(DecisionTree.single_leaf(schema.n_features), [0], schema)  # type: ignore[arg-type]
+    leaf = DecisionTree.single_leaf(schema.n_features)
+    start = TreePolicy(leaf, np.zeros(1, dtype=np.int64), schema)
     options = dict(settings.story.learning) | {"episodes": 2, "evaluate_every": 2}
     options |= {"evaluation_episodes": 2, "race_steps": 0}
     env = make(settings.changed)
