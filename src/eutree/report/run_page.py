@@ -79,7 +79,7 @@ class WatchedTree:
     policy: TreePolicy
     episodes: Sequence[WatchedEpisode] = ()
     changes: Mapping[int, LeafChange] = field(default_factory=dict)
-    observations: Floats | None = None
+    observations: Floats | None = None  # [N, d]
     caption: str = ""
 
 
