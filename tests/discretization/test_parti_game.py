@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -252,6 +253,41 @@ def test_maze_d_tells_the_variants_apart() -> None:
     env, game = maze_game("MazeD", Rules(variant="pg", max_cells=301))
     trial(env, game, generator)
     assert game.exhausted  # before its first trial was over
+
+
+def test_improvement_halves_the_largest_of_what_costs_too_much() -> None:
+    env, game = maze_game("MazeB", Rules(variant="llppg"))
+    trial(env, game, np.random.default_rng(0))
+    cells, cost = game.cells, game.plan().cost
+    dear = []
+    for cell in range(len(cells)):
+        around = [cost[other] for other in cells.neighbours[cell].tolist()]
+        around += [0.0] if cells.beside_goal[cell] else []
+        if np.isfinite(cost[cell]) and cost[cell] > min(around) + 1:
+            dear.append(cell)
+    largest = max(cells.volumes[cell] for cell in dear)
+    wanted = [cell for cell in dear if np.isclose(cells.volumes[cell], largest)]
+    assert 0 < len(wanted) < len(cells)
+    assert losing_cells.cells_to_improve(cells, game.plan()).tolist() == wanted
+    assert game.improve()
+    assert len(game.cells) == len(cells) + len(wanted)
+    gone = {cell for pair in game.own.starts for cell in pair} & set(wanted)
+    assert not gone
+
+
+def test_improvement_finds_a_shorter_way() -> None:
+    env, game = maze_game("MazeA", Rules(variant="llppg", max_cells=400))
+    generator = np.random.default_rng(0)
+    steps = [trial(env, game, generator)]
+    while game.n_news:
+        steps.append(trial(env, game, generator))
+    settled, later = steps[-1], []
+    while len(later) < 8:
+        assert game.n_news or game.improve()
+        later.append(trial(env, game, generator))
+    assert min(later) < 0.8 * settled  # 204 of 274 steps
+    full = replace(game, rules=Rules(max_cells=len(game.cells)))
+    assert not full.improve()  # there is no room
 
 
 def test_a_learned_controller_converges_in_maze_a() -> None:

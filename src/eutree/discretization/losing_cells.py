@@ -5,9 +5,12 @@
     Q'' = Q' and the non-losing neighbours of Q'
 
 ``pg`` halves Q'' (Moore and Atkeson 1995, algorithm 4), ``lppg`` Q', ``llppg`` the largest of Q'
-(Al-Ansari and Williams 1998). With noise, ``explained_cuts`` splits only where the place one set
-out from tells what came of it, and there: the best threshold by information gain, if it passes a
-chi-square test.
+(Al-Ansari and Williams 1998). *Global improvement* is theirs too: where nothing is lost any more,
+costs that differ by more than 1 across a border tell of a barrier, or of a way that cells are too
+coarse to see; the largest cells on the side of the higher costs are halved.
+
+With noise, ``explained_cuts`` splits only where the place one set out from tells what came of it,
+and there: the best threshold by information gain, if it passes a chi-square test.
 """
 
 import math
@@ -52,6 +55,32 @@ def cells_to_split(cells: Cells, costs: Costs, variant: str) -> Integers:
         both: Integers = np.union1d(edge, beyond[~losing[beyond]])
         return both
     if variant == "llppg" and edge.size:
+        volumes = cells.volumes[edge]
+        edge = edge[volumes >= volumes.max() * (1.0 - 1e-9)]
+    return edge
+
+
+def cells_to_improve(cells: Cells, costs: Costs) -> Integers:
+    """Return the largest of the cells that cost over 1 more than a neighbour, ascending.
+
+    The goal is a neighbour of cost 0.
+
+    Args:
+        cells: The cells.
+        costs: J of each.
+    """
+    dear = [
+        cell
+        for cell in np.flatnonzero(~costs.losing).tolist()
+        if costs.cost[cell]
+        > 1.0
+        + min(
+            costs.cost[cells.neighbours[cell]].min(initial=np.inf),
+            0.0 if cells.beside_goal[cell] else np.inf,
+        )
+    ]
+    edge = np.array(dear, dtype=np.int64)
+    if edge.size:
         volumes = cells.volumes[edge]
         edge = edge[volumes >= volumes.max() * (1.0 - 1e-9)]
     return edge

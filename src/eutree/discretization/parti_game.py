@@ -19,7 +19,12 @@ from eutree.arrays import Floats
 from eutree.discretization import outcomes as found
 from eutree.discretization.cells import GOAL, Cells
 from eutree.discretization.displacements import Controller
-from eutree.discretization.losing_cells import VARIANTS, cells_to_split, explained_cuts
+from eutree.discretization.losing_cells import (
+    VARIANTS,
+    cells_to_improve,
+    cells_to_split,
+    explained_cuts,
+)
 from eutree.discretization.outcomes import EXPERT, LOST, Costs, Outcomes
 from eutree.validation import check_choice, check_integer, check_number
 
@@ -149,6 +154,18 @@ class PartiGame:
             return self.expert(observation)
         return self.controller.best(observation, self._point(cell, aim, observation))
 
+    def improve(self) -> bool:
+        """Halve cells where a shorter way may be hidden; return whether there was any.
+
+        To be asked between two episodes, after one that brought nothing new (Al-Ansari and
+        Williams 1998, "global improvement").
+        """
+        room = self.rules.max_cells - len(self.cells)
+        gone = cells_to_improve(self.cells, self._costs)[:room].tolist()
+        if gone:
+            self._replace(self.cells.halve(gone), gone)
+        return bool(gone)
+
     def resume(self, cells: Cells, own: Outcomes, *, exhausted: bool) -> None:
         """Go on between two episodes with cells and outcomes known from before."""
         self.cells, self.own, self.exhausted = cells, own, exhausted
@@ -179,11 +196,15 @@ class PartiGame:
             return False
         room = self.rules.max_cells - len(self.cells)
         gone = [cell for cell, _, _ in cuts] if cuts else chosen[:room].tolist()
-        self.cells = self.cells.split(cuts) if cuts else self.cells.halve(gone)
-        self.own = self.own.without(gone)
+        self._replace(self.cells.split(cuts) if cuts else self.cells.halve(gone), gone)
         self.n_news += 1
-        self._refresh()
         return True
+
+    def _replace(self, cells: Cells, gone: Sequence[int]) -> None:
+        """Take other cells; forget what came of those that are gone."""
+        self.cells = cells
+        self.own = self.own.without(gone)
+        self._refresh()
 
     def _refresh(self) -> None:
         """Find the aims and the expert's outcomes in new cells."""

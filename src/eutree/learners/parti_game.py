@@ -51,6 +51,8 @@ class PartiGameMethod:
         max_cells: Cells from which on nothing is split.
         floor: Share above which an outcome is reckoned with, for certain; 0 takes all, more is for
             noisy tasks.
+        improve: Whether cells are halved for shorter ways too, after an episode that reached the
+            goal and brought nothing new ("global improvement").
         follow_expert: Whether the expert is an aim.
         use_cells: Whether the expert's leaves are the first cells.
         goal: Lower and upper corner of the goal; None learns it from the demonstrations.
@@ -64,6 +66,7 @@ class PartiGameMethod:
     patience: int = 10
     max_cells: int = 1000
     floor: float = 0.0
+    improve: bool = False
     follow_expert: bool = True
     use_cells: bool = True
     goal: tuple[tuple[float, ...], tuple[float, ...]] | None = None
@@ -163,6 +166,7 @@ class PartiGameLearner:
             expert=self._expert, demonstrated=demonstrated,
         )  # fmt: skip
         self._buffer = EpisodeBuffer()
+        self._ending = GOES_ON
 
     def start_episode(self, observation: Floats, generator: np.random.Generator) -> None:
         """Begin an episode at its first observation, shape [d]; all its chance is ``generator``."""
@@ -183,12 +187,15 @@ class PartiGameLearner:
             said = step.info.get("is_success")
             good = bool(said) if said is not None else step.reward >= self._good_level
             ending = GOAL if good else LOST
+        self._ending = ending
         self.game.observe(before, step.action, step.observation, ending)
 
     def end_episode(self) -> None:
         """Store the episode, whose last step was terminated or truncated."""
         episode = self._buffer.finish()
         store(self.history, episode, np.zeros(len(episode.observations), dtype=np.int32))
+        if self.method.improve and self._ending == GOAL and self.game.n_news == 0:
+            self.game.improve()
 
     def discard_episode(self) -> None:
         """Be as before ``start_episode``, to the bit; do nothing between two episodes."""
