@@ -1,10 +1,12 @@
 """The episode under way: what a learner keeps of it until it has ended."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from eutree.arrays import Booleans, Floats, Int32s, Integers
+from eutree.data import Episode
 from eutree.learners.history import History
 from eutree.learners.learner import Step
 
@@ -75,16 +77,36 @@ class EpisodeBuffer:
 def store(
     history: History,
     episode: FinishedEpisode,
-    leaves: Int32s,  # [T + 1]
+    leaves: Int32s | None = None,  # [T + 1]
     generator: np.random.Generator | None = None,
 ) -> None:
-    """Append an episode to the store of transitions; ``generator`` serves a bounded one."""
+    """Append an episode to the store of transitions; ``generator`` serves a bounded one.
+
+    Without ``leaves`` the store has a single one.
+    """
     history.append_episode(
         episode.observations,
         episode.actions,
         episode.rewards,
-        leaves,
+        _single_leaf(episode.actions) if leaves is None else leaves,
         terminated=episode.terminated,
         demonstrated=episode.shown,
         generator=generator,
     )
+
+
+def store_demonstrations(history: History, episodes: Iterable[Episode]) -> None:
+    """Append demonstrations to a store of a single leaf."""
+    for episode in episodes:
+        history.append_episode(
+            episode.observations,
+            episode.actions,
+            episode.rewards,
+            _single_leaf(episode.actions),
+            terminated=episode.terminated,
+            demonstrated=True,
+        )
+
+
+def _single_leaf(actions: Integers) -> Int32s:
+    return np.zeros(len(actions) + 1, dtype=np.int32)

@@ -24,7 +24,7 @@ from eutree.discretization.displacements import LearnedController
 from eutree.discretization.outcomes import EXPERT, LOST, Outcomes
 from eutree.discretization.parti_game import CUT_SHORT, GOES_ON, PartiGame, Rules
 from eutree.errors import InvalidArgumentError
-from eutree.learners.episode_buffer import EpisodeBuffer, store
+from eutree.learners.episode_buffer import EpisodeBuffer, store, store_demonstrations
 from eutree.learners.goals import goal_boxes, reached
 from eutree.learners.history import History
 from eutree.learners.learner import Arrays, Decisions, Needs, Problem, Start, Step, Update
@@ -134,12 +134,7 @@ class PartiGameLearner:
         self.method, self.n_actions = method, problem.n_actions
         d = problem.n_features
         self.history = History(d, 1)
-        for episode in start.episodes:
-            self.history.append_episode(
-                episode.observations, episode.actions, episode.rewards,
-                np.zeros(len(episode) + 1, dtype=np.int32),
-                terminated=episode.terminated, demonstrated=True,
-            )  # fmt: skip
+        store_demonstrations(self.history, start.episodes)
         tree = DecisionTree.single_leaf(d)
         if start.expert is not None and method.use_cells:
             tree = start.expert.tree
@@ -193,7 +188,7 @@ class PartiGameLearner:
     def end_episode(self) -> None:
         """Store the episode, whose last step was terminated or truncated."""
         episode = self._buffer.finish()
-        store(self.history, episode, np.zeros(len(episode.observations), dtype=np.int32))
+        store(self.history, episode)
         if self.method.improve and self._ending == GOAL and self.game.n_news == 0:
             self.game.improve()
 

@@ -28,7 +28,7 @@ from eutree.discretization.corner_process import (
 from eutree.discretization.influence import CRITERIA, refined
 from eutree.discretization.kuhn import MOST_FEATURES, Grid
 from eutree.errors import InvalidArgumentError
-from eutree.learners.episode_buffer import EpisodeBuffer, store
+from eutree.learners.episode_buffer import EpisodeBuffer, store, store_demonstrations
 from eutree.learners.history import History
 from eutree.learners.learner import (
     Arrays,
@@ -167,12 +167,7 @@ class VariableResolution:
         self._solved_from = 0
         self._starts = np.array([e.observations[0] for e in start.episodes if len(e)])
         self.history = History(problem.n_features, 1)
-        for episode in start.episodes:
-            self.history.append_episode(
-                episode.observations, episode.actions, episode.rewards,
-                np.zeros(len(episode) + 1, dtype=np.int32),
-                terminated=episode.terminated, demonstrated=True,
-            )  # fmt: skip
+        store_demonstrations(self.history, start.episodes)
         self._buffer = EpisodeBuffer()
 
     def start_episode(self, observation: Floats, generator: np.random.Generator) -> None:
@@ -195,7 +190,7 @@ class VariableResolution:
     def end_episode(self) -> None:
         """Store the episode, whose last step was terminated or truncated."""
         episode = self._buffer.finish()
-        store(self.history, episode, np.zeros(len(episode.observations), dtype=np.int32))
+        store(self.history, episode)
 
     def discard_episode(self) -> None:
         """Be as before ``start_episode``, to the bit; do nothing between two episodes."""

@@ -27,7 +27,7 @@ from eutree.arrays import Floats, Integers
 from eutree.data import Episode
 from eutree.discretization.codebook import Codebook, codebook_in_leaves
 from eutree.learners import _kernels_q_learning as kernels
-from eutree.learners.episode_buffer import EpisodeBuffer, store
+from eutree.learners.episode_buffer import EpisodeBuffer, store, store_demonstrations
 from eutree.learners.history import TERMINAL, History
 from eutree.learners.learner import Arrays, Decisions, Needs, Problem, Start, Step, Update
 from eutree.learners.partition import Partition, Plane, codewords_seen
@@ -185,15 +185,7 @@ class VectorQuantization:
 
     def add_demonstrations(self, episodes: Iterable[Episode]) -> None:
         """Store the expert's transitions, and learn a first codebook and Q from them."""
-        for episode in episodes:
-            self.history.append_episode(
-                episode.observations,
-                episode.actions,
-                episode.rewards,
-                np.zeros(len(episode) + 1, dtype=np.int32),
-                terminated=episode.terminated,
-                demonstrated=True,
-            )
+        store_demonstrations(self.history, episodes)
         self._learn()
 
     def start_episode(self, observation: Floats, generator: np.random.Generator) -> None:
@@ -241,7 +233,7 @@ class VectorQuantization:
     def end_episode(self) -> None:
         """Store the episode, whose last step was terminated or truncated."""
         episode = self._buffer.finish()
-        store(self.history, episode, np.zeros(len(episode.observations), dtype=np.int32))
+        store(self.history, episode)
         if self.trial is not None:
             self.trial.episode_over(float(episode.rewards.sum()))
 
