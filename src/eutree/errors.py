@@ -17,12 +17,17 @@ import sys
 from collections.abc import Iterable
 from difflib import get_close_matches
 from pathlib import Path
+from typing import Any
 
 MAX_SHOWN = 100  # characters of a value in a message
 
 
 class EutreeError(Exception):
     """Base of all errors that eutree raises on purpose."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Let the error be raised in another process: by its message, not by how it was made."""
+        return _again, (type(self), self.args, self.__dict__)
 
 
 class InvalidArgumentError(EutreeError, ValueError):
@@ -113,6 +118,14 @@ class MissingExtraError(EutreeError, ImportError):
     def __init__(self, package: str, extra: str) -> None:
         wanted = f"'eutree[{extra}]'" if extra else package
         super().__init__(f"{package} is not installed; get it with: pip install {wanted}")
+
+
+def _again(kind: type[EutreeError], args: tuple[Any, ...], facts: dict[str, Any]) -> EutreeError:
+    """Return an error as it was raised in another process."""
+    error = kind.__new__(kind, *args)
+    error.args = args
+    error.__dict__.update(facts)
+    return error
 
 
 def _printable(text: str) -> str:

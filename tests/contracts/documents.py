@@ -102,9 +102,11 @@ def run_command(line: str, folder: Path) -> str:
             code = run(words[1:])
         assert code == 0, f"$ {line}\n{output.getvalue()}"
         return output.getvalue()
+    programs = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
     result = subprocess.run(
-        ["bash", "-euc", line], cwd=folder, capture_output=True, text=True, timeout=300, check=False
-    )
+        ["bash", "-euc", line], cwd=folder, env={**os.environ, "PATH": programs},
+        capture_output=True, text=True, timeout=300, check=False,
+    )  # fmt: skip
     assert result.returncode == 0, f"$ {line}\n{result.stdout}{result.stderr}"
     return result.stdout
 

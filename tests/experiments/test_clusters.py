@@ -6,8 +6,13 @@ import subprocess
 import sys
 import time
 
+import gymnasium
+import joblib
+import numpy as np
 import pytest
 
+import eutree
+from eutree.cli.main import run
 from eutree.experiments.experiment import SMOKE
 
 LINE = ["reproduce", "expert", "--smoke", "--preset", "paper"]
@@ -26,7 +31,7 @@ def files_of(path):
     }
 
 
-def eutree(*arguments):
+def command(*arguments):
     """Run the command line in a process of its own."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     subprocess.run(
@@ -41,7 +46,7 @@ def free_port():
         return listener.getsockname()[1]
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def dask_cluster():
     """Start a scheduler and two worker processes on loopback; return the scheduler's address."""
     pytest.importorskip("distributed", reason="dask.distributed is not installed")
@@ -70,8 +75,8 @@ def dask_cluster():
 
 def test_a_dask_cluster_gives_the_same_bytes(tmp_path, dask_cluster):
     for line in (LINE, LEARNING, FRAMEWORK):
-        eutree(*line, "--out", tmp_path / "one")
-        eutree(
+        command(*line, "--out", tmp_path / "one", "--n-jobs", "1")
+        command(
             *line, "--out", tmp_path / "dask", "--backend", "dask", "--address", dask_cluster,
             "--n-jobs", "-1",
         )  # fmt: skip
@@ -79,10 +84,65 @@ def test_a_dask_cluster_gives_the_same_bytes(tmp_path, dask_cluster):
     assert len(list((tmp_path / "dask" / "runs").iterdir())) >= 2 * SMOKE.runs
 
 
+class Leaning:
+    """Pushes to where the pole leans."""
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        return np.int64(np.asarray(observation).reshape(-1)[2] > 0), None
+
+
+def everything(folder):
+    """Return what comes of all that can be divided, but for the runs of ``reproduce``."""
+    task, teacher = "CartPole-v1", Leaning()
+    demos = eutree.record(gymnasium.make(task), teacher, episodes=4, seed=1)
+    expert = eutree.fit_expert_tree(demos)
+    runs = eutree.learn_runs(
+        "eutree/Evasion2-v0", runs=2, out=folder, n_jobs=None, method="paper", episodes=3,
+        evaluation_episodes=2, selection_episodes=6, judging_episodes=6,
+    )  # fmt: skip
+    return (
+        eutree.evaluate(expert, task, episodes=12).returns.tolist(),
+        eutree.compress(expert, demos.observations, env=task, margin=50.0, episodes=32),
+        eutree.distill(teacher, task, iterations=2, episodes=2, validation_episodes=4),
+        runs.judged.returns.tolist(),
+        {name: data for name, data in files_of(folder).items() if name != ".lock"},
+    )
+
+
+def test_all_that_is_divided_is_the_same_on_a_dask_cluster(tmp_path, dask_cluster):
+    distributed = pytest.importorskip("distributed")
+    alone = everything(tmp_path / "alone")
+    with distributed.Client(dask_cluster) as client, joblib.parallel_config(backend="dask"):
+        there = everything(tmp_path / "there")
+        tasks = client.run_on_scheduler(lambda dask_scheduler: dask_scheduler.transition_counter)
+    assert there == alone
+    assert tasks > 20  # the cluster did it
+
+
+def test_a_cluster_that_is_not_there_is_a_clear_error(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("eutree.cli._cluster.PATIENCE", "1s")
+    line = ["distill", "CartPole-v1", "--expert", "lean", "--out", str(tmp_path / "a.json")]
+    assert run([*line, "--address", "tcp://127.0.0.1:9"]) == 2
+    assert "--backend dask or ray" in capsys.readouterr().err
+    address = f"tcp://127.0.0.1:{free_port()}"
+    assert run([*line, "--backend", "dask", "--address", address]) == 2
+    assert "--address must be that of a running scheduler" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("backend", "package"), [("dask", "distributed"), ("ray", "ray")])
+def test_a_package_that_is_not_there_is_a_clear_error(
+    tmp_path, capsys, monkeypatch, backend, package
+):
+    monkeypatch.setitem(sys.modules, package, None)
+    line = ["reproduce", "expert", "--smoke", "--out", str(tmp_path / "results")]
+    assert run([*line, "--backend", backend]) == 2
+    assert f"{package} is not installed; get it with: pip install" in capsys.readouterr().err
+
+
 @pytest.mark.slow
 def test_a_ray_instance_gives_the_same_bytes(tmp_path):
     pytest.importorskip("ray", reason="ray is not installed")
     for line in (LINE, FRAMEWORK):
-        eutree(*line, "--out", tmp_path / "one")
-        eutree(*line, "--out", tmp_path / "ray", "--backend", "ray", "--n-jobs", "2")
+        command(*line, "--out", tmp_path / "one", "--n-jobs", "1")
+        command(*line, "--out", tmp_path / "ray", "--backend", "ray", "--n-jobs", "2")
     assert files_of(tmp_path / "one") == files_of(tmp_path / "ray")

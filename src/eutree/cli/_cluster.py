@@ -1,43 +1,73 @@
-"""Where the processes of a command run: here, or on a Dask or Ray cluster."""
+"""Where independent work of a command runs: in processes here, or on a Dask or Ray cluster."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, TypeVar
 
 import click
 
-from eutree.errors import MissingExtraError
+from eutree.errors import InvalidArgumentError, MissingExtraError
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 
+PATIENCE = "10s"  # for a scheduler that does not answer
 
-def cluster_options(command: _Command) -> _Command:
-    """Add ``--backend`` and ``--address``."""
-    backend = click.option(
-        "--backend",
-        type=click.Choice(["loky", "dask", "ray"]),
-        default="loky",
-        show_default=True,
-        help="What runs the processes.",
-    )
-    address = click.option("--address", help="Scheduler of the dask or ray cluster.")
-    return backend(address(command))
+
+def workers_options(of_what: str) -> Callable[[_Command], _Command]:
+    """Return what adds ``--n-jobs``, ``--backend`` and ``--address``.
+
+    Args:
+        of_what: What is divided among the processes, for the help.
+    """
+
+    def add(command: _Command) -> _Command:
+        jobs = click.option(
+            "--n-jobs",
+            type=int,
+            default=-1,
+            show_default=True,
+            help=f"Processes for {of_what}; -1 for all cores. The result does not depend on it.",
+        )
+        backend = click.option(
+            "--backend",
+            type=click.Choice(["loky", "dask", "ray"]),
+            default="loky",
+            show_default=True,
+            help="What runs the processes: this machine (loky), or a cluster.",
+        )
+        address = click.option(
+            "--address",
+            help="Scheduler of the cluster, or the file that --scheduler-file of dask wrote; "
+            "without, a cluster is started here.",
+        )
+        return jobs(backend(address(command)))
+
+    return add
 
 
 @contextmanager
 def cluster(backend: str, address: str | None) -> Iterator[None]:
-    """Send joblib's tasks to a cluster while the context lasts."""
+    """Send joblib's tasks to a cluster while the context lasts.
+
+    Raises:
+        InvalidArgumentError: There is no such cluster.
+        MissingExtraError: Dask or Ray is not installed.
+    """
+    if backend == "loky":
+        if address is not None:
+            raise InvalidArgumentError("--address is of a cluster: --backend dask or ray")
+        yield
+        return
     import joblib
 
     if backend == "dask":
         with _dask_client(address), joblib.parallel_config(backend="dask"):
             yield
-    elif backend == "ray":
+    else:
         _start_ray(address)
         with joblib.parallel_config(backend="ray"):
             yield
-    else:
-        yield
 
 
 def _dask_client(address: str | None) -> Any:
@@ -45,7 +75,17 @@ def _dask_client(address: str | None) -> Any:
         from distributed import Client
     except ImportError:
         raise MissingExtraError("dask.distributed", "cluster") from None
-    return Client(address)
+    if address is not None and Path(address).is_file():
+        where = {"scheduler_file": address}
+    else:
+        where = {"address": address}
+    try:
+        return Client(**where, timeout=PATIENCE)
+    except (OSError, ValueError) as error:
+        raise InvalidArgumentError(
+            "--address must be that of a running scheduler, such as tcp://10.0.0.1:8786, or the "
+            f"file that it wrote, got {address!r}: {error}"
+        ) from error
 
 
 def _start_ray(address: str | None) -> None:
@@ -53,6 +93,11 @@ def _start_ray(address: str | None) -> None:
         import ray
         from ray.util.joblib import register_ray
     except ImportError:
-        raise MissingExtraError("ray", "cluster") from None
-    ray.init(address=address, ignore_reinit_error=True, log_to_driver=False)
+        raise MissingExtraError("ray", "") from None
+    try:
+        ray.init(address=address, ignore_reinit_error=True, log_to_driver=False)
+    except (ConnectionError, ValueError) as error:
+        raise InvalidArgumentError(
+            f"--address must be that of a running Ray cluster, or auto, got {address!r}: {error}"
+        ) from error
     register_ray()

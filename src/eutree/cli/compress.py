@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from eutree.cli._cluster import cluster, workers_options
 from eutree.cli._options import (
     count_option,
     env_arg_option,
@@ -64,6 +65,7 @@ if TYPE_CHECKING:
               help="Write thresholds with the fewest digits that keep the decisions; or, with a "
               "step, as its multiples: 0.1 for all features, room=0.1 for one. May be "
               "repeated.")  # fmt: skip
+@workers_options("the episodes of evaluations, where they take more than a few seconds")
 @env_arg_option
 @seed_option
 @json_option
@@ -75,6 +77,8 @@ def compress(
     return_margin: float | None,
     evaluates: bool,
     round_thresholds: tuple[str, ...],
+    backend: str,
+    address: str | None,
     env_arguments: dict[str, Any],
     as_json: bool,
     **options: Any,
@@ -96,15 +100,16 @@ def compress(
         raise InvalidArgumentError("--env-arg needs --evaluate or --return-margin")
     rounding = _rounding(round_thresholds)
     check_writable(out)
-    small, report = compress_policy(
-        policy,
-        observations,
-        experience=_experience(source, demos, policy) if imagined else None,
-        env=spec,
-        margin=return_margin,
-        round_thresholds=rounding,
-        **options,
-    )
+    with cluster(backend, address):
+        small, report = compress_policy(
+            policy,
+            observations,
+            experience=_experience(source, demos, policy) if imagined else None,
+            env=spec,
+            margin=return_margin,
+            round_thresholds=rounding,
+            **options,
+        )
     small.save(out)
     change = report.return_change
     output.result(

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from eutree.cli._cluster import cluster, workers_options
 from eutree.cli._options import count_option, env_arg_option, json_option, path_option, seed_option
 from eutree.cli._output import Output
 from eutree.cli._policies import load_policy
@@ -31,6 +32,7 @@ EXAMPLE = "eutree distill eutree/Evasion2-v0 --expert gate --max-leaves 8 --out 
 @count_option("--iterations", 10, "How many trees are fitted; the best is written.")
 @count_option("--episodes", 10, "Episodes gathered before each tree.")
 @count_option("--validation-episodes", 50, "Episodes that judge each tree.", least=2)
+@workers_options("the episodes of the trees, where they take more than a few seconds")
 @env_arg_option
 @seed_option
 @json_option
@@ -40,6 +42,8 @@ def distill(
     expert: str | None,
     policy: Path | None,
     demos: Path | None,
+    backend: str,
+    address: str | None,
     env_arguments: dict[str, Any],
     as_json: bool,
     **options: Any,
@@ -48,17 +52,19 @@ def distill(
     from eutree.data import Demonstrations
     from eutree.distillation.distill import distill as distill_teacher
     from eutree.files import check_writable
-    from eutree.interaction.making import make
 
     output = Output(as_json=as_json)
     spec = EnvironmentSpec(environment, env_arguments)
     teacher = _teacher(spec, expert, policy)
     shown = None if demos is None else Demonstrations.load(demos)
     check_writable(out)
-    with output.progress("distilling", options["iterations"]) as progress:
+    with (
+        cluster(backend, address),
+        output.progress("distilling", options["iterations"]) as progress,
+    ):
         tree, report = distill_teacher(
             teacher,
-            make(spec),
+            spec,
             demonstrations=shown,
             on_round=lambda number, made: progress.update(
                 number + 1, f"{counted(made.n_leaves, 'leaf')}, mean return {made.mean_return:.2f}"

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from eutree.cli._cluster import cluster, workers_options
 from eutree.cli._options import count_option, env_arg_option, json_option, override, seed_option
 from eutree.cli._output import Output
 from eutree.cli._policies import load_policy
@@ -29,6 +30,7 @@ def check_fits(policy: "TreePolicy", path: Path, spec: EnvironmentSpec) -> None:
 @click.argument("policy", type=click.Path(path_type=Path))
 @click.argument("environment", required=False)
 @count_option("--episodes", 100, "How many episodes.")
+@workers_options("the episodes, where they take more than a few seconds")
 @env_arg_option
 @seed_option
 @json_option
@@ -36,6 +38,9 @@ def evaluate(
     policy: Path,
     environment: str | None,
     episodes: int,
+    n_jobs: int,
+    backend: str,
+    address: str | None,
     env_arguments: dict[str, Any],
     seed: int,
     as_json: bool,
@@ -57,7 +62,8 @@ def evaluate(
             f"{policy} names no environment; name one: eutree evaluate {policy} ENVIRONMENT"
         )
     check_fits(loaded, policy, spec)
-    result = evaluate_policy(loaded, spec, episodes=episodes, seed=seed)
+    with cluster(backend, address):
+        result = evaluate_policy(loaded, spec, episodes=episodes, seed=seed, n_jobs=n_jobs)
     low, high = result.return_interval
     output.result(
         {

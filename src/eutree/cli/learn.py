@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from eutree.cli._asking import asked, render_mode
-from eutree.cli._cluster import cluster, cluster_options
+from eutree.cli._cluster import cluster, workers_options
 from eutree.cli._learning import Following, as_values, in_words, many_results, run_many
 from eutree.cli._options import (
     count_option,
@@ -85,9 +85,7 @@ if TYPE_CHECKING:
               "grows; for show --run-html.")  # fmt: skip
 @click.option("--strict", is_flag=True, help="Refuse observations outside the space's bounds.")
 @count_option("--runs", 1, "Runs, with seeds from --seed on; the best is chosen and judged.")
-@click.option("--n-jobs", type=int, default=-1, show_default=True,
-              help="Processes for --runs; -1 for all cores.")  # fmt: skip
-@cluster_options
+@workers_options("--runs")
 @env_arg_option
 @seed_option
 @json_option

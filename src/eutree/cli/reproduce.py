@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from eutree.cli._cluster import cluster, cluster_options
+from eutree.cli._cluster import cluster, workers_options
 from eutree.cli._options import count_option, json_option, seed_option
 from eutree.cli._output import Output
 
@@ -25,8 +25,7 @@ if TYPE_CHECKING:
 @count_option("--runs", 15, "Runs of each learner.", least=2)
 @count_option("--episodes", 400, "Episodes of each run.")
 @click.option("--smoke", is_flag=True, help="A few tiny runs, to see that everything works.")
-@click.option("--n-jobs", type=int, default=1, show_default=True, help="Processes; -1 for all.")
-@cluster_options
+@workers_options("the runs")
 @seed_option
 @json_option
 def reproduce(

@@ -27,7 +27,6 @@ from eutree.compression.report import CompressionReport
 from eutree.compression.rounding import Rounding, rounded, steps_of
 from eutree.data import Demonstrations
 from eutree.errors import InvalidArgumentError
-from eutree.interaction.making import make
 from eutree.interaction.return_range import return_range as known_range
 from eutree.learners import History
 from eutree.learners.model_planning import transitions_of
@@ -72,6 +71,7 @@ def compress(
     round_thresholds: Rounding = False,
     world_model: EnsembleSettings | None = None,
     seed: int = 0,
+    n_jobs: int | None = None,
 ) -> tuple[TreePolicy, CompressionReport]:
     """Return a policy with fewer leaves that decides the same, and what changed.
 
@@ -104,6 +104,7 @@ def compress(
             each named feature: thresholds become multiples of it, which may change decisions.
         world_model: How the world model of ``experience`` is fitted, if not as usual.
         seed: Seed of the episodes.
+        n_jobs: Processes for the episodes, as ``evaluate`` takes them; the result is the same.
 
     Returns:
         The compressed policy, never larger than the exact merge (``mode="merge"``), and a report.
@@ -119,7 +120,7 @@ def compress(
     costs = Costs.of(policy, rows, weights)
     steps = steps_of(round_thresholds, policy.schema)
     shortened = round_thresholds is not False
-    arena = None if env is None else Arena(_made(env), seed)
+    arena = None if env is None else Arena.of(env, seed, n_jobs)
     verdict = demand = scores = None
     if arena is not None:
         demand = Demand(
@@ -352,7 +353,3 @@ def _check_gates(
         raise InvalidArgumentError(
             f'mode must be "auto" with max_disagreement or margin, got {mode!r}'
         )
-
-
-def _made(env: Environment) -> gymnasium.Env[Any, Any]:
-    return env if isinstance(env, gymnasium.Env) else make(env)

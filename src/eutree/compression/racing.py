@@ -10,6 +10,7 @@ import numpy as np
 from eutree.arrays import Floats
 from eutree.evaluation import Estimate, Interval, evaluate
 from eutree.interaction import episode_seed
+from eutree.interaction.recipe import made
 from eutree.interaction.seeding import Stream
 from eutree.policies import TreePolicy
 from eutree.policy_search.racing import (
@@ -21,6 +22,7 @@ from eutree.policy_search.racing import (
     meeting,
     smallest_within,
 )
+from eutree.schema import EnvironmentSpec
 
 _MOST_RUNNERS = 48
 
@@ -32,17 +34,33 @@ class Arena:
     Attributes:
         env: The environment.
         seed: Seed of all its episodes.
+        spec: How other processes make it; None keeps all episodes in this one.
+        n_jobs: Processes, as ``evaluate`` takes them.
         steps: Environment steps of all episodes so far.
     """
 
     env: gymnasium.Env[Any, Any]
     seed: int
+    spec: EnvironmentSpec | None = None
+    n_jobs: int | None = None
     steps: int = 0
+
+    @classmethod
+    def of(
+        cls, env: gymnasium.Env[Any, Any] | EnvironmentSpec | str, seed: int, n_jobs: int | None
+    ) -> "Arena":
+        """Return an environment, or what it is made from, with nothing asked of it yet."""
+        itself, spec = made(env, n_jobs)
+        return cls(itself, seed, spec, n_jobs)
 
     def run(self, policy: TreePolicy, heat: Heat) -> Floats:
         """Return the returns of a policy in a heat; the same episodes for each policy."""
         seed = episode_seed(self.seed, heat.block, Stream.COMPRESSION)
-        result = evaluate(policy, self.env, episodes=heat.episodes.stop, seed=seed)
+        n = heat.episodes.stop
+        if self.spec is None:
+            result = evaluate(policy, self.env, episodes=n, seed=seed)
+        else:
+            result = evaluate(policy, self.spec, episodes=n, seed=seed, n_jobs=self.n_jobs)
         self.steps += result.steps
         return result.returns[heat.episodes.start :]
 

@@ -8,7 +8,8 @@ there. The best tree of all rounds is chosen on validation episodes, the same fo
 nothing else.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import gymnasium
@@ -24,10 +25,12 @@ from eutree.evaluation import Evaluation, evaluate
 from eutree.interaction import GuardedEnv, episode_seed, record, run_episode
 from eutree.interaction.acting import Actor
 from eutree.interaction.decoding import warn_of_codes
+from eutree.interaction.recipe import Recipe, made
 from eutree.interaction.record import Controller, as_policy
 from eutree.interaction.seeding import Stream
+from eutree.parallel import Workers
 from eutree.policies import Policy, TreePolicy
-from eutree.schema import Schema
+from eutree.schema import EnvironmentSpec, Schema
 from eutree.validation import check_choice, check_integer, check_seed
 
 METHODS = ("dagger", "viper", "cloning")
@@ -37,7 +40,7 @@ Progress = Callable[[int, Round], None]
 
 def distill(
     teacher: Controller,
-    env: gymnasium.Env[Any, Any],
+    env: gymnasium.Env[Any, Any] | EnvironmentSpec | str,
     *,
     method: str = "dagger",
     learner: str = "c4.5",
@@ -50,13 +53,14 @@ def distill(
     seed: int = 0,
     strict: bool = False,
     on_round: Progress | None = None,
+    n_jobs: int | None = None,
 ) -> tuple[TreePolicy, DistillationReport]:
     """Return a tree that decides as ``teacher`` does, and what that took.
 
     Args:
         teacher: Anything with SB3's ``predict``, or a function that makes such a thing for the
             environment, like ``eutree.experts.wait_at_crossing``.
-        env: Where it acts.
+        env: Where it acts: an environment, its id, or how to make it.
         method: ``"cloning"`` fits one tree to the teacher's own episodes; ``"dagger"`` and
             ``"viper"`` go on to fit trees to what the trees themselves come to.
         learner: ``"c4.5"``, or ``"cart"`` (extra ``sklearn``).
@@ -71,6 +75,8 @@ def distill(
         seed: The same seed gives the same tree, byte for byte.
         strict: Refuse observations outside the environment's own bounds.
         on_round: Called after each tree with its number and what became of it.
+        n_jobs: Processes for the episodes of the trees, as ``evaluate`` takes them, with an id or a
+            spec; the teacher stays in this one. The result is the same.
 
     Raises:
         InvalidArgumentError: An argument is not as described, or the demonstrations are of another
@@ -82,6 +88,7 @@ def distill(
     check_choice("learner", learner, LEARNERS)
     _check_budgets(iterations, episodes, validation_episodes, max_leaves)
     check_seed(seed)
+    env, spec = made(env, n_jobs)
     policy = as_policy(teacher, env)
     guarded = GuardedEnv(env, strict=strict)
     warn_of_codes(env)
@@ -93,7 +100,8 @@ def distill(
         shown = record(env, policy, episodes=episodes, seed=seed, strict=strict)
     _check_shown(shown, guarded.schema)
     guarded.take_names(shown.schema)
-    school = _School(guarded, policy, stakes, shown, seed)
+    team = None if spec is None else _Team(Workers(n_jobs), Recipe.of(spec), strict)
+    school = _School(guarded, policy, stakes, shown, seed, team=team)
     trees: list[TreePolicy] = []
     results: list[Evaluation] = []
     rounds: list[Round] = []
@@ -103,7 +111,10 @@ def distill(
         data = school.data()
         trees.append(fit(learner, data, guarded.schema, guarded.spec, max_leaves))
         validation = episode_seed(seed, 0, Stream.VALIDATION)
-        results.append(evaluate(trees[-1], env, episodes=validation_episodes, seed=validation))
+        where, n = (env, None) if spec is None else (spec, n_jobs)
+        results.append(
+            evaluate(trees[-1], where, episodes=validation_episodes, seed=validation, n_jobs=n)
+        )
         rounds.append(_round(data, trees[-1], results[-1]))
         if on_round is not None:
             on_round(number, rounds[-1])
@@ -122,6 +133,39 @@ def distill(
     )
 
 
+@dataclass(frozen=True)
+class _Team:
+    """Processes in which a tree acts, each in an environment of its own."""
+
+    workers: Workers
+    recipe: Recipe
+    strict: bool
+
+    def episodes(self, tree: TreePolicy, seeds: Sequence[int]) -> list[Episode]:
+        """Return the episodes of these seeds."""
+        blocks = self.workers.blocks(len(seeds), len(seeds))
+        acting = _Acting(tree, self.recipe, self.strict, seeds)
+        return [episode for part in self.workers.map(acting, blocks) for episode in part]
+
+
+@dataclass(frozen=True)
+class _Acting:
+    """Some episodes of a tree, in whichever process."""
+
+    tree: TreePolicy
+    recipe: Recipe
+    strict: bool
+    seeds: Sequence[int]
+
+    def __call__(self, numbers: range) -> list[Episode]:
+        env = self.recipe.make()
+        try:
+            guarded = GuardedEnv(env, strict=self.strict)
+            return [run_episode(guarded, self.tree, self.seeds[k]) for k in numbers]
+        finally:
+            env.close()
+
+
 class _School:
     """All observations so far with the teacher's actions, and what they cost."""
 
@@ -132,19 +176,26 @@ class _School:
         stakes: Stakes | None,
         shown: Demonstrations,
         seed: int,
+        *,
+        team: _Team | None,
     ) -> None:
         self.steps = self.labels = shown.n_transitions
         self._env = env
         self._teacher = teacher
         self._stakes = stakes
         self._seed = seed
+        self._team = team
         self._observations = [shown.observations]
         self._actions = [shown.actions]
 
     def gather(self, tree: TreePolicy, number: int, episodes: int) -> None:
         """Let the tree act, and add what it comes to with the teacher's actions."""
-        for k in range(number * episodes, (number + 1) * episodes):
-            episode = run_episode(self._env, tree, episode_seed(self._seed, k, Stream.GATHERING))
+        numbers = range(number * episodes, (number + 1) * episodes)
+        seeds = [episode_seed(self._seed, k, Stream.GATHERING) for k in numbers]
+        run: Iterable[Episode] = (run_episode(self._env, tree, seed) for seed in seeds)
+        if self._team is not None:
+            run = self._team.episodes(tree, seeds)
+        for episode in run:
             self.steps += len(episode)
             self.labels += len(episode)
             self._observations.append(episode.observations[:-1])

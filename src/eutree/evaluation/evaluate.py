@@ -3,10 +3,12 @@
 Episode k is reset with ``episode_seed(seed, k)``: it is the same episode for every policy, and
 whatever the number of episodes. Where the environment has a vector form that promises the very
 episodes of the single one (``"same_episodes_as_single"`` in its metadata) and the policy decides
-batches, up to 256 episodes run side by side, with results that are equal bit for bit.
+batches, up to 256 episodes run side by side, with results that are equal bit for bit. So the
+episodes can be divided among processes, too: each makes an environment of its own.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import gymnasium
@@ -19,6 +21,8 @@ from eutree.evaluation.batch import run_batch
 from eutree.evaluation.evaluation import Evaluation
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
 from eutree.interaction.making import make
+from eutree.interaction.recipe import Recipe, made
+from eutree.parallel import Workers
 from eutree.policies import Policy
 from eutree.schema import EnvironmentSpec
 from eutree.validation import check_integer, check_seed
@@ -35,6 +39,7 @@ def evaluate(
     episodes: int = 100,
     seed: int = 0,
     environment_arguments: Mapping[str, Any] | None = None,
+    n_jobs: int | None = None,
 ) -> Evaluation:
     """Return how ``policy`` does over episodes seeded with ``episode_seed(seed, k)``.
 
@@ -44,10 +49,14 @@ def evaluate(
         episodes: Number of episodes.
         seed: Seed of the evaluation.
         environment_arguments: Passed to ``gymnasium.make``, with an id or a spec.
+        n_jobs: Processes, as joblib counts them (-1 for all cores), with an id or a spec: each
+            makes an environment of its own. The result is the same, bit for bit, unless the policy
+            itself draws lots. None is 1, unless ``joblib.parallel_config`` says otherwise.
 
     Raises:
         EnvironmentFault: The environment broke its contract.
     """
+    workers = Workers(n_jobs)
     episodes = check_integer("episodes", episodes, low=1)
     check_seed(seed)
     seeds = [episode_seed(seed, k) for k in range(episodes)]
@@ -57,12 +66,33 @@ def evaluate(
                 "environment_arguments must be empty for an environment that is made already, "
                 f"got {dict(environment_arguments)}"
             )
-        return _evaluate(policy, environment, seeds)
-    env = make(_spec(environment, environment_arguments))
+        return _evaluate(policy, made(environment, n_jobs)[0], seeds)
+    spec = _spec(environment, environment_arguments)
+    if workers.count > 1:
+        task = _Block(policy, Recipe.of(spec), seeds)
+        return Evaluation.join(workers.map(task, workers.blocks(episodes, MAX_COPIES)))
+    env = make(spec)
     try:
         return _evaluate(policy, env, seeds)
     finally:
         env.close()
+
+
+@dataclass(frozen=True)
+class _Block:
+    """Some of the episodes of an evaluation, in whichever process."""
+
+    policy: Policy
+    recipe: Recipe
+    seeds: Sequence[int]
+
+    def __call__(self, numbers: range) -> Evaluation:
+        env = self.recipe.make()
+        try:
+            seeds = self.seeds[numbers.start : numbers.stop]
+            return _evaluate(self.policy, env, seeds, first=numbers.start)
+        finally:
+            env.close()
 
 
 def _spec(environment: EnvironmentSpec | str, more: Mapping[str, Any] | None) -> EnvironmentSpec:
@@ -74,9 +104,12 @@ def _spec(environment: EnvironmentSpec | str, more: Mapping[str, Any] | None) ->
     return spec.override(more or {})
 
 
-def _evaluate(policy: Policy, env: gymnasium.Env[Any, Any], seeds: Sequence[int]) -> Evaluation:
+def _evaluate(
+    policy: Policy, env: gymnasium.Env[Any, Any], seeds: Sequence[int], *, first: int = 0
+) -> Evaluation:
+    """Evaluate the episodes of these seeds, numbered from ``first``."""
     together = _side_by_side(policy, env, seeds) if len(seeds) > 1 else None
-    return _one_by_one(policy, env, seeds) if together is None else together
+    return _one_by_one(policy, env, seeds, first) if together is None else together
 
 
 def _side_by_side(
@@ -97,8 +130,11 @@ def _side_by_side(
     return Evaluation.join(parts)
 
 
-def _one_by_one(policy: Policy, env: gymnasium.Env[Any, Any], seeds: Sequence[int]) -> Evaluation:
+def _one_by_one(
+    policy: Policy, env: gymnasium.Env[Any, Any], seeds: Sequence[int], first: int
+) -> Evaluation:
     guarded = GuardedEnv(env)
+    guarded.episode += first  # a fault is to name the episode by its number
     run = [run_episode(guarded, policy, seed) for seed in seeds]
     successes = [episode.is_success for episode in run if episode.is_success is not None]
     return Evaluation(

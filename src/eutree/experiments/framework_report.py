@@ -44,9 +44,9 @@ from eutree.experiments.framework_verdicts import (
     ratio_of_times,
     verdicts,
 )
-from eutree.experiments.results import in_parallel
 from eutree.files import make_folder, read_document, write_bytes, write_document, write_text
 from eutree.files.atomic import remove_orphans
+from eutree.parallel import Workers
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -113,7 +113,7 @@ class FrameworkResults:
         """Do the runs that are missing, and save each as soon as it is done."""
         missing = [spec for spec in specs if not self.has(spec)]
         count, seconds = len(specs) - len(missing), self.seconds()
-        for record, spent in in_parallel(run, missing, n_jobs):
+        for record, spent in Workers(n_jobs).as_finished(run, missing):
             write_document(self._path(record.spec), record)
             seconds[record.spec.name] = round(spent, 3)
             write_text(self.folder / "seconds.json", json.dumps(seconds, indent=1) + "\n")

@@ -51,7 +51,7 @@ def reproduce(
     *,
     scale: Scale,
     presets: Sequence[str] = PRESETS,
-    n_jobs: int = 1,
+    n_jobs: int | None = None,
     on_run: Callable[[int, int, RunSpec], None] = lambda count, total, spec: None,
 ) -> Reproduction:
     """Run, judge, draw and report some experiments.

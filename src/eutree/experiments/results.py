@@ -1,17 +1,12 @@
 """A folder of results: one file a run, so an interruption loses at most the runs under way."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TypeVar
-
-import joblib
 
 from eutree.experiments.runs import RunRecord, RunSpec, run
 from eutree.files import make_folder, read_document, write_document
 from eutree.files.atomic import remove_orphans
-
-Spec = TypeVar("Spec")
-Made = TypeVar("Made")
+from eutree.parallel import Workers
 
 
 class Results:
@@ -42,37 +37,22 @@ class Results:
         self,
         specs: Sequence[RunSpec],
         *,
-        n_jobs: int = 1,
+        n_jobs: int | None = None,
         on_run: Callable[[int, RunSpec], None] = lambda count, spec: None,
     ) -> None:
         """Do the runs that are missing, and save each as soon as it is done.
 
         Args:
             specs: All runs that are wanted.
-            n_jobs: Processes, as joblib counts them; ``joblib.parallel_config`` may send them to
-                a cluster.
+            n_jobs: Processes, as ``evaluate`` takes them.
             on_run: Called after each run with how many are done and what was run.
         """
         missing = [spec for spec in dict.fromkeys(specs) if not self.has(spec)]
         count = len(set(specs)) - len(missing)
-        for record in in_parallel(run, missing, n_jobs):
+        for record in Workers(n_jobs).as_finished(run, missing):
             self.save(record)
             count += 1
             on_run(count, record.spec)
 
     def _path(self, spec: RunSpec) -> Path:
         return self._runs / f"{spec.name}.json"
-
-
-def in_parallel(do: Callable[[Spec], Made], specs: Sequence[Spec], n_jobs: int) -> Iterator[Made]:
-    """Yield what is made of specs as it is done, in any order, wherever joblib sends it."""
-    tasks = [joblib.delayed(do)(spec) for spec in specs]
-    try:
-        parallel = joblib.Parallel(n_jobs=n_jobs, return_as="generator_unordered")
-    except ValueError:  # Ray's backend can only hand back whole batches
-        parallel = joblib.Parallel(n_jobs=n_jobs)
-        width = joblib.effective_n_jobs(n_jobs)
-        for first in range(0, len(tasks), width):
-            yield from parallel(tasks[first : first + width])
-        return
-    yield from parallel(tasks)

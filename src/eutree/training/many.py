@@ -5,21 +5,19 @@ the number of processes or machines. The best by its mean return on selection ep
 has learned from, is the winner; a winner was lucky too, so what it earns is measured on others.
 """
 
-import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-import gymnasium
-import joblib
 
 from eutree.errors import InvalidArgumentError, RunFolderError
 from eutree.evaluation import Evaluation, evaluate
 from eutree.files import make_folder, write_text
 from eutree.interaction import episode_seed
 from eutree.interaction.making import make
+from eutree.interaction.recipe import Recipe
 from eutree.interaction.seeding import Stream
+from eutree.parallel import Workers
 from eutree.schema import EnvironmentSpec
 from eutree.training.learn import learn
 from eutree.training.result import LearningResult
@@ -72,7 +70,7 @@ def learn_runs(
     *,
     runs: int,
     out: str | Path,
-    n_jobs: int = -1,
+    n_jobs: int | None = -1,
     seed: int = 0,
     selection_episodes: int = 200,
     judging_episodes: int = 1000,
@@ -87,8 +85,7 @@ def learn_runs(
         runs: Number of runs.
         out: Folder for the runs, ``runs/SEED`` each, for the winner's ``policy.json`` and for the
             table ``runs.csv``.
-        n_jobs: Processes, as joblib counts them; ``joblib.parallel_config`` may send them to a
-            cluster that shares the folder.
+        n_jobs: Processes, as ``evaluate`` takes them; a cluster must share the folder.
         seed: Seed of the first run; the others follow.
         selection_episodes: Episodes by which the best is chosen.
         judging_episodes: Episodes by which it is judged.
@@ -112,7 +109,7 @@ def learn_runs(
         )
     task = _Task(spec, make_folder(folder / "runs"), selection_episodes, seed, options)
     found: dict[int, FinishedRun] = {}
-    for run in _finished([joblib.delayed(task)(seed + k) for k in range(runs)], n_jobs):
+    for run in Workers(n_jobs).as_finished(task, range(seed, seed + runs)):
         found[run.seed] = run
         on_run(len(found), run)
     ordered = tuple(found[seed + k] for k in range(runs))
@@ -124,7 +121,9 @@ def learn_runs(
         winner = ordered[best]
         result = learn(env, out=winner.path, seed=winner.seed, resume=True, **options)
         judging_seed = episode_seed(seed, 0, Stream.WINNER)
-        judged = evaluate(result.policy, env, episodes=judging_episodes, seed=judging_seed)
+        judged = evaluate(
+            result.policy, spec, episodes=judging_episodes, seed=judging_seed, n_jobs=n_jobs
+        )
     finally:
         env.close()
     result.policy.save(folder / "policy.json")
@@ -146,20 +145,16 @@ class _Task:
         for name in ("on_progress", "stop", "ask", "callback", "tensorboard"):
             if options.get(name) is not None:
                 raise InvalidArgumentError(f"{name} must be None for several runs")
-        self._spec, self._folder = spec, folder
+        self._recipe, self._folder = Recipe.of(spec), folder
+        self._place = folder.absolute()  # a cluster's processes may be in another folder
         self._episodes, self._seed, self._options = episodes, seed, options
-        # What another process needs to make an environment that is not Gymnasium's or ours.
-        self._registered = gymnasium.registry.get(spec.id)
-        self._paths = list(sys.path)
 
     def __call__(self, seed: int) -> FinishedRun:
-        sys.path.extend(path for path in self._paths if path not in sys.path)
-        if self._registered is not None:
-            gymnasium.registry.setdefault(self._spec.id, self._registered)
-        env = make(self._spec)
+        env = self._recipe.make()
         try:
-            path = self._folder / str(seed)
-            result = learn(env, out=path, seed=seed, resume=True, **self._options)
+            result = learn(
+                env, out=self._place / str(seed), seed=seed, resume=True, **self._options
+            )
             selection = evaluate(
                 result.policy,
                 env,
@@ -169,16 +164,8 @@ class _Task:
         finally:
             env.close()
         steps = result.environment_steps.total
+        path = self._folder / str(seed)
         return FinishedRun(seed, path, result.policy.n_leaves, steps, selection)
-
-
-def _finished(tasks: Sequence[Any], n_jobs: int) -> Iterator[FinishedRun]:
-    """Yield runs as they end, in any order."""
-    try:
-        parallel = joblib.Parallel(n_jobs=n_jobs, return_as="generator_unordered")
-    except ValueError:  # Ray's backend can only hand back all at once
-        parallel = joblib.Parallel(n_jobs=n_jobs)
-    yield from parallel(tasks)
 
 
 def _table(runs: Sequence[FinishedRun], winner: int) -> str:
