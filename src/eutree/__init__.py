@@ -60,7 +60,7 @@ if TYPE_CHECKING:
     from eutree.training.many import learn_runs as learn_runs
     from eutree.trees import DecisionTree as DecisionTree
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 # Where each public name lives, as "module" or "module:attribute". The imports above say the same to
 # type checkers; a contract test compares the two.

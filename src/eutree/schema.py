@@ -4,21 +4,29 @@ A schema travels with demonstrations and policies, so that every text, picture a
 speak of ``opponent_1 <= 8.25 m`` and ``stop`` instead of ``x[1]`` and ``0``.
 """
 
+import itertools
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from eutree.errors import InvalidArgumentError, shown
 
 MAX_FEATURES = 10_000  # the past included
+MAX_ACTIONS = 1_000  # learners hold tables of leaves x actions, and C4.5 of actions x cuts
 
 
 _LABEL = re.compile(r"(?P<name>.*?)(?: \[(?P<unit>[^\]]*)\])?", re.DOTALL)
 # Names that say nothing; up to release 0.1 they had blanks, and tuples had bare numbers.
 _NUMBERED = re.compile(r"x?\d+(\.x?\d+)*(, \d+ ago)?|did action[ _]\d+, \d+ ago")
 _NUMBERED_ACTION = re.compile(r"action[ _]\d+")
+
+
+def combined_actions(controls: "Sequence[Control]") -> tuple[str, ...]:
+    """Return the names of actions that set some controls: ``"valve 25 %, heater 3 kW"``."""
+    words = ([control.at(level) for level in control.levels] for control in controls)
+    return tuple(", ".join(parts) for parts in itertools.product(*words))
 
 
 def numbered_actions(n_actions: int) -> tuple[str, ...]:
@@ -56,13 +64,79 @@ class Feature:
 
 
 @dataclass(frozen=True)
+class Control:
+    """One quantity that the actions set, such as the opening of a valve.
+
+    Attributes:
+        name: Its name, for example ``"valve"``.
+        unit: Its unit, for example ``"%"``; empty for a pure number.
+        levels: What it can be set to: at least two distinct numbers.
+    """
+
+    name: str
+    unit: str
+    levels: tuple[float, ...]
+
+    @classmethod
+    def from_label(cls, label: str, levels: tuple[float, ...]) -> "Control":
+        """Return a quantity from its name with its unit in brackets: ``"valve [%]"``."""
+        feature = Feature.from_label(label)
+        return cls(feature.name, feature.unit, levels)
+
+    def __post_init__(self) -> None:
+        if not self.name:
+            raise InvalidArgumentError("a control must have a name, got an empty one")
+        if (
+            len(set(self.levels)) != len(self.levels)
+            or len(self.levels) < 2
+            or not all(map(math.isfinite, self.levels))
+        ):
+            raise InvalidArgumentError(
+                f"control {self.name!r} must have at least two distinct finite levels, "
+                f"got {list(self.levels)}"
+            )
+
+    @property
+    def label(self) -> str:
+        """Its name with its unit in brackets."""
+        return f"{self.name} [{self.unit}]" if self.unit else self.name
+
+    def at(self, level: float) -> str:
+        """Return a level in words: ``"valve 25 %"``."""
+        short = f"{level:g}"
+        number = short if float(short) == level else repr(level)
+        return f"{self.name} {number} {self.unit}".rstrip()
+
+
+def n_combinations(controls: Iterable[Control]) -> int:
+    """Return the number of combinations of levels."""
+    return math.prod(len(control.levels) for control in controls)
+
+
+@dataclass(frozen=True)
 class Schema:
-    """Features of the observations and names of the actions, both in index order."""
+    """Features of the observations and names of the actions, both in index order.
+
+    Attributes:
+        features: The features.
+        actions: Names of the actions.
+        controls: What the actions set, where they are combinations of levels of some quantities:
+            those of the last quantity change fastest. Empty where an action is a mere choice.
+    """
 
     features: tuple[Feature, ...]
     actions: tuple[str, ...]
+    controls: tuple[Control, ...] = ()
 
     def __post_init__(self) -> None:
+        names = [control.name for control in self.controls]
+        if len(set(names)) != len(names):
+            raise InvalidArgumentError(f"schema must have distinct controls, got {names}")
+        if self.controls and n_combinations(self.controls) != len(self.actions):
+            raise InvalidArgumentError(
+                f"schema must have an action for each of the {n_combinations(self.controls)} "
+                f"combinations of its controls, got {len(self.actions)}"
+            )
         for kind, names in (("features", self.feature_names), ("actions", self.actions)):
             if not names:
                 raise InvalidArgumentError(f"schema must name at least one of {kind}, got none")
@@ -84,8 +158,17 @@ class Schema:
         """Number of actions."""
         return len(self.actions)
 
+    @property
+    def action_values(self) -> tuple[tuple[float, ...], ...]:
+        """What each action sets its controls to: A tuples of K numbers, K = 0 without controls."""
+        if not self.controls:
+            return ((),) * self.n_actions
+        return tuple(itertools.product(*(control.levels for control in self.controls)))
+
     def check_same(self, other: "Schema", what: str, *, of: str) -> None:
         """Raise InvalidArgumentError unless ``other`` names the same features and actions.
+
+        The levels of controls must be the same, too, where both have any.
 
         Units and bounds may differ: a decision does not depend on them. Features, or actions, that
         have numbers in place of names here are compared by their number alone.
@@ -110,7 +193,7 @@ class Schema:
             Feature(theirs.name, theirs.unit or mine.unit, mine.low, mine.high)
             for mine, theirs in zip(self.features, other.features, strict=True)
         )
-        return Schema(features, other.actions)
+        return Schema(features, other.actions, self.controls or other.controls)
 
     def is_unnamed_form_of(self, named: "Schema") -> bool:
         """Return whether ``named`` differs from this schema by names that this one has not."""
@@ -121,6 +204,8 @@ class Schema:
 
     def _names_fit(self, other: "Schema") -> bool:
         """Return whether the names that this schema has are those of the other."""
+        if self.controls and other.controls and self.action_values != other.action_values:
+            return False
         return all(
             mine == theirs
             or (len(mine) == len(theirs) and all(numbered.fullmatch(name) for name in mine))
@@ -168,7 +253,7 @@ class Schema:
             for k in range(1, actions + 1)
             for action in self.actions
         ]
-        return Schema(self.features + tuple(past), self.actions)
+        return Schema(self.features + tuple(past), self.actions, self.controls)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import gymnasium
 import pytest
 from gymnasium.spaces import Box, Discrete
 
-from eutree.interaction.spaces import MAX_ACTIONS
+from eutree.schema import MAX_ACTIONS
 from tests.interaction.sick import Healthy
 
 POLICY = Path(__file__).parents[1] / "golden" / "v2" / "policy.json"

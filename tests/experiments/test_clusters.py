@@ -120,13 +120,13 @@ def test_all_that_is_divided_is_the_same_on_a_dask_cluster(tmp_path, dask_cluste
 
 
 def test_a_cluster_that_is_not_there_is_a_clear_error(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("eutree.cli._cluster.PATIENCE", "1s")
-    line = ["distill", "CartPole-v1", "--expert", "lean", "--out", str(tmp_path / "a.json")]
+    monkeypatch.setattr("eutree.cli._cluster.PATIENCE", 0.5)
+    line = ["distill", "CartPole-v1", "--expert", "balance", "--out", str(tmp_path / "a.json")]
     assert run([*line, "--address", "tcp://127.0.0.1:9"]) == 2
     assert "--backend dask or ray" in capsys.readouterr().err
-    address = f"tcp://127.0.0.1:{free_port()}"
-    assert run([*line, "--backend", "dask", "--address", address]) == 2
-    assert "--address must be that of a running scheduler" in capsys.readouterr().err
+    for address in (f"tcp://127.0.0.1:{free_port()}", str(tmp_path / "scheduler.json")):
+        assert run([*line, "--backend", "dask", "--address", address]) == 2
+        assert "--address must be that of a running scheduler" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("backend", "package"), [("dask", "distributed"), ("ray", "ray")])

@@ -27,8 +27,9 @@ class Program:
         self.place = 0
         self.functions: dict[str, tuple[list[str], list]] = {}
         while self.stream[self.place]:
-            name = self.function()
-        self.main = name
+            name, kind = self.function()
+            if kind == "INT":
+                self.main = name
 
     def take(self, *expected: str) -> str:
         token = self.stream[self.place]
@@ -39,11 +40,11 @@ class Program:
     def next_is(self, word: str) -> bool:
         return self.stream[self.place].upper() == word
 
-    def function(self) -> str:
+    def function(self) -> tuple[str, str]:
         self.take("FUNCTION")
         name = self.take().upper()
         self.take(":")
-        self.take("INT")
+        kind = self.take("INT", "LREAL").upper()
         self.take("VAR_INPUT")
         inputs = []
         while not self.next_is("END_VAR"):
@@ -54,9 +55,39 @@ class Program:
         self.take("END_VAR")
         assert len(set(inputs)) == len(inputs)
         assert name not in inputs
-        self.functions[name] = (inputs, self.statements(name, "END_FUNCTION"))
+        if kind == "INT":
+            self.functions[name] = (inputs, self.statements(name, "END_FUNCTION"))
+        else:
+            self.functions[name] = (inputs, [self.table(name)])
         self.take("END_FUNCTION")
-        return name
+        return name, kind
+
+    def table(self, name: str) -> tuple:
+        """Parse CASE function(...) OF number: name := value; ... END_CASE;."""
+        self.take("CASE")
+        called = self.take().upper()
+        assert called in self.functions, "functions must be declared before they are called"
+        arguments, values = self.arguments(), {}
+        self.take("OF")
+        while not self.next_is("END_CASE"):
+            number = int(self.take())
+            self.take(":")
+            assert self.take().upper() == name
+            self.take(":=")
+            assert number not in values
+            values[number] = float(self.take())
+            self.take(";")
+        self.take("END_CASE")
+        self.take(";")
+        return ("table", ("call", called, arguments), values)
+
+    def arguments(self) -> list[str]:
+        found = []
+        self.take("(")
+        while self.stream[self.place - 1] != ")":
+            found.append(self.take().upper())
+            self.take(",", ")")
+        return found
 
     def statements(self, name: str, *ends: str) -> list:
         found = []
@@ -85,11 +116,7 @@ class Program:
         if re.fullmatch(r"\d+", value):
             self.take(";")
             return ("value", int(value))
-        arguments = []
-        self.take("(")
-        while self.stream[self.place - 1] != ")":
-            arguments.append(self.take().upper())
-            self.take(",", ")")
+        arguments = self.arguments()
         self.take(";")
         assert value.upper() in self.functions, "functions must be declared before they are called"
         return ("call", value.upper(), arguments)
@@ -102,6 +129,8 @@ class Program:
         (statement,) = statements
         if statement[0] == "value":
             return statement[1]
+        if statement[0] == "table":
+            return statement[2][self.execute([statement[1]], variables)]
         if statement[0] == "call":
             return self.run(statement[1], [variables[argument] for argument in statement[2]])
         for test, inside in statement[1]:

@@ -1,5 +1,6 @@
 """Where independent work of a command runs: in processes here, or on a Dask or Ray cluster."""
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,7 +12,7 @@ from eutree.errors import InvalidArgumentError, MissingExtraError
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 
-PATIENCE = "10s"  # for a scheduler that does not answer
+PATIENCE = 10.0  # s, for a scheduler that does not answer
 
 
 def workers_options(of_what: str) -> Callable[[_Command], _Command]:
@@ -75,17 +76,31 @@ def _dask_client(address: str | None) -> Any:
         from distributed import Client
     except ImportError:
         raise MissingExtraError("dask.distributed", "cluster") from None
-    if address is not None and Path(address).is_file():
+    where = {"address": address}
+    if address is not None and address.endswith(".json"):
         where = {"scheduler_file": address}
-    else:
-        where = {"address": address}
     try:
+        if "scheduler_file" in where:
+            _wait_for(Path(str(address)))
         return Client(**where, timeout=PATIENCE)
     except (OSError, ValueError) as error:
         raise InvalidArgumentError(
             "--address must be that of a running scheduler, such as tcp://10.0.0.1:8786, or the "
             f"file that it wrote, got {address!r}: {error}"
         ) from error
+
+
+def _wait_for(path: Path) -> None:
+    """Wait until a scheduler that has just been started has written where it is.
+
+    Raises:
+        TimeoutError: It has not.
+    """
+    end = time.monotonic() + PATIENCE
+    while not path.exists():
+        if time.monotonic() > end:
+            raise TimeoutError("there is no such file")
+        time.sleep(0.05)
 
 
 def _start_ray(address: str | None) -> None:

@@ -12,12 +12,14 @@ import click
 
 from eutree.errors import shown
 from eutree.files.schema_document import plain_json
-from eutree.schema import EnvironmentSpec
+from eutree.schema import MAX_ACTIONS, EnvironmentSpec
 from eutree.validation import MAX_SEED
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 
-_DECODE = "eutree.decode"  # in click's context: one option tells another
+# In click's context: one option tells another.
+_DECODE = "eutree.decode"
+_ACTION_GRID = "eutree.action_grid"
 
 MAX_COUNT = 10**9  # of anything that is counted: more than any run can do
 
@@ -55,8 +57,9 @@ def seed_option(command: _Command) -> _Command:
 def env_arg_option(command: _Command) -> _Command:
     """Add what every command that makes an environment takes.
 
-    ``--env-arg key=value`` (repeatable) is passed on as a dict ``env_arguments``; ``--import`` and
-    ``--names`` are obeyed before the command begins.
+    ``--env-arg key=value`` (repeatable) is passed on as a dict ``env_arguments``, with what
+    ``--decode`` and ``--action-grid`` ask for; ``--import`` and ``--names`` are obeyed before the
+    command begins.
     """
     argument = click.option(
         "--env-arg",
@@ -83,7 +86,17 @@ def env_arg_option(command: _Command) -> _Command:
         callback=_decode,
         help="Observe what the environment's codes stand for, by its own method decode (Taxi).",
     )
-    return argument(decode(import_option(names(command))))
+    grid = click.option(
+        "--action-grid",
+        multiple=True,
+        is_eager=True,  # as --decode
+        expose_value=False,
+        metavar="NAME=LEVEL,...",
+        callback=_grid,
+        help="For continuous actions: the levels to choose from, valve=0,50,100 or "
+        "'valve [%]=0:100:5' (five from 0 to 100). One for each number of the action, in order.",
+    )
+    return argument(decode(grid(import_option(names(command)))))
 
 
 def import_option(command: _Command) -> _Command:
@@ -101,6 +114,38 @@ def _decode(context: click.Context, parameter: click.Parameter, wanted: bool) ->
     """Take note that the environment's arguments are to ask for decoded observations."""
     if wanted:
         context.meta[_DECODE] = True
+
+
+def _grid(context: click.Context, parameter: click.Parameter, texts: tuple[str, ...]) -> None:
+    """Take note of the grid that the environment's arguments are to ask for."""
+    if not texts or context.resilient_parsing:
+        return
+    from eutree.interaction.action_grid import controls_of, plain_grid
+
+    grid = []
+    for text in texts:
+        name, equals, levels = text.rpartition("=")
+        if not equals or not name:
+            raise click.BadParameter(f"must be NAME=LEVEL,LEVEL,..., got {shown(text)}")
+        grid.append((name, _levels(levels)))
+    context.meta[_ACTION_GRID] = plain_grid(controls_of(grid))
+
+
+def _levels(text: str) -> list[float]:
+    """Return the levels that a text lists, or those of LOW:HIGH:COUNT."""
+    try:
+        if ":" not in text:
+            return [float(number) for number in text.split(",")]
+        low, high, count = text.split(":")
+        n = int(count)
+        if not 2 <= n <= MAX_ACTIONS:
+            raise ValueError
+        ends = float(low), float(high)
+        return [(ends[0] * (n - 1 - k) + ends[1] * k) / (n - 1) for k in range(n)]
+    except ValueError:
+        raise click.BadParameter(
+            f"levels must be numbers, 0,50,100, or LOW:HIGH:COUNT, got {shown(text)}"
+        ) from None
 
 
 def _use_names(context: click.Context, parameter: click.Parameter, path: Path | None) -> None:
@@ -145,7 +190,11 @@ def _parse_arguments(
             parsed[key] = plain_json(_parsed(value), f"--env-arg {key}")
         except RecursionError:
             raise click.BadParameter(f"{key} is nested too deeply") from None
-    return parsed | ({"decode": True} if context.meta.get(_DECODE) else {})
+    if context.meta.get(_DECODE):
+        parsed["decode"] = True
+    if _ACTION_GRID in context.meta:
+        parsed["action_grid"] = context.meta[_ACTION_GRID]
+    return parsed
 
 
 def _parsed(value: str) -> Any:

@@ -15,6 +15,7 @@ from eutree.envs._classic_experts import (
     steer_home,
     swing_both,
     swing_elbow,
+    swing_upright,
 )
 from eutree.envs._domain_experts import round_the_walls, run_up, swing_up
 from eutree.envs._evasion_experts import GatePolicy, LookAheadPolicy, look_ahead, wait_at_crossing
@@ -45,6 +46,7 @@ __all__ = [
     "swing_both",
     "swing_elbow",
     "swing_up",
+    "swing_upright",
     "wait_at_crossing",
 ]
 
@@ -64,6 +66,7 @@ EXPERTS: Mapping[str, Mapping[str, Expert]] = {
     "CartPole-v1": {"fall": follow_the_fall, "balance": balance},
     "MountainCar-v0": {"push": push_along, "rock": rock},
     "Acrobot-v1": {"both": swing_both, "elbow": swing_elbow},
+    "Pendulum-v1": {"swing": swing_upright},
     "LunarLander-v3": {"brake": brake_upright, "steer": steer_home},
 }
 

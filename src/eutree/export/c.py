@@ -1,14 +1,18 @@
 """C99 for microcontrollers: no heap, no library calls, no recursion, one exit per function.
 
-A policy becomes up to three files: the source with the one entry point ``int NAME(const double
+A policy becomes up to three files: the source with the entry point ``int NAME(const double
 *observation)``, a header with the names of the actions, and a program that tests the source on
-every threshold.
+every threshold. Where actions set quantities there is a function for each, ``double
+NAME_CONTROL(const double *observation)``, and a table of what every action sets.
 """
 
 import re
 
+import numpy as np
+
 from eutree.export._blocks import block_roots
-from eutree.export._c_numbers import Number, Numbers, Scale, in_integers, numbers
+from eutree.export._c_numbers import Number, Numbers, Scale, hexadecimal, in_integers, numbers
+from eutree.export._controls import action_identifiers, control_identifiers
 from eutree.export._identifiers import C_WORDS, check_identifier, identifiers
 from eutree.policies import TreePolicy
 from eutree.trees.text import Syntax, condition, labelled, nested, printable
@@ -53,7 +57,7 @@ def to_c(
     roots = block_roots(shown.tree)
     for root in roots:
         lines += ["", *_function(shown, name, kind, root, frozenset(roots))]
-    return "\n".join(lines) + "\n"
+    return "\n".join([*lines, *_values(policy, name, kind)]) + "\n"
 
 
 def to_c_header(
@@ -115,6 +119,14 @@ def _declarations(
         f"extern const char *const {name}_actions[{policy.schema.n_actions}];",
         f"int {name}(const {kind.c_type} *observation);",
     ]
+    if policy.schema.controls:
+        titles = ", ".join(printable(control.label) for control in policy.schema.controls)
+        lines += [
+            "",
+            f"/* What each action sets: {titles}. */",
+            f"extern {_table(policy, name, kind)};",
+        ]
+        lines += [f"{title};" for title in _value_titles(policy, name, kind)]
     if for_cpp:
         lines += ["", "#ifdef __cplusplus", "}", "#endif"]
     return lines
@@ -122,7 +134,7 @@ def _declarations(
 
 def _enumerators(policy: TreePolicy, name: str) -> list[str]:
     """Return the enumeration constant of each action."""
-    found = identifiers(policy.schema.actions, reserved=("h",), prefix="action")
+    found = action_identifiers(policy.schema, reserved=("h",))
     return [f"{name}_{action}".upper() for action in found]
 
 
@@ -164,6 +176,52 @@ def _function(
         "    return action;",
         "}",
     ]
+
+
+def _values(policy: TreePolicy, name: str, kind: Numbers) -> list[str]:
+    """Return the table of what the actions set, and a function for each control."""
+    schema = policy.schema
+    if not schema.controls:
+        return []
+    last = schema.n_actions - 1
+    rows = [
+        f"    {{{', '.join(_level(kind, level) for level in levels)}}}{',' * (number < last)}"
+        f" /* {printable(action)} */"
+        for number, (levels, action) in enumerate(
+            zip(schema.action_values, schema.actions, strict=True)
+        )
+    ]
+    lines = ["", f"{_table(policy, name, kind)} = {{", *rows, "};"]
+    for number, title in enumerate(_value_titles(policy, name, kind)):
+        value = f"{name}_values[{name}(observation)][{number}]"
+        lines += ["", title, "{", f"    return {value};", "}"]
+    return lines
+
+
+def _table(policy: TreePolicy, name: str, kind: Numbers) -> str:
+    schema = policy.schema
+    return f"const {_level_type(kind)} {name}_values[{schema.n_actions}][{len(schema.controls)}]"
+
+
+def _value_titles(policy: TreePolicy, name: str, kind: Numbers) -> list[str]:
+    """Return the first line of the function of each control."""
+    blocks = {f"block_{root}" for root in block_roots(policy.tree)}
+    names = control_identifiers(
+        policy.schema, reserved=frozenset({"actions", "values", "h", "test", *blocks})
+    )
+    argument = f"const {kind.c_type} *observation"
+    return [f"{_level_type(kind)} {name}_{control}({argument})" for control in names]
+
+
+def _level_type(kind: Numbers) -> str:
+    """Return the type of a level: observations in integers say nothing of what is set."""
+    return "double" if kind.number == "double" else "float"
+
+
+def _level(kind: Numbers, level: float) -> str:
+    if kind.number == "double":
+        return hexadecimal(level)
+    return f"{hexadecimal(float(np.float32(level)))}F"
 
 
 def _string(text: str) -> str:

@@ -17,7 +17,8 @@ def to_onnx(policy: TreePolicy) -> bytes:
 
     It uses ``TreeEnsemble`` (ai.onnx.ml, operator set 5), which onnxruntime runs from 1.21 on.
     Feed float64: observations that were rounded to float32 may fall on the other side of a
-    threshold. Names and units are in the model's metadata, as JSON.
+    threshold. Names and units are in the model's metadata, as JSON. Where actions set K quantities
+    there is a second output, ``value`` double [N, K].
     """
     onnx = _onnx()
     helper, tensor = onnx.helper, onnx.TensorProto
@@ -28,6 +29,15 @@ def to_onnx(policy: TreePolicy) -> bytes:
         helper.make_node("Cast", ["index"], ["column"], to=tensor.INT64),
         helper.make_node("Reshape", ["column", "vector"], ["action"]),
     ]
+    outputs = [helper.make_tensor_value_info("action", tensor.INT64, ["N"])]
+    constants = [helper.make_tensor("vector", tensor.INT64, [1], [-1])]
+    if policy.schema.controls:
+        levels = np.array(policy.schema.action_values)
+        constants.append(helper.make_tensor("levels", tensor.DOUBLE, levels.shape, levels.ravel()))
+        nodes.append(helper.make_node("Gather", ["levels", "action"], ["value"], axis=0))
+        outputs.append(
+            helper.make_tensor_value_info("value", tensor.DOUBLE, ["N", levels.shape[1]])
+        )
     graph = helper.make_graph(
         nodes,
         "policy",
@@ -36,8 +46,8 @@ def to_onnx(policy: TreePolicy) -> bytes:
                 "observation", tensor.DOUBLE, ["N", policy.tree.n_features]
             )
         ],
-        [helper.make_tensor_value_info("action", tensor.INT64, ["N"])],
-        [helper.make_tensor("vector", tensor.INT64, [1], [-1])],
+        outputs,
+        constants,
     )
     sets = [helper.make_opsetid("", 17), helper.make_opsetid("ai.onnx.ml", 5)]
     model = helper.make_model(graph, producer_name="eutree", opset_imports=sets, ir_version=8)
@@ -81,11 +91,13 @@ def _ensemble(policy: TreePolicy) -> dict[str, Any]:
 
 def _metadata(policy: TreePolicy) -> dict[str, str]:
     """Return names and units as JSON texts."""
-    features = policy.schema.features
+    features, controls = policy.schema.features, policy.schema.controls
+    set_by = {"controls": json.dumps([control.label for control in controls])} if controls else {}
     return {
         "features": json.dumps([feature.name for feature in features]),
         "units": json.dumps([feature.unit for feature in features]),
         "actions": json.dumps(list(policy.schema.actions)),
+        **set_by,
     }
 
 

@@ -1,6 +1,6 @@
 """PMML 4.4, the exchange format of scoring engines."""
 
-from xml.sax.saxutils import quoteattr
+from xml.sax.saxutils import escape, quoteattr
 
 from eutree.policies import TreePolicy
 from eutree.trees.text import quoted
@@ -11,7 +11,7 @@ def to_pmml(policy: TreePolicy) -> str:
 
     The second branch of each test has no condition of its own, so a missing value, which fails
     the first one, takes it. Names that XML cannot carry, and the empty one, which JPMML refuses,
-    are written as JSON writes them.
+    are written as JSON writes them. Where actions set quantities each is an output of its own.
     """
     schema = policy.schema
     features = _distinct([feature.name for feature in schema.features])
@@ -40,11 +40,42 @@ def to_pmml(policy: TreePolicy) -> str:
         *(f"<MiningField name={_attribute(name)}/>" for name in features),
         f'<MiningField name={_attribute(target)} usageType="target"/>',
         "</MiningSchema>",
+        *_values(policy, [*features, target], actions),
         *_nodes(policy, features, actions),
         "</TreeModel>",
         "</PMML>",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _values(policy: TreePolicy, fields: list[str], actions: list[str]) -> list[str]:
+    """Return the outputs: the action, and what it sets each control to."""
+    schema = policy.schema
+    if not schema.controls:
+        return []
+    names = [control.name for control in schema.controls]
+    chosen, *outputs = _distinct([*fields, "chosen action", *names])[len(fields) :]
+    lines = [
+        "<Output>",
+        f'<OutputField name={_attribute(chosen)} optype="categorical" dataType="string" '
+        'feature="predictedValue"/>',
+    ]
+    for number, (output, control) in enumerate(zip(outputs, schema.controls, strict=True)):
+        label = f" displayName={_attribute(_carried(control.label))}" if control.unit else ""
+        rows = (
+            f"<row><action>{escape(action)}</action><level>{levels[number]!r}</level></row>"
+            for action, levels in zip(actions, schema.action_values, strict=True)
+        )
+        lines += [
+            f'<OutputField name={_attribute(output)}{label} optype="continuous" '
+            'dataType="double" feature="transformedValue">',
+            '<MapValues outputColumn="level" dataType="double">',
+            f'<FieldColumnPair field={_attribute(chosen)} column="action"/>',
+            f"<InlineTable>{''.join(rows)}</InlineTable>",
+            "</MapValues>",
+            "</OutputField>",
+        ]
+    return [*lines, "</Output>"]
 
 
 def _nodes(policy: TreePolicy, features: list[str], actions: list[str]) -> list[str]:

@@ -1,6 +1,7 @@
 """A Python module that decides like the tree and imports nothing."""
 
 from eutree.export._blocks import block_roots
+from eutree.export._controls import control_identifiers
 from eutree.export._identifiers import PYTHON_WORDS, check_identifier
 from eutree.policies import TreePolicy
 from eutree.trees.text import Syntax, labelled, nested, printable
@@ -9,11 +10,16 @@ from eutree.trees.text import Syntax, labelled, nested, printable
 def to_python(policy: TreePolicy, *, name: str = "decide") -> str:
     """Return a Python module with one function: an observation in, the action's index out.
 
+    Where actions set quantities there is a function for each, ``NAME_CONTROL(observation)``, and
+    ``VALUES``, what every action sets.
+
     Args:
         policy: The policy.
         name: Name of the function.
     """
-    check_identifier("name", name, reserved=PYTHON_WORDS | {"features", "units", "actions"})
+    check_identifier(
+        "name", name, reserved=PYTHON_WORDS | {"features", "units", "actions", "controls", "values"}
+    )
     schema = policy.schema
     lines = [
         f"# {policy.n_leaves} rules for {schema.n_features} features"
@@ -24,10 +30,14 @@ def to_python(policy: TreePolicy, *, name: str = "decide") -> str:
         *_table("UNITS", [feature.unit for feature in schema.features]),
         *_table("ACTIONS", list(schema.actions)),
     ]
+    if schema.controls:
+        rows = (f"    {levels!r}," for levels in schema.action_values)
+        lines += [*_table("CONTROLS", [control.label for control in schema.controls])]
+        lines += ["VALUES = (  # of the controls, for each action", *rows, ")"]
     roots = block_roots(policy.tree)
     for root in roots:
         lines += ["", "", *_function(policy, name, root, frozenset(roots))]
-    return "\n".join(lines) + "\n"
+    return "\n".join([*lines, *_values(policy, name)]) + "\n"
 
 
 def _table(title: str, names: list[str]) -> list[str]:
@@ -62,3 +72,17 @@ def _function(policy: TreePolicy, name: str, root: int, cut: frozenset[int]) -> 
         heading.append(f'    """Return the index of the action; observation: {words}."""')
     rules = nested(tree, syntax, root=root, cut=cut)
     return heading + ["    " * (level + 1) + line for level, line in rules]
+
+
+def _values(policy: TreePolicy, name: str) -> list[str]:
+    """Return a function for each control."""
+    lines: list[str] = []
+    names = control_identifiers(policy.schema, reserved=frozenset())
+    for number, (control, label) in enumerate(zip(names, policy.schema.controls, strict=True)):
+        lines += [
+            "",
+            "",
+            f"def {name}_{control}(observation):",
+            f"    return VALUES[{name}(observation)][{number}]  # {printable(label.label)}",
+        ]
+    return lines

@@ -1,6 +1,7 @@
 """Structured Text (IEC 61131-3) for programmable logic controllers."""
 
 from eutree.export._blocks import block_roots
+from eutree.export._controls import control_identifiers
 from eutree.export._identifiers import STRUCTURED_TEXT_WORDS, check_identifier, identifiers
 from eutree.policies import TreePolicy
 from eutree.trees.text import Syntax, labelled, nested, printable
@@ -12,7 +13,8 @@ def to_structured_text(policy: TreePolicy, *, name: str = "decide") -> str:
 
     Thresholds are LREAL constants with as many digits as it takes to read the same double back.
     Tests are ``x <= threshold``: where the controller compares NaN as IEEE 754 says, NaN fails
-    every test and takes the ELSE branch, as in the tree.
+    every test and takes the ELSE branch, as in the tree. Where actions set quantities there is a
+    FUNCTION for each, ``NAME_CONTROL``, which returns an LREAL.
 
     Args:
         policy: The policy.
@@ -32,7 +34,7 @@ def to_structured_text(policy: TreePolicy, *, name: str = "decide") -> str:
     roots = block_roots(policy.tree)
     for root in roots:
         lines += _function(policy, name, inputs, root, frozenset(roots))
-    return "\n".join(lines) + "\n"
+    return "\n".join([*lines, *_values(policy, name, inputs)]) + "\n"
 
 
 def literal(value: float) -> str:
@@ -66,16 +68,41 @@ def _function(
         closing="END_IF;",
         leaf=leaf,
     )
+    body = nested(tree, syntax, root=root, cut=cut)
+    lines = ["    " * level + line for level, line in body]
+    return [f"FUNCTION {title} : INT", *_inputs(policy, inputs), *lines, "END_FUNCTION"]
+
+
+def _inputs(policy: TreePolicy, inputs: list[str]) -> list[str]:
+    """Return the declaration of the features."""
     variables = [
         f"    {variable} : LREAL; (* {labelled(feature)} *)"
-        for variable, feature in zip(inputs, schema.features, strict=True)
+        for variable, feature in zip(inputs, policy.schema.features, strict=True)
     ]
-    body = nested(tree, syntax, root=root, cut=cut)
-    return [
-        f"FUNCTION {title} : INT",
-        "VAR_INPUT",
-        *variables,
-        "END_VAR",
-        *("    " * level + line for level, line in body),
-        "END_FUNCTION",
-    ]
+    return ["VAR_INPUT", *variables, "END_VAR"]
+
+
+def _values(policy: TreePolicy, name: str, inputs: list[str]) -> list[str]:
+    """Return the FUNCTION of each control."""
+    schema = policy.schema
+    blocks = {f"block{root}" for root in block_roots(policy.tree)}
+    names = control_identifiers(schema, reserved=frozenset(blocks))
+    # A FUNCTION and a variable in it must not have the same name.
+    taken = {variable.casefold() for variable in inputs}
+    lines: list[str] = []
+    for number, (own, control) in enumerate(zip(names, schema.controls, strict=True)):
+        title = f"{name}_{own}"
+        while title.casefold() in taken:
+            title += "1"
+        lines += [
+            f"FUNCTION {title} : LREAL (* {printable(control.label)} *)",
+            *_inputs(policy, inputs),
+            f"CASE {name}({', '.join(inputs)}) OF",
+            *(
+                f"    {index}: {title} := {literal(levels[number])};"
+                for index, levels in enumerate(schema.action_values)
+            ),
+            "END_CASE;",
+            "END_FUNCTION",
+        ]
+    return lines

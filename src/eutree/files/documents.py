@@ -2,7 +2,7 @@
 
 A document is a JSON object whose first keys are its header::
 
-    {"format": "eutree/policy", "version": 1, "made_by": "eutree 0.1.0", ...}
+    {"format": "eutree/policy", "version": 2, "made_by": "eutree 0.2.0", ...}
 
 Writing is deterministic: fixed order of keys, floats in their shortest form that reads back to
 the same bits, one line for each key and for each item of a list of objects. NaN and infinity

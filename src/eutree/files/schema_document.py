@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from eutree.errors import FormatError, InvalidArgumentError, shown
-from eutree.schema import EnvironmentSpec, Feature, Schema
+from eutree.schema import Control, EnvironmentSpec, Feature, Schema
 
 _MAX_NESTING = 40  # of what others hand in; leaves room for the document around it
 
@@ -24,11 +24,20 @@ class FeatureDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     high: float | None
 
 
-class SchemaDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Features and names of actions, in index order."""
+class ControlDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A quantity that the actions set, and its levels."""
+
+    name: str
+    unit: str
+    levels: list[float]
+
+
+class SchemaDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """Features and names of actions, in index order; what the actions set, if anything."""
 
     features: list[FeatureDocument]
     actions: list[str]
+    controls: list[ControlDocument] | None = None
 
 
 class EnvironmentDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -49,7 +58,11 @@ def schema_to_document(schema: Schema) -> SchemaDocument:
         )
         for feature in schema.features
     ]
-    return SchemaDocument(features, list(schema.actions))
+    controls = [
+        ControlDocument(control.name, control.unit, list(control.levels))
+        for control in schema.controls
+    ]
+    return SchemaDocument(features, list(schema.actions), controls or None)
 
 
 def schema_from_document(document: SchemaDocument, path: str | Path) -> Schema:
@@ -64,7 +77,11 @@ def schema_from_document(document: SchemaDocument, path: str | Path) -> Schema:
             )
             for feature in document.features
         )
-        return Schema(features, tuple(document.actions))
+        controls = tuple(
+            Control(control.name, control.unit, tuple(control.levels))
+            for control in document.controls or ()
+        )
+        return Schema(features, tuple(document.actions), controls)
     except InvalidArgumentError as error:
         raise FormatError(path, "schema", str(error)) from None
 

@@ -1,5 +1,6 @@
 """The agent-environment loop, for any Gymnasium environment that a tree can act in."""
 
+from eutree.interaction.action_grid import GriddedAction
 from eutree.interaction.decoding import DecodedObservation
 from eutree.interaction.episode import run_episode
 from eutree.interaction.guard import GuardedEnv
@@ -13,6 +14,7 @@ from eutree.interaction.spaces import describe
 
 __all__ = [
     "DecodedObservation",
+    "GriddedAction",
     "GuardedEnv",
     "KeyMap",
     "Recorder",

@@ -22,13 +22,14 @@ from eutree.errors import (
     UnknownNameError,
     shown,
 )
+from eutree.interaction.action_grid import ACTION_GRID, GriddedAction
 from eutree.interaction.decoding import DECODE, DecodedObservation
 from eutree.interaction.names import given_names
 from eutree.schema import EnvironmentSpec
 
 _IMPORT = "One of your own is known once its module is imported: --import MODULE."
 # Those of gymnasium.make, and ours.
-MAKE_ARGUMENTS = frozenset({"max_episode_steps", "disable_env_checker", DECODE})
+MAKE_ARGUMENTS = frozenset({"max_episode_steps", "disable_env_checker", DECODE, ACTION_GRID})
 _NAMES_A_PLACE = re.compile(r"[.:/\\]")
 
 
@@ -36,7 +37,8 @@ def make(spec: EnvironmentSpec | str, *, render_mode: str | None = None) -> gymn
     """Return ``gymnasium.make`` of an id or a spec, with the names that are given now.
 
     The argument ``decode=True``, unless the environment has one of that name itself, makes its
-    observations what its codes stand for; see ``DecodedObservation``.
+    observations what its codes stand for; see ``DecodedObservation``. With ``action_grid=...`` its
+    actions are combinations of the levels named there; see ``GriddedAction``.
 
     Raises:
         UnknownNameError: No environment of that id is registered; names the nearest.
@@ -52,10 +54,13 @@ def make(spec: EnvironmentSpec | str, *, render_mode: str | None = None) -> gymn
         arguments["render_mode"] = render_mode
     try:
         _check_chosen_by_file(spec)
-        is_ours = DECODE in arguments and DECODE not in _own_arguments(spec.id)
-        is_decoded = is_ours and arguments.pop(DECODE)
+        ours = {DECODE, ACTION_GRID} - _own_arguments(spec.id).keys()
+        taken = {name: arguments.pop(name) for name in ours & arguments.keys()}
         env = gymnasium.make(spec.id, **arguments)
-        env = DecodedObservation(env) if is_decoded else env
+        if taken.get(DECODE):
+            env = DecodedObservation(env)
+        if taken.get(ACTION_GRID) is not None:
+            env = GriddedAction(env, taken[ACTION_GRID])
     except EutreeError:
         raise
     except ModuleNotFoundError as error:
@@ -80,6 +85,8 @@ def _check_chosen_by_file(spec: EnvironmentSpec) -> None:
         value = spec.arguments[name]
         if name not in allowed:
             what = f"is none of its own: {', '.join(sorted(allowed))}"
+        elif name == ACTION_GRID and name not in own:
+            continue  # no environment sees the texts in it
         elif any(map(_NAMES_A_PLACE.search, _texts(value))) and value != own.get(name):
             what = f"could name a file or a module: {shown(value)}"
         else:

@@ -17,10 +17,18 @@ from gymnasium.wrappers import TimeLimit
 from eutree.arrays import Floats
 from eutree.errors import InvalidArgumentError, UnsupportedSpaceError
 from eutree.files.schema_document import plain_json
+from eutree.interaction.action_grid import ACTION_GRID, grid_of, plain_grid
 from eutree.interaction.decoding import DECODE, decodes
-from eutree.schema import MAX_FEATURES, EnvironmentSpec, Feature, Schema, numbered_actions
+from eutree.schema import (
+    MAX_ACTIONS,
+    MAX_FEATURES,
+    EnvironmentSpec,
+    Feature,
+    Schema,
+    combined_actions,
+    numbered_actions,
+)
 
-MAX_ACTIONS = 1_000  # learners hold tables of leaves x actions, and C4.5 of actions x cuts
 NO_LIMIT = -1  # what ``gymnasium.make`` takes for no time limit
 
 Encoder = Callable[[Any], Floats]
@@ -38,6 +46,7 @@ _KNOWN_FEATURES: dict[str, tuple[tuple[str, str], ...]] = {
         ("turn rate 1", "rad/s"),
         ("turn rate 2", "rad/s"),
     ),
+    "Pendulum": (("cos angle", ""), ("sin angle", ""), ("turn rate", "rad/s")),
     "Taxi": (("row", ""), ("column", ""), ("passenger", ""), ("destination", "")),  # decoded
     "LunarLander": (
         ("x", ""),
@@ -64,7 +73,8 @@ def describe(env: gymnasium.Env[Any, Any]) -> Schema:
 
     Names come from the environment's ``feature_names``, ``feature_units`` and ``action_names`` if
     it has them, from a small table for Gymnasium's own tasks, else they are ``x0, x1, ...`` and
-    ``action_0, action_1, ...``: such as can be typed without quotes.
+    ``action_0, action_1, ...``: such as can be typed without quotes. Actions of a grid
+    (``GriddedAction``) are named by their levels.
 
     Raises:
         UnsupportedSpaceError: The observations are not flat or the actions not Discrete.
@@ -89,7 +99,7 @@ def describe(env: gymnasium.Env[Any, Any]) -> Schema:
         Feature(name, unit, float(lo), float(hi))
         for name, unit, lo, hi in zip(names, units, low, high, strict=True)
     )
-    return Schema(features, _action_names(env, family))
+    return Schema(features, _action_names(env, family), grid_of(env))
 
 
 def spec_of(env: gymnasium.Env[Any, Any]) -> EnvironmentSpec | None:
@@ -97,8 +107,8 @@ def spec_of(env: gymnasium.Env[Any, Any]) -> EnvironmentSpec | None:
 
     With it go the arguments of ``gymnasium.make`` itself that are not what the environment was
     registered with: its time limit, also where a ``TimeLimit`` was put around it by hand, and
-    whether it is checked; and whether its observations are decoded. None if it was not made by
-    ``gymnasium.make``, or of what no file holds.
+    whether it is checked; whether its observations are decoded; and the grid of its actions. None
+    if it was not made by ``gymnasium.make``, or of what no file holds.
     """
     spec = env.spec
     if spec is None:
@@ -112,6 +122,9 @@ def spec_of(env: gymnasium.Env[Any, Any]) -> EnvironmentSpec | None:
         arguments["disable_env_checker"] = spec.disable_env_checker
     if decodes(env):
         arguments[DECODE] = True
+    controls = grid_of(env)
+    if controls:
+        arguments[ACTION_GRID] = plain_grid(controls)
     try:
         return EnvironmentSpec(spec.id, plain_json(arguments, f"arguments of {spec.id}"))
     except InvalidArgumentError:
@@ -192,7 +205,8 @@ def _action_names(env: gymnasium.Env[Any, Any], family: str) -> tuple[str, ...]:
     space = env.action_space
     if not isinstance(space, spaces.Discrete) or space.start != 0:
         hint = (
-            " Discretise it, for example with gymnasium.wrappers.TransformAction."
+            " Name the levels to choose from: --action-grid NAME=LEVEL,LEVEL,... for each number, "
+            "or eutree.interaction.GriddedAction(env, {NAME: [LEVEL, LEVEL, ...]})."
             if isinstance(space, spaces.Box)
             else " Wrap it with gymnasium.wrappers.TransformAction."
         )
@@ -207,6 +221,9 @@ def _action_names(env: gymnasium.Env[Any, Any], family: str) -> tuple[str, ...]:
     for names in (getattr(env.unwrapped, "action_names", None), _KNOWN_ACTIONS.get(family)):
         if names is not None and len(names) == n_actions:
             return tuple(str(name) for name in names)
+    controls = grid_of(env)
+    if controls:
+        return combined_actions(controls)
     return numbered_actions(n_actions)
 
 

@@ -220,6 +220,35 @@ class TreePolicy(Displayed):
             state = np.concatenate([state, np.asarray(actions, np.float64)[..., None]], axis=-1)
         return actions, state
 
+    def predict_values(
+        self,
+        observation: ArrayLike,
+        state: Floats | None = None,
+        episode_start: ArrayLike | None = None,
+    ) -> tuple[Floats, Floats | None]:
+        """Return what the actions for observations set the schema's K controls to.
+
+        Args:
+            observation: As in ``predict``, shape [d] or [E, d].
+            state: As in ``predict``.
+            episode_start: As in ``predict``.
+
+        Returns:
+            Numbers of shape [K] or [E, K], in the units of the controls; and the state.
+
+        Raises:
+            InvalidArgumentError: The actions set no quantity; see
+                ``eutree.interaction.GriddedAction``.
+        """
+        if not self.schema.controls:
+            raise InvalidArgumentError(
+                "predict_values needs actions that set quantities (an action grid), got "
+                f"{', '.join(self.schema.actions)}"
+            )
+        actions, state = self.predict(observation, state, episode_start)
+        values: Floats = np.array(self.schema.action_values)[actions]
+        return values, state
+
     def _decide(self, features: Floats) -> Any:
         """Return the action for features [n_features], or the actions for [E, n_features]."""
         if features.ndim == 1:
