@@ -8,7 +8,8 @@ import pytest
 
 import eutree
 from eutree.cli.main import run
-from eutree.errors import InvalidArgumentError, RunFolderError
+from eutree.errors import FormatError, InvalidArgumentError, RunFolderError
+from eutree.training.many import folder_of_winner
 
 SHORT = {"episodes": 22, "evaluate_every": 11, "evaluation_episodes": 4, "method": "paper"}
 EPISODES = {"selection_episodes": 40, "judging_episodes": 60}
@@ -61,6 +62,15 @@ def test_the_best_is_chosen_and_judged_on_other_episodes(alone):
     assert [row.split(",")[-1] for row in rows[1:]].index("1") == found.winner
 
 
+def test_the_winners_folder_is_found(alone, tmp_path):
+    found, folder = alone
+    assert folder_of_winner(folder) == found.runs[found.winner].path
+    assert folder_of_winner(found.runs[0].path) == found.runs[0].path
+    (tmp_path / "runs.csv").write_text("seed,winner\n../..,1\n")
+    with pytest.raises(FormatError, match="must be 1 for one run"):
+        folder_of_winner(tmp_path)
+
+
 def test_runs_go_on(alone):
     with pytest.raises(RunFolderError, match="already holds runs"):
         learned(alone[1])
@@ -87,6 +97,9 @@ def test_on_the_command_line(tmp_path, capsys):
     assert sum(one["winner"] for one in found["runs"]) == 1
     assert found["judged"]["episodes"] == 1000
     assert run(["evaluate", str(out), "--episodes", "5"]) == 0
+    assert run(["compress", str(out), "--out", str(tmp_path / "small.json")]) == 0
+    assert eutree.TreePolicy.load(tmp_path / "small.json").environment is not None
+    capsys.readouterr()
     assert run([*line, "--resume"]) == 0
     assert "The best of 2 runs" in capsys.readouterr().out
     assert run([*line, "--resume", "--offline"]) == 2

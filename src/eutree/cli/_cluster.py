@@ -13,6 +13,7 @@ from eutree.errors import InvalidArgumentError, MissingExtraError
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 
 PATIENCE = 10.0  # s, for a scheduler that does not answer
+WORKERS_START = 60  # s, for the first worker to be there
 
 
 def workers_options(of_what: str) -> Callable[[_Command], _Command]:
@@ -63,7 +64,8 @@ def cluster(backend: str, address: str | None) -> Iterator[None]:
     import joblib
 
     if backend == "dask":
-        with _dask_client(address), joblib.parallel_config(backend="dask"):
+        options = {"backend": "dask", "wait_for_workers_timeout": WORKERS_START}
+        with _dask_client(address), joblib.parallel_config(**options):
             yield
     else:
         _start_ray(address)

@@ -139,9 +139,11 @@ def _read(source: Path, demos: Path | None) -> "tuple[TreePolicy, Floats]":
     from eutree.data import Demonstrations
     from eutree.policies import TreePolicy
     from eutree.training import stored_observations
+    from eutree.training.many import folder_of_winner
 
     if source.is_dir():
-        return TreePolicy.load(source / "policy.json"), stored_observations(source)
+        run = folder_of_winner(source)
+        return TreePolicy.load(run / "policy.json"), stored_observations(run)
     if demos is None:
         raise InvalidArgumentError(
             f"{source} must be a run folder, or --demos must name recorded observations"

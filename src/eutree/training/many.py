@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from eutree.errors import InvalidArgumentError, RunFolderError
+from eutree.errors import FormatError, InvalidArgumentError, RunFolderError
 from eutree.evaluation import Evaluation, evaluate
-from eutree.files import make_folder, write_text
+from eutree.files import make_folder, read_bytes, write_text
 from eutree.interaction import episode_seed
 from eutree.interaction.making import make
 from eutree.interaction.recipe import Recipe
@@ -23,6 +23,7 @@ from eutree.training.learn import learn
 from eutree.training.result import LearningResult
 from eutree.validation import check_integer, check_seed
 
+MAX_TABLE = 2**24  # bytes
 COLUMNS = (
     "seed", "mean_return", "return_low", "return_high", "success_rate", "success_low",
     "success_high", "n_leaves", "environment_steps", "winner",
@@ -129,6 +130,24 @@ def learn_runs(
     result.policy.save(folder / "policy.json")
     write_text(folder / "runs.csv", _table(ordered, best))
     return LearningRuns(ordered, best, result, judged)
+
+
+def folder_of_winner(path: str | Path) -> Path:
+    """Return the folder of the best of several runs; ``path`` itself where it is a single run.
+
+    Raises:
+        FormatError: The table of the runs names no winner.
+        FileError: The table cannot be read.
+    """
+    folder = Path(path)
+    if not (folder / "runs.csv").exists():
+        return folder
+    header, *rows = read_bytes(folder / "runs.csv", limit=MAX_TABLE).decode().splitlines()
+    table = [dict(zip(header.split(","), row.split(","), strict=False)) for row in rows]
+    seeds = [row.get("seed", "") for row in table if row.get("winner") == "1"]
+    if len(seeds) != 1 or not seeds[0].isdigit():
+        raise FormatError(folder / "runs.csv", "winner", "must be 1 for one run")
+    return folder / "runs" / seeds[0]
 
 
 class _Task:
