@@ -129,9 +129,9 @@ class Schema:
     controls: tuple[Control, ...] = ()
 
     def __post_init__(self) -> None:
-        names = [control.name for control in self.controls]
-        if len(set(names)) != len(names):
-            raise InvalidArgumentError(f"schema must have distinct controls, got {names}")
+        controls = [control.name for control in self.controls]
+        if len(set(controls)) != len(controls):
+            raise InvalidArgumentError(f"schema must have distinct controls, got {controls}")
         if self.controls and n_combinations(self.controls) != len(self.actions):
             raise InvalidArgumentError(
                 f"schema must have an action for each of the {n_combinations(self.controls)} "

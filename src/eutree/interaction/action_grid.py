@@ -72,7 +72,8 @@ class GriddedAction(gymnasium.ActionWrapper[Any, Any, Any], gymnasium.utils.Reco
 
     def action(self, action: Any) -> NDArray[Any]:
         """Return the levels of an action, in the shape and type of the environment's own."""
-        return self._values[int(action)].astype(self._box.dtype).reshape(self._box.shape)
+        own: NDArray[Any] = self._values[int(action)].astype(self._box.dtype)
+        return own.reshape(self._box.shape)
 
 
 def controls_of(grid: Any) -> tuple[Control, ...]:
