@@ -115,7 +115,8 @@ def picture_the_page(folder: Path) -> None:
         while page.page.locator("body").get_attribute("data-saved") < "5":
             page.cross(wait=0.4)
         page.page.emulate_media(color_scheme="light")
-        page.press("Enter").page.locator("body[data-tree=ready]").wait_for(timeout=PATIENCE)
+        ready = page.press("Enter").page.locator("body[data-tree=ready]")
+        ready.wait_for(timeout=10.0 * PATIENCE)
         picture_the_tree(page, wide["viewport"])
         page.press("Escape").until("finished").take("finished")
         browser.close()

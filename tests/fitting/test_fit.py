@@ -11,15 +11,17 @@ import eutree
 from eutree.c45 import C45Settings
 from eutree.data import Demonstrations, Episode
 from eutree.errors import InvalidArgumentError
-from eutree.fitting import Person
+from eutree.fitting import Person, practice
 from eutree.fitting.candidates import RELEASE_8, SETTINGS, Candidate, candidates, promising
 from eutree.fitting.choosing import mend, race
 from eutree.fitting.diagnosis import about_doubt, about_result
 from eutree.fitting.playing import Played, Player
+from eutree.fitting.practice import practise
 from eutree.fitting.repair import blame, repairs, shown_in
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.trees import DecisionTree
+from eutree.world_model.action_trees import n_leaves
 
 STANDS_STILL = 16  # a folder of which the tree of release 8 never arrives
 
@@ -374,3 +376,29 @@ class TestPerson:
         episodes = [wrong(shown.episodes[0], is_success=bool(success)) for success in successes]
         figures = Played(eutree.fit_expert_tree(shown), tuple(episodes)).evaluation
         assert Person(0.985, 10.0, 15).is_above(figures) is above
+
+
+class TestPractice:
+    def test_the_challenger_on_trial_at_the_end_is_returned_too(self):
+        """Its evaluation was cut short: it has to be played before anybody trusts it."""
+        demonstrations = folder("evasion", 2)
+        env = gymnasium.make("eutree/Evasion2-v0")
+        tree = eutree.fit_expert_tree(demonstrations)
+        played = Player(env, 0).play(tree, 30, 0).episodes
+        seen = []
+        found = practise(
+            tree, demonstrations, played, env, episodes=20, seed=2, on_progress=seen.append
+        )
+        plan = seen[-1].learner.plan
+        assert plan.challenger is not None
+        policy, challenger = found
+        assert policy.n_leaves == n_leaves(plan.incumbent)
+        assert challenger.n_leaves == n_leaves(plan.challenger)
+        assert challenger.environment == policy.environment
+
+    def test_only_the_last_steps_of_long_plays_are_known(self, corridor, shown, monkeypatch):
+        monkeypatch.setattr(practice, "MOST_KNOWN", 20)
+        played = Player(corridor, 0).play(by_hand(shown.schema, door=(0, 1)), 50, 0).episodes
+        kept = practice._recent(played)
+        assert sum(map(len, kept)) <= 20 < sum(map(len, kept)) + len(played[-len(kept) - 1])
+        assert kept == played[-len(kept) :]

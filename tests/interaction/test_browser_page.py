@@ -531,6 +531,16 @@ def test_the_end_is_one_button(chromium, tmp_path) -> None:
         person.tap("Escape").until(state="finished")
 
 
+def test_who_has_only_fingers_is_told_of_buttons(chromium, tmp_path) -> None:
+    with serving(tmp_path) as served:
+        person = Person(chromium, served, has_touch=True, is_mobile=True).until(state="opening")
+        told = person.page.locator("#how").inner_text()
+        assert told.startswith("Hold a button below: left, stay, right; no button: stay.")
+        assert "\u2192" not in told
+        start = person.page.get_by_role("button", name="Start", exact=True)
+        assert start.get_attribute("aria-keyshortcuts") == "Enter"
+
+
 def test_a_fault_in_making_the_tree_is_said(chromium, tmp_path) -> None:
     maker = ScriptedMaker()
     maker.calls = ["make", "practise"]

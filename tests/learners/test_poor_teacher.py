@@ -1,5 +1,7 @@
 """Learning from a tree that is worse than what was shown: whose returns count, where to begin."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from benchmarks.people import TASKS, folder
@@ -11,35 +13,49 @@ from eutree.policy_search.planner import Plan, Planner
 from eutree.world_model._kernels import leaf_node
 from eutree.world_model.action_trees import single_action
 
-PLAIN = PlanningMethod(planner=Planner(incumbent_first=0), unpruned_start=False)
+PLAIN = PlanningMethod(
+    planner=Planner(incumbent_first=0, trust_demonstrations=True), unpruned_start=False
+)
 
 
-def test_the_incumbent_acts_until_enough_is_known_of_it():
+def test_incumbent_and_challenger_take_turns_until_enough_is_known_of_the_incumbent():
     plan = Plan(
         single_action(0), challenger=single_action(1), incumbent_episodes=(0, 1), demonstrations=2
     )
-    assert not Planner(incumbent_first=0).incumbent_acts(plan)
-    assert Planner().incumbent_acts(plan)
-    planner = Planner(incumbent_first=2)
-    for episode in (2, 3):
-        assert planner.incumbent_acts(plan)
-        plan = plan.with_episode(episode, incumbent=True)
-    assert not planner.incumbent_acts(plan)
-    assert plan.own_episodes == (2, 3)
-    assert plan.with_episode(4).challenger_episodes == (4,)
+    assert not PLAIN.planner.incumbent_acts(plan)
+    planner, acts = Planner(incumbent_first=3), []
+    for episode in range(2, 9):
+        acts.append(planner.incumbent_acts(plan))
+        plan = plan.with_episode(episode, incumbent=acts[-1])
+    assert acts == [True, False, True, False, True, False, False]
+    assert plan.own_episodes == (2, 4, 6)
+    assert plan.challenger_episodes == (3, 5, 7, 8)
 
 
-def test_an_incumbent_that_nobody_demonstrated_need_not_prove_itself():
-    """From nothing, from a tree alone, or after an adoption, as many challengers act as ever."""
-    plan = Plan(single_action(0), challenger=single_action(1))
-    assert not Planner().incumbent_acts(plan)
-    adopted = Plan(
+def test_an_incumbent_that_was_adopted_early_has_to_prove_itself():
+    """Five lucky episodes were the bar for all that came after (returns 87, of a tree worth 60)."""
+    plan = Plan(
         single_action(1),
         challenger=single_action(0),
-        incumbent_episodes=(7, 8, 9),
-        demonstrations=2,
+        incumbent_episodes=(7, 8, 9, 10, 11),
+        challenger_episodes=(12, 13, 14, 15),
     )
-    assert not Planner().incumbent_acts(adopted)
+    assert not Planner().incumbent_acts(plan)
+    assert Planner().incumbent_acts(plan.with_episode(16))
+    enough = replace(plan, incumbent_episodes=tuple(range(30)), challenger_episodes=())
+    assert not Planner().incumbent_acts(enough)
+
+
+def test_what_the_tree_has_played_itself_can_be_trusted():
+    """Practice hands over as demonstrations what the incumbent has played."""
+    plan = Plan(
+        single_action(0),
+        challenger=single_action(1),
+        incumbent_episodes=tuple(range(200)),
+        demonstrations=200,
+    )
+    assert Planner().incumbent_acts(plan)
+    assert not Planner(trust_demonstrations=True).incumbent_acts(plan)
 
 
 def test_what_was_shown_is_where_the_first_planning_begins_too():

@@ -162,7 +162,7 @@ class PageTree:
         env, other = self._make(), self._make()
         try:
             curve = _Curve(other, self._practising(person, episodes), show)
-            tree = practise(
+            rivals = practise(
                 self._fitted.policy,
                 demonstrations,
                 self._fitted.plays,
@@ -177,9 +177,13 @@ class PageTree:
             other.close()
         if stop():
             return
-        played = self._play(tree, show, stop)
-        if played is None:
-            return
+        plays = []
+        for rival in rivals:
+            result = self._play(rival, show, stop)
+            if result is None:
+                return
+            plays.append((result, rival))
+        played, tree = max(plays, key=lambda entry: entry[0].value)
         note = f"After {episodes} episodes of practice; before it {before}."
         if played.value > before.value:
             path = self._folder.with_name(f"{self._folder.name}-practised.json")

@@ -170,7 +170,7 @@ class _Fitting:
             if on_progress is not None:
                 on_progress("practising", run.episode, episodes)
 
-        learned = learn_on(
+        rivals = learn_on(
             chosen.policy,
             self.demonstrations,
             known,
@@ -179,13 +179,14 @@ class _Fitting:
             seed=self.seed,
             on_progress=tell,
         )
-        self.player.begin("comparing", 2 * self.episodes)
+        self.player.begin("comparing", (1 + len(rivals)) * self.episodes)
         mine = self.player.play(chosen.policy, self.episodes, COMPARING)
-        rival = self.player.play(learned, self.episodes, COMPARING)
-        if rival.merit <= mine.merit:
+        plays = [self.player.play(rival, self.episodes, COMPARING) for rival in rivals]
+        best = max(plays, key=lambda played: played.merit)
+        if best.merit <= mine.merit:
             return None
         words = f"{episodes} episodes of practice"
-        return replace(chosen, policy=learned, repairs=(*chosen.repairs, words)), rival
+        return replace(chosen, policy=best.policy, repairs=(*chosen.repairs, words)), best
 
 
 def _world(

@@ -7,11 +7,12 @@ from typing import Any
 import gymnasium
 
 from eutree.data import Demonstrations, Episode
-from eutree.learners.model_planning import PlanningMethod
+from eutree.learners.model_planning import ModelPlanning, PlanningMethod
 from eutree.policies import TreePolicy
 from eutree.policy_search.planner import Planner
 from eutree.training.callback import CallbackLike
 from eutree.training.learn import Progress, learn
+from eutree.training.run import Run
 
 MOST_KNOWN = 20_000  # steps of what a tree has played that practice begins with
 
@@ -20,7 +21,7 @@ MOST_KNOWN = 20_000  # steps of what a tree has played that practice begins with
 # them were played by the tree itself, so they say what it can do.
 METHOD = PlanningMethod(
     gathering_episodes=10,
-    planner=Planner(growth=1.02, incumbent_first=0),
+    planner=Planner(growth=1.02, trust_demonstrations=True),
     unpruned_start=False,
 )
 
@@ -36,8 +37,11 @@ def practise(
     on_progress: Progress | None = None,
     callback: CallbackLike | None = None,
     stop: Callable[[], bool] = lambda: False,
-) -> TreePolicy:
-    """Return what learning makes of a tree in ``episodes`` episodes.
+) -> tuple[TreePolicy, ...]:
+    """Return what learning makes of a tree in ``episodes`` episodes: one tree, or two.
+
+    The first is the policy. The second is the challenger whose evaluation the end of the practice
+    has cut short, if there is one: mostly the better of both. Let them play, and take the better.
 
     Learning begins with what the tree has played, besides what was shown: the model of the world in
     which it plans is better by that, for nothing.
@@ -54,7 +58,14 @@ def practise(
         stop: Asked before every step; True ends the practice at its last finished episode.
     """
     known = (*demonstrations.episodes, *_recent(played))
-    return learn(
+    runs: list[Run] = []
+
+    def follow(run: Run) -> None:
+        runs[:] = [run]
+        if on_progress is not None:
+            on_progress(run)
+
+    policy = learn(
         env,
         demonstrations=replace(demonstrations, episodes=known),
         expert=tree,
@@ -66,8 +77,15 @@ def practise(
         seed=seed,
         callback=callback,
         stop=stop,
-        on_progress=on_progress,
+        on_progress=follow,
     ).policy
+    return (policy, *(tree for run in runs for tree in _on_trial(run)))
+
+
+def _on_trial(run: Run) -> list[TreePolicy]:
+    learner = run.learner
+    found = learner.on_trial() if isinstance(learner, ModelPlanning) else None
+    return [] if found is None else [found.policy(run.beginning.problem)]
 
 
 def _recent(episodes: tuple[Episode, ...]) -> tuple[Episode, ...]:

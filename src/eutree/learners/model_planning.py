@@ -241,6 +241,16 @@ class ModelPlanning:
         """Return the incumbent, with the returns to go of its own episodes."""
         return Decisions(self.tree, self.actions, self._returns(), tuple(sorted(self._locked)))
 
+    def on_trial(self) -> Decisions | None:
+        """Return the challenger that waits for its evaluation to end; None if there is none.
+
+        Where leaves are locked it could not be taken as it is: None.
+        """
+        if self.plan.challenger is None or self._locked:
+            return None
+        tree, actions = to_decision_tree(self.plan.challenger, self.tree.n_features)
+        return Decisions(tree, actions, None, ())
+
     def doubt(self, observation: Floats, confidence: Confidence) -> str:
         """Return why the learner would rather be shown what to do at ``observation``, or "".
 

@@ -114,9 +114,11 @@ class Planner:
         growth: Plan again when the history has grown by this factor.
         max_transitions: Most recent transitions a world model is fitted to.
         discount: gamma of rollouts.
-        incumbent_first: Episodes of its own that an incumbent made of demonstrations needs before a
-            challenger acts: what somebody else has demonstrated is then no evidence on it. 0 takes
-            demonstrations for what it can do, as is right where it has played them itself.
+        incumbent_first: Until the incumbent has so many episodes, it acts in the challenger's place
+            whenever it has no more than the challenger: one that was adopted after five lucky
+            episodes would else stay a bar that no challenger passes.
+        trust_demonstrations: Whether what was demonstrated counts as what the incumbent can do: if
+            it has played that itself. What somebody else has played is no evidence on it.
     """
 
     n_episodes: int = 1000
@@ -131,7 +133,8 @@ class Planner:
     growth: float = 1.06
     max_transitions: int = 50_000
     discount: float = 1.0
-    incumbent_first: int = 10
+    incumbent_first: int = 30
+    trust_demonstrations: bool = False
 
     def __post_init__(self) -> None:
         check_integer("n_episodes", self.n_episodes, low=8)
@@ -150,13 +153,13 @@ class Planner:
         check_integer("incumbent_first", self.incumbent_first, low=0)
 
     def incumbent_acts(self, plan: Plan) -> bool:
-        """Return whether the incumbent acts in a challenger's place.
+        """Return whether too little is known of the incumbent: it acts in a challenger's place."""
+        known = len(self._evidence(plan))
+        return known < self.incumbent_first and known <= len(plan.challenger_episodes)
 
-        It does while it has but a few episodes of its own beside somebody's demonstrations; one
-        that was a challenger has proved itself.
-        """
-        own = len(plan.own_episodes)
-        return own < self.incumbent_first and own < len(plan.incumbent_episodes)
+    def _evidence(self, plan: Plan) -> tuple[int, ...]:
+        """Return the episodes that say what the incumbent can do."""
+        return plan.incumbent_episodes if self.trust_demonstrations else plan.own_episodes
 
     def due(self, plan: Plan, n_seen: int) -> bool:
         """Return whether enough transitions were seen to plan again."""
@@ -200,8 +203,7 @@ class Planner:
         """Return whether the model prefers the challenger, and real returns do too."""
         returns = data.episode_returns  # [E]
         tried = returns[list(plan.challenger_episodes[-self.memory :])]
-        own = plan.own_episodes if self.incumbent_first else plan.incumbent_episodes
-        known = own[-3 * self.memory :] or _others(plan, returns.size)
+        known = self._evidence(plan)[-3 * self.memory :] or _others(plan, returns.size)
         proved = returns[list(known)]
         if tried.size < _FEWEST_EPISODES or not proved.size:
             return False

@@ -451,7 +451,7 @@ function showButtons() {
     const shown = key || (["make", "practise"].includes(name) ? "" : keyFor(name));
     if (shown) {
       button.append(kbd(shown));
-      button.setAttribute("aria-keyshortcuts", shown);
+      button.setAttribute("aria-keyshortcuts", shown[0].toUpperCase() + shown.slice(1));
     }
     button.disabled = !acts() || (name === "discard" && view.state === "review" && lastKept() !== true);
     button.addEventListener("click", () => {
@@ -548,12 +548,17 @@ function keyNames(action) {
   return action.keys.map((key) => key.split("+").map((k) => GLYPHS[k] || k.toUpperCase()).join(" + ")).join(" or ");
 }
 
+/* Whether there are only fingers: then the buttons below are what to hold. */
+const fingers = matchMedia("(hover: none) and (pointer: coarse)").matches;
+const KEY = fingers ? "button" : "key";
+
 function keySentence() {
   const idle = view.actions.find((a) => a.is_idle);
-  const rest = view.turn_based ? "" : idle ? `; no key: ${idle.name}` : "; without a key the last one goes on";
+  const rest = view.turn_based ? "" : idle ? `; no ${KEY}: ${idle.name}` : `; without a ${KEY} the last one goes on`;
   const verb = view.turn_based ? "Press" : view.toggle ? "Switch with" : "Hold";
-  const parts = view.actions.filter((a) => a.keys.length).map((a) => `${keyNames(a)}: ${a.name}`);
-  return `${verb} ${parts.join(", ")}${rest}.`;
+  const acting = view.actions.filter((a) => a.keys.length);
+  if (fingers) return `${verb} a button below: ${acting.map((a) => a.name).join(", ")}${rest}.`;
+  return `${verb} ${acting.map((a) => `${keyNames(a)}: ${a.name}`).join(", ")}${rest}.`;
 }
 
 function askingCard() {
@@ -575,9 +580,9 @@ function recordingCard() {
   return {
     opening: () => ["Show how it is done", view.task || "Act as you would have the machine act.",
       `${keySentence()}${slow} ${view.saved ? `${so_far}; this goes on with the next.` : "Failures may stay."}`],
-    countdown: () => ["Get ready", begins ? "The episode begins with your first key."
-      : "Hold the key while it counts: what you hold counts from the first decision on.", keySentence()],
-    playing: () => [view.awaits_key ? "Press a key to begin" : `Episode ${view.saved + 1} of ${view.target}`,
+    countdown: () => ["Get ready", begins ? `The episode begins with your first ${KEY}.`
+      : `Hold the ${KEY} while it counts: what you hold counts from the first decision on.`, keySentence()],
+    playing: () => [view.awaits_key ? `Press a ${KEY} to begin` : `Episode ${view.saved + 1} of ${view.target}`,
       keySentence(), ""],
     paused: () => ["Paused", view.message || "All keys are released. Go on when you are ready.", ""],
     review: () => [last ? sentence(last) : "Nothing was recorded", enough ? `${view.saved} of ${view.target} done.`
