@@ -51,9 +51,9 @@ in headless Chromium: 600 x 400 pixels, JPEG. Key to picture is counted in the p
 event to the drawing of the first picture made after a step that knew of it (in Evasion, whose
 decisions are a second apart: made after the recorder knew of it). Targets: 30 pictures a second,
 and at most 100 ms in 95 of 100 cases, on a machine with nothing else to do; 20 a second and 150 ms
-with one core busy. *Load* is the average number of processes that wanted a core in the minute before.
+with one core busy. *Load*: processes that wanted a core, the mean of the minute before.
 
-| task | load | wanted per s | drawn per s | gap: median / p99, ms | keys | to picture: median / p95, ms |
+| task | load | wanted per s | drawn | gap: median / p99, ms | keys | picture: median / p95, ms |
 |---|---|---|---|---|---|---|
 {table}
 """

@@ -39,9 +39,12 @@ def test_an_incumbent_that_was_adopted_early_has_to_prove_itself():
         challenger=single_action(0),
         incumbent_episodes=(7, 8, 9, 10, 11),
         challenger_episodes=(12, 13, 14, 15),
+        demonstrations=3,
     )
     assert not Planner().incumbent_acts(plan)
     assert Planner().incumbent_acts(plan.with_episode(16))
+    from_nothing = replace(plan.with_episode(16), demonstrations=0)
+    assert not Planner().incumbent_acts(from_nothing)
     enough = replace(plan, incumbent_episodes=tuple(range(30)), challenger_episodes=())
     assert not Planner().incumbent_acts(enough)
 

@@ -114,9 +114,9 @@ class Planner:
         growth: Plan again when the history has grown by this factor.
         max_transitions: Most recent transitions a world model is fitted to.
         discount: gamma of rollouts.
-        incumbent_first: Until the incumbent has so many episodes, it acts in the challenger's place
-            whenever it has no more than the challenger: one that was adopted after five lucky
-            episodes would else stay a bar that no challenger passes.
+        incumbent_first: In runs from demonstrations, until the incumbent has so many episodes, it
+            acts in the challenger's place whenever it has no more than the challenger: one that was
+            adopted after five lucky episodes would else stay a bar that no challenger passes.
         trust_demonstrations: Whether what was demonstrated counts as what the incumbent can do: if
             it has played that itself. What somebody else has played is no evidence on it.
     """
@@ -155,6 +155,8 @@ class Planner:
     def incumbent_acts(self, plan: Plan) -> bool:
         """Return whether too little is known of the incumbent: it acts in a challenger's place."""
         known = len(self._evidence(plan))
+        if not plan.demonstrations:
+            return False
         return known < self.incumbent_first and known <= len(plan.challenger_episodes)
 
     def _evidence(self, plan: Plan) -> tuple[int, ...]:
