@@ -1,7 +1,7 @@
 """Measure the method distilled-dqn: small trees from mediocre demonstrations, every step counted.
 
 Run: python benchmarks/small_trees.py TASK [TASK ...] [--seeds 10] [--first 0] [--steps N]
-     [--max-leaves L] [--out docs/results] [--runs FOLDER]
+     [--max-leaves L] [--out docs/results] [--runs FOLDER] [--links]
 
 For each seed 15 demonstrations of a mediocre scripted controller are recorded, and `learn` goes on
 from them with what is left of the steps: the teacher's, DAgger's and the races' steps all count,
@@ -10,6 +10,9 @@ episodes, C4.5's tree of the demonstrations, the teacher, and what DAgger and VI
 of that very teacher at the same size, with the steps that it left.
 Seeds that the table in `--out` has already are not run again; what they lack of DAgger and VIPER is
 added, for which the teacher alone learns once more, to the same bytes.
+With `--links` nothing is run: for each of a task's runs in `--runs` it says where the chain from
+teacher to tree loses, one figure for each link, and how the other world model, planning's model
+trees, would have ordered the trees that were really run.
 Seeds from 1000 on are for tuning; reported are seeds below.
 """
 
@@ -32,14 +35,23 @@ from examples.two_tanks import FloatSwitch, method_for
 import eutree
 from eutree.envs.experts import EXPERTS
 from eutree.evaluation import mean_interval
+from eutree.files import read_archive
+from eutree.learners.contenders import Contender, unpacked_contenders
 from eutree.learners.distilled_dqn import DistilledDQN
 from eutree.learners.distilled_dqn_learner import Stage
+from eutree.learners.stored_state import part
+from eutree.policies import TreePolicy
+from eutree.policy_search.rank_correlation import RankCorrelation, rank_correlation
+from eutree.training import stored_transitions
+from eutree.training.checkpoint import MAX_CHECKPOINT, CheckpointDocument
+from eutree.world_model import ActionTree, PairedRollouts, fit_world_models
 
 FINAL_EPISODES = 200
 DEMONSTRATIONS = 15
 ROUNDS = 10  # trees of DAgger and of VIPER
 MOST_GATHERED, MOST_VALIDATED = 10, 50  # episodes for each of them: eutree.distill's own
 BASELINES = ("dagger", "viper")
+FEWEST_RETURNS = 4  # of a tree whose order counts
 
 
 @dataclass(frozen=True)
@@ -291,6 +303,77 @@ def measure(name: str, task: Task, options: argparse.Namespace, command: str) ->
         path.with_suffix(".md").write_text(report(task, rows, command))
 
 
+def links(folder: Path) -> dict[str, str]:
+    """Return one figure for each link of the chain from teacher to tree, of a finished run."""
+    events = events_of(folder)
+    earned: dict[str, list[float]] = {}
+    for event in events:
+        if event.get("stage") in ("teacher", "dagger") and "return" in event:
+            earned.setdefault(event["stage"], []).append(event["return"])
+    met = [one for one in contenders_of(folder) if len(one.returns) >= FEWEST_RETURNS]
+    real = np.array([one.mean_return for one in met])
+    neural = rank_correlation(np.array([one.imagined for one in met]), real)
+    trees = rank_correlation(imagined_by_model_trees(folder, [one.tree for one in met]), real)
+    of = {
+        kind: [one.mean_return for one in met if one.origin.startswith(kind)]
+        for kind in ("start", "cart", "pruned")
+    }
+    return {
+        "teacher, last 50 episodes": means(earned.get("teacher", [])[-50:]),
+        "DAgger's large trees": means(earned.get("dagger", [])),
+        "CART of the size allowed": means(of["cart"]),
+        "pruned by imagined returns": means(of["pruned"]),
+        "the best of them in races": f"{max(of['pruned'], default=float('nan')):.1f}",
+        "order by the networks": str_of(neural),
+        "order by model trees": str_of(trees),
+    }
+
+
+def contenders_of(folder: Path) -> list[Contender]:
+    """Return all trees of a run, with their scores and returns."""
+    _, arrays = read_archive(folder / "checkpoint.npz", CheckpointDocument, limit=MAX_CHECKPOINT)
+    return unpacked_contenders(part(arrays, "contender_"))
+
+
+def imagined_by_model_trees(folder: Path, trees: list[ActionTree]) -> Any:
+    """Return the mean return of each tree in planning's world model of the run's transitions."""
+    n_actions = TreePolicy.load(folder / "policy.json").schema.n_actions
+    known = stored_transitions(folder, n_actions).recent(50_000)
+    model = fit_world_models(known, (0.99,))[0]  # as pessimistic as planning's challenger
+    rollouts = PairedRollouts(model, 150, 1.0, np.random.default_rng(0))
+    found = []
+    for tree in trees:
+        rollouts.run(tree)
+        found.append(rollouts.mean_return)
+    return np.array(found)
+
+
+def means(values: list[float]) -> str:
+    """Return a mean, and the lowest and highest value."""
+    if not values:
+        return "unknown"
+    return f"{np.mean(values):.1f} ({min(values):.1f} to {max(values):.1f})"
+
+
+def str_of(found: RankCorrelation) -> str:
+    """Return a rank correlation with its interval."""
+    return f"{found.value:.2f} [{found.low:.2f}, {found.high:.2f}], {found.n} trees"
+
+
+def table_of_links(folders: list[Path]) -> str:
+    """Return the links of several runs beside each other."""
+    columns = [links(folder) for folder in folders]
+    lines = [
+        "| link | " + " | ".join(folder.name for folder in folders) + " |",
+        "|---" * (len(folders) + 1) + "|",
+    ]
+    lines += [
+        f"| {name} | " + " | ".join(column[name] for column in columns) + " |"
+        for name in columns[0]
+    ]
+    return "\n".join(lines)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("tasks", nargs="+", choices=list(TASKS))
@@ -301,7 +384,13 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("docs/results"),
                         help="folder for small-trees-TASK.md and .csv")  # fmt: skip
     parser.add_argument("--runs", type=Path, help="folder to keep the run folders in")
+    parser.add_argument("--links", action="store_true", help="say where the chain loses, no run")
     options = parser.parse_args()
+    if options.links:
+        for name in options.tasks:
+            folders = sorted((options.runs or Path()).glob(f"{name}-*"))
+            print(table_of_links([one for one in folders if (one / "policy.json").exists()]))
+        return
     options.out.mkdir(parents=True, exist_ok=True)
     command = " ".join(["python benchmarks/small_trees.py", *sys.argv[1:]])
     for name in options.tasks:
