@@ -1,7 +1,7 @@
 """Measure the method distilled-dqn: small trees from mediocre demonstrations, every step counted.
 
 Run: python benchmarks/small_trees.py TASK [TASK ...] [--seeds 10] [--first 0] [--steps N]
-     [--max-leaves L] [--out docs/results] [--runs FOLDER] [--links]
+     [--max-leaves L] [--out docs/results] [--runs FOLDER] [--links] [--pages]
 
 For each seed 15 demonstrations of a mediocre scripted controller are recorded, and `learn` goes on
 from them with what is left of the steps: the teacher's, DAgger's and the races' steps all count,
@@ -13,6 +13,7 @@ added, for which the teacher alone learns once more, to the same bytes.
 With `--links` nothing is run: for each of a task's runs in `--runs` it says where the chain from
 teacher to tree loses, one figure for each link, and how the other world model, planning's model
 trees, would have ordered the trees that were really run.
+`--pages` writes the pages of the tables in `--out` anew, and runs nothing.
 Seeds from 1000 on are for tuning; reported are seeds below.
 """
 
@@ -283,7 +284,12 @@ def write_table(path: Path, rows: list[Row]) -> None:
         writer.writerows(rows)
 
 
-def measure(name: str, task: Task, options: argparse.Namespace, command: str) -> None:
+def command_of(name: str) -> str:
+    """Return what makes the page of a task."""
+    return f"python benchmarks/small_trees.py {name}"
+
+
+def measure(name: str, task: Task, options: argparse.Namespace) -> None:
     """Measure a task's seeds, and write the page after each."""
     path = options.out / f"small-trees-{name}.csv"
     known = table_of(path)
@@ -300,7 +306,7 @@ def measure(name: str, task: Task, options: argparse.Namespace, command: str) ->
         print(name, row, file=sys.stderr, flush=True)
         rows = [known[number] for number in sorted(known)]
         write_table(path, rows)
-        path.with_suffix(".md").write_text(report(task, rows, command))
+        path.with_suffix(".md").write_text(report(task, rows, command_of(name)))
 
 
 def links(folder: Path) -> dict[str, str]:
@@ -384,6 +390,9 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("docs/results"),
                         help="folder for small-trees-TASK.md and .csv")  # fmt: skip
     parser.add_argument("--runs", type=Path, help="folder to keep the run folders in")
+    parser.add_argument(
+        "--pages", action="store_true", help="write the pages of the tables anew, no run"
+    )
     parser.add_argument("--links", action="store_true", help="say where the chain loses, no run")
     options = parser.parse_args()
     if options.links:
@@ -391,14 +400,19 @@ def main() -> None:
             folders = sorted((options.runs or Path()).glob(f"{name}-*"))
             print(table_of_links([one for one in folders if (one / "policy.json").exists()]))
         return
+    if options.pages:
+        for name in options.tasks:
+            path = options.out / f"small-trees-{name}.csv"
+            rows = [row for _, row in sorted(table_of(path).items())]
+            path.with_suffix(".md").write_text(report(TASKS[name], rows, command_of(name)))
+        return
     options.out.mkdir(parents=True, exist_ok=True)
-    command = " ".join(["python benchmarks/small_trees.py", *sys.argv[1:]])
     for name in options.tasks:
         task = TASKS[name]
         task = replace(
             task, steps=options.steps or task.steps, leaves=options.max_leaves or task.leaves
         )
-        measure(name, task, options, command)
+        measure(name, task, options)
         print((options.out / f"small-trees-{name}.md").read_text())
 
 

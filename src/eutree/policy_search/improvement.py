@@ -16,7 +16,7 @@ from eutree.policy_search import _kernels_search
 from eutree.validation import check_integer, check_number
 from eutree.world_model._kernels import ActionTree
 from eutree.world_model.action_trees import Nested, n_leaves, nested, packed, with_box, with_child
-from eutree.world_model.rollouts import PairedRollouts
+from eutree.world_model.common_chance import Rollouts
 
 MOST_BOXES = 12
 SHIFTS = (0.02, 0.05, 0.1, 0.2, 0.4)
@@ -49,7 +49,7 @@ class Improvement:
         check_integer("min_rows", self.min_rows, low=1)
         check_integer("max_leaves", self.max_leaves, low=2)
 
-    def improve(self, rollouts: PairedRollouts, policy: ActionTree, scale: float) -> ActionTree:
+    def improve(self, rollouts: Rollouts, policy: ActionTree, scale: float) -> ActionTree:
         """Return a policy that earns more or is smaller.
 
         Args:
@@ -67,7 +67,7 @@ class Improvement:
             policy = packed(nested(rollouts.policy))
         return policy
 
-    def shrink(self, rollouts: PairedRollouts, policy: ActionTree, scale: float) -> ActionTree:
+    def shrink(self, rollouts: Rollouts, policy: ActionTree, scale: float) -> ActionTree:
         """Return a policy of at most ``max_leaves``: subtrees replaced where that costs least.
 
         Arguments are those of ``improve``.
@@ -86,7 +86,7 @@ class Improvement:
             rollouts.run(chosen)
         return self.improve(rollouts, rollouts.policy, scale)
 
-    def _insert_boxes(self, rollouts: PairedRollouts, price: float) -> None:
+    def _insert_boxes(self, rollouts: Rollouts, price: float) -> None:
         """Insert the most promising boxes, one for each leaf, that pass the test."""
         base = rollouts.policy
         changes: dict[int, Nested] = {}
@@ -102,7 +102,7 @@ class Improvement:
                 changes[leaf] = change
                 rollouts.run(rival)
 
-    def _boxes(self, rollouts: PairedRollouts, price: float) -> list[tuple[int, Nested]]:
+    def _boxes(self, rollouts: Rollouts, price: float) -> list[tuple[int, Nested]]:
         """Return leaf nodes and what to put in their place, the most promising first."""
         n_steps = rollouts.n_steps
         n = min(self.deviations, n_steps)
@@ -126,7 +126,7 @@ class Improvement:
         return [(leaf, change) for _, leaf, change in sorted(found, key=lambda item: item[:2])]
 
 
-def _replace_subtrees(rollouts: PairedRollouts, price: float) -> None:
+def _replace_subtrees(rollouts: Rollouts, price: float) -> None:
     """Replace the node that pays most by a child, again and again, while any pays.
 
     What another node pays is weighed again only when its turn comes, and all once more at the end.
@@ -158,14 +158,14 @@ def _replace_subtrees(rollouts: PairedRollouts, price: float) -> None:
             weighed = set()
 
 
-def _worth(rollouts: PairedRollouts, rival: ActionTree, price: float) -> float:
+def _worth(rollouts: Rollouts, rival: ActionTree, price: float) -> float:
     """Return what a smaller rival gains, leaves included; 0 if that is clearly not more than 0."""
     saved = price * (n_leaves(rollouts.policy) - n_leaves(rival))
     gain = rollouts.gain(rival, hopeless=-saved)
     return gain.mean + saved if gain.complete else 0.0
 
 
-def _perturb_thresholds(rollouts: PairedRollouts) -> None:
+def _perturb_thresholds(rollouts: Rollouts) -> None:
     """Move each threshold to the best of a few places near it, if that pays."""
     for node in rollouts.generator.permutation(np.flatnonzero(rollouts.policy.feature >= 0)):
         policy = rollouts.policy

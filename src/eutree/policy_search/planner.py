@@ -8,17 +8,26 @@ what the model did not know. The incumbent never changes without an online evalu
 """
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
 from eutree.arrays import Floats, Integers
+from eutree.errors import InvalidArgumentError
 from eutree.policy_search.improvement import Improvement
-from eutree.validation import check_integer, check_number
+from eutree.validation import check_choice, check_integer, check_number
 from eutree.world_model._kernels import ActionTree
+from eutree.world_model.common_chance import Rollouts
 from eutree.world_model.dynamics import fit_world_models
+from eutree.world_model.ensemble import EnsembleSettings, fit_ensemble
+from eutree.world_model.ensemble_rollouts import EnsembleRollouts
 from eutree.world_model.rollouts import PairedRollouts
 from eutree.world_model.transitions import Transitions
 
+WORLD_MODELS = ("trees", "neural")
+DEARER = 3  # a step of the networks takes several of model trees: there are fewer episodes
+_NETWORKS = EnsembleSettings(hidden=32, batch=128, updates=2_500, memory=True)
+_DEVIATIONS = 0.5  # of the members' means
 FEWEST_ROLLOUTS = 100  # episodes
 _FEWEST_EPISODES = 5  # episodes
 _FEW_OWN = 10  # episodes
@@ -119,6 +128,9 @@ class Planner:
             adopted after five lucky episodes would else stay a bar that no challenger passes.
         trust_demonstrations: Whether what was demonstrated counts as what the incumbent can do: if
             it has played that itself. What somebody else has played is no evidence on it.
+        world_model: ``"trees"``, model trees, pessimistic about what is unknown; or ``"neural"``,
+            an ensemble of networks, fitted anew at each planning, pessimistic where its members
+            disagree. Networks take ten times as long, or more.
     """
 
     n_episodes: int = 1000
@@ -135,6 +147,7 @@ class Planner:
     discount: float = 1.0
     incumbent_first: int = 30
     trust_demonstrations: bool = False
+    world_model: Literal["trees", "neural"] = "trees"
 
     def __post_init__(self) -> None:
         check_integer("n_episodes", self.n_episodes, low=8)
@@ -151,6 +164,11 @@ class Planner:
         check_integer("max_transitions", self.max_transitions, low=1)
         check_number("discount", self.discount, low=0.0, high=1.0)
         check_integer("incumbent_first", self.incumbent_first, low=0)
+        check_choice("world_model", self.world_model, WORLD_MODELS)
+        if self.world_model == "neural" and self.discount != 1.0:
+            raise InvalidArgumentError(
+                f'discount must be 1 with world_model="neural", got {self.discount}'
+            )
 
     def incumbent_acts(self, plan: Plan) -> bool:
         """Return whether too little is known of the incumbent: it acts in a challenger's place."""
@@ -171,11 +189,7 @@ class Planner:
         """Return the next plan: adopt the challenger or not, then plan both trees."""
         plan = _without_invalid(plan, data.episode_returns)
         known = data.since(plan.valid_from).recent(self.max_transitions)
-        n_episodes = self._affordable(known)
-        n_explorer_episodes = min(n_episodes, self.n_explorer_episodes)
-        pessimist, optimist = fit_world_models(known, (self.pessimism, self.optimism))
-        pessimistic = PairedRollouts(pessimist, n_episodes, self.discount, generator)
-        optimistic = PairedRollouts(optimist, n_explorer_episodes, self.discount, generator)
+        pessimistic, optimistic = self._rollouts(known, generator)
         scale = known.typical_return
         if plan.challenger is not None and self._deserves(plan, plan.challenger, data, pessimistic):
             own = plan.challenger_episodes[-self.memory :]
@@ -189,9 +203,29 @@ class Planner:
         begin = plan.corrected or plan.explorer or plan.incumbent
         explorer = self.improvement.improve(optimistic, begin, scale)
         challenger = self._challenger(plan, pessimistic, scale)
-        taken = pessimist.n_steps_taken + optimist.n_steps_taken
+        taken = pessimistic.n_steps_taken + optimistic.n_steps_taken
         return replace(
             plan, challenger=challenger, explorer=explorer, corrected=None, model_steps=taken
+        )
+
+    def _rollouts(
+        self, known: Transitions, generator: np.random.Generator
+    ) -> tuple[Rollouts, Rollouts]:
+        """Return where the challenger and where the explorer is planned."""
+        n_episodes = self._affordable(known)
+        n_explorer_episodes = min(n_episodes, self.n_explorer_episodes)
+        if self.world_model == "trees":
+            pessimist, optimist = fit_world_models(known, (self.pessimism, self.optimism))
+            return (
+                PairedRollouts(pessimist, n_episodes, self.discount, generator),
+                PairedRollouts(optimist, n_explorer_episodes, self.discount, generator),
+            )
+        ensemble = fit_ensemble(known, _NETWORKS, generator)
+        n_starts = max(n_episodes // DEARER // _NETWORKS.members, 1)
+        n_explorer_starts = max(n_explorer_episodes // DEARER // _NETWORKS.members, 1)
+        return (
+            EnsembleRollouts(ensemble, n_starts, generator, pessimism=_DEVIATIONS),
+            EnsembleRollouts(ensemble, n_explorer_starts, generator, pessimism=-_DEVIATIONS),
         )
 
     def _affordable(self, data: Transitions) -> int:
@@ -200,7 +234,7 @@ class Planner:
         return int(np.clip(self.n_steps / data.mean_length, fewest, self.n_episodes))
 
     def _deserves(
-        self, plan: Plan, challenger: ActionTree, data: Transitions, pessimistic: PairedRollouts
+        self, plan: Plan, challenger: ActionTree, data: Transitions, pessimistic: Rollouts
     ) -> bool:
         """Return whether the model prefers the challenger, and real returns do too."""
         returns = data.episode_returns  # [E]
@@ -217,9 +251,7 @@ class Planner:
         gain = pessimistic.gain(challenger)
         return gain.mean > gain.error
 
-    def _challenger(
-        self, plan: Plan, pessimistic: PairedRollouts, scale: float
-    ) -> ActionTree | None:
+    def _challenger(self, plan: Plan, pessimistic: Rollouts, scale: float) -> ActionTree | None:
         """Return the best of incumbent, last challenger and corrected incumbent, each improved.
 
         None if none of them is better than the incumbent.

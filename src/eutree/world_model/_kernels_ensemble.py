@@ -62,6 +62,7 @@ class EnsembleWorld(NamedTuple):
     low: Floats  # [d] least value seen
     high: Floats  # [d] largest value seen
     earned: Floats  # [3, 4] mean, unit, least, largest reward of each kind of step
+    tally: Integers  # [1] steps taken in it so far
 
 
 class Draws(NamedTuple):
@@ -238,6 +239,7 @@ def step(
     The same entries of the tables decide whatever the policy is: from ``at`` on one for each
     feature, then one for the end. States and displacements stay in the range that was seen.
     """
+    world.tally[0] += 1
     look(world, member, action, state, scratch)
     out, d, mask = scratch.out, world.move.size, draws.uniform.size - 1
     for i in range(d):
@@ -344,3 +346,37 @@ def rival_returns(
             if ends:
                 break
         out[e] = total
+
+
+@compiled
+def deviations(
+    world: EnsembleWorld,
+    draws: Draws,
+    episodes: Episodes,
+    policy: ActionTree,
+    steps: Integers,  # [n]
+    horizon: int,
+    out: Floats,  # [n, A]
+) -> None:
+    """Write what one other action at a step, and the policy after it, earn more than the policy."""
+    d = world.move.size
+    n_members = world.w1.shape[0]
+    state, scratch = np.zeros(2 * d), scratch_of(world)
+    for i in range(steps.size):
+        k = steps[i]
+        e = episodes.owner[k]
+        taken = policy.action[episodes.node[k]]
+        for other in range(out.shape[1]):
+            out[i, other] = 0.0
+            if other == taken:
+                continue
+            state[:] = episodes.states[k]
+            total, action = episodes.earned[k], other
+            for t in range(k - episodes.first[e], horizon):
+                at = e * EPISODE_STRIDE + t * (d + 1)
+                reward, ends = step(world, draws, at, e % n_members, action, state, scratch)
+                total += reward
+                if ends:
+                    break
+                action = policy.action[leaf_node(policy, 0, state)]
+            out[i, other] = total - episodes.returns[e]

@@ -149,12 +149,12 @@ class Ensemble:
 
     @property
     def world(self) -> EnsembleWorld:
-        """The members as the compiled loops take them."""
+        """The members as the compiled loops take them, no step taken yet."""
         networks = [network_of(row, *self.size) for row in self.weights]
         stacked = [np.stack(arrays) for arrays in zip(*networks, strict=True)][:-1]
         of = self.scales
         scales = (getattr(of, name) for name in _SCALES)
-        return EnsembleWorld._make([*stacked, *scales])
+        return EnsembleWorld._make([*stacked, *scales, np.zeros(1, dtype=np.int64)])
 
     @property
     def size(self) -> tuple[int, int, int]:

@@ -2,17 +2,19 @@
 
 import numpy as np
 
-from eutree.arrays import Floats
-from eutree.world_model import _kernels, _kernels_policy
+from eutree.arrays import Floats, Integers
+from eutree.world_model import _kernels
 from eutree.world_model import _kernels_ensemble as kernels
-from eutree.world_model._kernels import ActionTree, Episodes
+from eutree.world_model._kernels import ActionTree
 from eutree.world_model._kernels_ensemble import Draws
+from eutree.world_model.common_chance import DRAWS, Gain, Rollouts
 from eutree.world_model.ensemble import Ensemble
 
-DRAWS = 2**18
+FIRST_LOOK = 5  # a comparison is looked at when a fifth of the episodes has been run
+CLEARLY = 2.0  # standard errors below what would be needed
 
 
-class EnsembleRollouts:
+class EnsembleRollouts(Rollouts):
     """Paired rollouts of policy trees in an ensemble.
 
     Episode e starts at the observation e // M, in member e % M: every member meets every start.
@@ -21,14 +23,12 @@ class EnsembleRollouts:
         ensemble: The world model, M members.
         n_starts: Stored first observations to start from.
         generator: Source of starts and of all random numbers.
-        pessimism: k of the score, the mean over members minus k standard deviations.
+        pessimism: k of the score, the mean over members minus k standard deviations; below 0 it is
+            optimism.
 
     Attributes:
         n_members: Members M.
-        policy: The policy that rivals are compared with.
     """
-
-    policy: ActionTree
 
     def __init__(
         self,
@@ -41,41 +41,94 @@ class EnsembleRollouts:
         self._world = ensemble.world
         self._range = ensemble.returns
         self._horizon = ensemble.horizon
+        self._starts, self._n_starts = ensemble.starts, n_starts
+        self._n_actions = ensemble.n_actions
         self.n_members = len(ensemble.weights)
         self._pessimism = pessimism
-        self._draws = Draws(generator.random(DRAWS), generator.standard_normal(DRAWS))
         d = ensemble.starts.shape[1]
-        n = n_starts * self.n_members
-        self._episodes, self._spare = (_empty(n, n * self._horizon, d) for _ in range(2))
-        chosen = generator.integers(len(ensemble.starts), size=n_starts)
-        _kernels.assign_starts(
-            np.repeat(ensemble.starts[chosen], self.n_members, axis=0), self._episodes
-        )
-        self._departs = self._episodes.first[:-1].copy()
-        self._within = np.zeros(1, dtype=np.int64)
-        self._steps = np.empty(n * self._horizon, dtype=np.int64)
-        self._new = True
+        super().__init__(n_starts * self.n_members, self._horizon, d, generator)
 
     @property
-    def n_episodes(self) -> int:
-        """Number of episodes E."""
-        return self._episodes.returns.size
-
-    @property
-    def observations(self) -> Floats:
-        """Observation at each step of the policy's episodes, shape [K, d]; a view."""
-        n_steps = int(self._episodes.first[-1])
-        return self._episodes.states[:n_steps, : self._world.move.size]
+    def n_steps_taken(self) -> int:
+        """Steps taken so far in it."""
+        return int(self._world.tally[0])
 
     @property
     def returns(self) -> Floats:
         """Return of each of the policy's episodes, shape [E]."""
         return self._cut(self._episodes.returns)
 
-    def run(self, policy: ActionTree) -> None:
-        """Imagine a policy's episodes; what it does like the one before is kept."""
-        if not self._new:
-            self._compare(policy)
+    def returns_of(self, rival: ActionTree, n_episodes: int | None = None) -> Floats:
+        """Return what a rival of the policy earns in the first n episodes, by default all."""
+        self._compare(rival)
+        n = self.n_episodes if n_episodes is None else n_episodes
+        out = np.empty(n)
+        self._write_returns(rival, 0, n, out)
+        return self._cut(out)
+
+    def score(self, returns: Floats) -> float:
+        """Return the mean over members minus k standard deviations, of returns [n M]."""
+        of_members = returns.reshape(-1, self.n_members).mean(axis=0)
+        return float(of_members.mean() - self._pessimism * of_members.std())
+
+    def gain(self, rival: ActionTree, *, hopeless: float = -np.inf) -> Gain:
+        """Return the score of what the rival earns more; stop early below ``hopeless``.
+
+        It stops when a fifth of the episodes says clearly that their mean will be below.
+        """
+        self._compare(rival)
+        if not (self._departs >= 0).any():
+            return Gain(0.0, 0.0, True)
+        out = np.empty(self.n_episodes)
+        few = max(self._n_starts // FIRST_LOOK, 1) * self.n_members
+        self._write_returns(rival, 0, few, out)
+        gains = self._cut(out[:few]) - self.returns[:few]
+        error = float(gains.std() / np.sqrt(few))
+        if gains.mean() + CLEARLY * error < hopeless:
+            return Gain(self.score(gains), error, False)
+        self._write_returns(rival, few, self.n_episodes, out)
+        gains = self._cut(out) - self.returns
+        return Gain(self.score(gains), float(gains.std() / np.sqrt(gains.size)), True)
+
+    def deviations(self, steps: Integers) -> Floats:
+        """Return what one other action at each of the steps earns more, shape [n, A]."""
+        out = np.zeros((steps.size, self._n_actions))
+        kernels.deviations(
+            self._world,
+            self._draws,
+            self._episodes,
+            self.policy,
+            steps,
+            self._horizon,
+            out,
+        )
+        return out
+
+    def _write_returns(self, rival: ActionTree, first: int, last: int, out: Floats) -> None:
+        kernels.rival_returns(
+            self._world,
+            self._draws,
+            self._episodes,
+            self._departs,
+            rival,
+            self._horizon,
+            first,
+            last,
+            out,
+        )
+
+    def _cut(self, returns: Floats) -> Floats:
+        """Return returns no lower and no higher than nearly all real ones were."""
+        return np.clip(returns, *self._range)
+
+    def _draw(self) -> None:
+        generator = self.generator
+        self._draws = Draws(generator.random(DRAWS), generator.standard_normal(DRAWS))
+        chosen = generator.integers(len(self._starts), size=self._n_starts)
+        starts = np.repeat(self._starts[chosen], self.n_members, axis=0)
+        _kernels.assign_starts(starts, self._episodes)
+
+    def _record(self, policy: ActionTree) -> None:
         kernels.record(
             self._world,
             self._draws,
@@ -86,62 +139,3 @@ class EnsembleRollouts:
             self._horizon,
             self._spare,
         )
-        self._episodes, self._spare = self._spare, self._episodes
-        self.policy, self._new = policy, False
-        n_steps = int(self._episodes.first[-1])
-        self._begin = np.empty(policy.feature.size + 1, dtype=np.int64)
-        _kernels_policy.bucket(self._episodes.node[:n_steps], self._begin, self._steps)
-
-    def returns_of(self, rival: ActionTree, n_episodes: int | None = None) -> Floats:
-        """Return what a rival of the policy earns in the first n episodes, by default all."""
-        self._compare(rival)
-        n = self.n_episodes if n_episodes is None else n_episodes
-        out = np.empty(n)
-        kernels.rival_returns(
-            self._world,
-            self._draws,
-            self._episodes,
-            self._departs,
-            rival,
-            self._horizon,
-            0,
-            n,
-            out,
-        )
-        return self._cut(out)
-
-    def score(self, returns: Floats) -> float:
-        """Return the mean over members minus k standard deviations, of returns [n M]."""
-        of_members = returns.reshape(-1, self.n_members).mean(axis=0)
-        return float(of_members.mean() - self._pessimism * of_members.std())
-
-    def _cut(self, returns: Floats) -> Floats:
-        """Return returns no lower and no higher than nearly all real ones were."""
-        return np.clip(returns, *self._range)
-
-    def _compare(self, rival: ActionTree) -> None:
-        """Find the first step of each episode at which a rival acts otherwise."""
-        self._within = np.zeros(self.policy.feature.size, dtype=np.int64)
-        n_features = self._world.move.size
-        _kernels_policy.overlay(self.policy, rival, n_features, self._within)
-        _kernels_policy.departures(
-            self.policy,
-            rival,
-            self._within,
-            self._episodes,
-            self._begin,
-            self._steps,
-            self._departs,
-        )
-
-
-def _empty(n_episodes: int, n_steps: int, d: int) -> Episodes:
-    """Return room for episodes."""
-    return Episodes(
-        states=np.zeros((n_steps, 2 * d)),
-        earned=np.zeros(n_steps),
-        node=np.zeros(n_steps, dtype=np.int64),
-        owner=np.zeros(n_steps, dtype=np.int64),
-        first=np.zeros(n_episodes + 1, dtype=np.int64),
-        returns=np.zeros(n_episodes),
-    )
