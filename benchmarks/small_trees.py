@@ -185,6 +185,7 @@ class Measurement:
             evaluate_every=10**6,
             evaluation_episodes=1,  # two evaluations of one episode, which decide nothing
             out=folder,
+            resume=(folder / "config.json").exists(),
             checkpoint_seconds=600.0,
             stop=stop,
             on_progress=look,
