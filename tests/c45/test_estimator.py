@@ -17,6 +17,7 @@ from sklearn.utils.estimator_checks import parametrize_with_checks  # noqa: E402
 import eutree  # noqa: E402
 from eutree import C45Classifier  # noqa: E402
 from eutree.errors import InvalidArgumentError  # noqa: E402
+from eutree.report import FeatureImportancesDisplay  # noqa: E402
 
 
 def every_check(estimators: list[C45Classifier]) -> pytest.MarkDecorator:
@@ -290,8 +291,41 @@ def test_a_tree_without_a_test_finds_nothing_important():
     ]
 
 
+def test_columns_of_strings_of_a_frame_are_named():
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.DataFrame({"outlook": ["sunny", "rain"], "warm": [1.0, 2.0], "wind": ["n", "y"]})
+    with pytest.raises(InvalidArgumentError, match=r"nominal_features=\['outlook', 'wind'\]"):
+        C45Classifier(nominal_features=None).fit(frame, [0, 1])
+    model = C45Classifier(nominal_features=["outlook", "wind"]).fit(frame, [0, 1])
+    assert model.n_features_in_ == 3
+
+
+def test_importances_are_drawn_with_the_largest_on_top():
+    mpl = pytest.importorskip("matplotlib")
+    from matplotlib.figure import Figure
+
+    generator = np.random.default_rng(0)
+    X = generator.random((200, 3))
+    model = C45Classifier().fit(X, (X[:, 1] > 0.5) + (X[:, 2] > 0.8))
+    axes = Figure().subplots()
+    display = FeatureImportancesDisplay.from_estimator(model, max_features=2, ax=axes)
+    bars = [bar.get_width() for bar in axes.patches]
+    assert bars == sorted(model.feature_importances_)[1:]
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["x2", "x1"]
+    assert display.figure_ is axes.figure
+    with mpl.rc_context({"backend": "agg"}):
+        drawn = FeatureImportancesDisplay(np.array([0.2, 0.8]), ("a", "b\n")).plot()
+        assert len(drawn.ax_.patches) == 2
+        mpl.pyplot.close(drawn.figure_)
+    with pytest.raises(InvalidArgumentError, match="feature_importances_"):
+        FeatureImportancesDisplay.from_estimator(object())
+
+
 def test_columns_of_strings_point_to_nominal_features():
     rows = [["sunny", 1.0], ["rain", 2.0]]
-    with pytest.raises(InvalidArgumentError, match="name columns of strings in nominal_features"):
+    with pytest.raises(InvalidArgumentError, match=r"say nominal_features=\[0\], or give them"):
         C45Classifier().fit(rows, [0, 1])
+    three = [["sunny", "1.5", "no"], ["rain", "2.0", "yes"]]
+    with pytest.raises(InvalidArgumentError, match=r"say nominal_features=\[0, 2\], or"):
+        C45Classifier().fit(three, [0, 1])
     assert C45Classifier(nominal_features=[0]).fit(rows, [0, 1]).n_features_in_ == 2

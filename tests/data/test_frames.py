@@ -1,4 +1,4 @@
-"""Demonstrations and evaluations as data frames: a row for each transition, and each episode."""
+"""Demonstrations, evaluations and learning curves as data frames."""
 
 import sys
 from dataclasses import replace
@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from eutree.errors import InvalidArgumentError, MissingExtraError
-from eutree.evaluation import Evaluation
+from eutree.evaluation import CurvePoint, Evaluation
+from eutree.evaluation.curves import curve_to_pandas, curves_to_pandas
 from eutree.schema import Feature, Schema
 from tests.data.strategies import three_episodes
 
@@ -52,6 +53,23 @@ def test_a_row_for_each_episode_of_an_evaluation():
     assert frame["success"].tolist() == [True, False]
     assert frame.index.name == "episode"
     assert "success" not in Evaluation(**values).to_pandas()
+
+
+def test_a_row_for_each_frozen_evaluation_of_a_run():
+    pandas = pytest.importorskip("pandas")
+    points = (CurvePoint(0, 0, None, -3.5, 1), CurvePoint(20, 410, 0.25, 1.5, 4))
+    frame = curve_to_pandas(points)
+    assert frame.index.name == "episode"
+    assert frame.loc[20].to_dict() == {
+        "steps": 410, "success_rate": 0.25, "mean_return": 1.5, "n_leaves": 4,
+    }  # fmt: skip
+    assert pandas.isna(frame.loc[0, "success_rate"])
+    assert frame["n_leaves"].dtype == np.int64
+    both = curves_to_pandas({5: points, 6: points[:1]})
+    assert both.index.names == ["seed", "episode"]
+    assert both.loc[(5, 20), "mean_return"] == 1.5
+    assert len(both) == 3
+    assert len(curve_to_pandas(())) == 0
 
 
 def test_without_pandas_it_says_how_to_get_it(monkeypatch):

@@ -71,6 +71,15 @@ def test_the_winners_folder_is_found(alone, tmp_path):
         folder_of_winner(tmp_path)
 
 
+def test_all_curves_are_one_frame(alone):
+    found, _ = alone
+    frame = found.to_pandas()
+    assert sorted(set(frame.index.get_level_values("seed"))) == [5, 6, 7]
+    best = frame.loc[found.runs[found.winner].seed]
+    assert best["mean_return"].tolist() == [point.mean_return for point in found.result.curve]
+    assert best.equals(found.result.to_pandas())
+
+
 def test_runs_go_on(alone):
     with pytest.raises(RunFolderError, match="already holds runs"):
         learned(alone[1])

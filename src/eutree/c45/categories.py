@@ -35,6 +35,35 @@ def nominal_mask(table: Any, nominal: Any) -> Booleans:
     return _chosen(list(nominal), shape[1], columns)
 
 
+def text_columns(table: Any, nominal: Booleans) -> list[str] | list[int]:
+    """Return the columns that would be nominal if all that hold strings were, and those that are.
+
+    Args:
+        table: The training set; its columns are named where it is a data frame, else numbered.
+        nominal: Which columns are nominal already, shape [d], or empty.
+    """
+    rows = np.asarray(table, dtype=object)
+    wanted = [
+        column
+        for column in range(rows.shape[1])
+        if (nominal.size and nominal[column]) or any(_is_text(v) for v in rows[:, column])
+    ]
+    if hasattr(table, "columns"):
+        return [str(table.columns[column]) for column in wanted]
+    return wanted
+
+
+def _is_text(value: Any) -> bool:
+    """Return whether a value is a string that is no number."""
+    if not isinstance(value, str):
+        return False
+    try:
+        float(value)
+    except ValueError:
+        return True
+    return False
+
+
 def _chosen(nominal: list[Any], n_features: int, columns: Sequence[str]) -> Booleans:
     mask = np.zeros(n_features, dtype=bool)
     if nominal and all(isinstance(entry, bool | np.bool_) for entry in nominal):

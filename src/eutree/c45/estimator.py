@@ -249,9 +249,10 @@ class C45Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # sk
         except ValueError as error:
             if "could not convert string" not in str(error):
                 raise
+            texts = categories.text_columns(X, nominal)
             raise InvalidArgumentError(
-                "X must hold numbers in columns that are not nominal; name columns of strings in "
-                f"nominal_features, or give them the dtype category: {error}"
+                "X must hold numbers in columns that are not nominal; for the columns of strings "
+                f"say nominal_features={texts!r}, or give them the dtype category: {error}"
             ) from None
         table, y = checked if fitting else (checked, None)
         if fitting:

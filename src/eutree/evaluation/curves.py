@@ -7,8 +7,9 @@ bits, an absent success rate as an empty field.
 import csv
 import io
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from eutree.arrays import Floats, Integers, frozen
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.evaluation.bootstrap import draw_rows
 from eutree.evaluation.intervals import check_confidence
+from eutree.frames import data_frame
 from eutree.wording import counted
 
 
@@ -52,6 +54,38 @@ def curve_to_csv(points: Sequence[CurvePoint]) -> str:
     for point in points:
         lines.append(",".join(_text(getattr(point, name)) for name in COLUMNS))
     return "\n".join(lines) + "\n"
+
+
+def curve_to_pandas(points: Sequence[CurvePoint]) -> Any:
+    """Return a data frame with a row for each point: steps, success, return, leaves; index episode.
+
+    Raises:
+        MissingExtraError: pandas is not installed.
+    """
+    return curves_to_pandas({None: points})
+
+
+def curves_to_pandas(curves: Mapping[int | None, Sequence[CurvePoint]]) -> Any:
+    """Return the curves of several runs as one data frame; index: seed, episode.
+
+    Args:
+        curves: By the run's seed; None where it does not matter, and then it is in no index.
+
+    Raises:
+        MissingExtraError: pandas is not installed.
+    """
+    points = [(seed, point) for seed, curve in curves.items() for point in curve]
+    index: dict[str, Any] = {"episode": np.array([p.episode for _, p in points], dtype=np.int64)}
+    if None not in curves:
+        index = {"seed": np.array([seed for seed, _ in points], dtype=np.int64), **index}
+    rates = [math.nan if p.success_rate is None else p.success_rate for _, p in points]
+    columns = {
+        "steps": np.array([p.steps for _, p in points], dtype=np.int64),
+        "success_rate": np.array(rates, dtype=np.float64),
+        "mean_return": np.array([p.mean_return for _, p in points], dtype=np.float64),
+        "n_leaves": np.array([p.n_leaves for _, p in points], dtype=np.int64),
+    }
+    return data_frame(columns, index=index)
 
 
 def _text(value: float | None) -> str:

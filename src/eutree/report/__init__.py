@@ -5,6 +5,7 @@ from eutree.report.demonstrations_page import (
     demonstration_figures,
     demonstrations_page,
 )
+from eutree.report.importances import FeatureImportancesDisplay
 from eutree.report.partition_chart import partition_chart
 from eutree.report.partitions import PartitionCallback, drawings
 from eutree.report.policy_page import policy_page
@@ -15,6 +16,7 @@ from eutree.report.watching import WatchedEpisode, watch
 __all__ = [
     "CHANGES_ID",
     "DemonstrationFigures",
+    "FeatureImportancesDisplay",
     "PartitionCallback",
     "RunReport",
     "Stage",

@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from eutree.errors import FormatError, InvalidArgumentError, RunFolderError
-from eutree.evaluation import Evaluation, evaluate
+from eutree.evaluation import CurvePoint, Evaluation, curve_from_csv, evaluate
+from eutree.evaluation.curves import curves_to_pandas
 from eutree.files import make_folder, read_bytes, write_text
 from eutree.interaction import episode_seed
 from eutree.interaction.making import make
@@ -64,6 +65,22 @@ class LearningRuns:
     winner: int
     result: LearningResult
     judged: Evaluation
+
+    def to_pandas(self) -> Any:
+        """Return the learning curves of all runs as one data frame; index: seed, episode.
+
+        Columns: steps, success_rate, mean_return, n_leaves.
+
+        Raises:
+            FileError: The curve of a run is not in its folder any more.
+            MissingExtraError: pandas is not installed.
+        """
+        return curves_to_pandas({run.seed: _curve_of(run.path) for run in self.runs})
+
+
+def _curve_of(folder: Path) -> tuple[CurvePoint, ...]:
+    path = folder / "curve.csv"
+    return curve_from_csv(read_bytes(path, limit=MAX_TABLE).decode(), path=str(path))
 
 
 def learn_runs(

@@ -1,9 +1,11 @@
 """What a learning run gives back."""
 
 from dataclasses import dataclass
+from typing import Any
 
 from eutree.display import Displayed
 from eutree.evaluation import CurvePoint
+from eutree.evaluation.curves import curve_to_pandas
 from eutree.evaluation.off_policy import OffPolicyComparison
 from eutree.learners import History, Method
 from eutree.learners.learner import ValuingPolicy
@@ -84,3 +86,13 @@ class LearningResult(Displayed):
         last = self.curve[-1].describe() if self.curve else counted(self.policy.n_leaves, "leaf")
         experience = f"{counted(self.episodes, 'episode')}, {counted(self.steps, 'step')}"
         return f"<LearningResult: {self.method.name} from {self.start}, {experience}; {last}>"
+
+    def to_pandas(self) -> Any:
+        """Return the learning curve as a data frame, a row for each frozen evaluation.
+
+        Its index is the episode; columns: steps, success_rate, mean_return, n_leaves.
+
+        Raises:
+            MissingExtraError: pandas is not installed.
+        """
+        return curve_to_pandas(self.curve)
