@@ -144,7 +144,7 @@ def learn(
         start,
         Evidence(demonstrations, steps, teacher is not None),
         offline=env is None,
-        plans=bool(race_steps or keep_success or history or ask or max_transitions),
+        plans=bool(race_steps or keep_success or history or max_transitions) or ask is not None,
     )
     chosen = _remembering(choice.method, max_transitions)
     if max_leaves is not None:
