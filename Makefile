@@ -9,7 +9,7 @@
 #   make pictures  the pictures in docs/images
 #   make results   renew the figures in docs/results that are older than their sources (hours)
 #   make lock      the lock files in requirements/ (maintainers; needs uv; ARGS=--upgrade)
-#   make changelog fold changelog.d/ into CHANGELOG.md (before a release)
+#   make changelog fold changelog.d/ into CHANGELOG.md (before a release; RELEASE=0.2.0 heads it)
 #   make clean     remove what the above have made
 #
 # Options: PYTHON=python3.13 (the interpreter), VENV=.venv-3.13 (where to install), UV= (use pip
@@ -123,10 +123,13 @@ lock:
 	rm $(VENV).oldest.txt
 	! grep -nE '://|^-' requirements/*.txt
 
-# Fold the fragments into the changelog; part of a release.
+# Fold the fragments into the changelog; part of a release. RELEASE=0.2.0 puts all that was not
+# released under that heading, with the day.
 changelog:
+	@ls changelog.d/*.md >/dev/null 2>&1 || { echo 'error: there is nothing in changelog.d to fold' >&2; exit 1; }
 	sed -i '/^## Unreleased/r /dev/stdin' CHANGELOG.md < <(echo; cat changelog.d/*.md)
 	rm changelog.d/*.md
+	$(if $(RELEASE),sed -i 's/^## Unreleased$$/&\n\n## $(RELEASE) ('"$$(date -u +%F)"')/' CHANGELOG.md)
 
 clean:
 	rm -rf $(VENV) .venv.lock .mypy_cache .ruff_cache .hypothesis docs/_build

@@ -5,6 +5,7 @@ for real, with pip and with uv.
 """
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -136,3 +137,20 @@ def test_a_python_without_venv_names_the_ways_round(clone: Path) -> None:
     assert result.returncode != 0
     assert "apt-get install python3-venv" in result.stderr
     assert "requirements/uv.txt" in result.stderr
+
+
+def test_fragments_are_folded_under_the_heading_of_a_release(clone: Path) -> None:
+    (clone / "CHANGELOG.md").write_text("# Changelog\n\n## Unreleased\n\n- An old one.\n")
+    folder = clone / "changelog.d"
+    folder.mkdir()
+    (folder / "b.md").write_text("- Second.\n")
+    (folder / "a.md").write_text("- First\n  of two lines.\n")
+    assert make(clone, "changelog", "RELEASE=0.2.0").returncode == 0
+    lines = [line for line in (clone / "CHANGELOG.md").read_text().splitlines() if line]
+    assert lines[:2] == ["# Changelog", "## Unreleased"]
+    assert re.fullmatch(r"## 0\.2\.0 \(\d{4}-\d\d-\d\d\)", lines[2])
+    assert lines[3:] == ["- First", "  of two lines.", "- Second.", "- An old one."]
+    assert list(folder.iterdir()) == []
+    again = make(clone, "changelog")
+    assert again.returncode != 0
+    assert "nothing in changelog.d" in again.stderr

@@ -67,3 +67,11 @@ def test_locks_agree() -> None:
 
     run, test = pins("run"), pins("test")
     assert {name: test.get(name) for name in run} == run
+
+
+def test_fragments_of_the_changelog_link_from_its_place() -> None:
+    for fragment in sorted((ROOT / "changelog.d").glob("*.md")):
+        text = fragment.read_text()
+        assert text.startswith(("- ", "* ")), fragment.name
+        for target in re.findall(r"\]\((?!https?:)([^)#]+)", text):
+            assert (ROOT / target).exists(), f"{fragment.name}: there is no {target}"

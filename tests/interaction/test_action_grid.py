@@ -282,3 +282,16 @@ def test_any_name_of_a_control_can_be_exported(tmp_path):
         export(policy, "onnx")
         ElementTree.fromstring(export(policy, "pmml").replace("\x00", ""))
     compiled_c(to_c(policy), tmp_path)
+
+
+def test_minari_keeps_the_actions_and_says_what_it_cannot_keep(tmp_path, monkeypatch):
+    pytest.importorskip("minari")
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+    env = make(EnvironmentSpec("Pendulum-v1", {"action_grid": TORQUE, "max_episode_steps": 5}))
+    demos = eutree.record(env, eutree.experts.swing_upright, episodes=2)
+    with pytest.warns(UserWarning, match="stores no env_spec.*grid"):
+        demos.to_minari("tests/grid-v0")
+    again = eutree.Demonstrations.from_minari("tests/grid-v0")
+    assert again.schema.controls == demos.schema.controls
+    assert again.environment == demos.environment
+    assert np.array_equal(again.actions, demos.actions)

@@ -131,6 +131,8 @@ def _env_spec(environment: EnvironmentSpec, name: str) -> dict[str, str]:
     try:
         if spec is None:
             raise ValueError(f"{environment.id} is not registered; import the module that does so")
+        if "action_grid" in environment.arguments:
+            raise ValueError("Minari cannot store a wrapper, and its actions are laid on a grid")
         arguments = dict(environment.arguments)
         for field in ("max_episode_steps", "disable_env_checker"):  # gymnasium.make's own
             setattr(spec, field, arguments.pop(field, getattr(spec, field)))
