@@ -114,3 +114,17 @@ def test_recorded_observations_are_counted_where_they_differ(seed):
     assert visits == sorted(visits, reverse=True)
     assert {box.words for box in found.boxes} == {box.words for box in diff(one, two).boxes}
     assert all(box.visited is None for box in diff(one, two).boxes)
+
+
+def test_observations_say_how_wide_an_unbounded_feature_is():
+    """Thresholds 0.0 and 0.1, observations from -1 to 1: the box is 2.4 wide, not 0.12."""
+    schema = Schema((Feature("x"),), ("left", "right"))
+    one, two = (
+        TreePolicy(DecisionTree.single_leaf(1).split(0, 0, cut), np.array([0, 1]), schema)
+        for cut in (0.0, 0.1)
+    )
+    assert diff(one, two).share == pytest.approx(0.1 / 0.12)
+    rows = [[-1.0], [0.05], [1.0], [0.5]]
+    found = diff(one, two, observations=rows)
+    assert found.share == pytest.approx(0.1 / 2.4)
+    assert found.visited == 0.25

@@ -80,7 +80,7 @@ def diff(
     """Return what changed between two policies of the same features and actions.
 
     The box is that of the schema's bounds; where they are infinite it reaches a tenth beyond the
-    outermost thresholds of both trees.
+    outermost thresholds of both trees and of what was observed, if that is given.
 
     Args:
         first: The policy before.
@@ -94,7 +94,10 @@ def diff(
     mine = first.schema
     mine.check_same(second.schema, "the second policy", of="the first")
     low, high, actions = _pieces(first, second)
-    box_low, box_high = finite_box(mine, _cuts(first, second))
+    seen = None
+    if observations is not None:
+        seen = check_observations("observations", observations, n_features=mine.n_features)
+    box_low, box_high = finite_box(mine, _cuts(first, second, seen))
     inside = domain(mine)
     low, high, actions = _joined(
         np.maximum(low, inside.low), np.minimum(high, inside.high), actions
@@ -102,9 +105,8 @@ def diff(
     shares = volumes(low, high, box_low, box_high)
     visited: list[float] | None = None
     order = np.argsort(-shares, kind="stable")
-    if observations is not None:
-        rows = check_observations("observations", observations, n_features=mine.n_features)
-        visits = _visits(low, high, inside, rows)
+    if seen is not None:
+        visits = _visits(low, high, inside, seen)
         order = np.lexsort((-shares, -visits))
         visited = visits.tolist()
     boxes = []
@@ -192,11 +194,14 @@ def _runs(spans: list[tuple[float, float]]) -> list[tuple[float, float]]:
     return joined
 
 
-def _cuts(first: TreePolicy, second: TreePolicy) -> list[Floats]:
-    """Return the thresholds of both trees on each feature."""
+def _cuts(first: TreePolicy, second: TreePolicy, seen: Floats | None) -> list[Floats]:
+    """Return the thresholds of both trees on each feature, and what was observed of it."""
     trees = (first.tree, second.tree)
+    rows = np.empty((0, first.tree.n_features)) if seen is None else seen
     return [
-        np.concatenate([tree.threshold[tree.feature == number] for tree in trees])
+        np.concatenate(
+            [tree.threshold[tree.feature == number] for tree in trees] + [rows[:, number]]
+        )
         for number in range(first.tree.n_features)
     ]
 
