@@ -52,7 +52,7 @@ def test_the_demo_makes_all_its_files_and_a_self_contained_report(tmp_path, envi
         assert name in page
     small = TreePolicy.load(tmp_path / "out" / "small.json")
     assert small.n_leaves == result.compression.n_leaves_after
-    assert any("made a tree of" in text for text in said)
+    assert any("the tree that was shown has" in text for text in said)
     assert finished == [0, 1]
     header, rows = table_rows(result)
     assert header[:3] == ["Policy", "Leaves", "Return"]
@@ -121,6 +121,9 @@ def test_a_demo_replaces_an_earlier_demo_and_nothing_else(tmp_path, capsys, monk
         assert [entry["seed"] for entry in answer["runs"]] == [0, 1]
         assert sum(entry["winner"] for entry in answer["runs"]) == 1
         assert answer["verdict"].startswith("The tree that was shown")
+    assert run([*line, "--env-arg", "gravity=1"]) == 2
+    capsys.readouterr()
+    assert (tmp_path / "demo-report" / "report.html").exists()
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.txt").write_text("years of work")
     assert run([*line, "--out", "mine"]) == 2

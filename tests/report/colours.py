@@ -46,7 +46,9 @@ _UNDEFINED = """() => {
 
 def palette(scheme: str) -> set[str]:
     """Return every colour that a page may have in a theme, as browsers write it."""
-    light, _, dark = asset("colours.css").partition("@media (prefers-color-scheme: dark)")
+    light, _, dark = asset("colours.css").partition(
+        "@media screen and (prefers-color-scheme: dark)"
+    )
     drawn, _, drawn_dark = STYLE.partition("@media (prefers-color-scheme: dark)")
     colours = dict(re.findall(r"(--[\w-]+): (#[0-9a-f]{6});", light))
     drawing = dict(re.findall(r"(\.eutree-[^{]*?)\s*\{[^}]*?(#[0-9a-f]{6})", drawn))

@@ -1,5 +1,6 @@
 """``eutree demo``: the whole main job in about a minute."""
 
+import os
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -43,9 +44,11 @@ def demo(
 ) -> None:
     """Show, fit, learn, judge, compress and export in ENVIRONMENT; write an HTML report.
 
+    ENVIRONMENT is one that has a scripted demonstrator; your own is shown with eutree record.
     In Evasion the opponents run faster once the demonstrations are over, and learning has to mend
     the tree; elsewhere the demonstrator is a mediocre script.
     """
+    os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # pictures are drawn without a display
     from eutree.experiments.demo import run_demo, settings_for, table_rows
     from eutree.training.many import FinishedRun
 

@@ -1,5 +1,6 @@
 """``eutree show``: a policy's tree in the terminal, or as a page to watch it decide."""
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -102,6 +103,7 @@ def _page(
     spec = policy.environment and override(policy.environment, env_arguments)
     watched: list[WatchedEpisode] = []
     if episodes:
+        os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # pictures are drawn without a display
         watched, problem = watch_if_possible(policy, spec, episodes=episodes, seed=seed)
         if problem:
             output.say(problem)

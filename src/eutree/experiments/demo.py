@@ -84,12 +84,16 @@ def run_demo(settings: DemoSettings, out: Path, *, say: Say, follow: Follow) -> 
         say: Takes a sentence before each step.
         follow: Takes the number of finished runs and the last of them.
     """
-    name, folder = _expert_name(settings), _fresh_folder(out)
+    name = _expert_name(settings)
+    for spec in (settings.environment, settings.changed):
+        make(spec).close()  # a mistake must not cost an earlier report
+    folder = _fresh_folder(out)
     demonstrations = _demonstrate(settings, name, folder, say)
+    say("C4.5 makes a tree of them (the first time, compiling takes half a minute)")
     with _warming_up(settings, demonstrations):
         expert = fit_expert_tree(demonstrations)
         expert.save(folder / "expert.json")
-        say(f"C4.5 made a tree of {counted(expert.n_leaves, 'leaf')} of them")
+        say(f"the tree that was shown has {counted(expert.n_leaves, 'leaf')}")
     runs = _learn(settings, demonstrations, expert, folder, say, follow)
     learned = runs.result
     small, compression = compress(
