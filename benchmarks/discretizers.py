@@ -53,8 +53,14 @@ MEMORY: dict[str, tuple[dict[str, Any], int, float, float]] = {
     "Maze1D": ({"history": 2, "past_actions": 3, "discount": 0.95}, 100, 0.5, 0.50),
     "CheeseMaze": ({"history": 1, "past_actions": 1, "discount": 0.95}, 150, 6.7 / 5.3, 1.28),
     "Tiger": (
-        {"history": 4, "past_actions": 0, "discount": 0.95, "exploration": 0.3},
-        400,
+        {
+            "history": 4,
+            "past_actions": 0,
+            "discount": 0.9,
+            "exploration": 0.3,
+            "retest_growth": 1.2,
+        },
+        1000,
         1.084,
         1.12,
     ),
