@@ -113,7 +113,10 @@ def page(episodes: int, repeats: list[dict[str, Spent]], load: tuple[float, floa
         f"Dask took {best['dask'] / best['joblib']:.2f} of joblib's time. `--runs` includes 200 "
         "episodes that choose among the runs and 1,000 that judge the winner, which single runs do "
         "not play; asked for are at most 0.6 of eight single runs, and at most 1.15 of joblib's "
-        "time.",
+        "time. Where other programs keep the cores busy, two processes get a larger share of them "
+        "than one, which lowers the ratios of wall times. CPU seconds do not change by that; they "
+        "are of a command and of the processes that it waited for. Runs this short spend much of "
+        "their time on starting Python, which eight single runs do eight times.",
         "",
     ])  # fmt: skip
 
