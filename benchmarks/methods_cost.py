@@ -1,12 +1,12 @@
 """What a step of learning costs with each method, beside the Continuous U-Tree in the same process.
 
-Run: python benchmarks/methods_cost.py [--steps 2000] [--methods NAME ...] [--out docs/results]
+Run: python benchmarks/methods_cost.py [--methods NAME ...] [--out docs/results]
 
-Each method learns from the expert tree and the demonstrations, with its default choices, until
-so many environment steps are taken; every method from the same demonstrations. Counted is the CPU
+Each method learns from the expert tree and the demonstrations, with its default choices, for 60
+episodes or, where they are long, 20; every method from the same demonstrations. Counted is the CPU
 time that the learner itself takes, the environment's not: *acting* is choosing actions and taking
 what came of them, *updating* what happens between episodes, per environment step of all; *deciding*
-is one observation by its own policy. A tenth of the steps goes before, to compile.
+is one observation by its own policy. Two episodes and an update go before, to compile.
 """
 
 import argparse
@@ -28,7 +28,7 @@ from eutree.learners.learner import HasPolicy, Learner
 from eutree.training.beginning import generator_of
 
 PEER = "u-tree"
-TASKS = {"2-Evasion": "eutree/Evasion2-v0", "MountainCar": "MountainCar-v0"}
+TASKS = {"2-Evasion": ("eutree/Evasion2-v0", 60), "MountainCar": ("MountainCar-v0", 20)}
 LEFT_OUT = "distilled-dqn"  # it trains a network before its first step
 DECISIONS = 200
 
@@ -48,8 +48,8 @@ class Cost:
         return self.acting + self.updating
 
 
-def cost(name: str, env: GuardedEnv, demonstrations: Demonstrations, steps: int) -> Cost:
-    """Return what a method costs, over so many steps of learning."""
+def cost(name: str, env: GuardedEnv, demonstrations: Demonstrations, episodes: int) -> Cost:
+    """Return what a method costs, over so many episodes of learning and the updates between."""
     problem = Problem(env.schema, env.spec)
     start = start_of(
         "tree+demos",
@@ -60,11 +60,11 @@ def cost(name: str, env: GuardedEnv, demonstrations: Demonstrations, steps: int)
     method = METHODS[name]()
     learner = method.start(problem, start)
     acting = updating = 0.0
-    taken = episode = 0
-    while taken < steps:
+    taken = 0
+    for episode in range(episodes):
         spent, length = _episode(learner, env, episode)
-        acting, taken, episode = acting + spent, taken + length, episode + 1
-        if episode % method.gathering_episodes == 0:
+        acting, taken = acting + spent, taken + length
+        if (episode + 1) % method.gathering_episodes == 0 or episode + 1 == episodes:
             begin = time.thread_time()
             learner.update(generator_of(0, Stream.EXPANSION, episode))
             updating += time.thread_time() - begin
@@ -115,15 +115,16 @@ def _deciding(policy: Any, observations: Any) -> float:
     return 1e6 * (time.thread_time() - begin) / DECISIONS
 
 
-def table(task: str, steps: int, methods: list[str]) -> list[str]:
+def table(task: str, methods: list[str]) -> list[str]:
     """Return the rows of one task."""
-    env = GuardedEnv(gymnasium.make(TASKS[task]))
-    expert = next(iter(experts_for(TASKS[task]).values()))
-    demonstrations = eutree.record(gymnasium.make(TASKS[task]), expert, episodes=15, seed=0)
+    name_of_env, episodes = TASKS[task]
+    env = GuardedEnv(gymnasium.make(name_of_env))
+    expert = next(iter(experts_for(name_of_env).values()))
+    demonstrations = eutree.record(gymnasium.make(name_of_env), expert, episodes=15, seed=0)
     found = {}
     for name in [PEER, *(m for m in methods if m != PEER)]:
-        cost(name, env, demonstrations, max(steps // 10, 1))
-        found[name] = cost(name, env, demonstrations, steps)
+        cost(name, env, demonstrations, 2)
+        found[name] = cost(name, env, demonstrations, episodes)
     peer = found[PEER]
     return [
         f"| {task} | `{name}` | {c.acting:,.0f} | {c.updating:,.0f} | {c.total / peer.total:.2g} "
@@ -134,16 +135,15 @@ def table(task: str, steps: int, methods: list[str]) -> list[str]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--steps", type=int, default=2000)
     known = [name for name in METHODS if name != LEFT_OUT]
     parser.add_argument("--methods", nargs="+", choices=known, default=known)
     parser.add_argument("--out", type=Path)
     options = parser.parse_args()
-    rows = [row for task in TASKS for row in table(task, options.steps, options.methods)]
+    rows = [row for task in TASKS for row in table(task, options.methods)]
     text = f"""# What a step costs with each method
 
-Made by `python benchmarks/methods_cost.py --out docs/results`: {options.steps:,} environment steps of learning from the expert tree and 15
-demonstrations, default choices, one process. CPU microseconds of the learner itself, the environment's step not counted: *acting* is
+Made by `python benchmarks/methods_cost.py --out docs/results`: 60 episodes of 2-Evasion and 20 of MountainCar from the expert tree and 15
+demonstrations, default choices, an update every 20 episodes, one process. CPU microseconds of the learner itself, the environment's step not counted: *acting* is
 choosing actions and taking what came of them, *updating* what happens between episodes, both per environment step; *deciding* is
 one observation by the method's own policy. Ratios are to `{PEER}`, the paper's method, in the same process; a busy machine changes
 the microseconds more than the ratios.

@@ -160,6 +160,7 @@ NOTHING, TREE, TREE_AND_DEMOS = Arm("nothing"), Arm("tree"), Arm("tree+demos")
 DEMOS, RANDOM_TREE = Arm("demos"), Arm("random-tree")
 POOR_TREE_AND_DEMOS = Arm("tree+demos", POOR)
 ARMS = (NOTHING, TREE, TREE_AND_DEMOS, DEMOS, RANDOM_TREE, POOR_TREE_AND_DEMOS)
+MAIN_ARMS = (Arm(FROZEN), NOTHING, TREE_AND_DEMOS)
 FROZEN_ARMS = (Arm(FROZEN), Arm(FROZEN, POOR))
 SMOKE_RUNS = 2
 
@@ -238,7 +239,11 @@ def specs(
     first_seed: int = 0,
     smoke: bool = False,
 ) -> list[FrameworkSpec]:
-    """Return all runs, seed by seed: an interruption leaves a smaller experiment that is whole.
+    """Return all runs: of every seed those of the main question first, then the other arms.
+
+    The main question is what teaching is worth: the frozen tree, and every method from nothing and
+    from the tree and the demonstrations. Both parts go seed by seed, so an interruption leaves a
+    smaller experiment that is whole.
 
     Args:
         runs: Seeds.
@@ -256,9 +261,11 @@ def specs(
     cells += [(method, arm) for method in methods for arm in ARMS]
     return [
         FrameworkSpec(task=name, settings=task, method=method, arm=arm, seed=first_seed + run)
+        for is_main in (True, False)
         for run in range(runs)
         for name, task in tasks.items()
         for method, arm in cells
+        if (arm in MAIN_ARMS) == is_main
     ]
 
 

@@ -65,13 +65,11 @@ class Reproduction:
     """What came of the experiment.
 
     Attributes:
-        verdicts: What the runs say of each expectation; none before a seed has all of its runs.
-        seeds: Seeds that have all of their runs.
+        verdicts: What the runs say of each expectation.
         folder: Where everything was written.
     """
 
     verdicts: tuple[Verdict, ...]
-    seeds: tuple[int, ...]
     folder: Path
 
 
@@ -147,29 +145,24 @@ def reproduce_framework(
 
 
 def report(specs: Sequence[FrameworkSpec], results: FrameworkResults) -> Reproduction:
-    """Write verdicts, tables and figures of the runs that are done, seed by seed.
+    """Write verdicts, tables and figures of the runs that are done.
 
     Raises:
-        InvalidArgumentError: No seed has all of its runs.
+        InvalidArgumentError: There are none.
     """
-    whole = _whole_seeds(specs, results)
-    if not whole:
-        raise InvalidArgumentError("specs must hold a seed all of whose runs are done, got none")
-    records = results.load([spec for spec in specs if spec.seed in whole])
+    records = results.load(specs)
+    if not records:
+        raise InvalidArgumentError("specs must hold a run that is done, got none")
     runs, found = Runs(records), tuple(verdicts(records))
-    write_text(results.folder / "verdicts.json", _to_json(found, runs))
+    text = json.dumps({"verdicts": verdicts_to_facts(found)}, indent=1)
+    write_text(results.folder / "verdicts.json", text + "\n")
     text = "\n\n".join(
         [verdicts_to_markdown(runs, found), tables_to_markdown(runs, results.seconds())]
     )
     write_text(results.folder / "framework.md", text + "\n")
     for task in runs.tasks:
         write_bytes(results.folder / f"framework-{task}.svg", draw(runs, task))
-    return Reproduction(found, tuple(runs.seeds), results.folder)
-
-
-def _whole_seeds(specs: Sequence[FrameworkSpec], results: FrameworkResults) -> list[int]:
-    missing = {spec.seed for spec in specs if not results.has(spec)}
-    return sorted({spec.seed for spec in specs} - missing)
+    return Reproduction(found, results.folder)
 
 
 def expectations_to_markdown() -> str:
@@ -181,35 +174,36 @@ def expectations_to_markdown() -> str:
 
 def verdicts_to_markdown(runs: Runs, found: Sequence[Verdict]) -> str:
     """Return the verdict on each method's learning time, and on all else that was expected."""
-    n = len(runs.seeds)
     titles = [TASKS[task].title for task in runs.tasks]
     lines = [
-        f"## Does teaching halve the learning time?\n\nSeeds {runs.seeds[0]} to {runs.seeds[-1]}, "
-        f"{n} in all; ratio of learning times, `tree+demos` over `nothing`, with its 95 % "
-        "interval. In brackets behind it: runs that learned with teaching, and from nothing.\n",
-        f"| method | all tasks | {' | '.join(titles)} | demonstrations counted | verdict | "
+        "## Does teaching halve the learning time?\n\nRatio of learning times, `tree+demos` over "
+        "`nothing`, with its 95 % interval. In brackets behind it: runs that learned with "
+        "teaching, and from nothing.\n",
+        f"| method | seeds | all tasks | {' | '.join(titles)} | demonstrations counted | verdict | "
         "expected | as expected |",
-        "|---|---|" + "---|" * len(titles) + "---|---|---|---|",
+        "|---|---|---|" + "---|" * len(titles) + "---|---|---|---|",
     ]
     for method, verdict in by_method(found).items():
         cells = [_of_task(runs, task, method) for task in runs.tasks]
         lines.append(
-            f"| `{method}` | {verdict.number} | {' | '.join(cells)} | "
+            f"| `{method}` | {verdict.n_seeds} | {verdict.number} | {' | '.join(cells)} | "
             f"{_counted(runs, verdict)} | **{verdict.holds}** | "
             f"{verdict.expectation.expected} | {verdict.as_expected} |"
         )
     lines += [
         "\n## What else was expected\n\nDifference of mean scores along the curve, over the tasks "
         "that both arms were run on.\n",
-        "| method | sentence | difference [95 %] | tasks | verdict | expected | as expected |",
-        "|---|---|---|---|---|---|---|",
+        "| method | sentence | seeds | difference [95 %] | tasks | verdict | expected "
+        "| as expected |",
+        "|---|---|---|---|---|---|---|---|",
     ]
     for v in found:
         if v.expectation.second is not None:
             tasks = ", ".join(TASKS[task].title for task in v.tasks)
             lines.append(
-                f"| `{v.expectation.method}` | {v.expectation.sentence} | {v.number} | "
-                f"{tasks} | **{v.holds}** | {v.expectation.expected} | {v.as_expected} |"
+                f"| `{v.expectation.method}` | {v.expectation.sentence} | {v.n_seeds} | "
+                f"{v.number} | {tasks} | **{v.holds}** | {v.expectation.expected} | "
+                f"{v.as_expected} |"
             )
     return "\n".join(lines)
 
@@ -219,7 +213,10 @@ def _of_task(runs: Runs, task: str, method: str) -> str:
     for arm in (NOTHING, TREE_AND_DEMOS):
         if runs.refusal(task, method, arm):
             return "refused"
-    taught, alone = (runs.times(task, method, arm) for arm in (TREE_AND_DEMOS, NOTHING))
+    seeds = runs.seeds([task], method, TREE_AND_DEMOS, NOTHING)
+    if not seeds:
+        return "not run"
+    taught, alone = (runs.times(task, method, arm, seeds) for arm in (TREE_AND_DEMOS, NOTHING))
     ratio = ratio_of_times([taught], [alone], fair=False)
     learned = f"({taught.reached.sum()}, {alone.reached.sum()})"
     return f"{number_text(ratio)} {learned}: {halved(ratio, [alone])}"
@@ -230,9 +227,10 @@ def _counted(runs: Runs, verdict: Verdict) -> str:
     if not verdict.tasks:
         return ""
     method = verdict.expectation.method
+    seeds = runs.seeds(verdict.tasks, method, TREE_AND_DEMOS, NOTHING)
 
     def times(arm: Arm) -> list[Times]:
-        return [runs.times(task, method, arm) for task in verdict.tasks]
+        return [runs.times(task, method, arm, seeds) for task in verdict.tasks]
 
     return number_text(ratio_of_times(times(TREE_AND_DEMOS), times(NOTHING), fair=True))
 
@@ -245,9 +243,9 @@ def tables_to_markdown(runs: Runs, seconds: Mapping[str, float]) -> str:
 def _table(runs: Runs, task: str, seconds: Mapping[str, float]) -> str:
     title = TASKS[task].title
     head = (
-        "method", "start", "score", "against nothing [95 %]", "learned", "episodes", "lowest",
-        "leaves", "tree's return", "own return", "fidelity", "steps shown", "steps", "model steps",
-        "seconds",
+        "method", "start", "seeds", "score", "against nothing [95 %]", "learned", "episodes",
+        "lowest", "leaves", "tree's return", "own return", "fidelity", "steps shown", "steps",
+        "model steps", "seconds",
     )  # fmt: skip
     lines = [
         f"## {title}\n\n![Learning curves on {title}](figures/framework-{task}.svg)\n",
@@ -265,22 +263,27 @@ def _row(runs: Runs, task: str, method: str, arm: Arm, seconds: Mapping[str, flo
     name = f"`{method}`" if method else "expert tree"
     reason = runs.refusal(task, method, arm)
     if reason:
-        return f"| {name} | {arm.name} | refused: {reason} |" + " |" * 12
-    records = runs.cell(task, method, arm)
-    scores = runs.scores(task, method, arm)
+        return f"| {name} | {arm.name} | refused: {reason} |" + " |" * 13
+    seeds = runs.seeds([task], method, arm)
+    if not seeds:
+        return f"| {name} | {arm.name} | not run |" + " |" * 13
+    records = runs.cell(task, method, arm, seeds)
+    scores = runs.scores(task, method, arm, seeds)
     against = learned = episodes = ""
     if method:
-        times = runs.times(task, method, arm)
+        times = runs.times(task, method, arm, seeds)
         learned, episodes = (
             f"{times.reached.sum()} of {len(records)}",
             f"{times.episodes.mean():.0f}",
         )
-        if arm != NOTHING and not runs.refusal(task, method, NOTHING):
-            against = number_text(lead(runs, [task], method, arm, NOTHING), signed=True)
+        both = runs.seeds([task], method, arm, NOTHING)
+        if arm != NOTHING and both and not runs.refusal(task, method, NOTHING):
+            against = number_text(lead(runs, [task], method, arm, NOTHING, both), signed=True)
     spent = [seconds[r.spec.name] for r in records if r.spec.name in seconds]
     cells = (
         name,
         arm.name,
+        str(len(seeds)),
         f"{scores.mean():.2f}",
         against,
         learned,
@@ -324,7 +327,7 @@ def draw(runs: Runs, task: str) -> bytes:
         n_rows = -(-len(runs.methods) // 4)
         figure: Figure = Figure(figsize=(13, 2.9 * n_rows + 0.7), layout="constrained")
         FigureCanvasAgg(figure)
-        figure.suptitle(f"{TASKS[task].title}: mean of {len(runs.seeds)} seeds", fontsize=11)
+        figure.suptitle(f"{TASKS[task].title}: means over seeds", fontsize=11)
         grid: Any = figure.subplots(n_rows, 4, sharex=True, sharey=True, squeeze=False)
         for axes, method in zip(grid.flat, runs.methods, strict=False):
             _panel(axes, runs, task, method)
@@ -352,10 +355,11 @@ def _panel(axes: "Axes", runs: Runs, task: str, method: str) -> None:
     axes.axhline(1.0, color="#333333", linewidth=0.8, linestyle=":", label="expert tree, frozen")
     refusals = {runs.refusal(task, method, arm) for arm in ARMS} - {""}
     for arm in ARMS:
-        if runs.refusal(task, method, arm):
+        seeds = runs.seeds([task], method, arm)
+        if not seeds or runs.refusal(task, method, arm):
             continue
-        curves = runs.scores(task, method, arm)
-        episodes = [point.episode for point in runs.cell(task, method, arm)[0].curve]
+        curves = runs.scores(task, method, arm, seeds)
+        episodes = [point.episode for point in runs.cell(task, method, arm, seeds)[0].curve]
         style: Any = {"color": COLOURS[arm.start], "linewidth": 1.5}
         if arm.demonstrator == POOR:
             style |= {"linestyle": "--", "linewidth": 1.0, "alpha": 0.8}
@@ -376,11 +380,6 @@ def _shown(curves: Floats) -> Floats:
     return mean
 
 
-def _to_json(found: Sequence[Verdict], runs: Runs) -> str:
-    """Return the verdicts as JSON text."""
-    return json.dumps({"seeds": runs.seeds, "verdicts": verdicts_to_facts(found)}, indent=1) + "\n"
-
-
 def verdicts_to_facts(found: Sequence[Verdict]) -> list[dict[str, Any]]:
     """Return the verdicts in JSON's types."""
     return [
@@ -391,6 +390,7 @@ def verdicts_to_facts(found: Sequence[Verdict]) -> list[dict[str, Any]]:
             "holds": v.holds,
             "as_expected": v.as_expected,
             "tasks": list(v.tasks),
+            "seeds": v.n_seeds,
             "value": None if v.estimate is None else v.estimate.value,
             "interval": None if v.estimate is None else list(v.estimate.interval),
         }

@@ -34,7 +34,9 @@ from eutree.experiments.framework import (
 SHARE = 0.95  # of the way from chance to the expert tree, that counts as learned
 HALF = 0.5  # of the learning time from nothing, that the paper's teaching stays below
 SIMILAR = 0.05  # a difference of mean scores below this is none
+FEWEST = 5  # seeds that a verdict needs
 REFUSED = "refused"
+GOOD_TREE = Arm(FROZEN, GOOD)
 
 
 @dataclass(frozen=True)
@@ -115,6 +117,11 @@ class Verdict:
         return "" if self.estimate is None else number_text(self.estimate)
 
     @property
+    def n_seeds(self) -> int:
+        """Seeds that it is made of."""
+        return 0 if self.estimate is None else self.estimate.n
+
+    @property
     def as_expected(self) -> str:
         """Whether it came as expected, in a word."""
         if self.holds in (OPEN, REFUSED):
@@ -147,43 +154,50 @@ class Times:
 class Runs:
     """All records, found by task, method, arm and seed.
 
+    A comparison is made over the seeds that have all of its runs, so not every arm needs to have
+    been run on every seed.
+
     Args:
-        records: What came of the runs; seeds that lack a run are left out altogether.
+        records: What came of the runs.
     """
 
     def __init__(self, records: Iterable[FrameworkRecord]) -> None:
         self._found = {(r.spec.task, r.spec.method, r.spec.arm, r.spec.seed): r for r in records}
-        cells = {key[:3] for key in self._found}
-        seeds = sorted({key[3] for key in self._found})
-        self.seeds = [s for s in seeds if all((*cell, s) in self._found for cell in cells)]
-        if not self.seeds:
-            raise ValueError("no seed has all of its runs")
         self.methods = tuple(dict.fromkeys(m for _, m, _, _ in self._found if m))
         self.tasks = tuple(name for name in TASKS if any(key[0] == name for key in self._found))
+        self._seeds = sorted({key[3] for key in self._found})
 
-    def cell(self, task: str, method: str, arm: Arm) -> list[FrameworkRecord]:
+    def seeds(self, tasks: Sequence[str], method: str, *arms: Arm) -> list[int]:
+        """Return the seeds that have runs of all arms on all tasks, and of the expert tree."""
+        cells = [(task, method, arm) for task in tasks for arm in arms]
+        cells += [(task, "", GOOD_TREE) for task in tasks]
+        return [s for s in self._seeds if all((*cell, s) in self._found for cell in cells)]
+
+    def cell(self, task: str, method: str, arm: Arm, seeds: Sequence[int]) -> list[FrameworkRecord]:
         """Return the records of one cell in the order of the seeds."""
-        return [self._found[task, method, arm, seed] for seed in self.seeds]
+        return [self._found[task, method, arm, seed] for seed in seeds]
 
     def refusal(self, task: str, method: str, arm: Arm) -> str:
         """Return why a method does not take the arm on the task, or ""."""
-        return self.cell(task, method, arm)[0].refused
+        found = (self._found.get((task, method, arm, seed)) for seed in self._seeds)
+        return next((record.refused for record in found if record is not None), "")
 
-    def scores(self, task: str, method: str, arm: Arm) -> Floats:
+    def scores(self, task: str, method: str, arm: Arm, seeds: Sequence[int]) -> Floats:
         """Return the scores along the curves: 0 is chance, 1 the good expert tree; [N, points]."""
         chance = TASKS[task].chance
-        expert = [r.curve[0].mean_return for r in self.cell(task, "", Arm(FROZEN, GOOD))]
-        curves = np.array([[p.mean_return for p in r.curve] for r in self.cell(task, method, arm)])
+        expert = [r.curve[0].mean_return for r in self.cell(task, "", GOOD_TREE, seeds)]
+        records = self.cell(task, method, arm, seeds)
+        curves = np.array([[p.mean_return for p in r.curve] for r in records])
         scale = np.array(expert)[:, np.newaxis] - chance
         found: Floats = (curves - chance) / scale
         return found
 
-    def times(self, task: str, method: str, arm: Arm) -> Times:
+    def times(self, task: str, method: str, arm: Arm, seeds: Sequence[int]) -> Times:
         """Return the learning times of an arm."""
-        records = self.cell(task, method, arm)
+        records = self.cell(task, method, arm, seeds)
         episodes = np.array([point.episode for point in records[0].curve])
         shown = records[0].spec.settings.demonstrations if records[0].demonstrated_steps else 0
-        found, reached = for_good(self.scores(task, method, arm), episodes, SHARE)
+        found, reached = for_good(self.scores(task, method, arm, seeds), episodes, SHARE)
         return Times(found, reached, int(episodes[-1]), shown)
 
 
@@ -231,12 +245,15 @@ def halved(estimate: Estimate, alone: Sequence[Times]) -> str:
     """Return whether teaching halves the learning time.
 
     It does if the whole interval is below a half. It does not if none of it is, and at least half
-    of the runs from nothing learned: else their time is longer than could be seen.
+    of the runs from nothing learned: else their time is longer than could be seen. Of fewer than
+    five seeds nothing can be told: drawing so few again and again shows too little spread.
     """
     low, high = estimate.interval
+    if estimate.n < FEWEST:
+        return OPEN
     if high < HALF:
         return HOLDS
-    learned = np.mean([t.reached.mean() for t in alone])
+    learned = float(np.mean([t.reached.mean() for t in alone]))
     return FAILS if low >= HALF and learned >= HALF else OPEN
 
 
@@ -251,15 +268,25 @@ def verdict(runs: Runs, expectation: Expectation) -> Verdict:
     )
     if not tasks:
         return Verdict(expectation, REFUSED, None, ())
+    seeds = runs.seeds(tasks, method, first, second)
+    if not seeds:
+        return Verdict(expectation, OPEN, None, ())
     if expectation.second is None:
-        taught = [runs.times(task, method, first) for task in tasks]
-        alone = [runs.times(task, method, NOTHING) for task in tasks]
+        taught = [runs.times(task, method, first, seeds) for task in tasks]
+        alone = [runs.times(task, method, NOTHING, seeds) for task in tasks]
         estimate = ratio_of_times(taught, alone, fair=False)
         return Verdict(expectation, halved(estimate, alone), estimate, tasks)
-    estimate = lead(runs, tasks, method, first, second)
+    estimate = lead(runs, tasks, method, first, second, seeds)
+    return Verdict(expectation, _holds(expectation, estimate), estimate, tasks)
+
+
+def _holds(expectation: Expectation, estimate: Estimate) -> str:
+    """Return whether one arm is above another, or as good."""
+    if estimate.n < FEWEST:
+        return OPEN
     low, high = (-SIMILAR, SIMILAR) if expectation.similar else (0.0, np.inf)
     claim = judged(
-        f"framework/{method}",
+        f"framework/{expectation.method}",
         expectation.sentence,
         paper="",
         estimate=estimate,
@@ -267,15 +294,23 @@ def verdict(runs: Runs, expectation: Expectation) -> Verdict:
         high=high,
         rule="",
     )
-    return Verdict(expectation, claim.holds, estimate, tasks)
+    return claim.holds
 
 
-def lead(runs: Runs, tasks: Sequence[str], method: str, first: Arm, second: Arm) -> Estimate:
+def lead(
+    runs: Runs,
+    tasks: Sequence[str],
+    method: str,
+    first: Arm,
+    second: Arm,
+    seeds: Sequence[int],
+) -> Estimate:
     """Return the difference of two arms' mean scores along the curve, over tasks, by seed."""
-    differences = [
-        (runs.scores(task, method, first) - runs.scores(task, method, second)).mean(axis=1)
-        for task in tasks
-    ]
+
+    def scores(task: str, arm: Arm) -> Floats:
+        return runs.scores(task, method, arm, seeds)
+
+    differences = [(scores(task, first) - scores(task, second)).mean(axis=1) for task in tasks]
     return bootstrap(np.mean(differences, axis=0))
 
 
