@@ -152,8 +152,7 @@ the microseconds more than the ratios.
 |---|---|---|---|---|---|---|---|
 {chr(10).join(rows)}
 
-* `planning` and `vrd` do their work in a world model, so it does not grow with the steps of the environment alone but with the length of
-  episodes and the number of updates.
+* `planning` and `vrd` plan in a world model at every update, whatever the number of steps since the last one.
 * `vrd`, `parti-game` and `vqql` decide by something that is no tree; the tree that C4.5 makes of them, which is what is exported,
   decides as fast as that of `{PEER}`.
 * `{LEFT_OUT}` is left out: it trains a network before its first step ([its page](../distillation.md)).
