@@ -17,6 +17,14 @@ def bounce(place: float, direction: float, distance: float, half: float) -> tupl
         place, direction = math.copysign(half, direction), -direction
 
 
+def halt(place: float, direction: float, distance: float, half: float) -> tuple[float, float]:
+    """Walk ``distance``, or as far as the end, and turn round there."""
+    there = place + direction * distance
+    if -half <= there < half:
+        return there, direction
+    return (half if there >= half else -half), -direction
+
+
 class NaiveEvasion:
     """Default rewards; everything else from the parameters."""
 
@@ -30,6 +38,13 @@ class NaiveEvasion:
         self.position, self.step_number = 0.0, 0
         self.places = [(2 * u - 1) * p.path_length / 2 for u in uniforms[: p.n_opponents]]
         self.directions = [-1.0 if u < 0.5 else 1.0 for u in uniforms[p.n_opponents :]]
+        if p.start == "either end":
+            self.places = [-d * p.path_length / 2 for d in self.directions]
+        if p.start == "same end":
+            self.places, self.directions = (
+                [p.path_length / 2] * p.n_opponents,
+                [-1.0] * p.n_opponents,
+            )
         return [self.position, *self.places]
 
     def step(self, action: int) -> tuple[list[float], float, str | None]:
@@ -42,7 +57,8 @@ class NaiveEvasion:
             )
         for i, factor in enumerate(theirs):
             distance = p.opponent_speed * p.time_step * factor
-            self.places[i], self.directions[i] = bounce(
+            walk = bounce if p.bounce == "reflect" else halt
+            self.places[i], self.directions[i] = walk(
                 self.places[i], self.directions[i], distance, p.path_length / 2
             )
         ending = self.ending()

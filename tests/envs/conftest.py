@@ -14,5 +14,7 @@ evasion_arguments = st.fixed_dictionaries(
         "collision_distance": st.sampled_from([0.0, 0.5, 2.0]),
         "trial_limit": st.sampled_from([0.5, 4.0, 20.0]),
         "observe_direction": st.booleans(),
+        "start": st.sampled_from(["anywhere", "either end", "same end"]),
+        "bounce": st.sampled_from(["reflect", "turn"]),
     }
 )

@@ -36,6 +36,24 @@ def test_reflection_is_walking_to_and_fro(
     assert near_end or turns[0] * direction == heading
 
 
+def test_turning_at_an_end_by_hand() -> None:
+    held, turns = dynamics.turn(np.array([12.0, -13.0, 34.0, 11.0, -11.0, 3.0]), 11.0)
+    assert held.tolist() == [11.0, -11.0, 11.0, 11.0, -11.0, 3.0]
+    assert turns.tolist() == [-1.0, -1.0, -1.0, -1.0, 1.0, 1.0]
+
+
+def test_starts_by_hand() -> None:
+    uniforms = np.array([0.25, 0.75, 0.2, 0.9])  # two places, two coins
+    for start, places, directions in (
+        ("anywhere", [-5.5, 5.5], [-1.0, 1.0]),
+        ("either end", [11.0, -11.0], [-1.0, 1.0]),
+        ("same end", [11.0, 11.0], [-1.0, -1.0]),
+    ):
+        state = dynamics.start(EvasionParameters(start=start), uniforms)
+        assert state.opponents.tolist() == places
+        assert state.directions.tolist() == directions
+
+
 def test_a_step_without_reflection_is_exact() -> None:
     folded, turns = dynamics.reflect(np.array([0.0 + 3.2, -10.9]), 11.0)
     assert folded.tolist() == [3.2, -10.9]
@@ -127,6 +145,8 @@ WRONG = [
     ("time_step", 0, "time_step must be a number in (0, inf], got 0"),
     ("time_step", 1e-9, "trial_limit / time_step must be at most 3333333 steps"),
     ("collision_distance", "2", "collision_distance must be a number in [0, inf], got '2'"),
+    ("start", "middle", "start 'middle'"),
+    ("bounce", "jump", "bounce 'jump'"),
     ("trial_limit", -60, "trial_limit must be a number in (0, inf], got -60"),
     ("goal_reward", NAN, "goal_reward must be a number in [-inf, inf], got nan"),
     ("stop_reward", [1], "stop_reward must be a number in [-inf, inf], got [1]"),

@@ -20,12 +20,16 @@ from numpy.typing import NDArray
 
 from eutree.arrays import Booleans, Floats, Integers, frozen
 from eutree.errors import InvalidArgumentError, UnknownNameError
-from eutree.validation import check_integer, check_number
+from eutree.validation import check_choice, check_integer, check_number
 
 STOP, GO = 0, 1
 
 RUNNING, GOAL, COLLISION, TIME_LIMIT = 0, 1, 2, 3
 ENDINGS = ("", "goal", "collision", "time limit")
+
+# Where opponents are when an episode begins, and what they do at an end of their path.
+STARTS = ANYWHERE, EITHER_END, SAME_END = "anywhere", "either end", "same end"
+BOUNCES = REFLECT, TURN = "reflect", "turn"
 
 # An episode's noise is drawn at once: a limit keeps a mistyped time step from filling the memory.
 MAX_NOISE = 10_000_000
@@ -47,6 +51,10 @@ class EvasionParameters:
         collision_distance: An opponent this near at the end of a step is a collision [m].
         trial_limit: Time after which an episode is cut short [s].
         observe_direction: Whether the observation shows the opponents' directions.
+        start: Where opponents begin: ``"anywhere"`` on their paths, each at ``"either end"`` of
+            its own, or all at the ``"same end"``.
+        bounce: At an end of its path an opponent goes on the other way within the same step
+            (``"reflect"``), or stands there until the next (``"turn"``).
         goal_reward: Reward for reaching the goal.
         collision_reward: Reward for a collision.
         stop_reward: Reward for each ``stop``.
@@ -63,6 +71,8 @@ class EvasionParameters:
     collision_distance: float = 2.0
     trial_limit: float = 60.0
     observe_direction: bool = False
+    start: str = ANYWHERE
+    bounce: str = REFLECT
     goal_reward: float = 100.0
     collision_reward: float = -50.0
     stop_reward: float = -2.0
@@ -73,6 +83,8 @@ class EvasionParameters:
     opponent_step: float = field(init=False, repr=False, compare=False)
     collision_square: float = field(init=False, repr=False, compare=False)
     max_steps: int = field(init=False, repr=False, compare=False)
+    start_number: int = field(init=False, repr=False, compare=False)  # place in STARTS
+    bounce_number: int = field(init=False, repr=False, compare=False)  # place in BOUNCES
 
     def __post_init__(self) -> None:
         self._set("n_opponents", check_integer("n_opponents", self.n_opponents, low=1))
@@ -86,6 +98,8 @@ class EvasionParameters:
             raise InvalidArgumentError(
                 f"observe_direction must be True or False, got {self.observe_direction!r}"
             )
+        self._set("start_number", STARTS.index(check_choice("start", self.start, STARTS)))
+        self._set("bounce_number", BOUNCES.index(check_choice("bounce", self.bounce, BOUNCES)))
         self._set("crossing", frozen(self._crossing_points()))
         self._set("half_path", self.path_length / 2.0)
         self._set("agent_step", self.agent_speed * self.time_step)
@@ -164,12 +178,18 @@ def draw(parameters: EvasionParameters, generator: np.random.Generator) -> tuple
 
 
 def start(parameters: EvasionParameters, uniforms: Floats) -> EvasionState:
-    """Return the first state: the agent at 0, opponents uniform on their paths, fair directions."""
+    """Return the first state: the agent at 0, opponents as ``parameters.start`` says.
+
+    Anywhere: uniform on their paths, directions fair coins. At an end they head inwards.
+    """
     count, half = parameters.n_opponents, parameters.half_path
+    opponents = (2.0 * uniforms[..., :count] - 1.0) * half
+    directions = np.where(uniforms[..., count:] < 0.5, -1.0, 1.0)
+    if parameters.start != ANYWHERE:
+        directions = directions if parameters.start == EITHER_END else np.full_like(directions, -1)
+        opponents = -directions * half
     return EvasionState(
-        position=np.zeros(uniforms.shape[:-1]),
-        opponents=(2.0 * uniforms[..., :count] - 1.0) * half,
-        directions=np.where(uniforms[..., count:] < 0.5, -1.0, 1.0),
+        position=np.zeros(uniforms.shape[:-1]), opponents=opponents, directions=directions
     )
 
 
@@ -188,7 +208,8 @@ def advance(
     factor = part * np.maximum(1.0 + parameters.noise * noise, 0.0)
     position = state.position + action * (parameters.agent_step * factor[..., 0])
     travelled = state.directions * (parameters.opponent_step * factor[..., 1:])
-    opponents, turns = reflect(state.opponents + travelled, parameters.half_path)
+    bounced = reflect if parameters.bounce == REFLECT else turn
+    opponents, turns = bounced(state.opponents + travelled, parameters.half_path)
     return EvasionState(
         position=np.minimum(position, parameters.main_path_length),
         opponents=opponents,
@@ -208,6 +229,17 @@ def reflect(target: Floats, half_path: float) -> tuple[Floats, Floats]:
     turns = 1.0 - 2.0 * (passes - 2.0 * np.floor(passes / 2.0))
     folded = turns * (target - path * passes)
     return np.minimum(np.maximum(folded, -half_path), half_path), turns
+
+
+def turn(target: Floats, half_path: float) -> tuple[Floats, Floats]:
+    """Hold positions beyond the ends of a path at the end.
+
+    Returns:
+        The positions within [-half_path, half_path], and -1 where the direction turns, else 1.
+    """
+    is_beyond = (target < -half_path) | (target >= half_path)
+    turns = np.where(is_beyond, -1.0, 1.0)
+    return np.minimum(np.maximum(target, -half_path), half_path), turns
 
 
 def collides(parameters: EvasionParameters, state: EvasionState) -> Booleans:

@@ -7,7 +7,7 @@ import gymnasium
 import numpy as np
 
 from eutree.arrays import Floats, Integers, frozen
-from eutree.envs._dynamics import GO, STOP, EvasionParameters, EvasionState, reflect
+from eutree.envs._dynamics import GO, REFLECT, STOP, EvasionParameters, EvasionState, reflect, turn
 from eutree.envs._scripted import ScriptedPolicy
 from eutree.envs.evasion import EvasionEnv
 from eutree.errors import InvalidArgumentError
@@ -94,15 +94,28 @@ def _danger(parameters: EvasionParameters, state: EvasionState, margin: float) -
     remaining = parameters.main_path_length - float(state.position)
     n_moves = max(1, math.ceil(remaining / parameters.agent_step))
     horizon = min(parameters.max_steps, n_moves + _two_rounds(parameters))
-    time = np.arange(1, horizon + 1)[:, None]  # [H, 1]
-    target = state.opponents + state.directions * (parameters.opponent_step * time)
-    opponents, _ = reflect(target, parameters.half_path)  # [H, N]
+    opponents = _forecast(parameters, state, horizon)  # [H, N]
     place = float(state.position) + parameters.agent_step * np.arange(n_moves + 1)  # [G + 1]
     along = np.minimum(place, parameters.main_path_length)[:, None] - parameters.crossing
     distance = np.hypot(along[None], opponents[:, None]).min(axis=-1)  # [H, G + 1]
     share = (parameters.collision_distance + margin - distance) / margin
     price = abs(parameters.goal_reward) + abs(parameters.collision_reward)
     return np.asarray(price * np.clip(share, 0.0, 1.0))
+
+
+def _forecast(parameters: EvasionParameters, state: EvasionState, horizon: int) -> Floats:
+    """Return where the opponents are after 1 to ``horizon`` steps without noise, shape [H, N]."""
+    if parameters.bounce == REFLECT:
+        time = np.arange(1, horizon + 1)[:, None]  # [H, 1]
+        target = state.opponents + state.directions * (parameters.opponent_step * time)
+        return reflect(target, parameters.half_path)[0]
+    places, directions = [state.opponents], state.directions
+    for _ in range(horizon):
+        target = places[-1] + directions * parameters.opponent_step
+        place, turns = turn(target, parameters.half_path)
+        places.append(place)
+        directions = directions * turns
+    return np.array(places[1:])
 
 
 def _two_rounds(parameters: EvasionParameters) -> int:

@@ -17,13 +17,15 @@ CONSTANTS = (
     "goal_reward",
     "collision_reward",
     "stop_reward",
+    "start_number",
+    "bounce_number",
 )
 
 
 @compiled
 def begin(
     e: int,
-    half_path: float,
+    constants: Floats,
     uniforms: Floats,  # [E, 2 N]
     positions: Floats,  # [E]
     opponents: Floats,  # [E, N]
@@ -32,11 +34,15 @@ def begin(
 ) -> None:
     """Put copy ``e`` at the start of the episode that ``uniforms`` describes."""
     count = opponents.shape[1]
+    half_path, start = constants[3], constants[9]
     positions[e] = 0.0
     steps[e] = 0
     for i in range(count):
         opponents[e, i] = (2.0 * uniforms[e, i] - 1.0) * half_path
         directions[e, i] = -1.0 if uniforms[e, count + i] < 0.5 else 1.0
+        if start != 0:  # at an end, heading inwards: either one, or the upper for all
+            directions[e, i] = directions[e, i] if start == 1 else -1.0
+            opponents[e, i] = -directions[e, i] * half_path
 
 
 @compiled
@@ -61,10 +67,13 @@ def move(
         target = opponents[e, i] + directions[e, i] * (constants[2] * factor)
         beyond = target + half_path
         if not 0.0 <= beyond < path:  # else no end is passed and the lines below change nothing
-            passes = np.floor(beyond / path)
-            turns = 1.0 - 2.0 * (passes - 2.0 * np.floor(passes / 2.0))
-            target = turns * (target - path * passes)
-            directions[e, i] *= turns
+            if constants[10] == 0:
+                passes = np.floor(beyond / path)
+                turns = 1.0 - 2.0 * (passes - 2.0 * np.floor(passes / 2.0))
+                target = turns * (target - path * passes)
+                directions[e, i] *= turns
+            elif target < -half_path or target >= half_path:  # as _dynamics.turn compares
+                directions[e, i] *= -1.0
         opponents[e, i] = min(max(target, -half_path), half_path)
     steps[e] += 1
 
@@ -109,7 +118,7 @@ def show(
 @compiled
 def begin_chosen(
     chosen: Booleans,  # [E]
-    half_path: float,
+    constants: Floats,
     uniforms: Floats,  # [E, 2 N]
     positions: Floats,  # [E]
     opponents: Floats,  # [E, N]
@@ -120,7 +129,7 @@ def begin_chosen(
     """Begin the next episode of the chosen copies and show all copies."""
     for e in range(chosen.size):
         if chosen[e]:
-            begin(e, half_path, uniforms, positions, opponents, directions, steps)
+            begin(e, constants, uniforms, positions, opponents, directions, steps)
         show(e, positions, opponents, directions, observations)
 
 
@@ -145,7 +154,7 @@ def advance_all(
     ended = 0
     for e in range(actions.size):
         if waiting[e]:
-            begin(e, constants[3], uniforms, positions, opponents, directions, steps)
+            begin(e, constants, uniforms, positions, opponents, directions, steps)
             rewards[e], endings[e] = 0.0, RUNNING
         else:
             move(e, actions[e], constants, noise, positions, opponents, directions, steps)

@@ -41,7 +41,7 @@ class EvasionEnv(gymnasium.Env[Any, Any]):
     own that cross the main path at right angles and are bisected by it; they take no notice of
     the agent. Everybody's forward step is noisy: it is multiplied by 1 + ``noise`` times a
     standard normal number (and is never negative). Opponents are reflected at the ends of their
-    paths. Collisions are looked for at the end of each step.
+    paths, or stand there until the next step (``bounce="turn"``). Collisions are looked for at the end of each step.
 
     ## Action Space
     ``Discrete(2)``, a behaviour for one time step.
@@ -71,7 +71,8 @@ class EvasionEnv(gymnasium.Env[Any, Any]):
     A `stop` in the step of a collision costs both.
 
     ## Starting State
-    The agent is at 0 m. Each opponent is uniform on its path, its direction a fair coin. All
+    The agent is at 0 m. Each opponent is uniform on its path, its direction a fair coin; or it is
+    at either end (``start="either end"``), or all are at the upper one (``"same end"``). All
     noise of an episode is drawn at ``reset`` from the environment's own generator.
 
     ## Episode End
@@ -96,6 +97,8 @@ class EvasionEnv(gymnasium.Env[Any, Any]):
     | `collision_distance` | 2.0 | m | an opponent this near is a collision |
     | `trial_limit` | 60 | s | time after which the episode is cut short |
     | `observe_direction` | False | | whether the observation shows directions |
+    | `start` | anywhere | | where opponents begin: `anywhere`, `either end`, `same end` |
+    | `bounce` | reflect | | at an end an opponent is reflected, or has to `turn` |
     | `goal_reward` | 100 | | reward for reaching the goal |
     | `collision_reward` | -50 | | reward for a collision |
     | `stop_reward` | -2 | | reward for each `stop` |

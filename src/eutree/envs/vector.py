@@ -57,7 +57,9 @@ class EvasionVectorEnv(VectorEnv[Floats, Integers, Any]):
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.feature_names, self.feature_units = features(self.parameters)
         self.action_names = ("stop", "go")
-        self._constants = np.array([getattr(self.parameters, n) for n in kernels.CONSTANTS])
+        self._constants = np.array(
+            [getattr(self.parameters, n) for n in kernels.CONSTANTS], dtype=np.float64
+        )
         self._is_ready = False
         self._allocate()
 
@@ -93,7 +95,7 @@ class EvasionVectorEnv(VectorEnv[Floats, Integers, Any]):
         observations = self._empty_observations()
         kernels.begin_chosen(
             chosen,
-            self.parameters.half_path,
+            self._constants,
             self._uniforms,
             self._positions,
             self._opponents,
