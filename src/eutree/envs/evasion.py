@@ -41,7 +41,8 @@ class EvasionEnv(gymnasium.Env[Any, Any]):
     own that cross the main path at right angles and are bisected by it; they take no notice of
     the agent. Everybody's forward step is noisy: it is multiplied by 1 + ``noise`` times a
     standard normal number (and is never negative). Opponents are reflected at the ends of their
-    paths, or stand there until the next step (``bounce="turn"``). Collisions are looked for at the end of each step.
+    paths, or stand there until the next step (``bounce="turn"``). Collisions are looked for at
+    the end of each step.
 
     ## Action Space
     ``Discrete(2)``, a behaviour for one time step.

@@ -5,24 +5,28 @@ everything that decides its result, so a folder of results never holds one under
 """
 
 import hashlib
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any, ClassVar
 
 import gymnasium
 import msgspec
+from msgspec import UNSET, UnsetType
 
 import eutree.envs.evasion  # noqa: F401 - a worker process must know the environments
 from eutree.compression import compress
 from eutree.data import Demonstrations
 from eutree.envs.experts import experts_for
 from eutree.evaluation import evaluate
+from eutree.experiments.finals import FINALS
+from eutree.experiments.settings import Setting
 from eutree.files import Document
 from eutree.interaction import record
 from eutree.interaction.making import make
 from eutree.learners.expert_tree import fit_expert_tree
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
-from eutree.training import LearningResult, learn
+from eutree.learners.learner import Method
+from eutree.training import LearningResult, Run, learn
 
 STARTS = {"c-u-tree": "nothing", "eu-tree-dt": "tree", "eu-tree": "tree+demos"}
 DEMONSTRATED_SPEED = 3.2  # m/s, the paper's
@@ -44,6 +48,8 @@ class RunSpec:
         evaluation_episodes: Episodes of each frozen evaluation.
         final_episodes: Episodes of the evaluation of the final policy.
         seed: Seed of demonstrations, learning and evaluations.
+        setting: What the paper leaves open, where it is not as the environment, its scripted gate
+            rule and the preset have it.
     """
 
     environment: str
@@ -56,11 +62,13 @@ class RunSpec:
     evaluation_episodes: int = 100
     final_episodes: int = 1000
     seed: int = 0
+    setting: Setting | UnsetType = UNSET
 
     @property
     def name(self) -> str:
         """A file name that tells the run apart from every other."""
-        digest = hashlib.sha256(repr(sorted(asdict(self).items())).encode()).hexdigest()[:12]
+        decided = {name: value for name, value in asdict(self).items() if value is not UNSET}
+        digest = hashlib.sha256(repr(sorted(decided.items())).encode()).hexdigest()[:12]
         return f"{self.learner}-{self.preset or 'c45'}-{self.seed:02d}-{digest}"
 
 
@@ -91,6 +99,8 @@ class RunRecord(Document, frozen=True, kw_only=True):
         final: The final policy on fresh episodes.
         compressed: The compressed final policy on the same episodes; None where none was learned.
         agreement: Share of recorded observations on which compression kept the action.
+        finals: Performance of the policy that each rule of ``eutree.experiments.finals`` chooses,
+            on fresh episodes; older records and those of the expert tree alone have none.
     """
 
     FORMAT: ClassVar[str] = "eutree/experiment-run"
@@ -102,23 +112,38 @@ class RunRecord(Document, frozen=True, kw_only=True):
     final: Performance
     compressed: Performance | None
     agreement: float | None
+    finals: dict[str, Performance] | UnsetType = UNSET
+
+
+@dataclass(eq=False)
+class _Kept:
+    """The policies that were evaluated along a run, in the order of its curve."""
+
+    policies: list[TreePolicy] = field(default_factory=list)
+
+    def __call__(self, run: Run) -> None:
+        if len(run.curve) > len(self.policies):
+            self.policies.append(run.policy())
 
 
 def run(spec: RunSpec) -> RunRecord:
     """Do one run; the same spec gives the same record, whichever process does it."""
-    env = make(EnvironmentSpec(spec.environment, {"opponent_speed": spec.opponent_speed}))
+    env = _environment(spec, spec.opponent_speed)
+    kept = _Kept()
     if spec.learner == "c-u-tree":
-        return _record(spec, env, None, _learn(spec, env, None, None))
+        return _record(spec, env, None, _learn(spec, env, None, None, kept), kept)
     demonstrations = demonstrate(spec)
     expert = fit_expert_tree(demonstrations)
     if spec.learner == "expert":
-        return _record(spec, env, expert, None)
-    return _record(spec, env, expert, _learn(spec, env, demonstrations, expert))
+        return _record(spec, env, expert, None, kept)
+    return _record(spec, env, expert, _learn(spec, env, demonstrations, expert, kept), kept)
 
 
 def demonstrate(spec: RunSpec) -> Demonstrations:
-    """Record the scripted demonstrator at 3.2 m/s."""
-    shown = make(EnvironmentSpec(spec.environment, {"opponent_speed": DEMONSTRATED_SPEED}))
+    """Return the demonstrations: at 3.2 m/s, or those of a person."""
+    shown = _environment(spec, DEMONSTRATED_SPEED)
+    if spec.setting is not UNSET:
+        return spec.setting.demonstrator.show(shown, spec.demonstrations, spec.seed)
     gate = experts_for(spec.environment)["gate"]
     return record(shown, gate, episodes=spec.demonstrations, seed=spec.seed)
 
@@ -128,18 +153,33 @@ def _learn(
     env: gymnasium.Env[Any, Any],
     demonstrations: Demonstrations | None,
     expert: TreePolicy | None,
+    kept: _Kept,
 ) -> LearningResult:
     return learn(
         env,
         demonstrations=demonstrations,
         expert=expert,
-        method=spec.preset,
+        method=_method(spec),
         start=STARTS[spec.learner],
         episodes=spec.episodes,
         evaluate_every=spec.evaluate_every,
         evaluation_episodes=spec.evaluation_episodes,
         seed=spec.seed,
+        on_progress=kept,
     )
+
+
+def _environment(spec: RunSpec, speed: float) -> gymnasium.Env[Any, Any]:
+    """Make the environment of the run at an opponent speed."""
+    decided = {} if spec.setting is UNSET else spec.setting.domain.arguments()
+    return make(EnvironmentSpec(spec.environment, {"opponent_speed": speed, **decided}))
+
+
+def _method(spec: RunSpec) -> str | Method:
+    """Return how to learn: the preset, or the paper's learner as the setting reads it."""
+    if spec.setting is UNSET or spec.setting.reading is None:
+        return spec.preset
+    return spec.setting.reading.method()
 
 
 def _record(
@@ -147,6 +187,7 @@ def _record(
     env: gymnasium.Env[Any, Any],
     expert: TreePolicy | None,
     result: LearningResult | None,
+    kept: _Kept,
 ) -> RunRecord:
     """Evaluate what was made on fresh episodes and put everything in a record."""
 
@@ -163,15 +204,23 @@ def _record(
         return RunRecord(
             spec=spec, expert=of_expert, curve=[], final=of_expert, compressed=None, agreement=None
         )
+    chosen = {name: rule(_points(result)) for name, rule in FINALS.items()}
+    measured = {index: performance(kept.policies[index]) for index in set(chosen.values())}
     small, report = compress(result.policy, result.history.observations)
     return RunRecord(
         spec=spec,
         expert=of_expert,
-        curve=[
-            Point(p.episode, float(p.success_rate or 0.0), p.mean_return, p.n_leaves)
-            for p in result.curve
-        ],
+        curve=_points(result),
         final=performance(result.policy),
         compressed=performance(small),
         agreement=report.agreement,
+        finals={name: measured[index] for name, index in chosen.items()},
     )
+
+
+def _points(result: LearningResult) -> list[Point]:
+    """Return the frozen evaluations of a run."""
+    return [
+        Point(p.episode, float(p.success_rate or 0.0), p.mean_return, p.n_leaves)
+        for p in result.curve
+    ]
