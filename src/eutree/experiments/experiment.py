@@ -4,8 +4,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from msgspec import UNSET, UnsetType
+
 from eutree.experiments.claims import Claim
 from eutree.experiments.runs import RunRecord, RunSpec
+from eutree.experiments.settings import Setting
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,6 +28,8 @@ class Scale:
         final_episodes: Episodes of the evaluation of a final policy.
         speeds: Opponent speeds in m/s (the paper: 2.2 to 4.2 in steps of 0.1).
         first_seed: Seed of the first run.
+        setting: What the paper leaves open, where it is not left to the environment, its scripted
+            expert and the preset.
     """
 
     runs: int = 15
@@ -34,6 +39,7 @@ class Scale:
     final_episodes: int = 1000
     speeds: tuple[float, ...] = tuple(round(2.2 + 0.1 * i, 1) for i in range(21))
     first_seed: int = 0
+    setting: Setting | UnsetType = UNSET
 
     def spec(
         self, environment: str, learner: str, preset: str, run: int, speed: float = 3.2
@@ -50,6 +56,7 @@ class Scale:
             evaluation_episodes=self.evaluation_episodes if learns else 0,
             final_episodes=self.final_episodes,
             seed=self.first_seed + run,
+            setting=self.setting,
         )
 
 

@@ -15,9 +15,12 @@ class Evaluated(Protocol):
     """One frozen evaluation."""
 
     @property
-    def episode(self) -> int: ...
+    def episode(self) -> int:
+        """Episodes learned from."""
+
     @property
-    def success(self) -> float: ...
+    def success(self) -> float:
+        """Share of successes."""
 
 
 @dataclass(frozen=True, kw_only=True)

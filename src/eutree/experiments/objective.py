@@ -2,7 +2,8 @@
 
 This is what the search for the domain and the reading minimizes. It was written before anything
 was searched, and is a graded form of the claims: a claim holds or does not, while a search has to
-see that a success of 94 % is nearer to 100 % than 65 %. The judging of claims is left to ``claims``, on other seeds.
+see that 94 % of successes is nearer to 100 % than 65 %. The judging of claims is left to
+``claims``, on other seeds.
 
 Each number has a range in which ours agrees with the paper's and a unit, one *miss*. A number in
 its range costs nothing. One outside costs a quarter, and up to three quarters more in proportion
@@ -27,7 +28,7 @@ TWO, THREE = "2-Evasion", "3-Evasion"
 DOMAINS = {"Evasion2": TWO, "Evasion3": THREE}
 
 
-class MissingEvidence(LookupError):
+class MissingEvidenceError(LookupError):
     """Some number cannot be told from the runs that there are."""
 
 
@@ -51,12 +52,12 @@ class Evidence:
         """Return the runs of a learner.
 
         Raises:
-            MissingEvidence: There is none.
+            MissingEvidenceError: There is none.
         """
         try:
             return self._groups[domain, learner, speed]
         except KeyError:
-            raise MissingEvidence(f"{learner} in {domain} at {speed:g} m/s") from None
+            raise MissingEvidenceError(f"{learner} in {domain} at {speed:g} m/s") from None
 
     def speeds(self, learner: str) -> list[float]:
         """Return the opponent speeds at which there are runs in 2-Evasion, ascending."""
@@ -67,7 +68,7 @@ class Evidence:
         found = []
         for run in self.runs(domain, learner):
             if not isinstance(run.finals, dict):
-                raise MissingEvidence(f"the final policies of {run.spec.name}")
+                raise MissingEvidenceError(f"the final policies of {run.spec.name}")
             found.append(run.finals[self._final])
         return found
 
@@ -120,8 +121,13 @@ class Distance:
 
     @property
     def total(self) -> float:
-        """The sum of the costs: what the search minimizes."""
+        """The sum of the costs."""
         return sum(self.costs.values())
+
+    @property
+    def mean(self) -> float:
+        """The mean of the costs: what the search minimizes; it knows of some numbers only."""
+        return self.total / max(len(self.costs), 1)
 
     @property
     def n_agreeing(self) -> int:
@@ -144,7 +150,7 @@ def distance(
     for number in NUMBERS if numbers is None else numbers:
         try:
             value = float(number.of(evidence))
-        except MissingEvidence:
+        except MissingEvidenceError:
             continue
         ours[number.name], costs[number.name] = value, cost(number, value)
     return Distance(ours, costs)
@@ -153,7 +159,7 @@ def distance(
 def nearest(records: Sequence[RunRecord]) -> tuple[str, Distance]:
     """Return the rule for final policies under which the records are nearest, and how near."""
     found = {final: distance(records, final) for final in FINALS}
-    best = min(found, key=lambda final: found[final].total)
+    best = min(found, key=lambda final: found[final].mean)
     return best, found[best]
 
 
@@ -179,7 +185,7 @@ def _expert(field: str, domain: str = TWO) -> Callable[[Evidence], float]:
 def _slower(evidence: Evidence) -> float:
     slow = [v for v in evidence.speeds("expert") if v <= DEMONSTRATED_SPEED]
     if len(slow) < 2:
-        raise MissingEvidence("the expert tree at slower speeds")
+        raise MissingEvidenceError("the expert tree at slower speeds")
     return float(np.mean([_mean(evidence.expert(TWO, v), "success") for v in slow]))
 
 
@@ -238,7 +244,7 @@ def _curves(evidence: Evidence) -> dict[float, float]:
     """Return the mean success along the EU-Tree's curve at each speed, of three or more."""
     speeds = evidence.speeds("eu-tree")
     if len(speeds) < 3:
-        raise MissingEvidence("the EU-Tree at other speeds")
+        raise MissingEvidenceError("the EU-Tree at other speeds")
     return {v: float(success(evidence.runs(TWO, "eu-tree", v)).mean()) for v in speeds}
 
 
@@ -267,7 +273,7 @@ def _time_and_quality(evidence: Evidence) -> float:
 def _compression(evidence: Evidence) -> float:
     runs = evidence.learned()
     if not runs:
-        raise MissingEvidence("learned trees")
+        raise MissingEvidenceError("learned trees")
     return float(np.mean([r.compressed.n_leaves / r.final.n_leaves for r in runs if r.compressed]))
 
 

@@ -23,9 +23,9 @@ from eutree.files import Document
 from eutree.interaction import record
 from eutree.interaction.making import make
 from eutree.learners.expert_tree import fit_expert_tree
+from eutree.learners.learner import Method
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
-from eutree.learners.learner import Method
 from eutree.training import LearningResult, Run, learn
 
 STARTS = {"c-u-tree": "nothing", "eu-tree-dt": "tree", "eu-tree": "tree+demos"}
