@@ -1,5 +1,7 @@
 """What a fine grid over the observed state reaches in 2-Evasion, at each opponent speed.
 
+``--environment`` chooses another 2-Evasion, such as that of the `paper` preset.
+
 The grid knows nothing of demonstrations: a million steps are played at random, the model that they
 give is solved exactly, and the policy decides by the cell that the observation falls in. Like the
 learners it does not see the opponents' directions. It is a bar for them and not a bound: within a
@@ -14,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
@@ -64,11 +67,16 @@ class GridPolicy:
         return self.actions[self.grid(np.asarray(observation))], state
 
 
+def arguments(environment: str, speed: float) -> dict[str, Any]:
+    """Return the arguments of an environment's id, at an opponent speed."""
+    return {**gymnasium.spec(environment).kwargs, "opponent_speed": speed}
+
+
 def sample(
-    speed: float, grid: Grid, count: int, seed: int
+    speed: float, grid: Grid, count: int, seed: int, environment: str = ENVIRONMENT
 ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
     """Return cells, actions, rewards and next cells of ``count`` steps of play at random."""
-    env = EvasionVectorEnv(COPIES, opponent_speed=speed)
+    env = EvasionVectorEnv(COPIES, **arguments(environment, speed))
     generator = np.random.default_rng(seed)
     before, _ = env.reset(seed=[int(s) for s in generator.integers(0, 2**31, COPIES)])
     began = np.zeros(COPIES, dtype=np.bool_)  # whose last episode is over: this step only resets
@@ -86,10 +94,16 @@ def sample(
     return cells, actions, rewards, reached
 
 
-def plan(speed: float, transitions: int = TRANSITIONS, seed: int = 0) -> GridPolicy:
+def plan(
+    speed: float,
+    transitions: int = TRANSITIONS,
+    seed: int = 0,
+    environment: str = ENVIRONMENT,
+) -> GridPolicy:
     """Return the best policy of the grid's estimated model at an opponent speed."""
-    grid = Grid(*dynamics.bounds(EvasionParameters(opponent_speed=speed)), cells=CELLS)
-    rows = sample(speed, grid, transitions, seed)
+    parameters = EvasionParameters(**arguments(environment, speed))
+    grid = Grid(*dynamics.bounds(parameters), cells=CELLS)
+    rows = sample(speed, grid, transitions, seed, environment)
     model = TabularMDP.from_transitions(
         *rows, n_states=int(np.prod(CELLS)), n_actions=2, discount=1.0
     )
@@ -98,13 +112,18 @@ def plan(speed: float, transitions: int = TRANSITIONS, seed: int = 0) -> GridPol
 
 
 def measure(
-    speed: float, *, transitions: int = TRANSITIONS, episodes: int = EPISODES, seed: int = 0
+    speed: float,
+    *,
+    transitions: int = TRANSITIONS,
+    episodes: int = EPISODES,
+    seed: int = 0,
+    environment: str = ENVIRONMENT,
 ) -> Evaluation:
     """Return how the grid's policy does at an opponent speed, over fresh episodes."""
-    policy = plan(speed, transitions, seed)
+    policy = plan(speed, transitions, seed, environment)
     return evaluate(
         policy,
-        ENVIRONMENT,
+        environment,
         episodes=episodes,
         seed=seed,
         environment_arguments={"opponent_speed": speed},
@@ -113,6 +132,7 @@ def measure(
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--environment", default=ENVIRONMENT)
     parser.add_argument("--speeds", type=float, nargs="+", default=FULL.speeds, metavar="M/S")
     parser.add_argument("--transitions", type=int, default=TRANSITIONS, help="for each speed")
     parser.add_argument("--episodes", type=int, default=EPISODES, help="of each evaluation")
@@ -128,6 +148,7 @@ def main() -> None:
             transitions=options.transitions,
             episodes=options.episodes,
             seed=options.seed,
+            environment=options.environment,
         )
         success, error = found.success_rate, found.returns.std(ddof=1) / options.episodes**0.5
         print(f"| {speed:g} | {success:.1%} | {found.mean_return:.1f} | {error:.1f} |", flush=True)

@@ -46,7 +46,7 @@ VARIANTS: dict[str, tuple[str, UTreeMethod]] = {
         "lowest p",
         replace(PAPER, splitter=pooled(score="distance", min_share=0.1)),
     ),
-    "untried actions left out": ("Q = 0", replace(PAPER, untried_value=None)),
+    "untried actions worth 0": ("left out", replace(PAPER, untried_value=0.0)),
 }
 TIME_STEPS = (0.5, 2.0)
 

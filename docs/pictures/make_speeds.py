@@ -1,13 +1,14 @@
 """Write docs/results/speeds.md: the default learner at 21 opponent speeds.
 
 python benchmarks/grid_value_iteration.py --csv docs/results/grid-value-iteration.csv
-eutree reproduce figure-5 --preset default --out results
+eutree reproduce figure-5 --preset default --domain Evasion --out results
 python docs/pictures/make_speeds.py --results results
 """
 
 import argparse
 import csv
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 from eutree.evaluation.bootstrap import bootstrap
@@ -20,13 +21,14 @@ from eutree.experiments.results import Results
 from eutree.experiments.runs import RunRecord
 
 DOCS = Path(__file__).resolve().parents[1]
+SCALE = replace(FULL, domain="Evasion")
 NAMES = ("figure-4b", "figure-5")
 
 INTRODUCTION = """# The default learner at other opponent speeds
 
 Figures 4(b) and 5 of the paper with the `default` preset: 15 demonstrations at 3.2 m/s, then 400
 episodes at each of 21 speeds, 15 runs each; 1,000 fresh episodes at the end; 95\u00a0% bootstrap
-intervals over runs. Made by `eutree reproduce figure-5 --preset default --out results` and
+intervals over runs. Made by `eutree reproduce figure-5 --preset default --domain Evasion` and
 `python docs/pictures/make_speeds.py --results results`.
 
 """
@@ -57,11 +59,11 @@ def main() -> None:
     text = INTRODUCTION
     for name in NAMES:
         experiment = EXPERIMENTS[name]
-        found = reproduce([experiment], folder, scale=FULL, presets=("default",))
+        found = reproduce([experiment], folder, scale=SCALE, presets=("default",))
         shutil.copy(folder / f"{name}.svg", DOCS / "results" / "figures" / f"{name}-default.svg")
         text += f"## {experiment.title}\n\n![{experiment.title}](figures/{name}-default.svg)\n\n"
         text += claims_to_markdown(found.claims) + "\n"
-    records = Results(folder).load(EXPERIMENTS["figure-5"].specs(FULL, "default"))
+    records = Results(folder).load(EXPERIMENTS["figure-5"].specs(SCALE, "default"))
     speeds = by_speed(by_learner(records)["eu-tree"])
     with options.grid.open(encoding="utf-8", newline="") as file:
         grid = {float(row["speed"]): row for row in csv.DictReader(file)}

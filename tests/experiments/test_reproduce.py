@@ -144,7 +144,7 @@ def test_verdicts_follow_from_the_interval(interval, verdict):
 def test_the_command_lists_and_runs(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert run_cli(["reproduce", "--list", "--json"]) == 0
-    assert list(json.loads(capsys.readouterr().out)) == [*EXPERIMENTS, "framework"]
+    assert list(json.loads(capsys.readouterr().out)) == [*EXPERIMENTS, "framework", "search"]
     line = ["reproduce", "expert", "--smoke", "--preset", "paper", "--json", "--out", "r"]
     assert run_cli(line) == 0
     for claim in json.loads(capsys.readouterr().out)["claims"]:

@@ -27,10 +27,13 @@ def write_journal(path):
 
 # Every number that a preset might change one day is written out.
 _PLANNED = PlanningMethod(planner=Planner(n_episodes=16, growth=1.5), gathering_episodes=4)
+_PAPER = replace(
+    PAPER, untried_value=0.0, exploration=0.1
+)  # as the preset was when these files were written
 METHODS = {
-    "run": PAPER,
+    "run": _PAPER,
     "run-planned": _PLANNED,
-    "run-bounded": replace(PAPER, max_transitions=60),
+    "run-bounded": replace(_PAPER, max_transitions=60),
     "run-planned-bounded": replace(_PLANNED, max_transitions=200),
 }
 

@@ -12,6 +12,9 @@ from eutree.cli._output import Output
 if TYPE_CHECKING:
     from eutree.experiments.framework import FrameworkSpec
 
+SEARCH = "search"
+SEARCH_TITLE = "The domain and the reading in which the paper's numbers come out"
+
 
 @click.command(epilog="Example: eutree reproduce figure-2 --n-jobs 2")
 @click.argument("experiment", required=False)
@@ -22,8 +25,12 @@ if TYPE_CHECKING:
               show_default=True, help="Settings to compare. May be repeated.")  # fmt: skip
 @click.option("--method", "methods", multiple=True,
               help="Methods of the framework; all by default. May be repeated.")  # fmt: skip
+@click.option("--domain", type=click.Choice(["PaperEvasion", "Evasion"]), default="PaperEvasion",
+              show_default=True, help="Constants of the domain.")  # fmt: skip
 @count_option("--runs", 15, "Runs of each learner.", least=2)
 @count_option("--episodes", 400, "Episodes of each run.")
+@click.option("--demos", type=click.Path(path_type=Path, exists=True), multiple=True,
+              help="Folder of a person's demonstrations, for search. May be repeated.")  # fmt: skip
 @click.option("--smoke", is_flag=True, help="A few tiny runs, to see that everything works.")
 @workers_options("the runs")
 @seed_option
@@ -34,8 +41,10 @@ def reproduce(
     out: Path,
     presets: tuple[str, ...],
     methods: tuple[str, ...],
+    domain: str,
     runs: int,
     episodes: int,
+    demos: tuple[Path, ...],
     smoke: bool,
     n_jobs: int,
     backend: str,
@@ -47,6 +56,9 @@ def reproduce(
 
     The experiment "framework" is ours: every method from every start, on three tasks. It has no
     presets, and episodes of its own.
+
+    The experiment "search" looks for the domain and the reading of what the paper leaves open in
+    which its numbers come out, on seeds of its own.
     """
     from dataclasses import asdict, replace
 
@@ -63,8 +75,12 @@ def reproduce(
 
     output = Output(as_json=as_json)
     if listing or experiment is None:
-        titles = {name: e.title for name, e in EXPERIMENTS.items()} | {FRAMEWORK: FRAMEWORK_TITLE}
+        titles = {name: e.title for name, e in EXPERIMENTS.items()}
+        titles |= {FRAMEWORK: FRAMEWORK_TITLE, SEARCH: SEARCH_TITLE}
         output.result(titles, "\n".join(f"{name}  {title}" for name, title in titles.items()))
+        return
+    if experiment == SEARCH:
+        _search(output, out, demos, smoke=smoke, n_jobs=n_jobs, backend=backend, address=address)
         return
     if experiment == FRAMEWORK:
         runs = SMOKE_RUNS if smoke else runs
@@ -76,7 +92,7 @@ def reproduce(
         check_choice("--preset", preset, PRESETS)
     selected = chosen(experiment)
     scale = SMOKE if smoke else replace(FULL, runs=runs, episodes=episodes)
-    scale = replace(scale, first_seed=seed)
+    scale = replace(scale, first_seed=seed, domain=domain)
     with cluster(backend, address), output.progress("runs", 100) as progress:
 
         def show(count: int, total: int, spec: RunSpec) -> None:
@@ -115,3 +131,46 @@ def _framework(output: Output, wanted: "list[FrameworkSpec]", out: Path, n_jobs:
     facts = {"verdicts": verdicts_to_facts(result.verdicts), "path": str(result.folder)}
     output.result(facts, table)
     output.say(f"tables: {result.folder / 'framework.md'}")
+
+
+def _search(
+    output: Output,
+    out: Path,
+    demos: tuple[Path, ...],
+    *,
+    smoke: bool,
+    n_jobs: int,
+    backend: str,
+    address: str | None,
+) -> None:
+    """Search, write the tables, and show the nearest settings."""
+    from rich.table import Table
+
+    from eutree.experiments.search import PLAN, SMOKE_PLAN, Search, choices_of
+    from eutree.experiments.search_table import SHOWN, write_tables
+
+    with cluster(backend, address), output.progress("runs", 100) as progress:
+
+        def show(stage: str, count: int, total: int) -> None:
+            progress.update(100 * count // total, f"{stage}: {count} of {total}")
+
+        plan = SMOKE_PLAN if smoke else PLAN
+        search = Search(out, plan=plan, demonstrations=demos, n_jobs=n_jobs, on_run=show)
+        scored = search.run()
+    write_tables(out, scored)
+    table = Table("setting", "stage", "final policy", "numbers that agree", "mean cost")
+    for index, one in enumerate(scored[:SHOWN], start=1):
+        agreeing = f"{one.distance.n_agreeing} of {len(one.distance.costs)}"
+        table.add_row(str(index), one.stage, one.final, agreeing, f"{one.distance.mean:.3f}")
+    found = [
+        {
+            "choices": choices_of(one.setting),
+            "stage": one.stage,
+            "final": one.final,
+            "mean_cost": one.distance.mean,
+            "numbers": dict(one.distance.ours),
+        }
+        for one in scored
+    ]
+    output.result({"settings": found, "path": str(out)}, table)
+    output.say(f"{len(scored)} settings: {out / 'search.md'}")

@@ -16,6 +16,7 @@ from eutree.validation import check_number
 # The demonstrator waits until the opponent is in the outer 2.5 m of its path: from there it cannot
 # be back before the agent is across. A quarter of a metre makes up for noise at the gate.
 END_ZONE = 2.5
+LAST_STRETCH = 1.5  # the same for who is more careful
 GATE_SLACK = 0.25
 
 
@@ -138,6 +139,15 @@ def wait_at_crossing(env: Any, *, distance: float | None = None) -> GatePolicy:
     if distance is None:
         distance = max(parameters.half_path - END_ZONE, 0.0)
     return GatePolicy(parameters, check_number("distance", distance, low=0.0))
+
+
+def wait_for_the_end(env: Any) -> GatePolicy:
+    """Return the gate rule that waits until the opponent is all but at an end of its path.
+
+    The demonstrator of ``eutree/PaperEvasion2-v0`` and ``eutree/PaperEvasion3-v0``.
+    """
+    parameters = _parameters(env)
+    return GatePolicy(parameters, max(parameters.half_path - LAST_STRETCH, 0.0))
 
 
 def look_ahead(env: Any, *, margin: float = 0.75) -> LookAheadPolicy:

@@ -112,8 +112,9 @@ class EvasionEnv(gymnasium.Env[Any, Any]):
     ```
 
     Ids: ``eutree/Evasion2-v0`` and ``eutree/Evasion3-v0`` have 2 and 3 opponents,
-    ``eutree/Evasion-v0`` takes ``n_opponents``. ``gymnasium.make_vec`` makes a native vector
-    environment with the same episodes, bit for bit.
+    ``eutree/Evasion-v0`` takes ``n_opponents``. ``eutree/PaperEvasion2-v0`` and
+    ``eutree/PaperEvasion3-v0`` have the constants in which most of what the paper says is true.
+    ``gymnasium.make_vec`` makes a native vector environment with the same episodes, bit for bit.
 
     ## Version History
     * v0: first version.

@@ -18,7 +18,13 @@ from eutree.envs._classic_experts import (
     swing_upright,
 )
 from eutree.envs._domain_experts import round_the_walls, run_up, swing_up
-from eutree.envs._evasion_experts import GatePolicy, LookAheadPolicy, look_ahead, wait_at_crossing
+from eutree.envs._evasion_experts import (
+    GatePolicy,
+    LookAheadPolicy,
+    look_ahead,
+    wait_at_crossing,
+    wait_for_the_end,
+)
 from eutree.envs._imperfect import CarelessPolicy, Expert, LatePolicy, careless, late
 from eutree.envs._scripted import RulePolicy
 from eutree.errors import UnknownNameError
@@ -48,15 +54,19 @@ __all__ = [
     "swing_up",
     "swing_upright",
     "wait_at_crossing",
+    "wait_for_the_end",
 ]
 
 _EVASION: Mapping[str, Expert] = {"gate": wait_at_crossing, "look-ahead": look_ahead}
+_PAPER_EVASION: Mapping[str, Expert] = {"gate": wait_for_the_end, "look-ahead": look_ahead}
 _MAZE: Mapping[str, Expert] = {"round": round_the_walls}
 
 EXPERTS: Mapping[str, Mapping[str, Expert]] = {
     "eutree/Evasion-v0": _EVASION,
     "eutree/Evasion2-v0": _EVASION,
     "eutree/Evasion3-v0": _EVASION,
+    "eutree/PaperEvasion2-v0": _PAPER_EVASION,
+    "eutree/PaperEvasion3-v0": _PAPER_EVASION,
     "eutree/CarOnHill-v0": {"swing": swing_up},
     "eutree/MazeA-v0": _MAZE,
     "eutree/MazeB-v0": _MAZE,

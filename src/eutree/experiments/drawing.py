@@ -1,6 +1,7 @@
 """The look of the figures: matplotlib without a window, one colour a learner, shaded intervals."""
 
 from collections.abc import Callable, Mapping, Sequence
+from io import BytesIO
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,6 +29,36 @@ COLOURS = {
 }
 
 
+def blank(title: str, size: tuple[float, float]) -> "Figure":
+    """Return an empty figure of a size in inches, which needs no window.
+
+    Raises:
+        MissingExtraError: matplotlib is not installed.
+    """
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise MissingExtraError("matplotlib", "plot") from None
+    figure = Figure(figsize=size, layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.suptitle(title, fontsize=11)
+    return figure
+
+
+def svg_and_png(name: str, make: "Callable[[], Figure]") -> tuple[bytes, bytes]:
+    """Return a figure as SVG and as PNG; the same figure is always the same bytes."""
+    import matplotlib as mpl
+
+    # A fixed salt and no date.
+    with mpl.rc_context({"svg.hashsalt": name, "svg.fonttype": "path"}):
+        figure = make()
+        svg, png = BytesIO(), BytesIO()
+        figure.savefig(svg, format="svg", metadata={"Date": None})
+        figure.savefig(png, format="png", dpi=150, metadata={"Software": None})
+    return svg.getvalue(), png.getvalue()
+
+
 def side_by_side(
     title: str, records: Mapping[str, Records], panel: "Callable[[Axes, Records], None]"
 ) -> "Figure":
@@ -38,14 +69,7 @@ def side_by_side(
         records: Those of each preset; what does not depend on it has one panel without a name.
         panel: Draws some records on some axes.
     """
-    try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise MissingExtraError("matplotlib", "plot") from None
-    figure = Figure(figsize=(5.2 * len(records), 3.8), layout="constrained")
-    FigureCanvasAgg(figure)
-    figure.suptitle(title, fontsize=11)
+    figure = blank(title, (5.2 * len(records), 3.8))
     axes = np.atleast_1d(figure.subplots(1, len(records), sharey=True))
     for axis, (name, group) in zip(axes, records.items(), strict=True):
         is_of_preset = any(record.spec.preset for record in group)

@@ -28,6 +28,8 @@ class Scale:
         final_episodes: Episodes of the evaluation of a final policy.
         speeds: Opponent speeds in m/s (the paper: 2.2 to 4.2 in steps of 0.1).
         first_seed: Seed of the first run.
+        domain: ``"PaperEvasion"``, the constants in which most of the paper is true, or
+            ``"Evasion"``, in which things were measured before those were found.
         setting: What the paper leaves open, where it is not left to the environment, its scripted
             expert and the preset.
     """
@@ -39,7 +41,12 @@ class Scale:
     final_episodes: int = 1000
     speeds: tuple[float, ...] = tuple(round(2.2 + 0.1 * i, 1) for i in range(21))
     first_seed: int = 0
+    domain: str = "PaperEvasion"
     setting: Setting | UnsetType = UNSET
+
+    def environment(self, opponents: int) -> str:
+        """Return the id of the domain with two or three opponents."""
+        return f"eutree/{self.domain}{opponents}-v0"
 
     def spec(
         self, environment: str, learner: str, preset: str, run: int, speed: float = 3.2

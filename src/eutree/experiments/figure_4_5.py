@@ -17,7 +17,6 @@ from eutree.experiments.runs import DEMONSTRATED_SPEED, RunRecord, RunSpec
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-ENVIRONMENT = "eutree/Evasion2-v0"
 NEAR = 0.5  # m/s from the demonstrated speed that Figure 5 draws dark and solid
 
 
@@ -28,13 +27,14 @@ def expert_specs(scale: Scale, preset: str) -> list[RunSpec]:
 
 def learning_specs(scale: Scale, preset: str) -> list[RunSpec]:
     """Return EU-Tree runs at every speed, and C. U-Tree runs at the demonstrated one."""
-    c_u_tree = [scale.spec(ENVIRONMENT, "c-u-tree", preset, run) for run in range(scale.runs)]
+    domain = scale.environment(2)
+    c_u_tree = [scale.spec(domain, "c-u-tree", preset, run) for run in range(scale.runs)]
     return _at_every_speed("eu-tree", scale, preset) + c_u_tree
 
 
 def _at_every_speed(learner: str, scale: Scale, preset: str) -> list[RunSpec]:
     return [
-        scale.spec(ENVIRONMENT, learner, preset, run, speed)
+        scale.spec(scale.environment(2), learner, preset, run, speed)
         for speed in scale.speeds
         for run in range(scale.runs)
     ]

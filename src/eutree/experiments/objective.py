@@ -18,7 +18,7 @@ import numpy as np
 
 from eutree.evaluation.comparison import spearman
 from eutree.evaluation.survival import kaplan_meier
-from eutree.experiments.figure_2_3 import durations, success
+from eutree.experiments.figure_2_3 import durations, final, success
 from eutree.experiments.figure_4_5 import NEAR
 from eutree.experiments.finals import FINALS
 from eutree.experiments.runs import DEMONSTRATED_SPEED, Performance, RunRecord
@@ -37,11 +37,11 @@ class Evidence:
 
     Args:
         records: Any runs of one setting.
-        final: Name of the rule that says which policy of a run is its final one.
+        rule: Name of the rule that says which policy of a run is its final one.
     """
 
-    def __init__(self, records: Sequence[RunRecord], final: str) -> None:
-        self._final = final
+    def __init__(self, records: Sequence[RunRecord], rule: str) -> None:
+        self._rule = rule
         self._groups: dict[tuple[str, str, float], list[RunRecord]] = {}
         for record in sorted(records, key=lambda r: r.spec.seed):
             spec = record.spec
@@ -65,12 +65,7 @@ class Evidence:
 
     def finals(self, domain: str, learner: str) -> list[Performance]:
         """Return the final policies of a learner's runs."""
-        found = []
-        for run in self.runs(domain, learner):
-            if not isinstance(run.finals, dict):
-                raise MissingEvidenceError(f"the final policies of {run.spec.name}")
-            found.append(run.finals[self._final])
-        return found
+        return [final(run, self._rule) for run in self.runs(domain, learner)]
 
     def expert(self, domain: str, speed: float = DEMONSTRATED_SPEED) -> list[Performance]:
         """Return the expert trees of the runs."""
@@ -136,16 +131,16 @@ class Distance:
 
 
 def distance(
-    records: Sequence[RunRecord], final: str, numbers: Sequence[Number] | None = None
+    records: Sequence[RunRecord], rule: str, numbers: Sequence[Number] | None = None
 ) -> Distance:
     """Return how far the records of a setting are from the paper.
 
     Args:
         records: Runs of one setting; a number that they cannot tell is left out.
-        final: Name of the rule that says which policy of a run is its final one.
+        rule: Name of the rule that says which policy of a run is its final one.
         numbers: Which; all by default.
     """
-    evidence = Evidence(records, final)
+    evidence = Evidence(records, rule)
     ours, costs = {}, {}
     for number in NUMBERS if numbers is None else numbers:
         try:
@@ -158,8 +153,8 @@ def distance(
 
 def nearest(records: Sequence[RunRecord]) -> tuple[str, Distance]:
     """Return the rule for final policies under which the records are nearest, and how near."""
-    found = {final: distance(records, final) for final in FINALS}
-    best = min(found, key=lambda final: found[final].mean)
+    found = {rule: distance(records, rule) for rule in FINALS}
+    best = min(found, key=lambda rule: found[rule].mean)
     return best, found[best]
 
 
@@ -271,10 +266,10 @@ def _time_and_quality(evidence: Evidence) -> float:
 
 
 def _compression(evidence: Evidence) -> float:
-    runs = evidence.learned()
-    if not runs:
-        raise MissingEvidenceError("learned trees")
-    return float(np.mean([r.compressed.n_leaves / r.final.n_leaves for r in runs if r.compressed]))
+    pairs = [(r.compressed, r.final) for r in evidence.learned() if r.compressed is not None]
+    if not pairs:
+        raise MissingEvidenceError("compressed trees")
+    return float(np.mean([after.n_leaves / before.n_leaves for after, before in pairs]))
 
 
 _EXPERT_REWARD = _expert("mean_return")

@@ -16,11 +16,10 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from html import escape
-from io import BytesIO
 from pathlib import Path
 
 from eutree.experiments.claims import Claim
-from eutree.experiments.drawing import side_by_side
+from eutree.experiments.drawing import side_by_side, svg_and_png
 from eutree.experiments.experiment import Experiment, Records, Scale
 from eutree.experiments.results import Results
 from eutree.experiments.runs import RunSpec
@@ -138,19 +137,13 @@ def _distinct(
 
 def _draw(experiment: Experiment, records: dict[str, Records], folder: Path) -> str:
     """Write the figure as SVG and PNG; return the SVG."""
-    import matplotlib as mpl
-
-    if experiment.draw is None:
+    draw = experiment.draw
+    if draw is None:
         raise TypeError(f"{experiment.id} has no figure")
-    # A fixed salt and no date make the same figure the same bytes.
-    with mpl.rc_context({"svg.hashsalt": experiment.id, "svg.fonttype": "path"}):
-        figure = side_by_side(experiment.title, records, experiment.draw)
-        svg, png = BytesIO(), BytesIO()
-        figure.savefig(svg, format="svg", metadata={"Date": None})
-        figure.savefig(png, format="png", dpi=150, metadata={"Software": None})
-    write_bytes(folder / f"{experiment.id}.svg", svg.getvalue())
-    write_bytes(folder / f"{experiment.id}.png", png.getvalue())
-    return svg.getvalue().decode()
+    svg, png = svg_and_png(experiment.id, lambda: side_by_side(experiment.title, records, draw))
+    write_bytes(folder / f"{experiment.id}.svg", svg)
+    write_bytes(folder / f"{experiment.id}.png", png)
+    return svg.decode()
 
 
 def _points(records: Mapping[tuple[str, str], Records]) -> str:

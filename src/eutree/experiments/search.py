@@ -7,7 +7,8 @@ Talwalkar, *Non-stochastic best arm identification and hyperparameter optimizati
 1. *expert*: domains and demonstrators, by the expert trees alone, which cost no learning.
 2. *2-Evasion*: the best of each time step, in each corner reading, with the three learners.
 3. *3-Evasion*: the same learners there too.
-4. *neighbours*: the nearest with a choice or two changed, what else a reading has included.
+4. *neighbours*: the nearest with a choice or two changed, what else a reading has included; then
+   the nearest of those with finer changes.
 5. *speeds*: the last few, on more seeds and at other opponent speeds.
 
 Every run is a document in a folder of results, and what is run next follows from the documents
@@ -17,7 +18,6 @@ claim is judged on.
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +51,18 @@ READINGS: Mapping[str, tuple[Any, ...]] = {
     "exploration": (0.05, 0.1, 0.2),
     "discount": (0.9, 0.99, 1.0),
 }
-CORNERS = tuple(Reading(untried=u, split=s) for u, s in product((LABEL, ZERO), SPLITS))
+FINER: Mapping[str, tuple[Any, ...]] = {
+    **DOMAINS,
+    "time_step": (0.5, 0.6, 0.75, 0.9, 1.0, 1.25, 1.5),
+    "collision_distance": (0.75, 1.0, 1.25, 1.5, 1.75, 2.0),
+    "noise": (0.01, 0.02, 0.03, 0.05, 0.07, 0.1),
+}
+FINER_DEMONSTRATORS: Mapping[str, tuple[Any, ...]] = {
+    "wait_distance": (6.5, 7.5, 8.5, 9.0, 9.5, 10.0, 10.5)
+}
+LEAST_SEEDS = 3  # a standard error of two seeds says little
+# With labels, as without them the two EU-Trees begin apart; neighbours try that too.
+CORNERS = tuple(Reading(untried=LABEL, split=split, exploration=0.1) for split in SPLITS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,7 +88,8 @@ class SearchPlan:
 
     Attributes:
         domains: Domains and demonstrators drawn.
-        neighbours: Settings made from the nearest, for the fourth stage.
+        neighbours: Settings made from the nearest, in each round of the fourth stage.
+        asked: Settings that are tried beside those of the second round.
         rungs: The stages.
         scale: Episodes of runs and evaluations.
         speeds: Opponent speeds of the expert stage.
@@ -85,7 +97,8 @@ class SearchPlan:
     """
 
     domains: int
-    neighbours: int
+    neighbours: tuple[int, int]
+    asked: tuple[Setting, ...] = ()
     rungs: tuple[Rung, ...]
     scale: Scale
     speeds: tuple[float, ...] = (2.2, 2.7, 4.2)
@@ -100,21 +113,38 @@ def _domain(setting: Setting) -> tuple[Domain, Demonstrator]:
     return setting.domain, setting.demonstrator
 
 
+# Two domains between those drawn, in which expert trees do what the paper's did: found by looking
+# at expert trees alone, at the seeds of the search.
+_AT_ENDS = Domain(time_step=0.75, collision_distance=1.0, noise=0.05, start="either end")
+ASKED = (
+    Setting(
+        domain=_AT_ENDS,
+        demonstrator=Demonstrator(wait_distance=9.5),
+        reading=Reading(exploration=0.1),
+    ),
+    Setting(
+        domain=replace(_AT_ENDS, collision_distance=2.0),
+        demonstrator=Demonstrator(wait_distance=9.0),
+        reading=Reading(exploration=0.1),
+    ),
+)
+
 PLAN = SearchPlan(
-    domains=260,
-    neighbours=30,
+    asked=ASKED,
+    domains=140,
+    neighbours=(5, 6),
     rungs=(
-        Rung(name="expert", keep=(60, 16), per_group=4, group=_time_step),
-        Rung(name="2-Evasion", keep=(20, 12), per_group=3, group=_domain),
-        Rung(name="3-Evasion", keep=(10, 8)),
-        Rung(name="neighbours", keep=(12, 6)),
-        Rung(name="speeds", keep=(4, 3, 3, 3)),
+        Rung(name="expert", keep=(36, 9), per_group=3, group=_time_step),
+        Rung(name="2-Evasion", keep=(6, 4), per_group=2, group=_domain),
+        Rung(name="3-Evasion", keep=(3,)),
+        Rung(name="neighbours", keep=(3, 2)),
+        Rung(name="speeds", keep=(2,)),
     ),
     scale=replace(FULL, final_episodes=400),
 )
 SMOKE_PLAN = SearchPlan(
     domains=4,
-    neighbours=1,
+    neighbours=(1, 1),
     rungs=(
         Rung(name="expert", keep=(2, 1)),
         Rung(name="2-Evasion", keep=(2,)),
@@ -181,10 +211,19 @@ class Search:
         read = [replace(s, reading=reading) for s in shown for reading in CORNERS]
         self._inherit(read)
         near = self._race(three, self._race(two, read))
-        changed = self._neighbours(near, self.plan.neighbours)
-        self._inherit(changed)
-        best = self._race(speeds, self._race(neighbours, [*near, *changed]))
+        for count, finer in zip(self.plan.neighbours, (False, True), strict=True):
+            changed = self._neighbours(near, count, finer=finer)
+            if finer:
+                changed = [*self.plan.asked, *changed]
+            self._inherit(changed)
+            near = self._race(neighbours, [*near, *changed])
+        best = self._race(speeds, near)
         return self._ranking(best)
+
+    @property
+    def n_runs(self) -> int:
+        """Return how many runs the settings took; several settings share those of expert trees."""
+        return len({spec for records in self._records.values() for spec in records})
 
     def _first(self) -> list[Setting]:
         """Return the domains and demonstrators to screen: random ones, and those in use."""
@@ -199,13 +238,13 @@ class Search:
             found[Setting(domain=domain, demonstrator=rule)] = None
         return list(found)
 
-    def _neighbours(self, near: Sequence[Setting], count: int) -> list[Setting]:
+    def _neighbours(self, near: Sequence[Setting], count: int, *, finer: bool) -> list[Setting]:
         """Return settings that differ from a near one by one or two choices."""
         found: dict[Setting, None] = {}
         for number in range(20 * count):
             changed = near[number % len(near)]
             for _ in range(int(self._generator.integers(1, 3))):
-                changed = mutated(changed, self._generator)
+                changed = mutated(changed, self._generator, finer=finer)
             if changed not in self._records:
                 found[changed] = None
             if len(found) == count:
@@ -263,7 +302,7 @@ class Search:
     def _not_clearly_worse(self, settings: Sequence[Setting], last_seed: int) -> list[Setting]:
         """Drop those whose distance is above the leader's by two standard errors, seed by seed."""
         seeds = range(FIRST_SEED, last_seed + 1)
-        if len(seeds) < 2:
+        if len(seeds) < LEAST_SEEDS:
             return list(settings)
         leader = min(settings, key=self._miss)
         of_leader = self._by_seed(leader, seeds)
@@ -304,9 +343,11 @@ class Search:
         )
 
 
-def mutated(setting: Setting, generator: np.random.Generator) -> Setting:
+def mutated(setting: Setting, generator: np.random.Generator, *, finer: bool = False) -> Setting:
     """Return the setting with one choice changed to another of its values."""
     parts = {"domain": DOMAINS, "demonstrator": DEMONSTRATORS, "reading": READINGS}
+    if finer:
+        parts |= {"domain": FINER, "demonstrator": FINER_DEMONSTRATORS}
     if setting.demonstrator.folder:
         del parts["domain"], parts["demonstrator"]
     if setting.reading is None:

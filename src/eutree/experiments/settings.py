@@ -99,12 +99,12 @@ class Reading:
         discount: gamma.
     """
 
-    untried: str = ZERO
+    untried: str = LABEL
     split: str = "lowest p"
     compare: str = "pooled"
     min_leaf: int = 1
     gathering_episodes: int = 20
-    exploration: float = 0.1
+    exploration: float = 0.05
     discount: float = 0.99
 
     def __post_init__(self) -> None:

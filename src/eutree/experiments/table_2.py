@@ -1,9 +1,7 @@
 """Table 2: states and reward of the expert tree, the C. U-Tree and the EU-Tree in 2-Evasion.
 
-"An algorithm running for a long time will tend to perform more splits ... an optimal policy can be
-found more quickly, keeping the state space small as a result": so a run's *final policy* is here
-the best one that it found after learning began, the earliest if several are equally good. The
-other reading, the policies after equally many episodes, is judged too.
+A run's *final policy* is what ``eutree.experiments.finals`` says. The other reading, the policies
+after equally many episodes, is judged too.
 """
 
 import numpy as np
@@ -13,10 +11,8 @@ from eutree.evaluation.bootstrap import bootstrap, bootstrap_rows
 from eutree.evaluation.intervals import Estimate
 from eutree.experiments.claims import Claim, close_to, judged
 from eutree.experiments.experiment import Experiment, Records, Scale, by_learner
-from eutree.experiments.figure_2_3 import specs
+from eutree.experiments.figure_2_3 import final, specs
 from eutree.experiments.runs import Performance, RunRecord, RunSpec
-
-ENVIRONMENT = "eutree/Evasion2-v0"
 
 # (states, average reward per trial) of each row, and how near ours must be to say "the same"
 PAPER = {"Expert tree": (9, 82), "C. U-Tree": (167, 50), "EU-Tree": (30, 80)}
@@ -81,12 +77,6 @@ def table(records: Records) -> dict[str, list[Performance]]:
     }
 
 
-def final(record: RunRecord) -> Performance:
-    """Return the policy of the best frozen evaluation after learning began, the earliest such."""
-    best = max(record.curve[1:], key=lambda point: (point.success, -point.episode))
-    return Performance(best.success, best.mean_return, best.n_leaves)
-
-
 def _expert(record: RunRecord) -> Performance:
     if record.expert is None:
         raise TypeError(f"{record.spec.name} has no expert tree")
@@ -142,7 +132,7 @@ def _ratio(first: Integers, second: Integers) -> Estimate:
 
 def table_2_specs(scale: Scale, preset: str) -> list[RunSpec]:
     """Return the runs of Figure 2, which the table reads too."""
-    return specs(ENVIRONMENT, scale, preset)
+    return specs(2, scale, preset)
 
 
 TABLE_2 = Experiment(

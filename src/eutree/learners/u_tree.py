@@ -136,7 +136,7 @@ class UTree:
         n_actions: Number of actions A.
         method: How to learn.
         prior: Action of each leaf while nothing was tried in it: the expert's, shape [L]. Where an
-            untried action has a value, as in the paper's settings, it is never asked for.
+            untried action has a value, it is never asked for.
         locked: Leaves that are never split and whose prior action stays, without exploration.
 
     Attributes:

@@ -6,7 +6,7 @@ Values of leaves are frozen for the presets whose values decide, and for those o
 
 import hashlib
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import gymnasium
@@ -16,10 +16,18 @@ import eutree
 from eutree.envs.experts import experts_for
 from eutree.interaction import record
 from eutree.interaction.making import make
+from eutree.learners import PAPER, PAPER_D
 from eutree.schema import EnvironmentSpec
 
 SEEDS = range(5)
 PRESETS = ("paper", "paper-d", "default")
+# The settings that the presets had when their behaviour was frozen, spelled out where they have
+# been read anew since.
+METHODS = {
+    "paper": replace(PAPER, untried_value=0.0, exploration=0.1),
+    "paper-d": replace(PAPER_D, untried_value=0.0, exploration=0.1),
+    "default": "default",
+}
 STARTS = ("nothing", "tree", "tree+demos")
 
 
@@ -56,7 +64,7 @@ def behaviour(preset, start, task, seed):
         environment(setting),
         demonstrations=None if start == "nothing" else shown,
         start=start,
-        method=preset.removesuffix("-raced"),
+        method=METHODS[preset.removesuffix("-raced")],
         episodes=setting.episodes,
         evaluate_every=20,
         evaluation_episodes=5,

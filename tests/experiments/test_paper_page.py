@@ -1,0 +1,67 @@
+"""The pages about the paper say what their tables say."""
+
+import csv
+import importlib.util
+import sys
+from pathlib import Path
+
+import pytest
+
+from eutree.experiments.objective import NUMBERS
+from eutree.experiments.search import CHOICES, FIRST_SEED, PLAN
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+def script(name):
+    spec = importlib.util.spec_from_file_location(name, DOCS / "pictures" / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture
+def page(tmp_path, monkeypatch):
+    """The page's script, with a table of two settings: states agree in one, rewards in none."""
+    module = script("make_paper_results")
+    (tmp_path / "results").mkdir()
+    table = tmp_path / "results" / "search.csv"
+    names = [number.name for number in NUMBERS]
+    with table.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, ["setting", *names])
+        writer.writeheader()
+        writer.writerow({"setting": 1, "C. U-Tree: states": 167, "C. U-Tree: reward": 90})
+        writer.writerow({"setting": 2, "C. U-Tree: states": 8, "C. U-Tree: reward": 20})
+    monkeypatch.setattr(module, "DOCS", tmp_path)
+    return module
+
+
+def test_the_first_paragraph_counts_verdicts_and_what_no_setting_reaches(page):
+    row = "| `x/{}` | s | 1 | paper | 1 [1, 1] | **{}** | rule |"
+    verdicts = ["holds", "holds", "does not hold", "cannot be told"]
+    body = "\n".join(row.format(i, verdict) for i, verdict in enumerate(verdicts))
+    text = " ".join(page._counts(body).split())
+    assert "**With one reading and in one domain 2 of 4 claims hold, 1 do not hold" in text
+    assert "1 cannot be told.** 2 settings of" in text
+    assert "agree: C. U-Tree: reward (50)." in text
+    assert "C. U-Tree: states" not in text
+
+
+def test_the_kept_table_of_the_search_has_every_choice_and_every_number():
+    with (DOCS / "results" / "search.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert set(rows[0]) >= {*CHOICES, *(number.name for number in NUMBERS)}
+    assert len(rows) >= 100
+    first = (DOCS / "results" / "search.md").read_text(encoding="utf-8")
+    assert f"**{len(rows)} settings" in first
+    assert f"agrees in {rows[0]['agreeing']}" in first
+
+
+def test_the_judging_seeds_are_not_those_of_the_search():
+    judged = script("make_paper_results").JUDGED
+    most = max(len(rung.keep) for rung in PLAN.rungs)
+    searched = set(range(FIRST_SEED, FIRST_SEED + most))
+    assert not searched & set(range(judged.first_seed, judged.first_seed + judged.runs))

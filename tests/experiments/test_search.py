@@ -1,0 +1,312 @@
+"""The search: what is decided is data, the distance is as written, the race drops the worse."""
+
+import json
+from dataclasses import fields, replace
+
+import gymnasium
+import numpy as np
+import pytest
+
+import eutree
+from eutree.cli.main import run as run_cli
+from eutree.errors import InvalidArgumentError, UnknownNameError
+from eutree.experiments import results as results_module
+from eutree.experiments import search as search_module
+from eutree.experiments.experiment import SMOKE
+from eutree.experiments.finals import FINALS, Correct
+from eutree.experiments.objective import NUMBERS, cost, distance, nearest
+from eutree.experiments.runs import Performance, Point, RunRecord, RunSpec, run
+from eutree.experiments.search import (
+    CHOICES,
+    DOMAINS,
+    SMOKE_PLAN,
+    Search,
+    choices_of,
+    mutated,
+)
+from eutree.experiments.search_table import to_csv, to_markdown
+from eutree.experiments.settings import Demonstrator, Domain, Reading, Setting
+from eutree.learners import PAPER, PAPER_D
+
+TWO, THREE = "eutree/Evasion2-v0", "eutree/Evasion3-v0"
+TINY = replace(SMOKE, episodes=6, evaluate_every=3, evaluation_episodes=4, final_episodes=4)
+
+
+# What is decided --------------------------------------------------------------------------------
+
+
+def test_a_setting_that_spells_out_the_preset_does_what_the_preset_does():
+    spec = TINY.spec(TWO, "eu-tree", "paper", 0)
+    spelled = replace(spec, setting=Setting(reading=Reading()))
+    assert spelled.name != spec.name
+    plain, same = run(spec), run(spelled)
+    assert (same.curve, same.final, same.finals) == (plain.curve, plain.final, plain.finals)
+    assert Reading().method() == PAPER
+    assert Reading(split="largest D").method() == PAPER_D
+
+
+@pytest.mark.parametrize(
+    "setting",
+    [
+        Setting(domain=Domain(time_step=0.5)),
+        Setting(domain=Domain(start="either end")),
+        Setting(domain=Domain(bounce="turn")),
+        Setting(demonstrator=Demonstrator(wait_distance=3.0)),
+        Setting(reading=Reading(untried="zero")),
+    ],
+)
+def test_every_part_of_a_setting_decides_the_run(setting):
+    base = TINY.spec(TWO, "eu-tree-dt", "paper", 0)
+    changed = replace(base, setting=setting)
+    assert changed.name != base.name
+    first, second = run(base), run(changed)
+    assert (first.curve, first.expert) != (second.curve, second.expert)
+
+
+def test_the_name_of_a_run_without_a_setting_is_what_it_was():
+    spec = RunSpec(environment=TWO, learner="eu-tree", preset="paper", seed=3)
+    assert spec.name == "eu-tree-paper-03-be58d8a1334c"
+
+
+def test_a_person_s_demonstrations_are_taken_from_their_folder(tmp_path):
+    folder = tmp_path / "person"
+    env = gymnasium.make(TWO)
+    shown = eutree.record(env, eutree.experts.look_ahead, episodes=4, seed=1, out=folder)
+    setting = Setting(demonstrator=Demonstrator.recorded(folder))
+    spec = replace(TINY.spec(TWO, "expert", "", 0), setting=setting)
+    found = run(spec)
+    assert found.expert.n_leaves == eutree.fit_expert_tree(shown).n_leaves
+    other = replace(setting.demonstrator, digest="0" * 64)
+    with pytest.raises(InvalidArgumentError, match="must hold the demonstrations of digest 0000"):
+        run(replace(spec, setting=Setting(demonstrator=other)))
+
+
+def test_a_wrong_reading_is_an_error():
+    with pytest.raises(UnknownNameError, match="untried 'labels'"):
+        Reading(untried="labels")
+    with pytest.raises(UnknownNameError, match="split 'largest'"):
+        Reading(split="largest")
+
+
+# Final policies ---------------------------------------------------------------------------------
+
+
+def curve(*success):
+    return [Point(20 * i, s, 100 * s, 10 + i) for i, s in enumerate(success)]
+
+
+def test_final_policies_by_hand():
+    points = curve(1.0, 0.9, 0.96, 0.97, 0.5)
+    chosen = {name: rule(points) for name, rule in FINALS.items()}
+    assert chosen == {
+        "best": 3, "last": 4, "95 % once": 2, "95 % twice": 3, "95 % three times": 4,
+        "95 % four times": 4, "all once": 4, "all twice": 4, "all three times": 4,
+    }  # fmt: skip
+    assert FINALS["best"](curve(0.5, 0.8, 0.8)) == 1
+    assert Correct(success=0.9, evaluations=2)(curve(1.0, 0.95, 0.5, 0.95, 0.95)) == 4
+
+
+def test_the_final_policies_of_a_run_are_those_of_its_curve():
+    found = run(TINY.spec(TWO, "eu-tree", "paper", 0))
+    for name, rule in FINALS.items():
+        assert found.finals[name].n_leaves == found.curve[rule(found.curve)].n_leaves
+    assert found.finals["last"] == found.final
+
+
+# The distance -----------------------------------------------------------------------------------
+
+
+def record_of(domain, learner, *, speed=3.2, success=(0.5, 0.9), states=10, reward=80.0, seed=0):
+    spec = RunSpec(environment=domain, learner=learner, preset="", opponent_speed=speed, seed=seed)
+    final = Performance(success[-1], reward, states)
+    expert = None if learner == "c-u-tree" else Performance(success[0], reward, states)
+    return RunRecord(
+        spec=spec,
+        expert=expert,
+        curve=[] if learner == "expert" else curve(*success),
+        final=final,
+        compressed=None if learner == "expert" else Performance(0.5, 1.0, states // 5),
+        agreement=None,
+        finals=dict.fromkeys(FINALS, final),
+    )
+
+
+def as_the_paper_has_it():
+    """Return one record of each kind, with the numbers of the paper."""
+    records = [
+        record_of(TWO, "expert", speed=v, success=(s,), states=9, reward=82.0)
+        for v, s in ((2.2, 1.0), (3.2, 1.0), (4.2, 0.5))
+    ]
+    records.append(record_of(THREE, "expert", success=(1.0,)))
+    for domain in (TWO, THREE):
+        slow = (0.1, 0.5, 0.95, 1.0)
+        fast = (0.9, 1.0, 1.0, 1.0)
+        records.append(record_of(domain, "c-u-tree", success=slow, states=167, reward=50.0))
+        records.append(record_of(domain, "eu-tree-dt", success=fast, states=30))
+        records.append(record_of(domain, "eu-tree", success=fast, states=30))
+    for speed, far in ((2.2, (0.8, 0.9, 1.0, 1.0)), (4.2, (0.5, 0.7, 0.9, 1.0))):
+        records.append(record_of(TWO, "eu-tree", speed=speed, success=far))
+    return records
+
+
+def test_the_paper_s_own_numbers_are_at_no_distance():
+    found = distance(as_the_paper_has_it(), "last")
+    assert set(found.ours) == {number.name for number in NUMBERS}
+    assert {name: c for name, c in found.costs.items() if c} == {}
+    assert found.ours["C. U-Tree: states"] == 167
+    assert found.ours["expert tree: success at 4.2 m/s"] == 0.5
+    assert found.ours["compression"] == pytest.approx((33 / 167 + 6 / 30) / 2)
+    assert found.n_agreeing == len(NUMBERS)
+
+
+def test_each_number_costs_when_it_is_far():
+    """Every number notices: a set of records in which everything is wrong costs everywhere."""
+    records = [
+        record_of(TWO, "expert", speed=v, success=(s,), states=30, reward=20.0)
+        for v, s in ((2.2, 0.5), (3.2, 0.5), (4.2, 1.0))
+    ]
+    records.append(record_of(THREE, "expert", success=(0.5,)))
+    for domain in (TWO, THREE):
+        records.append(
+            record_of(domain, "c-u-tree", success=(0.0, 0.95, 0.8), states=8, reward=70.0)
+        )
+        records.append(record_of(domain, "eu-tree-dt", success=(0.1, 0.1, 0.1)))
+        records.append(record_of(domain, "eu-tree", success=(0.3, 0.3, 0.5), states=5, reward=30.0))
+    for speed, far in ((2.2, (0.2, 0.95, 0.95)), (4.2, (0.1, 0.9, 0.0))):
+        records.append(record_of(TWO, "eu-tree", speed=speed, success=far))
+    records = [
+        r if r.compressed is None else replace_compressed(r, r.final.n_leaves) for r in records
+    ]
+    costs = distance(records, "last").costs
+    assert {name for name, c in costs.items() if c == 0.0} == set()
+
+
+def replace_compressed(record, n_leaves):
+    return RunRecord(
+        spec=record.spec, expert=record.expert, curve=record.curve, final=record.final,
+        compressed=Performance(0.5, 1.0, n_leaves), agreement=None, finals=record.finals,
+    )  # fmt: skip
+
+
+def test_a_cost_grows_with_the_misses_up_to_three():
+    states = next(n for n in NUMBERS if n.name == "C. U-Tree: states")
+    assert [cost(states, v) for v in (117, 217, 167)] == [0.0, 0.0, 0.0]
+    assert cost(states, 267) == cost(states, 67) == pytest.approx(0.25 + 0.75 / 3)
+    assert cost(states, 10_000) == 1.0
+
+
+def test_what_cannot_be_told_is_left_out():
+    only = [record_of(TWO, "expert", success=(1.0,), states=9, reward=82.0)]
+    assert set(distance(only, "last").costs) == {
+        "expert tree: states", "expert tree: reward", "expert tree: success in 2-Evasion",
+    }  # fmt: skip
+    assert nearest(only)[1].mean == 0.0
+
+
+def test_an_older_record_has_its_final_policies_along_the_curve():
+    old = RunRecord(
+        spec=RunSpec(environment=TWO, learner="c-u-tree", preset="paper"), expert=None,
+        curve=curve(0.5, 0.6), final=Performance(0.6, 1.0, 3), compressed=None, agreement=None,
+    )  # fmt: skip
+    found = distance([old], "best").ours
+    assert (found["C. U-Tree: states"], found["C. U-Tree: reward"]) == (11, 60)
+
+
+# The race ---------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def searched(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("search")
+    plan = replace(SMOKE_PLAN, domains=3, scale=TINY)
+    return folder, plan, Search(folder, plan=plan).run()
+
+
+def test_a_search_goes_through_all_stages_and_ranks_all_settings(searched):
+    _, _, scored = searched
+    assert {one.stage for one in scored} >= {"expert", "3-Evasion", "neighbours", "speeds"}
+    assert scored[0].stage == "speeds"
+    assert set(scored[0].distance.costs) == {number.name for number in NUMBERS}
+    assert len({one.setting for one in scored}) == len(scored)
+
+
+def test_an_interrupted_search_goes_on_with_what_is_missing(searched, tmp_path, monkeypatch):
+    folder, plan, scored = searched
+    whole = {p.name: p.read_bytes() for p in (folder / "runs").iterdir()}
+    half = tmp_path / "runs"
+    half.mkdir()
+    kept = sorted(whole)[::2]
+    for name in kept:
+        (half / name).write_bytes(whole[name])
+    done = []
+
+    def counted(spec):
+        done.append(spec)
+        return run(spec)
+
+    monkeypatch.setattr(results_module, "run", counted)
+    again = Search(tmp_path, plan=plan).run()
+    assert again == scored
+    assert len(done) == len(whole) - len(kept)
+    assert {p.name: p.read_bytes() for p in half.iterdir()} == whole
+
+
+def test_the_clearly_worse_are_dropped():
+    """By hand: B is behind A by the same on every seed, C is as good."""
+    settings = [Setting(demonstrator=Demonstrator(wait_distance=w)) for w in (1.0, 2.0, 3.0)]
+
+    class ByHand(Search):
+        def __init__(self):
+            pass
+
+        def _miss(self, setting):
+            return float(np.mean(self._by_seed(setting, range(3))))
+
+        def _by_seed(self, setting, seeds):
+            noise = np.array([0.1, 0.2, 0.15])[: len(seeds)]
+            turned = noise[::-1]
+            at = settings.index(setting)
+            return (noise, noise + 0.3, turned + 0.001)[at]
+
+    kept = ByHand()._not_clearly_worse(settings, 7002)
+    assert kept == [settings[0], settings[2]]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_neighbour_differs_in_one_choice(seed):
+    generator = np.random.default_rng(seed)
+    for setting in (Setting(), Setting(reading=Reading())):
+        changed = mutated(setting, generator, finer=seed % 2 == 0)
+        before, after = choices_of(setting), choices_of(changed)
+        assert sum(before[name] != after[name] for name in before) == 1
+    person = Setting(demonstrator=Demonstrator(folder="x", digest="y"), reading=Reading())
+    changed = mutated(person, generator)
+    assert (changed.domain, changed.demonstrator) == (person.domain, person.demonstrator)
+
+
+def test_the_space_holds_what_the_choices_are_called():
+    assert set(DOMAINS) <= {field.name for field in fields(Domain)}
+    assert set(CHOICES) == set(choices_of(Setting(reading=Reading())))
+
+
+def test_the_tables_hold_every_setting_and_every_number(searched):
+    _, _, scored = searched
+    rows = to_csv(scored).splitlines()
+    assert len(rows) == 1 + len(scored)
+    assert rows[1].startswith(f"1,{scored[0].setting.domain.time_step},")
+    text = to_markdown(scored)
+    assert all(number.name in text for number in NUMBERS)
+    assert "Which numbers exclude which" in text
+
+
+def test_the_command_searches_in_small(tmp_path, capsys, monkeypatch):
+    plan = replace(SMOKE_PLAN, domains=2, scale=TINY)
+    monkeypatch.setattr(search_module, "SMOKE_PLAN", plan)
+    line = ["reproduce", "search", "--smoke", "--json", "--out", str(tmp_path / "r")]
+    assert run_cli(line) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["settings"][0]["stage"] == "speeds"
+    assert (tmp_path / "r" / "search.csv").stat().st_size > 1000
+    assert "The nearest settings" in (tmp_path / "r" / "search.md").read_text(encoding="utf-8")
+    assert run_cli(["reproduce", "--list", "--json"]) == 0
+    assert "search" in json.loads(capsys.readouterr().out)
