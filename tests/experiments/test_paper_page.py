@@ -46,7 +46,7 @@ def test_the_first_paragraph_counts_verdicts_and_what_no_setting_reaches(page):
     text = " ".join(page._counts(body).split())
     assert "**With one reading and in one domain 2 of 4 claims hold, 1 do not hold" in text
     assert "1 cannot be told.** 2 settings of" in text
-    assert "agree: C. U-Tree: reward (50)." in text
+    assert "agree: C. U-Tree: reward (50), told by 2." in text
     assert "C. U-Tree: states" not in text
 
 
