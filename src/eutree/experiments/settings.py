@@ -8,7 +8,7 @@ difference" is, or how long data is gathered. A setting is one answer to all of 
 
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import gymnasium
 
@@ -117,8 +117,8 @@ class Reading:
             PAPER,
             untried_value=0.0 if self.untried == ZERO else None,
             splitter=KolmogorovSmirnov(
-                score=SPLITS[self.split],  # type: ignore[arg-type]
-                compare=self.compare,  # type: ignore[arg-type]
+                score=cast(Any, SPLITS[self.split]),
+                compare=cast(Any, self.compare),
                 min_leaf=self.min_leaf,
             ),
             gathering_episodes=self.gathering_episodes,
