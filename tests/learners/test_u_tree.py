@@ -47,7 +47,7 @@ def test_it_learns_to_walk_on(preset):
 
 def test_value_differs_away_from_the_end_too():
     """A target that uses V of the same leaf (Eq. 2 as printed) splits near the reward only."""
-    settings_ = replace(PAPER, discount=0.9, exploration=0.0)
+    settings_ = replace(PAPER, discount=0.9, exploration=0.0, untried_value=0.0)
     learner = learned_to_walk(settings_, phases=6)
     thresholds = learner.tree.threshold[learner.tree.feature == 0]
     assert thresholds.min() < 5 < thresholds.max()
