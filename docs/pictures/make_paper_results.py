@@ -60,8 +60,9 @@ domain that [the search](search.md) found ([the decision](../decisions/paper-pre
 `eutree/Evasion2-v0` and with three presets, is on [a page of its own](paper-first-domain.md).
 `paper-points.csv` holds every evaluation of every run of Figures 2 and 3.
 
-The rule for a final policy is part of the reading: "95 % twice" here, the last policy on the page of
-the first domain. So part of the difference between the two pages is that rule, and not the domain.
+The rule for a final policy is part of the reading: "95 % twice" here, the last policy on the page
+of the first domain. So part of the difference between the two pages is that rule, and not the
+domain.
 
 Made by `python docs/pictures/make_paper_results.py --results results`, which is `eutree reproduce`
 for each experiment.

@@ -24,13 +24,14 @@ choices and numbers is in [search.csv](search.csv). A number here *agrees* if it
 runs of the search lies in the range given; [the verdicts](paper.md) are computed from intervals, on
 other seeds.
 
-How far to trust it. Most settings had one or two seeds; 17 tell the numbers of 3-Evasion and 2 those
-of the opponents' speeds, so that "no setting" weighs little there. The agent's speed, the crossings
-of the opponents, the length of a run and a person's demonstrations were not varied. The plan was
-changed several times while results on the searching seeds were seen: sizes of its stages, which
-readings start, two settings added after a look at expert trees alone; settings of abandoned plans
-are not counted. The rules "three times" and "four times in a row" for a final policy came after the
-first learning results; "95 % twice", which the verdicts use, was there from the start.
+How far to trust it. Most settings had one or two seeds; 17 tell the numbers of 3-Evasion and 2
+those of the opponents' speeds, so that "no setting" weighs little there. The agent's speed, the
+crossings of the opponents, the length of a run and a person's demonstrations were not varied. The
+plan was changed several times while results on the searching seeds were seen: sizes of its
+stages, which readings start, two settings added after a look at expert trees alone; settings of
+abandoned plans are not counted. The rules "three times" and "four times in a row" for a final
+policy came after the first learning results; "95 % twice", which the verdicts use, was there from
+the start.
 
 ![Which setting agrees with the paper in which number](figures/search.svg)
 

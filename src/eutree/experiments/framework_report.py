@@ -44,8 +44,8 @@ from eutree.experiments.framework_verdicts import (
     ratio_of_times,
     verdicts,
 )
-from eutree.files import make_folder, read_document, write_bytes, write_document, write_text
-from eutree.files.atomic import remove_orphans
+from eutree.experiments.results import RecordFolder
+from eutree.files import write_bytes, write_text
 from eutree.parallel import Workers
 
 if TYPE_CHECKING:
@@ -73,25 +73,15 @@ class Reproduction:
     folder: Path
 
 
-class FrameworkResults:
-    """The runs that are done, on disk.
+class FrameworkResults(RecordFolder[FrameworkSpec, FrameworkRecord]):
+    """The runs that are done, on disk, and the CPU seconds that each took.
 
     Args:
         folder: Where; made if it does not exist.
     """
 
     def __init__(self, folder: str | Path) -> None:
-        self.folder = make_folder(folder)
-        self._runs = make_folder(self.folder / "runs")
-        remove_orphans(self._runs)
-
-    def has(self, spec: FrameworkSpec) -> bool:
-        """Return whether the run is done."""
-        return self._path(spec).exists()
-
-    def load(self, specs: Sequence[FrameworkSpec]) -> list[FrameworkRecord]:
-        """Return the records of those runs that are done."""
-        return [read_document(self._path(s), FrameworkRecord) for s in specs if self.has(s)]
+        super().__init__(folder, FrameworkRecord)
 
     def seconds(self) -> dict[str, float]:
         """Return the CPU seconds of the runs, by name."""
@@ -112,14 +102,11 @@ class FrameworkResults:
         missing = [spec for spec in specs if not self.has(spec)]
         count, seconds = len(specs) - len(missing), self.seconds()
         for record, spent in Workers(n_jobs).as_finished(run, missing):
-            write_document(self._path(record.spec), record)
+            self.save(record.spec, record)
             seconds[record.spec.name] = round(spent, 3)
             write_text(self.folder / "seconds.json", json.dumps(seconds, indent=1) + "\n")
             count += 1
             on_run(count, record.spec)
-
-    def _path(self, spec: FrameworkSpec) -> Path:
-        return self._runs / f"{spec.name}.json"
 
 
 def reproduce_framework(
@@ -150,7 +137,7 @@ def report(specs: Sequence[FrameworkSpec], results: FrameworkResults) -> Reprodu
     Raises:
         InvalidArgumentError: There are none.
     """
-    records = results.load(specs)
+    records = results.load([spec for spec in specs if results.has(spec)])
     if not records:
         raise InvalidArgumentError("specs must hold a run that is done, got none")
     runs, found = Runs(records), tuple(verdicts(records))

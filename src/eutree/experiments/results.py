@@ -2,36 +2,64 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
+from typing import Generic, Protocol, TypeVar
 
 from eutree.experiments.runs import RunRecord, RunSpec, run
-from eutree.files import make_folder, read_document, write_document
+from eutree.files import Document, make_folder, read_document, write_document
 from eutree.files.atomic import remove_orphans
 from eutree.parallel import Workers
 
 
-class Results:
-    """The runs that are done, on disk.
+class _Spec(Protocol):
+    """What a run is made from, and called by."""
+
+    @property
+    def name(self) -> str: ...
+
+
+Spec = TypeVar("Spec", bound=_Spec)
+Record = TypeVar("Record", bound=Document)
+
+
+class RecordFolder(Generic[Spec, Record]):
+    """The runs that are done, on disk: a document for each.
+
+    Args:
+        folder: Where; made if it does not exist.
+        record_type: What a document holds.
+    """
+
+    def __init__(self, folder: str | Path, record_type: type[Record]) -> None:
+        self.folder = make_folder(folder)
+        self._type = record_type
+        self._runs = make_folder(self.folder / "runs")
+        remove_orphans(self._runs)
+
+    def has(self, spec: Spec) -> bool:
+        """Return whether the run is done."""
+        return self._path(spec).exists()
+
+    def load(self, specs: Iterable[Spec]) -> list[Record]:
+        """Return the records of runs that are done, in this order."""
+        return [read_document(self._path(spec), self._type) for spec in specs]
+
+    def save(self, spec: Spec, record: Record) -> None:
+        """Write the record of a run, whole or not at all."""
+        write_document(self._path(spec), record)
+
+    def _path(self, spec: Spec) -> Path:
+        return self._runs / f"{spec.name}.json"
+
+
+class Results(RecordFolder[RunSpec, RunRecord]):
+    """The runs of the paper's experiments that are done, on disk.
 
     Args:
         folder: Where; made if it does not exist.
     """
 
     def __init__(self, folder: str | Path) -> None:
-        self.folder = make_folder(folder)
-        self._runs = make_folder(self.folder / "runs")
-        remove_orphans(self._runs)
-
-    def has(self, spec: RunSpec) -> bool:
-        """Return whether the run is done."""
-        return self._path(spec).exists()
-
-    def load(self, specs: Iterable[RunSpec]) -> list[RunRecord]:
-        """Return the records of runs that are done, in this order."""
-        return [read_document(self._path(spec), RunRecord) for spec in specs]
-
-    def save(self, record: RunRecord) -> None:
-        """Write a record, whole or not at all."""
-        write_document(self._path(record.spec), record)
+        super().__init__(folder, RunRecord)
 
     def complete(
         self,
@@ -50,9 +78,6 @@ class Results:
         missing = [spec for spec in dict.fromkeys(specs) if not self.has(spec)]
         count = len(set(specs)) - len(missing)
         for record in Workers(n_jobs).as_finished(run, missing):
-            self.save(record)
+            self.save(record.spec, record)
             count += 1
             on_run(count, record.spec)
-
-    def _path(self, spec: RunSpec) -> Path:
-        return self._runs / f"{spec.name}.json"
