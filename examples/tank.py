@@ -102,7 +102,7 @@ class RuleOfThumb:
         return np.abs(self._levels - wanted).argmin(axis=-1), state
 
 
-gymnasium.register("Tank-v0", Tank, max_episode_steps=EPISODE_STEPS)
+gymnasium.register("ValveTank-v0", Tank, max_episode_steps=EPISODE_STEPS)
 
 
 def with_any_opening(episodes: int, seed: int) -> float:
@@ -124,7 +124,7 @@ def main() -> None:
     parser.add_argument("--max-leaves", type=int, default=16)
     parser.add_argument("--out", type=Path)
     arguments = parser.parse_args()
-    env = GriddedAction(gymnasium.make("Tank-v0"), GRID)
+    env = GriddedAction(gymnasium.make("ValveTank-v0"), GRID)
     rule = RuleOfThumb(env)
     small, _ = eutree.distill(rule, env, max_leaves=arguments.max_leaves, seed=0)
     print(f"rule, any opening: mean return {with_any_opening(200, 1):.2f}")

@@ -44,7 +44,7 @@ def test_a_file_of_no_known_kind_lists_the_ways_out(eutree, expert):
 
 
 def test_an_unknown_environment_points_to_import(eutree):
-    said = eutree("record", "Tank-v0", "--expert", "gate", "--out", "x").err
+    said = eutree("record", "Furnace-v0", "--expert", "gate", "--out", "x").err
     assert "known once its module is imported: --import MODULE" in said
 
 

@@ -27,7 +27,7 @@ def test_a_shut_valve_keeps_what_runs_in():
 
 
 def test_five_openings_hold_the_level_and_a_small_tree_does_so_too():
-    env = GriddedAction(gymnasium.make("Tank-v0"), GRID)
+    env = GriddedAction(gymnasium.make("ValveTank-v0"), GRID)
     rule = RuleOfThumb(env)
     options = {"max_leaves": 16, "iterations": 5, "episodes": 6, "validation_episodes": 20}
     tree, _ = eutree.distill(rule, env, seed=0, **options)
@@ -44,7 +44,7 @@ def test_five_openings_hold_the_level_and_a_small_tree_does_so_too():
 def test_the_program_prints_and_writes(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("eutree.distill", short(eutree.distill))
     monkeypatch.setattr(sys, "argv", ["tank.py", "--out", str(tmp_path / "valve.c")])
-    monkeypatch.delitem(gymnasium.registry, "Tank-v0")
+    monkeypatch.delitem(gymnasium.registry, "ValveTank-v0")
     runpy.run_path("examples/tank.py", run_name="__main__")
     printed = capsys.readouterr().out
     assert "rule, five openings: 200 episodes: success 100.0%" in printed

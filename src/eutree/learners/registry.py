@@ -1,6 +1,6 @@
 """The methods by name, and how one is written to a file and read back."""
 
-from dataclasses import fields
+from dataclasses import fields, is_dataclass, replace
 from typing import Any, cast
 
 import msgspec
@@ -56,6 +56,17 @@ def to_document(chosen: Method) -> dict[str, Any]:
     return {"name": chosen.name, **choices}
 
 
+def _filled(chosen: Any) -> Any:
+    """Return a method or a part of one with its defaults among its attributes.
+
+    msgspec leaves them to the class, and does not see them there when it writes.
+    """
+    parts = {field.name: getattr(chosen, field.name) for field in fields(chosen) if field.init}
+    return replace(
+        chosen, **{name: _filled(part) for name, part in parts.items() if is_dataclass(part)}
+    )
+
+
 def from_document(document: dict[str, Any]) -> Method:
     """Return the method that ``to_document`` wrote; what is missing has its default.
 
@@ -68,6 +79,6 @@ def from_document(document: dict[str, Any]) -> Method:
     if unknown:
         raise InvalidArgumentError(f"method {kind.name!r} has no choice {unknown[0]!r}")
     try:
-        return msgspec.convert(choices, kind)
+        return cast(Method, _filled(msgspec.convert(choices, kind)))
     except (msgspec.ValidationError, ValueError) as error:
         raise InvalidArgumentError(f"method {kind.name!r}: {error}") from None
