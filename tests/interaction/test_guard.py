@@ -86,7 +86,7 @@ def test_an_action_outside_the_space_is_refused():
 @pytest.mark.parametrize(
     ("observations", "actions", "message"),
     [
-        (Box(-1, 1, (2,)), Box(-1, 1, (1,)), "Discrete action space.*Box.*TransformAction"),
+        (Box(-1, 1, (2,)), Box(-1, 1, (1,)), "Discrete action space.*Box.*--action-grid"),
         (Box(-1, 1, (2,)), Discrete(3, start=1), "starts at 0"),
         (Box(0, 255, (8, 8, 3), np.uint8), Discrete(2), "cannot learn from pixels"),
         (Box(-1, 1, (2, 2)), Discrete(2), "FlattenObservation"),

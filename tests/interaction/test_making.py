@@ -39,7 +39,8 @@ def from_file(arguments, name="Imports-v0"):
         ({"map_name": {"data/large.txt": 1}}, "could name a file or a module"),
         (
             {"code": 1},
-            "'code' of Imports-v0, which is none of its own: decode, disable_env_checker, env_id",
+            "'code' of Imports-v0, which is none of its own: "
+            "action_grid, decode, disable_env_checker, env_id",
         ),
         ({"entry_point": "x"}, "none of its own"),
     ],
