@@ -179,7 +179,9 @@ def test_a_teacher_that_cannot_teach_is_refused(teacher, words, env, shown):
 
 def test_methods_that_ask_nobody_refuse_a_teacher(env, shown):
     with pytest.raises(InvalidArgumentError, match="asks no teacher"):
-        eutree.learn(env, demonstrations=shown, teacher=eutree.Teacher(Pushes(), steps=0))
+        eutree.learn(
+            env, method="planning", demonstrations=shown, teacher=eutree.Teacher(Pushes(), steps=0)
+        )
 
 
 @pytest.mark.parametrize(
