@@ -241,12 +241,14 @@ def tank() -> ModuleType:
     assert found is not None
     module = ModuleType("tank")
     exec(found[1], module.__dict__)
+    del gymnasium.registry["Tank-v0"]  # the reader's own may come into the same process
+    gymnasium.register("people/Tank-v0", module.Tank)
     return module
 
 
 def _make_tank() -> gymnasium.Env[Any, Any]:
     tank()
-    return gymnasium.make("Tank-v0")
+    return gymnasium.make("people/Tank-v0")
 
 
 TASKS = {
