@@ -300,6 +300,7 @@ def test_columns_of_strings_of_a_frame_are_named():
     assert model.n_features_in_ == 3
 
 
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # an old matplotlib's, of pyparsing
 def test_importances_are_drawn_with_the_largest_on_top():
     mpl = pytest.importorskip("matplotlib")
     from matplotlib.figure import Figure
