@@ -7,10 +7,13 @@ import click
 
 from eutree.cli._cluster import cluster, workers_options
 from eutree.cli._options import count_option, json_option, seed_option
-from eutree.cli._output import Output
+from eutree.cli._output import Output, ProgressLine
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from eutree.experiments.framework import FrameworkSpec
+    from eutree.experiments.runs import RunSpec
 
 SEARCH = "search"
 SEARCH_TITLE = "The domain and the reading in which the paper's numbers come out"
@@ -69,7 +72,6 @@ def reproduce(
     from eutree.experiments.registry import EXPERIMENTS, FRAMEWORK, FRAMEWORK_TITLE, chosen
     from eutree.experiments.reproduce import number_text
     from eutree.experiments.reproduce import reproduce as reproduce_experiments
-    from eutree.experiments.runs import RunSpec
     from eutree.learners import PRESETS
     from eutree.validation import check_choice
 
@@ -94,12 +96,8 @@ def reproduce(
     scale = SMOKE if smoke else replace(FULL, runs=runs, episodes=episodes)
     scale = replace(scale, first_seed=seed, domain=domain)
     with cluster(backend, address), output.progress("runs", 100) as progress:
-
-        def show(count: int, total: int, spec: RunSpec) -> None:
-            progress.update(100 * count // total, f"{count} of {total}: {spec.name}")
-
         result = reproduce_experiments(
-            selected, out, scale=scale, presets=presets, n_jobs=n_jobs, on_run=show
+            selected, out, scale=scale, presets=presets, n_jobs=n_jobs, on_run=_shown_on(progress)
         )
     table = Table(Column("claim", no_wrap=True), "preset", "paper", "ours [95 %]", "verdict")
     for claim in result.claims:
@@ -110,6 +108,15 @@ def reproduce(
     output.say(f"report: {result.folder / 'report.html'}")
 
 
+def _shown_on(progress: ProgressLine) -> "Callable[[int, int, FrameworkSpec | RunSpec], None]":
+    """Return what is to be called after each run."""
+
+    def show(count: int, total: int, spec: "FrameworkSpec | RunSpec") -> None:
+        progress.update(100 * count // total, f"{count} of {total}: {spec.name}")
+
+    return show
+
+
 def _framework(output: Output, wanted: "list[FrameworkSpec]", out: Path, n_jobs: int) -> None:
     """Run every method from every start, and say what teaching is worth to each."""
     from rich.table import Column, Table
@@ -117,11 +124,7 @@ def _framework(output: Output, wanted: "list[FrameworkSpec]", out: Path, n_jobs:
     from eutree.experiments.framework_report import reproduce_framework, verdicts_to_facts
 
     with output.progress("runs", 100) as progress:
-
-        def show(count: int, total: int, spec: "FrameworkSpec") -> None:
-            progress.update(100 * count // total, f"{count} of {total}: {spec.name}")
-
-        result = reproduce_framework(wanted, out, n_jobs=n_jobs, on_run=show)
+        result = reproduce_framework(wanted, out, n_jobs=n_jobs, on_run=_shown_on(progress))
     table = Table(Column("method", no_wrap=True), "sentence", "ours [95 %]", "verdict", "expected")
     for verdict in result.verdicts:
         said = verdict.expectation

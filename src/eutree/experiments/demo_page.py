@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -10,7 +9,6 @@ from eutree.arrays import Floats
 from eutree.compression import CompressionReport
 from eutree.data import Demonstrations, Episode
 from eutree.evaluation import CurvePoint, Evaluation
-from eutree.evaluation.curves import curve_from_csv
 from eutree.experiments.stories import DemoSettings
 from eutree.inspection import PolicyDiff
 from eutree.policies import TreePolicy
@@ -244,9 +242,7 @@ def _filmed(facts: DemoFacts) -> list[WatchedEpisode]:
 def _curves(facts: DemoFacts) -> dict[str, Series]:
     """Return success, return and leaves of every run."""
     runs = facts.runs
-    found = {
-        _name(run, number == runs.winner): _curve(run.path) for number, run in enumerate(runs.runs)
-    }
+    found = {_name(run, number == runs.winner): run.curve() for number, run in enumerate(runs.runs)}
     measures: Mapping[str, Callable[[CurvePoint], float | None]] = {
         "success rate": lambda point: point.success_rate,
         "return": lambda point: point.mean_return,
@@ -261,11 +257,6 @@ def _curves(facts: DemoFacts) -> dict[str, Series]:
                 for name, entries in series.items()
             }
     return drawn
-
-
-def _curve(path: Path) -> tuple[CurvePoint, ...]:
-    file = path / "curve.csv"
-    return curve_from_csv(file.read_text(encoding="utf-8"), path=str(file))
 
 
 def _name(run: FinishedRun, chosen: bool) -> str:

@@ -19,7 +19,7 @@ expansion, when the threshold is lower.
 """
 
 from collections.abc import Callable
-from typing import Protocol, TypeAlias
+from typing import TypeAlias
 
 import msgspec
 import numpy as np
@@ -29,24 +29,16 @@ from eutree.splitting import LeafSample, Split
 from eutree.validation import check_number
 
 
-class Gate(Protocol):
-    """Decides whether a significant cut is made."""
+class AnyGain(msgspec.Struct, frozen=True, tag=True):
+    """Every significant cut is made, as in Table 1 of the paper."""
 
     def admits(self, gain: Callable[[], float], steps: int) -> bool:
-        """Return whether a cut is made.
+        """Return that a cut is made.
 
         Args:
             gain: What the policy is expected to gain by it, in return for each step.
             steps: Steps since the last split, or since the start.
         """
-        ...
-
-
-class AnyGain(msgspec.Struct, frozen=True, tag=True):
-    """Every significant cut is made, as in Table 1 of the paper."""
-
-    def admits(self, gain: Callable[[], float], steps: int) -> bool:
-        """Return that it is made."""
         return True
 
 

@@ -49,6 +49,15 @@ class FinishedRun:
     environment_steps: int
     selection: Evaluation
 
+    def curve(self) -> tuple[CurvePoint, ...]:
+        """Return its learning curve, from its folder.
+
+        Raises:
+            FileError: It is not there any more.
+        """
+        path = self.path / "curve.csv"
+        return curve_from_csv(read_bytes(path, limit=MAX_TABLE).decode(), path=str(path))
+
 
 @dataclass(frozen=True, eq=False)
 class LearningRuns:
@@ -75,12 +84,7 @@ class LearningRuns:
             FileError: The curve of a run is not in its folder any more.
             MissingExtraError: pandas is not installed.
         """
-        return curves_to_pandas({run.seed: _curve_of(run.path) for run in self.runs})
-
-
-def _curve_of(folder: Path) -> tuple[CurvePoint, ...]:
-    path = folder / "curve.csv"
-    return curve_from_csv(read_bytes(path, limit=MAX_TABLE).decode(), path=str(path))
+        return curves_to_pandas({run.seed: run.curve() for run in self.runs})
 
 
 def learn_runs(
