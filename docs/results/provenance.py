@@ -78,8 +78,19 @@ class Provenance:
             tuple(entries["sources"].split()),
         )
 
+    def in_history(self, root: Path = ROOT) -> bool:
+        """Return whether its commit is HEAD or before it."""
+        command = ["git", "merge-base", "--is-ancestor", self.commit, "HEAD"]
+        return subprocess.run(command, cwd=root, capture_output=True).returncode == 0
+
     def changes(self, root: Path = ROOT) -> list[str]:
-        """Return the commits since then that changed a source, newest first, a line each."""
+        """Return the commits since then that changed a source, newest first, a line each.
+
+        A commit that the history does not hold (rebased away, or a shallow clone) leaves the age
+        unknown; the page is then listed with that one line.
+        """
+        if not self.in_history(root):
+            return [f"unknown: {self.commit} is not in the history of HEAD"]
         log = _git(root, "log", "--oneline", f"{self.commit}..HEAD", "--", *self.sources)
         return log.splitlines()
 

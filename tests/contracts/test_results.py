@@ -32,6 +32,16 @@ def test_every_page_of_figures_says_where_they_come_from():
                     assert (ROOT / word).exists(), f"{name}: there is no {word}"
 
 
+def test_every_page_of_figures_names_a_commit_that_everybody_has():
+    """A commit of a branch that was rebased later is in its author's clone alone."""
+    if not (ROOT / ".git").exists():
+        pytest.skip("not a git checkout")
+    if git(ROOT, "rev-parse", "--is-shallow-repository") == "true":
+        pytest.skip("a shallow clone does not know the commits")
+    strangers = {n: page.commit for n, page in provenance.pages().items() if not page.in_history()}
+    assert strangers == {}
+
+
 def git(folder, *arguments):
     names = ["-c", "user.name=a", "-c", "user.email=a@localhost"]
     done = subprocess.run(["git", *names, *arguments], cwd=folder, capture_output=True, text=True)
@@ -63,6 +73,16 @@ def test_a_page_is_old_when_a_source_of_it_has_changed_since(repository):
     (changes,) = [c for name, c in provenance.outdated(repository).items() if name == "old"]
     assert len(changes) == 1
     assert changes[0].endswith("Print something else")
+
+
+def test_a_page_whose_commit_was_rebased_away_is_listed_as_of_unknown_age(repository):
+    git(repository, "commit", "-q", "--amend", "-m", "the same, said better")
+    page = repository / "docs" / "results" / "old.md"
+    lost = git(repository, "rev-parse", "--short", "HEAD@{1}")
+    first = provenance.Provenance.of(page.read_text()).commit
+    page.write_text(page.read_text().replace(first, lost))
+    (change,) = provenance.outdated(repository)["old"]
+    assert change == f"unknown: {lost} is not in the history of HEAD"
 
 
 def test_stamping_gives_a_rewritten_page_its_lines_back_with_the_present_commit(repository):
