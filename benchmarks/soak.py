@@ -54,18 +54,18 @@ def main() -> None:
 
     def note(run: Run) -> None:
         nonlocal mark, last_time, last_steps
-        if run.steps < mark:
+        if run.at.steps < mark:
             return
         spent = time.process_time() - start
-        per_step = (spent - last_time) / max(run.steps - last_steps, 1)
+        per_step = (spent - last_time) / max(run.at.steps - last_steps, 1)
         history = run.learner.history
         print(
-            f"| {run.steps:,} | {run.episode:,} | {1e6 * per_step:.0f} | {spent:.0f} "
+            f"| {run.at.steps:,} | {run.episode:,} | {1e6 * per_step:.0f} | {spent:.0f} "
             f"| {memory():.0f} | {history.size:,} | {history.n_bytes_per_transition:.0f} "
             f"| {run.policy().n_leaves} |",
             flush=True,
         )
-        last_time, last_steps = spent, run.steps
+        last_time, last_steps = spent, run.at.steps
         mark = next(upcoming)
 
     steps_left = arguments.steps

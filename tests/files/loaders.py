@@ -66,7 +66,7 @@ def checkpoint_loader(name):
     def load(path):
         run = unstarted(METHODS[name])
         restore_checkpoint(path, run)
-        progress_to_csv(run.events, run.gathered)
+        progress_to_csv(run.state.events, run.gathered)
         learner = run.learner
         learner.decisions()
         if isinstance(learner, UTree):

@@ -25,13 +25,13 @@ def test_a_run_with_more_to_tell_than_a_document_holds_is_saved_and_goes_on(tmp_
     splits = [{"leaf": 0, "feature": 1, "threshold": 1 / 3}] * 1000
     for episode in range(0, 6000, 20):
         here = {"episode": episode, "steps": 50 * episode}
-        run.events.append({"event": "expansion", **here, "splits": splits, "n_leaves": 1})
-        run.events.append({"event": "evaluation", **here, **facts})
-    assert len(events_to_text(run.events)) > MAX_DOCUMENT
+        run.state.events.append({"event": "expansion", **here, "splits": splits, "n_leaves": 1})
+        run.state.events.append({"event": "evaluation", **here, **facts})
+    assert len(events_to_text(run.state.events)) > MAX_DOCUMENT
     write_checkpoint(tmp_path / "checkpoint.npz", run)
     again = unstarted(PAPER)
     restore_checkpoint(tmp_path / "checkpoint.npz", again)
-    assert again.events == run.events
+    assert again.state.events == run.state.events
     assert (len(again.curve), again.curve[-1].episode) == (300, 5980)
 
 

@@ -45,7 +45,7 @@ def progress_of(run: "Run") -> tuple[str, int, int]:
     from eutree.training.phases import MANY
 
     plan, at = run.plan, run.at
-    if run.search is not None and plan.race is not None:
+    if run.racing.search is not None and plan.race is not None:
         return "racing", at.racing_steps, plan.race.steps
     if not plan.gathers:
         return "learning", at.updates, plan.episodes
@@ -65,11 +65,11 @@ def stage_of(run: "Run") -> str:
 
 def present(run: "Run") -> str:
     """Return the present policy in a few words: its size, and the last that is known of it."""
-    if run.search is not None:
-        state = run.search.state
+    if run.racing.search is not None:
+        state = run.racing.search.state
         leaves = counted(state.incumbent.n_leaves, "leaf")
         return f"{leaves}, {state.won} of {state.tried} challengers won"
-    sizes = (event["n_leaves"] for event in reversed(run.events) if "n_leaves" in event)
+    sizes = (event["n_leaves"] for event in reversed(run.state.events) if "n_leaves" in event)
     leaves = counted(next(sizes, run.first.n_leaves), "leaf")
     if not run.curve:
         return leaves

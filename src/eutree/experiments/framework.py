@@ -378,5 +378,5 @@ def _record(
         n_leaves=result.policy.n_leaves,
         demonstrated_steps=shown.n_transitions if shown and uses_demonstrations else 0,
         learning_steps=result.steps,
-        model_steps=sum(int(event.get("model_steps", 0)) for event in run.events),
+        model_steps=sum(int(event.get("model_steps", 0)) for event in run.state.events),
     )

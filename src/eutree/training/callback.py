@@ -48,12 +48,12 @@ class TrainingModel:
     def __init__(self, run: Run, env: gymnasium.Env[Any, Any]) -> None:
         self.run = run
         self.env = env
-        self.logger = Logger(run.recorded)
+        self.logger = Logger(run.state.recorded)
 
     @property
     def num_timesteps(self) -> int:
         """Environment steps of experience so far."""
-        return self.run.num_timesteps
+        return self.run.state.num_timesteps
 
     @property
     def policy(self) -> TreePolicy:

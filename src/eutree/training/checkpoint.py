@@ -90,16 +90,17 @@ class CheckpointDocument(Document, frozen=True, kw_only=True):
 
 def write_checkpoint(path: Path, run: Run) -> None:
     """Write where a run stands, atomically."""
+    kept, search, result = run.evaluations.kept, run.racing.search, run.racing.result
     document = CheckpointDocument(
         position=PositionDocument(**vars(run.at)),
-        kept=None if run.kept is None else KeptDocument(PolicyText.of(run.kept[0]), run.kept[1]),
-        result=None if run.result is None else PolicyText.of(run.result),
-        race=None if run.search is None else race_to_document(run.search.state),
+        kept=None if kept is None else KeptDocument(PolicyText.of(kept[0]), kept[1]),
+        result=None if result is None else PolicyText.of(result),
+        race=None if search is None else race_to_document(search.state),
     )
-    events = np.frombuffer(events_to_text(run.events).encode(), dtype=np.uint8)
+    events = np.frombuffer(events_to_text(run.state.events).encode(), dtype=np.uint8)
     arrays = run.learner.state() | run.gathered.state() | {_EVENTS: events}
-    if run.search is not None:
-        arrays |= episodes_to_arrays(run.search.all_episodes)
+    if search is not None:
+        arrays |= episodes_to_arrays(search.all_episodes)
     write_archive(path, document, arrays, limit=MAX_CHECKPOINT)
 
 
@@ -124,19 +125,21 @@ def restore_checkpoint(path: Path, run: Run) -> None:
     method.check_state(path, arrays, problem)
     _check_events(path, events, gathered)
     run.learner = method.restore(problem, beginning.start, arrays)
-    run.at = Position(**msgspec.structs.asdict(document.position))
-    run.curve = [_point(path, event) for event in events if event["event"] == "evaluation"]
+    run.state.at = Position(**msgspec.structs.asdict(document.position))
+    run.evaluations.curve = [
+        _point(path, event) for event in events if event["event"] == "evaluation"
+    ]
     judged = [_judgement(path, event) for event in events if event["event"] == "judgement"]
-    run.judgement = judged[-1] if judged else None
-    run.events, run.gathered = events, gathered
+    run.evaluations.judgement = judged[-1] if judged else None
+    run.state.events, run.gathered = events, gathered
     if document.kept is not None:
-        run.kept = document.kept.policy.policy(path), document.kept.successes
+        run.evaluations.kept = document.kept.policy.policy(path), document.kept.successes
     if document.result is not None:
-        run.result = document.result.policy(path)
+        run.racing.result = document.result.policy(path)
     if document.race is not None:
         state = race_from_document(document.race, path, len(raced))
-        run.search = run.new_search()
-        run.search.restore(state, raced)
+        run.racing.search = run.new_search()
+        run.racing.search.restore(state, raced)
 
 
 def _judgement(path: Path, event: dict[str, Any]) -> Judgement:

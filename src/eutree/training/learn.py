@@ -240,16 +240,16 @@ def learn(
         method=chosen,
         start=begin.name,
         episodes=run.episode,
-        steps=run.steps,
+        steps=run.at.steps,
         environment_steps=StepCounts(
             demonstrations=recorded_steps,
             teacher=run.at.teacher_steps,
-            learning=run.steps - run.at.teacher_steps,
+            learning=run.at.steps - run.at.teacher_steps,
             racing=run.at.racing_steps,
             declared=0 if teacher is None else teacher.steps,
         ),
         challengers=run.challengers,
-        against_start=run.judgement,
+        against_start=run.evaluations.judgement,
         against_fit=against_fit,
         teacher=run.learner.teacher if isinstance(run.learner, HasTeacher) else None,
         model_trust=run.model_trust(),
@@ -259,7 +259,7 @@ def learn(
 
 def _result(run: Run, log: Log | None) -> tuple[TreePolicy, OffPolicyComparison | None]:
     """Return the policy; offline the learned tree only where it is believed to be the better."""
-    if log is None or run.stopped:
+    if log is None or run.state.stopped:
         return run.policy(), None
     method = run.beginning.method
     return log.chosen(run.policy(), discount=getattr(method, "discount", DISCOUNT))
@@ -329,8 +329,8 @@ def _listener(
         raise InvalidArgumentError(
             "callback must be None for offline learning, which takes no steps"
         )
-    run.listener = CallbackListener(callback, run, env)
-    return run.listener
+    run.state.listener = listener = CallbackListener(callback, run, env)
+    return listener
 
 
 @contextmanager
@@ -368,7 +368,7 @@ def _go_on(
                     folder.save_checkpoint(run)
     finally:
         # What an interruption left half done is not saved: the last checkpoint is good.
-        if folder is not None and run.whole:
+        if folder is not None and run.state.whole:
             folder.save_checkpoint(run)
 
 

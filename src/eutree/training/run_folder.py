@@ -147,9 +147,9 @@ class RunFolder:
         """Write all that is needed to go on from here, and the curve so far."""
         write_checkpoint(self.path / CHECKPOINT, run)
         write_text(self.path / "curve.csv", curve_to_csv(run.curve))
-        progress = progress_to_csv(run.events, run.gathered)
+        progress = progress_to_csv(run.state.events, run.gathered)
         write_text(self.path / "progress.csv", progress)
-        write_text(self.path / "events.jsonl", events_to_text(run.events))
+        write_text(self.path / "events.jsonl", events_to_text(run.state.events))
 
     def load_checkpoint(self, run: Run) -> bool:
         """Bring ``run`` to where the checkpoint stands; return whether there is one."""

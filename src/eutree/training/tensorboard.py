@@ -32,15 +32,15 @@ class TensorBoardLog:
             raise MissingExtraError("tensorboardX", "tensorboard") from None
         folder = make_folder(path)
         earlier = len(list(folder.glob("events.out.tfevents.*")))
-        if not run.events and earlier:
+        if not run.state.events and earlier:
             raise InvalidArgumentError(
                 f"tensorboard must be a folder without the log of another run, got {folder}"
             )
         self._run = run
         self._start = time.monotonic()
-        self._steps_before = run.num_timesteps
+        self._steps_before = run.state.num_timesteps
         # What the folder holds of this step and later ones does not count any more.
-        self._first_step = run.num_timesteps if run.plan.gathers else run.at.updates
+        self._first_step = run.state.num_timesteps if run.plan.gathers else run.at.updates
         self._n_events = self._iterations = 0
         self._writer: Any = SummaryWriter(
             str(folder),
@@ -51,7 +51,7 @@ class TensorBoardLog:
 
     def write(self) -> None:
         """Write what happened since the last call."""
-        for event in self._run.events[self._n_events :]:
+        for event in self._run.state.events[self._n_events :]:
             self._iterations += event["event"] == "expansion"
             step = event["steps"] if self._run.plan.gathers else self._iterations
             if step >= self._first_step:
@@ -61,7 +61,7 @@ class TensorBoardLog:
                 for name, value in values.items():
                     if value is not None:
                         self._writer.add_scalar(name, value, step)
-        self._n_events = len(self._run.events)
+        self._n_events = len(self._run.state.events)
 
     def close(self) -> None:
         """Write what is left, and end the log."""
@@ -69,7 +69,7 @@ class TensorBoardLog:
 
     def _times(self) -> dict[str, float | int | None]:
         elapsed = max(time.monotonic() - self._start, 1e-9)
-        steps = self._run.num_timesteps - self._steps_before
+        steps = self._run.state.num_timesteps - self._steps_before
         return {
             "time/episodes": self._run.episode,
             "time/fps": steps / elapsed,

@@ -1,0 +1,158 @@
+"""The data gathering phase: one episode in which the learner acts, or somebody whom it asks."""
+
+from typing import Any
+
+import numpy as np
+
+from eutree.arrays import Floats
+from eutree.interaction import GuardedEnv
+from eutree.interaction.episode import success_of
+from eutree.interaction.requests import Request, StepAnswer
+from eutree.learners import Learner, Step
+from eutree.training.asking import Questions
+from eutree.training.progress import GatheredEpisodes
+from eutree.training.run_state import RunState
+
+
+class GatheringEpisode:
+    """One episode of experience, from its reset to its end.
+
+    Args:
+        learner: Who acts, and learns from each step what it will.
+        env: Where.
+        state: Where the run stands; moved on when the episode is over.
+        gathered: The episodes so far; this one is added when it is over.
+        questions: Asks somebody to act where the learner is unsure; None asks nobody.
+    """
+
+    def __init__(
+        self,
+        learner: Learner,
+        env: GuardedEnv,
+        state: RunState,
+        gathered: GatheredEpisodes,
+        questions: Questions | None,
+    ) -> None:
+        self._learner = learner
+        self._env = env
+        self._state = state
+        self._gathered = gathered
+        self._questions = questions
+        self._return = 0.0
+        self._is_over = False
+        self._observations: list[Floats] = []
+        self._requests: list[dict[str, Any]] = []
+
+    def run(self, seed: int, generator: np.random.Generator) -> None:
+        """Go through the episode, or back to before it if the run is stopped within it.
+
+        Args:
+            seed: Seed of the environment.
+            generator: Source of the learner's chance.
+
+        Raises:
+            EnvironmentFault: The environment broke its contract; the learner is as it was before
+                the episode.
+        """
+        observation = self._env.reset(seed)
+        self._learner.start_episode(observation, generator)
+        self._observations = [observation]
+        try:
+            while not self._state.stopped and self._act():
+                pass
+        except Exception:
+            self._forget()
+            self._state.whole = True
+            raise
+        if self._state.stopped:
+            self._forget()
+
+    def _act(self) -> bool:
+        """Take one step, or let somebody act for a stretch; return whether the episode goes on."""
+        state = self._state
+        if state.must_stop():
+            return False
+        reason = self._reason_to_ask()
+        if not (reason and self._ask(reason)):
+            self._step(self._learner.act(), shown=False)
+        if self._is_over:
+            shown = sum(request["n_shown"] for request in self._requests)
+            state.move(teacher_steps=state.at.teacher_steps + shown)
+            state.events += self._requests
+            self._requests = []
+            state.note_what_was_recorded()
+        return not self._is_over
+
+    def _step(self, action: int, *, shown: bool) -> StepAnswer:
+        """Take a step in the environment; let the learner and the listener know."""
+        answer = self._env.step(action)
+        observation, reward, terminated, truncated, info = answer
+        step = Step(action, reward, observation, terminated, truncated, info, shown)
+        self._learner.observe(step)
+        self._observations.append(step.observation)
+        self._state.steps_of_episode += 1
+        self._return += step.reward
+        if step.terminated or step.truncated:
+            self._learner.end_episode()
+            self._finish(info)
+        self._state.step_taken(step)
+        return answer
+
+    def _reason_to_ask(self) -> str:
+        """Return why somebody is to be asked now, or ""."""
+        if self._questions is None:
+            return ""
+        return self._questions.reason(
+            self._learner, self._observations[-1], self._n_requests(), len(self._requests)
+        )
+
+    def _n_requests(self) -> int:
+        """Return the number of requests of the run so far."""
+        asked = [event for event in self._state.events if event["event"] == "request"]
+        return len(asked) + len(self._requests)
+
+    def _ask(self, reason: str) -> bool:
+        """Let somebody act for a stretch; return whether they took a step."""
+        questions, state = self._questions, self._state
+        if questions is None:
+            return False
+        steps = state.num_timesteps
+        request = Request(
+            number=self._n_requests() + 1,
+            of=questions.asking.max_requests,
+            episode=state.at.episode,
+            step=state.steps_of_episode,
+            reason=reason,
+            observations=np.array(self._observations),
+            max_steps=questions.asking.max_steps,
+        )
+        facts = questions.ask(
+            request,
+            self._observations,
+            self._env,
+            self._learner,
+            lambda action: self._step(action, shown=True),
+            lambda: state.stopped,
+        )
+        here = {"event": "request", "episode": request.episode, "steps": steps}
+        self._requests.append(here | facts)
+        return bool(facts["n_shown"])
+
+    def _finish(self, info: dict[str, Any]) -> None:
+        state, length = self._state, self._state.steps_of_episode
+        self._gathered.append(self._return, length, success_of(info))
+        state.move(
+            episode=state.at.episode + 1,
+            steps=state.at.steps + length,
+            longest=max(state.at.longest, length),
+            judged=False,
+        )
+        state.steps_of_episode = 0
+        self._is_over = True
+
+    def _forget(self) -> None:
+        """Be as before the episode, unless it was finished."""
+        self._learner.discard_episode()
+        self._state.steps_of_episode = 0
+        self._requests = []
+        self._state.recorded.clear()
