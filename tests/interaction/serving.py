@@ -104,6 +104,6 @@ def serving(folder: Path, env=None, *, fps=None, maker=None):
     try:
         yield Served(servers[0], recorder)
     finally:
-        recorder.session.state = "finished"
+        recorder.session.play.state = "finished"
         thread.join(ENOUGH)
         assert not thread.is_alive()

@@ -2,8 +2,9 @@
 
 import pytest
 
-from eutree.interaction.ask_session import ASKED, GRACE_SECONDS, WAITING, Desk
+from eutree.interaction.ask_session import GRACE_SECONDS, Desk
 from eutree.interaction.events import Away, Present
+from eutree.interaction.play import ASKED, WAITING
 from eutree.interaction.settings import SessionSettings
 from tests.interaction.asking import Asked
 from tests.interaction.people import Person

@@ -315,7 +315,7 @@ def test_everything_works_by_keyboard(chromium, tmp_path) -> None:
         person.page.locator("button[data-command=start]").press("Enter")
         person.until(state="playing", step=0)
         person.tap("l").until(step=1).rest(0.4).tap("l").until(step=2)
-        assert served.session.keys.keys_of(2) == ["l"]
+        assert served.session.play.controls.keys.keys_of(2) == ["l"]
 
 
 def test_a_list_entry_is_discarded_and_kept(chromium, tmp_path) -> None:

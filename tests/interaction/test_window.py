@@ -139,7 +139,7 @@ def test_a_long_list_stays_in_the_window_and_shows_the_chosen_one(person) -> Non
     person.down(pygame.K_RIGHT).until("review").up(pygame.K_RIGHT).rest(0.1)
     session = person.recorder.session
     session.episodes += session.episodes * 29
-    session._numbers = list(range(30))
+    session.recording.numbers = list(range(30))
     for _ in range(30):
         person.tap(pygame.K_TAB)
         rows = person.window._screen._rows
@@ -299,7 +299,7 @@ def test_what_to_press_stands_below_a_long_description(person) -> None:
     screen._text = lambda words, place, **more: (
         written.append((words, place)) or text(words, place, **more)
     )
-    person.recorder.session._task = "Push the cart to where it has to be. " * 40
+    person.recorder.session.task = "Push the cart to where it has to be. " * 40
     person.rest(0.1)
     below = [(words, place) for words, place in written if place[1] >= CARD_TOP and place[0] < 700]
     last, (_, top) = below[-1]

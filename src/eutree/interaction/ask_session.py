@@ -8,26 +8,43 @@ stored here: an episode is under way already, and each step goes to the learner.
                   |         +- paused -+      no answer in time, or no page is open: waiting
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
 import gymnasium
 
-from eutree.data import Episode
-from eutree.interaction.events import Away, Command, Event, Frame, Present, Tick, View
+from eutree.interaction.events import Away, Command, Event, Present, Tick, View
 from eutree.interaction.guard import GuardedEnv
 from eutree.interaction.keys import KeyMap, parse_keys
+from eutree.interaction.play import ASKED, FAILED, FINISHED, PAUSED, REVIEW, WAITING
+from eutree.interaction.recording import Recording
 from eutree.interaction.requests import HANDED_BACK, Request, Stretch
-from eutree.interaction.session import FAILED, FINISHED, PAUSED, REVIEW, Session
+from eutree.interaction.session import Session
 from eutree.interaction.settings import SessionSettings
-from eutree.interaction.trial import Answer, Trial
+from eutree.interaction.trial import Trial
 
-WAITING, ASKED = "waiting", "asked"
 GRACE_SECONDS = 5.0  # for a page that was closed or reloaded to come back
 _COMMANDS = ("start", "pause", "finish", "slower", "faster", "speed", "mode", "wait", "toggle",
              "turn_based", "bind")  # fmt: skip
 _SHOWN = ("pause", "finish", "slower", "faster", "mode", "wait")
+
+
+class _Stretches(Recording):
+    """Steps of stretches: nothing is stored here, for the learner has it.
+
+    Attributes:
+        stretch: The stretch under way; None between two.
+    """
+
+    stretch: Stretch | None = None
+
+    def step(self, trial: Trial, action: int, now: float, measured: dict[str, Any]) -> None:
+        """Let the learner take a step."""
+        if self.stretch is not None:
+            trial.step(action, self.stretch.step(action), now, measured)
+            trial.is_over = self.stretch.is_over
 
 
 class AskSession(Session):
@@ -53,31 +70,44 @@ class AskSession(Session):
         patience: float = 60.0,
     ) -> None:
         super().__init__(env, keys=keys, settings=settings)
-        self.state = WAITING
+        self.play.state = WAITING
         self.said = HANDED_BACK
+        self._stretches = _Stretches(env, self.settings)
+        self.recording = self._stretches
         self._patience = patience
         self._deadline = 0.0
         self._left: float | None = None  # when the last viewer left; None while one is there
         self._request: Request | None = None
-        self._stretch: Stretch | None = None
 
     def ask(self, request: Request, stretch: Stretch, now: float) -> None:
         """Show the situation and wait for the person."""
-        self._request, self._stretch, self.said = request, stretch, ""
-        self.state, self._message = ASKED, request.reason
-        self._trial = Trial.unused()
+        self._request, self._stretches.stretch, self.said = request, stretch, ""
+        self.play.state, self.play.message = ASKED, request.reason
+        self.play.show(Trial.unused())
         self._deadline = self._latest(now)
-        self._pictures.expect()
+
+    def fail(self, reason: str) -> None:
+        """End with a clear screen, because of a fault."""
+        self.play.state, self.play.message, self.said = FAILED, reason, HANDED_BACK
 
     def _latest(self, now: float) -> float:
         """Return until when an answer is awaited: briefly where nobody is there to give it."""
         patience = now + self._patience
         return patience if self._left is None else min(patience, self._left + GRACE_SECONDS)
 
+    @contextmanager
+    def _waiting_in_pauses(self, now: float) -> Iterator[None]:
+        """Let patience begin anew where a pause begins."""
+        before = self.state
+        yield
+        if self.state == PAUSED != before:
+            self._deadline = self._latest(now)
+
     def _take(self, event: Event, now: float) -> None:
         if isinstance(event, Command) and event.name not in _COMMANDS:
             return
-        super()._take(event, now)
+        with self._waiting_in_pauses(now):
+            super()._take(event, now)
         if isinstance(event, Away) and event.gone:
             self._left = now
             self._deadline = min(self._deadline, now + GRACE_SECONDS)
@@ -91,49 +121,31 @@ class AskSession(Session):
 
     def _obey_start(self, now: float) -> None:
         if self.state == ASKED and self._request is not None:
-            extras = {"keys": list(self.keys.keys)}
-            self._trial = Trial(self._request.observations[-1], 0, extras, self._hands.held)
-            self._count_in(now)
+            controls = self.play.controls
+            extras = {"keys": list(controls.keys.keys)}
+            observation = self._request.observations[-1]
+            self.play.trial = Trial(observation, 0, extras, controls.hands.held)
+            self.play.count_in(now)
         else:
             super()._obey_start(now)
 
     def _obey_finish(self, now: float) -> None:
         self._hand_back()
 
-    def _pause(self, now: float) -> None:
-        super()._pause(now)
-        self._deadline = self._latest(now)
-
     def _advance(self, now: float) -> None:
         if self.state in (ASKED, PAUSED) and now >= self._deadline:
             self._hand_back()
-        super()._advance(now)
+        with self._waiting_in_pauses(now):
+            super()._advance(now)
         if self.state == REVIEW:  # the last step's movement has been shown
             self._hand_back()
-
-    def _answer(self, action: int) -> Answer:
-        if self._stretch is None or self._trial is None:
-            return super()._answer(action)
-        answer = self._stretch.step(action)
-        self._trial.is_over = self._stretch.is_over
-        return answer
-
-    def _keep(self, episode: Episode) -> None:
-        """Nothing is stored here: the learner has it."""
 
     def _hand_back(self) -> None:
         if self.said:
             return
-        self.said, self.state, self._message = HANDED_BACK, WAITING, ""
-        self._hands.held.clear()
-        self._stretch = None
-
-    def _break(self, reason: str) -> None:
-        self.state, self._message, self.said = FAILED, reason, HANDED_BACK
-
-    def _picture(self, now: float) -> Frame | None:
-        # While the learner practises the environment is its own, and not to be touched.
-        return None if self.state == WAITING else super()._picture(now)
+        self.said, self.play.state, self.play.message = HANDED_BACK, WAITING, ""
+        self.play.controls.hands.held.clear()
+        self._stretches.stretch = None
 
     def _view(self, now: float) -> View:
         view = super()._view(now)
@@ -190,7 +202,7 @@ class Desk:
     def tick(self, now: float, events: Iterable[Event] = ()) -> Tick:
         """Take up what lies there; let the session act."""
         if self._finished:
-            self.session.state = FINISHED
+            self.session.play.state = FINISHED
         if self._next is not None:
             self._asks.ask(*self._next, now)
             self._next = None

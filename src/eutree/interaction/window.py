@@ -9,8 +9,8 @@ from eutree.errors import MissingExtraError
 from eutree.interaction.engine import Engine
 from eutree.interaction.events import Away, Command, Event, KeyDown, KeyUp, Seen, Tick
 from eutree.interaction.keys import NAMED_KEYS
+from eutree.interaction.play import COUNTDOWN, PLAYING
 from eutree.interaction.recorder import Recorder
-from eutree.interaction.session import COUNTDOWN, PLAYING
 from eutree.interaction.signals import orderly_end
 
 LOST = "The window lost the focus."
@@ -111,7 +111,7 @@ class Window:
         self._clock = pygame.time.Clock()
         self._began = time.monotonic()
         self._frame = 0
-        keys = recorder.session.keys
+        keys = recorder.session.play.controls.keys
         actions = range(recorder.session.env.schema.n_actions)
         first = [
             keys.keys_of(action)[0].split("+")[0] for action in actions if keys.keys_of(action)

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from eutree.interaction.ask_session import ASKED
 from eutree.interaction.events import EpisodeView, Frame, Tick, View
-from eutree.interaction.session import (
+from eutree.interaction.play import (
+    ASKED,
     COUNTDOWN,
     FINISHED,
     OPENING,

@@ -1,0 +1,207 @@
+"""The course of an episode that a person plays: countdown, decisions, pauses, review.
+
+It has no clock, takes no steps and stores nothing. It says which action is due, as the hands, the
+pace and the pictures have it.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from eutree.interaction.controls import Controls
+from eutree.interaction.events import Frame
+from eutree.interaction.pictures import Pictures
+from eutree.interaction.trial import Trial
+
+OPENING, COUNTDOWN, PLAYING = "opening", "countdown", "playing"
+PAUSED, REVIEW, FINISHED, FAILED = "paused", "review", "finished", "failed"
+WAITING, ASKED = "waiting", "asked"  # of a session that asks for stretches
+
+REVIEW_SECONDS = 0.7  # a key pressed this soon after the end was meant for the episode
+_TOLERANCE = 1e-9
+
+
+class Play:
+    """An episode as it is played.
+
+    Args:
+        controls: What the person acts with.
+        pictures: What the person sees.
+        countdown: Seconds before an episode; a third of it when it goes on after a pause.
+
+    Attributes:
+        controls: What the person acts with.
+        pictures: What the person sees.
+        state: One of the states above.
+        message: What to tell the person.
+        trial: The episode; an unused one before the first.
+    """
+
+    def __init__(self, controls: Controls, pictures: Pictures, countdown: float) -> None:
+        self.controls = controls
+        self.pictures = pictures
+        self.state = OPENING
+        self.message = ""
+        self.trial = Trial.unused()
+        self._countdown = countdown
+        self._countdown_end = self._review_began = 0.0
+        self._fresh = False  # the countdown is that of an episode's first decision
+        self._awaits_key = False  # the first decision comes with the first action key
+
+    @property
+    def is_on(self) -> bool:
+        """Whether the episode is counted down to, or played."""
+        return self.state in (COUNTDOWN, PLAYING)
+
+    @property
+    def is_running(self) -> bool:
+        """Whether an episode has begun, or begins, that has not ended."""
+        return (self.is_on or self.state == PAUSED) and not self.trial.is_over
+
+    def was_reviewed(self, now: float) -> bool:
+        """Return whether an episode ended long enough ago for a key to be meant for the next."""
+        return self.state == REVIEW and now >= self._review_began + REVIEW_SECONDS
+
+    def awaits_turn(self) -> bool:
+        """Return whether a turn may be taken now."""
+        return self.state == PLAYING and self.pictures.is_complete and not self.trial.is_over
+
+    def show(self, trial: Trial) -> None:
+        """Let the person see where an episode begins."""
+        self.trial = trial
+        self.pictures.expect()
+
+    def count_in(self, now: float) -> None:
+        """Count down to the first decision."""
+        self.controls.hands.start()
+        self._fresh, self._awaits_key = True, False
+        self.controls.pace.finish()
+        self.count_down(now, 0.0 if self.controls.pace.turn_based else 1.0)
+
+    def count_down(self, now: float, share: float = 1.0 / 3.0) -> None:
+        """Count down to the next decision, for a share of the time that a first one has."""
+        self.state, self.message = COUNTDOWN, ""
+        self._countdown_end = now + share * self._countdown
+
+    def pause(self, now: float) -> None:
+        """Hold the episode where it is."""
+        self.state = PAUSED
+        self.controls.pace.stop(now)
+        self._let_go(now)
+        self.controls.hands.held.clear()
+        self.controls.hands.turn = None
+
+    def leave(self, reason: str, now: float) -> None:
+        """Let all keys go, because nobody is there, and pause the episode."""
+        self._let_go(now)
+        self.controls.hands.release()
+        if self.is_on:
+            if not self.trial.is_over:
+                self.pause(now)
+            self.message = reason
+
+    def review(self, now: float) -> None:
+        """Be over, by the person's wish."""
+        self.controls.pace.finish()
+        self.state, self._review_began, self.message = REVIEW, now, ""
+
+    def key_down(self, key: str, frame: int, now: float) -> bool:
+        """Take note of a key over the picture ``frame``; return whether it may be a command."""
+        hands = self.controls.hands
+        if key in hands.held:
+            return False
+        hands.held[key] = None
+        self._edge(key, frame, now, down=True)
+        if not (self.is_on and key in hands.keys.keys):
+            return True
+        hands.press(key)
+        if self.controls.pace.turn_based and self.awaits_turn():
+            hands.turn = list(hands.held)
+        return False
+
+    def key_up(self, key: str, frame: int, now: float) -> None:
+        """Take note of a key that went up."""
+        if key in self.controls.hands.held:
+            del self.controls.hands.held[key]
+            self._edge(key, frame, now, down=False)
+
+    def decision(self, now: float) -> int | None:
+        """Go on until ``now``; return the action whose time has come, if one's has."""
+        hands, pace = self.controls.hands, self.controls.pace
+        if self.state == COUNTDOWN and now >= self._countdown_end - _TOLERANCE:
+            self._play(now)
+        if self.state != PLAYING:
+            return None
+        if self.pictures.is_unanswered(now) and not self.trial.is_over:
+            self.leave("The page stopped answering.", now)
+            return None
+        if not self.pictures.is_complete or pace.elapsed(now) < 1.0 - _TOLERANCE:
+            return None
+        if self.trial.is_over:
+            self.state, self._review_began = REVIEW, now
+        elif self._awaits_key and not hands.is_active:
+            return None
+        elif not pace.turn_based:
+            self._awaits_key = False
+            return self.controls.chosen()
+        elif hands.turn is not None:
+            action, hands.turn = self.controls.chosen(), None
+            return action
+        return None
+
+    def due(self, now: float) -> float:
+        """Return when there next is something to do without a key."""
+        pace = self.controls.pace
+        if self.state == COUNTDOWN:
+            left = self._countdown_end - now
+            return now + (left % 1.0 or min(left, 1.0)) if left > 0.0 else now
+        if self.state != PLAYING:
+            return now + 1.0
+        if self._awaits_key and self.pictures.is_complete:
+            return now + 1.0
+        if pace.shown(now) < 1.0:
+            return self.pictures.due()
+        return pace.due(now) if self.pictures.is_complete and not self.awaits_turn() else now
+
+    def picture(self, now: float) -> Frame | None:
+        """Return a new picture if one is due."""
+        # While a learner practises the environment is its own, and not to be touched.
+        if self.state in (FINISHED, FAILED, WAITING):
+            return None
+        share = self.controls.pace.shown(now) if self.trial.n_steps > 0 else 1.0
+        return self.pictures.next(now, share)
+
+    def view_fields(self, now: float) -> dict[str, Any]:
+        """Return the view's fields on the episode."""
+        left = self._countdown_end - now if self.state == COUNTDOWN else 0.0
+        return {
+            "state": self.state,
+            "message": self.message,
+            "countdown": int(np.ceil(left - _TOLERANCE)),
+            "step": self.trial.n_steps,
+            "coming": self.controls.chosen() if self.is_on else 0,
+            "awaits_key": self.state == PLAYING and self._awaits_key,
+            "size": self.pictures.size,
+        }
+
+    def _play(self, now: float) -> None:
+        """Begin to play, or go on."""
+        self.state = PLAYING
+        self.pictures.wait_from(now)
+        if self._fresh and not self.controls.pace.turn_based:
+            if self.controls.keys.idle is None:
+                self._awaits_key = True
+            else:
+                self.controls.pace.restart(now)
+        else:
+            self.controls.pace.resume(now)
+        self._fresh = False
+
+    def _let_go(self, now: float) -> None:
+        for key in list(self.controls.hands.held):
+            self._edge(key, self.pictures.drawn, now, down=False)
+
+    def _edge(self, key: str, frame: int, now: float, *, down: bool) -> None:
+        self.pictures.saw(frame, now)
+        seen = min(max(frame, 0), self.pictures.given)  # no picture that was never given out
+        self.trial.edge(key, now, seen, down=down)
