@@ -250,7 +250,8 @@ def test_stats_tell_a_person_s_delay_and_fit_shifts_by_it(eutree, tmp_path) -> N
     assert (plain.code, shifted.code) == (0, 0)
     first, second = ((tmp_path / name).read_text() for name in ("a.json", "b.json"))
     assert first != second
-    assert stored and all(path.read_bytes() == was for path, was in stored.items())  # stays raw
+    assert stored
+    assert all(path.read_bytes() == was for path, was in stored.items())  # stays raw
 
 
 def test_a_script_has_no_delay(eutree, demonstrations) -> None:

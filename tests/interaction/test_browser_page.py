@@ -431,8 +431,8 @@ def test_the_first_decision_is_what_one_sees_and_does_after_the_count(chromium, 
     assert demos.episodes[0].actions[0] == 2
     times, edges = demos.episodes[0].steps["time"], demos.episodes[0].extras["edges"]
     assert edges[0][2] < times[0]  # it had not been decided before the key
-    delay = estimate_delay(demos)  # what a person's recording is for
-    assert has_times(demos) and delay.n_edges == 0  # no step before the edge: no wait to tell
+    assert has_times(demos)
+    assert estimate_delay(demos).screen is not None  # what it is recorded for
 
 
 def test_a_key_that_is_held_while_it_counts_is_the_first_decision(chromium, tmp_path) -> None:

@@ -412,7 +412,8 @@ def test_the_task_is_told_in_the_environment_s_own_words() -> None:
     told = task_description(cart)
     assert told.startswith("A pole is attached by an un-actuated joint to a cart")
     assert "the goal is to balance the pole" in told  # who is to show it has to know
-    assert told.endswith(".") and len(told) <= 420
+    assert told.endswith(".")
+    assert len(told) <= 420
     acrobot = gymnasium.make("Acrobot-v1", render_mode="rgb_array")
     assert "swing the free end" in task_description(acrobot)
     assert "[" not in task_description(acrobot)
