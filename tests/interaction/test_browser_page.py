@@ -10,7 +10,7 @@ import pytest
 
 import eutree  # noqa: F401 - registers the environments
 from eutree.data import Demonstrations
-from eutree.data.timing import estimate_delay, has_times
+from eutree.data.timing import estimate_delay
 from eutree.errors import InvalidArgumentError
 from eutree.interaction.browser.server import HIDDEN
 from eutree.interaction.replay import replay
@@ -126,6 +126,9 @@ def test_a_person_records_redoes_discards_leaves_and_comes_back(chromium, tmp_pa
         assert held.astype(int).tolist() == episode.actions.tolist()  # holding Space is "go"
         assert np.all(episode.steps["frame"] <= episode.steps["picture"])
     assert all(result.is_equal for result in replay(stored))
+    told = estimate_delay(stored)  # what the times of a recording are for
+    assert told.n_edges >= 1
+    assert told.wait > 0.0
 
 
 @pytest.mark.promise(25)
@@ -431,8 +434,6 @@ def test_the_first_decision_is_what_one_sees_and_does_after_the_count(chromium, 
     assert demos.episodes[0].actions[0] == 2
     times, edges = demos.episodes[0].steps["time"], demos.episodes[0].extras["edges"]
     assert edges[0][2] < times[0]  # it had not been decided before the key
-    assert has_times(demos)
-    assert estimate_delay(demos).screen is not None  # what it is recorded for
 
 
 def test_a_key_that_is_held_while_it_counts_is_the_first_decision(chromium, tmp_path) -> None:
