@@ -49,6 +49,29 @@ if ENABLED:
             self.disable()
             _say_that_nothing_is_kept(f"{self.cache_path}: {error.strerror or error}")
 
+    class _OneWidth:
+        """What a kernel is compiled for when another calls it: integers of 64 bits.
+
+        Numba would compile it once more for each literal and each width of an integer argument,
+        and compiling is most of what a first run waits for. The caller casts, which loses nothing.
+        """
+
+        def __init__(self, template: Callable[..., Any]) -> None:
+            self._template = template
+
+        def __call__(self, args: tuple[Any, ...], kws: dict[str, Any]) -> Any:
+            """Return the template of a call with the arguments widened."""
+            return self._template(
+                tuple(map(self._wide, args)), {name: self._wide(kind) for name, kind in kws.items()}
+            )
+
+        @staticmethod
+        def _wide(kind: Any) -> Any:
+            is_integer = isinstance(kind, numba.types.IntegerLiteral) or (
+                isinstance(kind, numba.types.Integer) and kind.signed
+            )
+            return numba.types.int64 if is_integer else kind
+
 
 _said = False
 
@@ -69,7 +92,8 @@ def compiled(function: _Function) -> _Function:
     """Compile ``function`` with numba (cached on disk); return it unchanged if EUTREE_JIT=0."""
     if not ENABLED:
         return function
-    dispatcher = numba.njit(function)
+    dispatcher = numba.njit(function, no_cfunc_wrapper=True)  # nothing calls kernels through C
+    dispatcher.get_call_template = _OneWidth(dispatcher.get_call_template)
     try:
         dispatcher._cache = _Cache(function)  # what njit(cache=True) does, with our cache
     except RuntimeError:  # neither the package's folder nor the user's can be written

@@ -192,10 +192,11 @@ def choose_tests(
                 if ratio > best + tolerance:
                     best = ratio
                     feature[node] = j
-                    cut[node] = cuts[j]
+                    cut[node, 0], cut[node, 1] = cuts[j, 0], cuts[j, 1]
                     forks[node] = n_blocks[j]
                     if blocks.shape[0] > 0:
-                        blocks[node] = block[j]
+                        for v in range(block.shape[1]):
+                            blocks[node, v] = block[j, v]
 
 
 @compiled
@@ -270,9 +271,10 @@ def divide(
     for node in range(starts.size - 1):  # node by node: the branches of its cases stay in cache
         if feature[node] < 0:
             continue
-        first, last = offset[node], offset[node] + forks[node]
+        first = offset[node]
         for at in range(order.shape[0]):
-            cursor[: forks[node]] = child_starts[first:last]
+            for fork in range(forks[node]):
+                cursor[fork] = child_starts[first + fork]
             for i in range(starts[node], starts[node + 1]):
                 case = order[at, i]
                 b = branch[case]

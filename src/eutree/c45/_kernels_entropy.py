@@ -43,7 +43,9 @@ def count_values(
     weight: Floats,  # [cases]
 ) -> float:
     """Count the classes of each value of a nominal attribute; return the known weight."""
-    frequency[:, :] = 0.0
+    for v in range(frequency.shape[0]):
+        for c in range(frequency.shape[1]):
+            frequency[v, c] = 0.0
     known = 0.0
     for i in range(start, stop):
         case = cases[i]
@@ -108,14 +110,19 @@ def merge_values(
         block[v] = -1
         if frequency[v].sum() > 0.0:
             block[v] = n_blocks
-            frequency[n_blocks] = frequency[v]
+            for c in range(frequency.shape[1]):
+                frequency[n_blocks, c] = frequency[v, c]
             n_blocks += 1
     a = 0
     while a < n_blocks - 1 and n_blocks > 2:
         b = a + 1
         while b < n_blocks and n_blocks > 2:
-            joint = frequency[a] + frequency[b]
-            if joint.sum() - joint.max() <= tolerance:
+            size, most = 0.0, 0.0
+            for c in range(frequency.shape[1]):
+                joint = frequency[a, c] + frequency[b, c]
+                size += joint
+                most = max(most, joint)
+            if size - most <= tolerance:
                 n_blocks = join_blocks(frequency, block, a, b, n_blocks, n_values)
             else:
                 b += 1
@@ -152,9 +159,10 @@ def join_blocks(
     frequency: Floats, block: Int32s, a: int, b: int, n_blocks: int, n_values: int
 ) -> int:
     """Add block ``b`` to block ``a``, move later blocks up, and return how many are left."""
-    frequency[a] += frequency[b]
-    for later in range(b + 1, n_blocks):
-        frequency[later - 1] = frequency[later]
+    for c in range(frequency.shape[1]):  # a slice takes seconds to compile
+        frequency[a, c] += frequency[b, c]
+        for later in range(b + 1, n_blocks):
+            frequency[later - 1, c] = frequency[later, c]
     for v in range(n_values):
         if block[v] == b:
             block[v] = a

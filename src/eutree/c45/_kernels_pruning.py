@@ -70,7 +70,8 @@ def room(array: NDArray[_Number], needed: int) -> NDArray[_Number]:
     if array.size >= needed:
         return array
     longer = np.empty(max(needed, 2 * array.size), array.dtype)
-    longer[: array.size] = array
+    for i in range(array.size):
+        longer[i] = array[i]
     return longer
 
 
