@@ -4,6 +4,7 @@
 learner act in one, as the loop of a run does, and ``recorded`` gives demonstrations of its expert.
 """
 
+from dataclasses import replace
 from typing import Any
 
 import gymnasium
@@ -12,8 +13,15 @@ from gymnasium import spaces
 
 from eutree.data import Demonstrations, Episode
 from eutree.interaction import GuardedEnv, record
-from eutree.learners import Problem, Start, Step
+from eutree.learners import CORRECTED, Problem, Start, Step
 from eutree.schema import Schema
+from eutree.splitting import Permutation
+
+# The corrected method at the fewest permutations its level allows, a tenth of the default, for
+# tests of something else: nearly all of its time goes into them.
+FEW_DRAWS = replace(
+    CORRECTED, significance=Permutation(alpha=0.01, n_permutations=99, by_episode=True)
+)
 
 
 class Walk:

@@ -112,7 +112,17 @@ def test_a_demo_replaces_an_earlier_demo_and_nothing_else(tmp_path, capsys, monk
     monkeypatch.chdir(tmp_path)
     few = replace(FEW, learning=dict(FEW.learning) | {"race_steps": 0})
     monkeypatch.setattr("eutree.experiments.demo.story_of", lambda environment: few)
-    line = ["demo", "CartPole-v1", "--episodes", "3", "--runs", "2", "--n-jobs", "1", "--json"]
+    line = [
+        "demo",
+        "eutree/Evasion2-v0",
+        "--episodes",
+        "3",
+        "--runs",
+        "2",
+        "--n-jobs",
+        "1",
+        "--json",
+    ]
     for _ in range(2):
         assert run(line) == 0
         answer = json.loads(capsys.readouterr().out)

@@ -9,12 +9,12 @@ from gymnasium import spaces
 
 from eutree.c45 import C45Settings, grow
 from eutree.interaction import GuardedEnv, record
-from eutree.learners import CORRECTED, Start
+from eutree.learners import Start
 from eutree.learners.history_u_tree import HistoryUTreeMethod
 from eutree.learners.starts import start_of
 from eutree.learners.u_tree import UTreeMethod
 from eutree.splitting import LeafSample
-from tests.worlds import Corridor, play, problem_of, recorded
+from tests.worlds import FEW_DRAWS, Corridor, play, problem_of, recorded
 
 
 def without_a_memory(method):
@@ -23,7 +23,7 @@ def without_a_memory(method):
     return HistoryUTreeMethod(**choices, history=0, past_actions=0, fringe=1)
 
 
-@pytest.mark.parametrize("method", [UTreeMethod(), CORRECTED], ids=["paper", "corrected"])
+@pytest.mark.parametrize("method", [UTreeMethod(), FEW_DRAWS], ids=["paper", "corrected"])
 def test_without_a_memory_it_is_the_continuous_u_tree_byte_for_byte(method):
     problem, shown = problem_of(Corridor()), recorded()
     start = start_of(None, problem, demonstrations=shown, generator=np.random.default_rng(0))

@@ -9,13 +9,13 @@ from hypothesis import strategies as st
 
 from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
-from eutree.learners import CORRECTED, PAPER, PAPER_D, Step, UTree
+from eutree.learners import PAPER, PAPER_D, Step, UTree
 from eutree.mdp import TabularMDP
 from eutree.trees import DecisionTree
 from tests import naive_learning
-from tests.worlds import Walk, learned_to_walk, take
+from tests.worlds import FEW_DRAWS, Walk, learned_to_walk, take
 
-PRESETS = {"paper": PAPER, "paper-d": PAPER_D, "corrected": CORRECTED}
+PRESETS = {"paper": PAPER, "paper-d": PAPER_D, "corrected": FEW_DRAWS}
 
 
 @pytest.mark.promise(19)
