@@ -23,7 +23,6 @@ LONG_SIGNATURES = {
 CLASSES_TO_DIVIDE = {
     "c45/tree.py C45Tree",
     "data/demonstrations.py Demonstrations",
-    "learners/distilled_dqn_learner.py DistilledDQNLearner",
     "learners/history.py History",
     "learners/u_tree.py UTree",
     "mdp/tabular.py TabularMDP",

@@ -108,15 +108,16 @@ def test_all_stages_are_passed_and_the_budget_is_kept(whole):
     assert BUDGET - 500 < loop.steps <= BUDGET
     policy = loop.learner.decisions()
     assert policy.tree.n_leaves <= METHOD.max_leaves
-    assert len(loop.learner.contenders) >= 4
+    assert len(loop.learner.races.contenders) >= 4
 
 
 def test_the_policy_changes_only_by_a_race(whole):
     loop, states = whole
     for key in (Stage.TEACHER, Stage.DAGGER, Stage.RACE):
         assert states[key][0]["numbers"][4] == 0  # the incumbent is the start
-    won = loop.learner.contenders[loop.learner.incumbent]
-    assert won.origin == "start" or won.mean_return > loop.learner.contenders[0].mean_return
+    races = loop.learner.races
+    won = races.contenders[races.incumbent]
+    assert won.origin == "start" or won.mean_return > races.contenders[0].mean_return
 
 
 @pytest.mark.parametrize("stage", [Stage.TEACHER, Stage.DAGGER, Stage.RACE])
@@ -157,7 +158,7 @@ def test_a_discarded_episode_leaves_nothing_behind(shown, env):
 
 def test_an_expert_tree_that_is_too_large_is_replaced(shown):
     small = METHOD.start(problem_of(shown), Start(None, shown.kept))
-    assert small.contenders[0].origin == "start"
+    assert small.races.contenders[0].origin == "start"
     assert small.decisions().tree.n_leaves <= 4
     cramped = replace(METHOD, max_leaves=2).start(problem_of(shown), Start(None, shown.kept))
     assert cramped.decisions().tree.n_leaves == 2
@@ -227,7 +228,7 @@ def test_a_teacher_of_ones_own_is_asked_and_never_trained(shown, env):
         loop.advance()
     assert loop.learner.update(loop.generator(9)).figures.get("updates", 0) == 0
     assert isinstance(loop.learner.teacher, Scripted)
-    history, first = loop.learner.history, loop.learner._labelled_from
+    history, first = loop.learner.history, loop.learner.dagger.labelled_from
     said = Scripted().action_values(history.observations[first:]).argmax(axis=1)
     assert (loop.learner._students._labels == said).all()
     state = loop.learner.state()
@@ -250,7 +251,8 @@ def contender(place, n=40):
 def test_a_model_whose_order_may_be_chance_needs_a_clear_win(ordered, adopted, whole, shown):
     """The rival is 1.3 standard errors ahead: enough where the model is known to order trees."""
     learner = METHOD.start(problem_of(shown), Start(None, shown.kept))
-    learner._ensemble = whole[0].learner._ensemble
+    learner.rivals.ensemble = whole[0].learner.rivals.ensemble
+    races = learner.races
     pairs = np.random.default_rng(3).standard_normal(72)
     pairs = (pairs - pairs.mean()) / pairs.std(ddof=1) * np.sqrt(72)
     race = PatientRace(2, (72,), np.array([np.zeros(72), pairs + 1.3]))
@@ -260,15 +262,15 @@ def test_a_model_whose_order_may_be_chance_needs_a_clear_win(ordered, adopted, w
     if not ordered:
         for one, imagined in zip(others, (3, 9, 5, 2, 11, 6, 4, 10, 8, 7), strict=True):
             one.imagined = float(imagined)
-    learner.contenders = [
+    races.contenders = [
         Contender(single_action(0), "start", 0.0, [0.0, -8.0, 8.0]),
         Contender(single_action(1), "pruned", 1.0, (1.3 + 0.01 * pairs).tolist()),
         *others,
     ]
-    learner._entrants = [0, 1]
+    races.entrants, races.race = [0, 1], race
     assert learner.model_trust().better_than_chance is ordered
-    facts = learner._end_race(race)
-    assert facts["policy"] == learner.incumbent == adopted
+    facts = races.end(learner.model_trust())
+    assert facts["policy"] == races.incumbent == adopted
     assert facts["trees_compared"] == 11
 
 
@@ -277,19 +279,19 @@ def test_a_model_is_compared_with_what_trees_really_earned(whole, shown):
     learner = METHOD.restore(
         problem_of(shown), Start(None, shown.kept), copied(whole[0].learner.state())
     )
-    ensemble = learner._ensemble
-    learner._imagine(ensemble, np.random.default_rng(4))
-    for one in learner.contenders:
+    ensemble, contenders = learner.rivals.ensemble, learner.races.contenders
+    learner.rivals.imagine(contenders, learner.races.policy, np.random.default_rng(4))
+    for one in contenders:
         alone = EnsembleRollouts(ensemble, 50, np.random.default_rng(4))
         alone.run(one.tree)
         assert one.imagined == pytest.approx(alone.score(alone.returns))
-    for place, one in enumerate(learner.contenders):
+    for place, one in enumerate(contenders):
         one.returns = [float(place)] * (place + 2)  # the first two ran too seldom
     trust = learner.model_trust()
-    met = learner.contenders[2:]
+    met = contenders[2:]
     assert trust.real.tolist() == [one.mean_return for one in met]
     assert trust.imagined.tolist() == [one.imagined for one in met]
-    assert trust.episodes.tolist() == list(range(4, len(learner.contenders) + 2))
+    assert trust.episodes.tolist() == list(range(4, len(contenders) + 2))
 
 
 def test_it_needs_demonstrations(shown):
