@@ -26,7 +26,6 @@ CLASSES_TO_DIVIDE = {
     "learners/history.py History",
     "learners/u_tree.py UTree",
     "mdp/tabular.py TabularMDP",
-    "training/search.py PolicySearch",
 }
 SIGNATURES_TO_SHORTEN = {
     "c45/_kernels.py assign_branches",

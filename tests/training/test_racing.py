@@ -85,7 +85,7 @@ def test_a_search_improves_a_tree_within_its_budget(env, plain, searched):
     assert after > before + 1.5
     assert searched.state.won >= 1
     assert searched.incumbent.n_leaves <= 6
-    assert 2_000 < searched.steps == sum(map(len, searched.episodes)) <= 6_000
+    assert 2_000 < searched.raced.steps == sum(map(len, searched.raced.all)) <= 6_000
 
 
 def test_a_search_that_is_stored_and_restored_ends_the_same(env, plain):
@@ -96,7 +96,7 @@ def test_a_search_that_is_stored_and_restored_ends_the_same(env, plain):
         search_of(plain, **brief), env, restart_every=7, again=lambda: search_of(plain, **brief)
     )
     assert key(again.incumbent) == key(searched.incumbent)
-    assert (again.steps, again.state.tried) == (searched.steps, searched.state.tried)
+    assert (again.raced.steps, again.state.tried) == (searched.raced.steps, searched.state.tried)
     assert again.state.chance == searched.state.chance
 
 

@@ -11,8 +11,9 @@ from eutree.interaction.seeding import Stream
 from eutree.learners import Step
 from eutree.policies import TreePolicy
 from eutree.training.phases import Plan
+from eutree.training.raced_episodes import STARTS
 from eutree.training.run_state import RunState
-from eutree.training.search import STARTS, PolicySearch, SearchState
+from eutree.training.search import PolicySearch, SearchState
 
 
 class Racing:

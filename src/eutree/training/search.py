@@ -11,21 +11,20 @@ The search has no environment: ``next_heat`` says which tree to run from which s
 what was run since the last is run again from the stored episodes, so a kill costs one episode.
 """
 
-from collections import deque
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
-from eutree.arrays import Floats
 from eutree.compression.candidates import merged, with_locks
 from eutree.data import Episode
 from eutree.interaction.seeding import Stream
 from eutree.policies import TreePolicy
-from eutree.policy_search.racing import FIRST_BLOCK, Race, halving, paired
+from eutree.policy_search.racing import FIRST_BLOCK, halving, paired
 from eutree.training.proposals import MOST_LEAVES, Proposals, SearchSettings, key
+from eutree.training.raced_episodes import Block, RacedEpisodes, Running
 from eutree.training.variants import Advantages
 from eutree.world_model import Transitions
 
@@ -34,10 +33,6 @@ ROUND_SHARE = 0.25  # of the steps, for a round
 NEWS = 0.05  # share of steps after which they are fitted anew
 IDLE = 100  # of those tried, without a step: nothing is left to vary
 STAGES = ("begin", "cut", "propose", "race", "prove", "vary", "end")
-STARTS = 2**20  # of one block: more than ever run
-
-Result = TypeVar("Result")
-Running = Generator[tuple[TreePolicy, int], Episode, Result]  # yields what next_heat returns
 
 
 @dataclass(frozen=True)
@@ -74,6 +69,11 @@ class SearchState:
     fitted: tuple[int, int, dict[str, Any]] | None = None
     chance: dict[str, Any] | None = None
 
+    @property
+    def starts(self) -> Block:
+        """The present block of starts."""
+        return Block(self.block, self.limit)
+
 
 class PolicySearch:
     """One search.
@@ -87,8 +87,8 @@ class PolicySearch:
 
     Attributes:
         state: Where it stood between the last two stages.
-        episodes: All episodes run.
-        steps: Their steps.
+        raced: All episodes run.
+        finished: Whether nothing is left to run.
     """
 
     def __init__(
@@ -102,16 +102,12 @@ class PolicySearch:
     ) -> None:
         self._settings = settings
         self._start = policy
-        self._longest = data.longest() if max_episode_steps is None else max_episode_steps
-        self._known_limit = max_episode_steps is not None
+        longest = data.longest() if max_episode_steps is None else max_episode_steps
+        self.raced = RacedEpisodes(longest, grows=max_episode_steps is None)
         self._generator = np.random.default_rng(np.random.SeedSequence((seed, Stream.PROPOSING)))
         self._proposals = Proposals(policy, data, settings, self._generator)
         self._max_leaves = self._proposals.max_leaves
         self.state = SearchState("begin", policy)
-        self.steps = 0
-        self.episodes: list[Episode] = []
-        self._run: dict[bytes, list[int]] = {}  # numbers of each tree's episodes of the block
-        self._stored: deque[Episode] = deque()  # run before, but after the stored state
         self._known: Advantages | None = None
         self._stages = self._go_on()
         self._heat: tuple[TreePolicy, int] | None = None
@@ -127,7 +123,7 @@ class PolicySearch:
     def all_episodes(self) -> list[Episode]:
         """All episodes run, the one just taken and those yet to be taken up again included."""
         taken = [] if self._answer is None else [self._answer]
-        return [*self.episodes, *taken, *self._stored]
+        return [*self.raced.all, *taken, *self.raced.stored]
 
     def next_heat(self) -> tuple[TreePolicy, int] | None:
         """Return the tree to run next, and the number of its start; None at the end."""
@@ -147,17 +143,11 @@ class PolicySearch:
 
     def restore(self, state: SearchState, episodes: Sequence[Episode]) -> None:
         """Go on, from the start, where another search of the same arguments stood."""
-        kept = episodes[: state.n_episodes]
-        self.episodes = list(kept)
-        self.steps = sum(map(len, kept))
-        if not self._known_limit:
-            self._longest = max([self._longest, *map(len, kept)])
-        self._stored = deque(episodes[state.n_episodes :])
-        self._run = {key(state.incumbent): list(state.own)} if state.own else {}
+        self.raced.take_back(episodes, state.n_episodes, state.incumbent, state.own)
         if state.fitted is not None:
             chance = np.random.default_rng()
             chance.bit_generator.state = state.fitted[2]
-            self._known = self._proposals.advantages(kept[: state.fitted[1]], chance)
+            self._known = self._proposals.advantages(self.raced.all[: state.fitted[1]], chance)
         if state.chance is not None:
             self._generator.bit_generator.state = state.chance
         self.state = state
@@ -176,8 +166,8 @@ class PolicySearch:
             state = yield from stages[self.state.stage](self.state)
             self.state = replace(
                 state,
-                n_episodes=len(self.episodes),
-                own=tuple(self._run.get(key(state.incumbent), ())),
+                n_episodes=len(self.raced.all),
+                own=self.raced.own(state.incumbent),
                 chance=deepcopy(dict(self._generator.bit_generator.state)),
             )
 
@@ -188,7 +178,7 @@ class PolicySearch:
         if policy.n_leaves > self._max_leaves:
             rivals = self._proposals.pruned(policy)
             if policy.n_leaves <= MOST_LEAVES:
-                rivals = [*self._proposals.planned(policy, self.episodes), *rivals]
+                rivals = [*self._proposals.planned(policy, self.raced.all), *rivals]
             return self._with_challengers(here, "cut", rivals, 2 * ROUND_SHARE)
         yield from ()
         return here
@@ -200,7 +190,7 @@ class PolicySearch:
 
     def _propose(self, state: SearchState) -> Running[SearchState]:
         """Let each model propose, and C4.5 prune."""
-        rivals = list(self._proposals.planned(state.incumbent, self.episodes))
+        rivals = list(self._proposals.planned(state.incumbent, self.raced.all))
         if state.round == 0:
             rivals += self._proposals.pruned(state.incumbent)
         yield from ()
@@ -210,7 +200,7 @@ class PolicySearch:
     def _race(self, state: SearchState) -> Running[SearchState]:
         """Find the best of the proposed."""
         winner = yield from self._winner(state)
-        self._run.clear()
+        self.raced.leave_block()
         return replace(
             state,
             stage="prove",
@@ -224,7 +214,7 @@ class PolicySearch:
         policy, rival = state.incumbent, state.challengers[0]
         better = yield from self._better(state, rival, of_many=False)
         if better is None:
-            better = self._proposals.prefer(policy, rival, self.episodes)
+            better = self._proposals.prefer(policy, rival, self.raced.all)
         if not better:
             return self._before_varying(state)
         won = replace(state, incumbent=rival, won=state.won + 1, round=state.round + 1)
@@ -233,7 +223,7 @@ class PolicySearch:
         return replace(won, stage="propose", challengers=())
 
     def _before_varying(self, state: SearchState) -> SearchState:
-        self._run.clear()
+        self.raced.leave_block()
         fitted = self._fit_advantages()
         return replace(
             state,
@@ -249,22 +239,22 @@ class PolicySearch:
         policy = state.incumbent
         own = None
         if state.idle < IDLE:
-            own = yield from self._episodes_of(state, policy, range(FIRST_BLOCK))
+            own = yield from self.raced.of(policy, range(FIRST_BLOCK), state.starts)
         if own is None or state.fitted is None or self._known is None:
             return replace(state, stage="end")
-        if self.steps > state.fitted[0] + NEWS * self._settings.steps:
+        if self.raced.steps > state.fitted[0] + NEWS * self._settings.steps:
             state = replace(state, fitted=self._fit_advantages())
-        steps, state = self.steps, replace(state, idle=state.idle + 1)
+        steps, state = self.raced.steps, replace(state, idle=state.idle + 1)
         rival = self._proposals.promising(policy, own, self._known)
         if rival is None:
             return state
         state = replace(state, tried=state.tried + 1)
         better = yield from self._better(state, rival, of_many=True)
-        idle = 0 if self.steps > steps else state.idle
+        idle = 0 if self.raced.steps > steps else state.idle
         if not better:
-            self._run.pop(key(rival), None)
+            self.raced.drop(rival)
             return replace(state, idle=idle)
-        self._run.clear()
+        self.raced.leave_block()
         return replace(state, idle=idle, incumbent=rival, won=state.won + 1, block=state.block + 1)
 
     def _with_challengers(
@@ -275,26 +265,26 @@ class PolicySearch:
         distinct.pop(key(state.incumbent), None)
         if not distinct:
             return state
-        self._run.clear()
+        self.raced.leave_block()
         return replace(
             state,
             stage=stage,
             challengers=tuple(distinct.values()),
             block=state.block + 1,
-            limit=min(self._settings.steps, self.steps + int(share * self._settings.steps)),
+            limit=min(self._settings.steps, self.raced.steps + int(share * self._settings.steps)),
             tried=state.tried + len(distinct),
         )
 
     def _winner(self, state: SearchState) -> Running[TreePolicy]:
         trees = state.challengers
-        affordable = (state.limit - self.steps) // (2 * self._longest * len(trees))
+        affordable = (state.limit - self.raced.steps) // (2 * self.raced.longest * len(trees))
         race = halving(
             [tree.n_leaves for tree in trees],
             leaf_price=self._proposals.leaf_price,
             first=int(np.clip(affordable, 1, FIRST_BLOCK)),
             block=state.block,
         )
-        return trees[(yield from self._drive(race, state, trees))]
+        return trees[(yield from self.raced.drive(race, state.starts, trees))]
 
     def _better(
         self, state: SearchState, rival: TreePolicy, *, of_many: bool
@@ -303,66 +293,13 @@ class PolicySearch:
         trees = (state.incumbent, rival)
         saved = self._proposals.leaf_price * (trees[0].n_leaves - rival.n_leaves)
         race = paired(saved, of_many=of_many, block=state.block)
-        better = yield from self._drive(race, state, trees)
-        if better and self._settings.keep_success and self._succeeds_less(*trees):
+        better = yield from self.raced.drive(race, state.starts, trees)
+        if better and self._settings.keep_success and self.raced.succeeds_less(*trees):
             return False
         return better
-
-    def _succeeds_less(self, policy: TreePolicy, rival: TreePolicy) -> bool:
-        """Return whether a challenger failed more of the starts that both ran."""
-        both = zip(self._run[key(policy)], self._run[key(rival)], strict=False)
-        pairs = [(self.episodes[own], self.episodes[other]) for own, other in both]
-        return sum(bool(other.is_success) - bool(own.is_success) for own, other in pairs) < 0
-
-    def _drive(
-        self, race: Race[Result], state: SearchState, trees: Sequence[TreePolicy]
-    ) -> Running[Result]:
-        """Run the heats of a race; the budget may end before it does."""
-        returns: Floats | None = None
-        try:
-            heat = next(race)
-            while True:
-                run = yield from self._episodes_of(state, trees[heat.runner], heat.episodes)
-                returns = None if run is None else np.array([e.undiscounted_return for e in run])
-                heat = race.send(returns)
-        except StopIteration as end:
-            result: Result = end.value
-            return result
-
-    def _episodes_of(
-        self, state: SearchState, tree: TreePolicy, numbers: range
-    ) -> Running[list[Episode] | None]:
-        """Return a tree's episodes from some starts of the block; None if steps are short."""
-        mine = self._run.setdefault(key(tree), [])
-        while len(mine) < numbers.stop:
-            number = self._known_episode(tree, len(mine))
-            if number is None:
-                if self.steps + self._longest > state.limit:
-                    return None
-                number = yield from self._new_episode(tree, state.block * STARTS + len(mine))
-            mine.append(number)
-        return [self.episodes[number] for number in mine[numbers.start : numbers.stop]]
-
-    def _known_episode(self, tree: TreePolicy, start: int) -> int | None:
-        """Return the episode as another tree ran it, if this one decides the same throughout."""
-        for run in self._run.values():
-            if len(run) > start:
-                episode = self.episodes[run[start]]
-                rows = episode.observations[:-1]
-                if np.array_equal(tree.actions[tree.tree.leaf_index(rows)], episode.actions):
-                    return run[start]
-        return None
-
-    def _new_episode(self, tree: TreePolicy, start: int) -> Running[int]:
-        episode = self._stored.popleft() if self._stored else (yield tree, start)
-        self.steps += len(episode)
-        if not self._known_limit:
-            self._longest = max(self._longest, len(episode))
-        self.episodes.append(episode)
-        return len(self.episodes) - 1
 
     def _fit_advantages(self) -> tuple[int, int, dict[str, Any]]:
         """Fit what recorded steps gained; return what it takes to fit the same again."""
         chance = deepcopy(dict(self._generator.bit_generator.state))
-        self._known = self._proposals.advantages(self.episodes, self._generator)
-        return self.steps, len(self.episodes), chance
+        self._known = self._proposals.advantages(self.raced.all, self._generator)
+        return self.raced.steps, len(self.raced.all), chance
