@@ -2,6 +2,7 @@
 
 import importlib
 import inspect
+import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -105,6 +106,25 @@ class ResultsTable(SphinxDirective):
         return container.children
 
 
+class PresetsTable(SphinxDirective):
+    """``{presetstable}``: each preset, its method, and what it chooses other than the method."""
+
+    def run(self) -> list[nodes.Node]:
+        """Return the table, made of the registry."""
+        from eutree.learners.choices import choices_of
+        from eutree.learners.registry import METHODS, PRESETS
+
+        lines = ["| preset | method | other than the method's own defaults |", "|---|---|---|"]
+        for name, preset in PRESETS.items():
+            own = {choice.name: choice.value for choice in choices_of(METHODS[preset.name]())}
+            changed = [c for c in choices_of(preset) if own.get(c.name, ...) != c.value]
+            said = ", ".join(f"`{c.name}={json.dumps(c.value)}`" for c in changed) or "nothing"
+            lines.append(f"| `{name}` | `{preset.name}` | {said} |")
+        container = nodes.Element(document=self.state.document)
+        nested_parse_with_titles(self.state, StringList(lines), container)
+        return container.children
+
+
 def say_where_figures_come_from(app: Sphinx, name: str, source: list[str]) -> None:
     """Put command, commit and date of a page of figures below its title."""
     from provenance import Provenance
@@ -152,4 +172,5 @@ def setup(app: Sphinx) -> None:
     app.add_directive("picture", Picture)
     app.add_directive("commandhelp", CommandHelp)
     app.add_directive("resultstable", ResultsTable)
+    app.add_directive("presetstable", PresetsTable)
     app.connect("source-read", say_where_figures_come_from)

@@ -8,7 +8,9 @@ imported on first use (PEP 562), so that ``import eutree`` costs little more tha
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from eutree import display as _display
 from eutree.envs.registration import register as _register
+from eutree.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from eutree import export as export
@@ -59,8 +61,6 @@ if TYPE_CHECKING:
     from eutree.training.many import LearningRuns as LearningRuns
     from eutree.training.many import learn_runs as learn_runs
     from eutree.trees import DecisionTree as DecisionTree
-
-__version__ = "0.2.0"
 
 # Where each public name lives, as "module" or "module:attribute". The imports above say the same to
 # type checkers; a contract test compares the two.
@@ -136,3 +136,4 @@ def __dir__() -> list[str]:
 
 
 _register()
+_display.draw_with(lambda: importlib.import_module("eutree.report.notebook"))

@@ -1,11 +1,19 @@
 """What notebooks show: objects of this package as HTML, drawn by the top of the package.
 
-A policy or an evaluation must not import the pages that show it, so the module that draws is
-loaded by its name, when a notebook asks.
+A policy or an evaluation must not import the pages that show it. The package root, which may
+import everything, says where the drawing is (``draw_with``); it is loaded when a notebook asks.
 """
 
-from importlib import import_module
+from collections.abc import Callable
 from typing import Any
+
+_load: Callable[[], Any] | None = None
+
+
+def draw_with(load: Callable[[], Any]) -> None:
+    """Take the loader of the module whose ``html_of`` and ``framed`` draw objects."""
+    global _load
+    _load = load
 
 
 class Displayed:
@@ -24,4 +32,5 @@ def framed(drawing: str) -> str:
 
 
 def _notebook() -> Any:
-    return import_module("eutree.report.notebook")
+    assert _load is not None  # noqa: S101 - the root of the package sets it while it is imported
+    return _load()

@@ -10,7 +10,7 @@ import eutree
 from eutree.learners.learner import Problem, Start
 from eutree.learners.model_planning import PlanningMethod
 from eutree.policy_search.planner import Plan, Planner
-from eutree.world_model._kernels import leaf_node
+from eutree.world_model import leaf_node
 from eutree.world_model.action_trees import single_action
 
 PLAIN = PlanningMethod(

@@ -12,8 +12,7 @@ from eutree.learners.model_planning import PlanningMethod
 from eutree.policy_search import planner as module
 from eutree.policy_search.improvement import Improvement
 from eutree.policy_search.planner import Plan, Planner
-from eutree.world_model import Transitions
-from eutree.world_model._kernels import leaf_node
+from eutree.world_model import Transitions, leaf_node
 from eutree.world_model.action_trees import single_action
 from eutree.world_model.ensemble import EnsembleSettings
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from eutree.world_model import Transitions
+from eutree.world_model import Transitions, leaf_node
 from eutree.world_model import _kernels_ensemble as kernels
-from eutree.world_model._kernels import EPISODE_STRIDE, leaf_node
+from eutree.world_model._kernels import EPISODE_STRIDE
 from eutree.world_model.action_trees import packed
 from eutree.world_model.ensemble import EnsembleSettings, fit_ensemble, kinds
 from eutree.world_model.ensemble_rollouts import EnsembleRollouts

@@ -11,6 +11,7 @@ from eutree.arrays import Booleans, Floats, Int32s
 from eutree.c45 import _kernels, _kernels_entropy
 from eutree.c45._kernels_entropy import Int16s
 from eutree.c45.settings import C45Settings
+from eutree.thresholds import threshold_between
 
 EPSILON = 1e-3  # release 8's tolerance: average filter, split information, collapse
 
@@ -199,9 +200,7 @@ class _Grower:
         J48 also takes a value that is above the midpoint by less than its tolerance.
         """
         low, high = cut[:, 0], cut[:, 1]
-        middle = 0.5 * low + 0.5 * high
-        # Neighbours in float64 (and subnormal numbers) may have no number between them.
-        middle = np.where((low <= middle) & (middle < high), middle, low)
+        middle = np.array([threshold_between(*ends) for ends in cut.tolist()])
         if self.settings.z == "normal":
             above = middle + self.settings.tolerance
             middle = np.where((middle > low) & (above < high), above, middle)

@@ -2,8 +2,11 @@
 
 import numpy as np
 
+from eutree import thresholds
 from eutree.arrays import Booleans, Floats, Int32s, Integers
 from eutree.compiled import compiled
+
+threshold_between = compiled(thresholds.threshold_between)
 
 SAME = 1e-12  # share of a node's impurity that counts as no gain
 
@@ -85,13 +88,6 @@ def cut(
 
 
 @compiled
-def between(low: float, high: float) -> float:
-    """Return a threshold that separates two numbers by ``x <= threshold``."""
-    middle = low + 0.5 * (high - low)
-    return middle if low <= middle < high else low
-
-
-@compiled
 def grow(
     X: Floats,  # [d, N]
     order: Int32s,  # [d, N] rows, ascending by each feature; changed
@@ -130,7 +126,7 @@ def grow(
         low = X[chosen, order[chosen, position - 1]]
         high = X[chosen, order[chosen, position]]
         cut(order, begin[node], end[node], chosen, position, goes_left, scratch)
-        feature[node], threshold[node] = chosen, between(low, high)
+        feature[node], threshold[node] = chosen, threshold_between(low, high)
         left[node], right[node] = n_nodes, n_nodes + 1
         for child in range(n_nodes, n_nodes + 2):
             is_left = child == n_nodes

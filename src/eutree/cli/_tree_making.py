@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from eutree.data import Demonstrations
     from eutree.evaluation import Evaluation
-    from eutree.fitting.report import FitReport
+    from eutree.fitting import FitReport
     from eutree.interaction.tree_making import Show, TreeView
     from eutree.policies import TreePolicy
 
@@ -195,8 +195,7 @@ class PageTree:
 
     def _play(self, tree: "TreePolicy", show: "Show", stop: Callable[[], bool]) -> Result | None:
         """Let the tree play, the same episodes for every tree; None if nobody waits for it."""
-        from eutree.evaluation import Evaluation
-        from eutree.evaluation.evaluate import evaluate
+        from eutree.evaluation import Evaluation, evaluate
         from eutree.interaction.tree_making import PLAYING, TreeView
 
         env, parts = self._make(), list[Evaluation]()
@@ -325,14 +324,14 @@ class _Curve:
         """Do nothing."""
 
     def _reached(self) -> float:
-        from eutree.evaluation.evaluate import evaluate
+        from eutree.evaluation import evaluate
 
         played = evaluate(self._model.policy, self._env, episodes=PER_POINT, seed=PLAYED)
         return result_of_tree(played).value
 
 
 def _drawn(tree: "TreePolicy") -> dict[str, Any]:
-    from eutree.export.svg import to_svg
+    from eutree.export import to_svg
 
     return {"svg": to_svg(tree), "rules": str(tree), "n_leaves": tree.n_leaves}
 

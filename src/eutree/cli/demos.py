@@ -341,7 +341,7 @@ def _kind(argument: str, name: str) -> str:
 
 def _described(environment: str, arguments: dict[str, Any]) -> tuple[Any, Any]:
     """Return schema and spec of an environment."""
-    from eutree.interaction.guard import GuardedEnv
+    from eutree.interaction import GuardedEnv
     from eutree.interaction.making import make
     from eutree.schema import EnvironmentSpec
 

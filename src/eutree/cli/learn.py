@@ -237,7 +237,8 @@ def _saying_how_to_go_on(output: Output, stop: "StopRequest", out: Path) -> Iter
 
 def _drawing(features: str, out: Path) -> "PartitionCallback":
     """Return what draws the partition over two features, "X,Y", into the run folder."""
-    from eutree.report.partitions import DRAWINGS, PartitionCallback
+    from eutree.report import PartitionCallback
+    from eutree.report.partitions import DRAWINGS
 
     x, separator, y = (part.strip() for part in features.partition(","))
     if not (x and separator and y):

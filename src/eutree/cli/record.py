@@ -12,8 +12,8 @@ from eutree.schema import EnvironmentSpec
 
 if TYPE_CHECKING:
     from eutree.data import Episode
+    from eutree.interaction import Recorder
     from eutree.interaction.browser import PageServer
-    from eutree.interaction.recorder import Recorder
 
 
 @click.command(epilog="Example: eutree record eutree/Evasion2-v0 --web --out demos/")
@@ -121,9 +121,8 @@ def _record_person(
 ) -> None:
     import os
 
+    from eutree.interaction import Recorder, SessionSettings
     from eutree.interaction.making import make
-    from eutree.interaction.recorder import Recorder
-    from eutree.interaction.settings import SessionSettings
     from eutree.interaction.window import record_in_window
 
     if web and window:

@@ -15,11 +15,10 @@ from eutree.compression.costs import Costs
 from eutree.policies import TreePolicy
 from eutree.policy_search.rollout_pruning import pruned_by_rollouts
 from eutree.trees import DecisionTree
-from eutree.world_model import ActionTree
+from eutree.world_model import ActionTree, Transitions
 from eutree.world_model.action_trees import from_decision_tree, to_decision_tree
 from eutree.world_model.ensemble import EnsembleSettings, fit_ensemble
 from eutree.world_model.ensemble_rollouts import EnsembleRollouts
-from eutree.world_model.transitions import Transitions
 
 TRIES = 3  # prunings with imagined episodes of their own
 TIMES = 3  # leaves to prune from, in those allowed; what is larger is cut by labels first

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from eutree.data.episode import Episode
 from eutree.errors import FormatError, InvalidArgumentError
+from eutree.files import Document
 from eutree.files.arrays import MAX_ARCHIVE, decode_archive, encode_archive
-from eutree.files.documents import Document
 from eutree.files.schema_document import plain_json
 from eutree.validation import check_finite
 

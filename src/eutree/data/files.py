@@ -21,9 +21,9 @@ from eutree.data.episode import Episode
 from eutree.data.episode_file import episode_from_bytes, episode_to_bytes
 from eutree.data.journal import EpisodeJournal, is_running, recover_episode
 from eutree.errors import FileError, FormatError, InvalidArgumentError
-from eutree.files import atomic
+from eutree.files import Document, atomic, read_document
 from eutree.files.arrays import MAX_ARCHIVE
-from eutree.files.documents import Document, encode_document, read_document
+from eutree.files.documents import encode_document
 from eutree.files.schema_document import (
     EnvironmentDocument,
     SchemaDocument,

@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from eutree.data.episode import Episode
 from eutree.errors import FormatError, InvalidArgumentError
-from eutree.files import atomic
-from eutree.files.documents import Document
+from eutree.files import Document, atomic
 from eutree.files.journal import Journal, read_journal
 from eutree.files.schema_document import Index, plain_json
 from eutree.validation import check_vector

@@ -21,6 +21,7 @@ import numpy as np
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.discretization.cells import Cells
 from eutree.discretization.outcomes import Costs, Outcomes
+from eutree.thresholds import threshold_between
 
 VARIANTS = ("pg", "lppg", "llppg")
 FEWEST = 5  # starts on either side of an explained cut
@@ -134,7 +135,8 @@ def _best_threshold(places: Floats, arrived: Booleans) -> tuple[float, int, floa
             below = i * _entropy(right[i - 1] / i)
             above = (n - i) * _entropy((right[-1] - right[i - 1]) / (n - i))
             if before - below - above > found[0] + 1e-12:
-                found = (before - below - above, axis, 0.5 * float(values[i - 1] + values[i]))
+                cut = threshold_between(*values[i - 1 : i + 1].tolist())
+                found = (before - below - above, axis, cut)
     return (*found, n_tried)
 
 

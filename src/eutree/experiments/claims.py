@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eutree.evaluation.intervals import Estimate
+from eutree.evaluation import Estimate
 
 HOLDS, FAILS, OPEN = "holds", "does not hold", "cannot be told"
 

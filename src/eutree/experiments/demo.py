@@ -29,12 +29,12 @@ from eutree.inspection import PolicyDiff, diff
 from eutree.interaction import episode_seed, record
 from eutree.interaction.making import make
 from eutree.interaction.seeding import Stream
-from eutree.learners.expert_tree import fit_expert_tree
+from eutree.learners import fit_expert_tree
 from eutree.policies import TreePolicy
 from eutree.report import run_page
 from eutree.schema import EnvironmentSpec
-from eutree.training import learn
-from eutree.training.judging import Judgement, judged
+from eutree.training import Judgement, learn
+from eutree.training.judging import judged
 from eutree.training.many import FinishedRun, LearningRuns, learn_runs
 from eutree.trees import DecisionTree
 from eutree.validation import check_choice

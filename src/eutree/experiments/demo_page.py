@@ -18,7 +18,7 @@ from eutree.report.chart import Series
 from eutree.report.head import Pointer, Verdict
 from eutree.report.watching import film_if_possible
 from eutree.schema import EnvironmentSpec
-from eutree.training.judging import Judgement
+from eutree.training import Judgement
 from eutree.training.many import FinishedRun, LearningRuns
 from eutree.wording import counted
 

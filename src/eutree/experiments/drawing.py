@@ -8,7 +8,7 @@ import numpy as np
 
 from eutree.arrays import Floats
 from eutree.errors import MissingExtraError
-from eutree.evaluation.intervals import mean_interval
+from eutree.evaluation import mean_interval
 from eutree.experiments.experiment import Records
 
 if TYPE_CHECKING:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from eutree.evaluation.bootstrap import bootstrap
+from eutree.evaluation import bootstrap
 from eutree.experiments.claims import Claim, judged
 from eutree.experiments.experiment import Experiment, Records, Scale
 from eutree.experiments.runs import RunSpec

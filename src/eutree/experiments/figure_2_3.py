@@ -6,9 +6,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eutree.arrays import Floats
-from eutree.evaluation.bootstrap import bootstrap, bootstrap_rows
-from eutree.evaluation.intervals import Estimate
-from eutree.evaluation.survival import Durations, restricted_mean_ratio, trials_to_threshold
+from eutree.evaluation import (
+    Durations,
+    Estimate,
+    bootstrap,
+    bootstrap_rows,
+    restricted_mean_ratio,
+    trials_to_threshold,
+)
 from eutree.experiments import drawing
 from eutree.experiments.claims import Claim, judged
 from eutree.experiments.experiment import Experiment, Records, Scale, by_learner

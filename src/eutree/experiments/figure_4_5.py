@@ -5,9 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eutree.arrays import Floats
-from eutree.evaluation.bootstrap import bootstrap
-from eutree.evaluation.comparison import spearman
-from eutree.evaluation.survival import kaplan_meier
+from eutree.evaluation import bootstrap, kaplan_meier, spearman
 from eutree.experiments import drawing
 from eutree.experiments.claims import Claim, judged
 from eutree.experiments.experiment import Experiment, Records, Scale, by_learner, by_speed

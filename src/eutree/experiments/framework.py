@@ -25,10 +25,8 @@ from eutree.files import Document
 from eutree.interaction import episode_seed, record
 from eutree.interaction.making import make
 from eutree.interaction.seeding import Stream
-from eutree.learners import METHODS, Method
-from eutree.learners.expert_tree import fit_expert_tree
+from eutree.learners import METHODS, Method, PlanningMethod, fit_expert_tree
 from eutree.learners.learner import HasPolicy
-from eutree.learners.model_planning import PlanningMethod
 from eutree.learners.parti_game import PartiGameMethod
 from eutree.policies import Policy
 from eutree.policy_search.planner import Planner

@@ -14,8 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
-from eutree.evaluation.bootstrap import bootstrap, bootstrap_rows
-from eutree.evaluation.intervals import Estimate
+from eutree.evaluation import Estimate, bootstrap, bootstrap_rows
 from eutree.experiments.claims import FAILS, HOLDS, OPEN, judged
 from eutree.experiments.framework import (
     DEMOS,

@@ -16,8 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eutree.evaluation.comparison import spearman
-from eutree.evaluation.survival import kaplan_meier
+from eutree.evaluation import kaplan_meier, spearman
 from eutree.experiments.figure_2_3 import durations, final, success
 from eutree.experiments.figure_4_5 import NEAR
 from eutree.experiments.finals import FINALS

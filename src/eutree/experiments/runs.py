@@ -22,8 +22,7 @@ from eutree.experiments.settings import Setting
 from eutree.files import Document
 from eutree.interaction import record
 from eutree.interaction.making import make
-from eutree.learners.expert_tree import fit_expert_tree
-from eutree.learners.learner import Method
+from eutree.learners import Method, fit_expert_tree
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
 from eutree.training import LearningResult, Run, learn

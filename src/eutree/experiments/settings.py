@@ -13,12 +13,10 @@ from typing import Any, cast
 import gymnasium
 
 from eutree.data import Demonstrations
-from eutree.envs._evasion_experts import GatePolicy
-from eutree.envs.experts import wait_at_crossing
+from eutree.envs.experts import GatePolicy, wait_at_crossing
 from eutree.errors import InvalidArgumentError
 from eutree.interaction import record
-from eutree.learners.presets import PAPER
-from eutree.learners.u_tree import UTreeMethod
+from eutree.learners import PAPER, UTreeMethod
 from eutree.splitting import KolmogorovSmirnov
 from eutree.validation import check_choice
 

@@ -7,8 +7,7 @@ after equally many episodes, is judged too.
 import numpy as np
 
 from eutree.arrays import Integers
-from eutree.evaluation.bootstrap import bootstrap, bootstrap_rows
-from eutree.evaluation.intervals import Estimate
+from eutree.evaluation import Estimate, bootstrap, bootstrap_rows
 from eutree.experiments.claims import Claim, close_to, judged
 from eutree.experiments.experiment import Experiment, Records, Scale, by_learner
 from eutree.experiments.figure_2_3 import final, specs

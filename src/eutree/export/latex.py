@@ -2,7 +2,7 @@
 
 from eutree.export._graph import branches, words_of_leaf, words_of_test
 from eutree.export._layout import column_lefts, layout, text_width
-from eutree.export._palette import FILLS
+from eutree.export.palette import FILLS
 from eutree.policies import TreePolicy
 
 _SIGNS = {

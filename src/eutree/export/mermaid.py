@@ -1,7 +1,7 @@
 """Mermaid flowcharts, which many wikis and code hosts draw by themselves."""
 
 from eutree.export._graph import branches, words_of_leaf, words_of_test
-from eutree.export._palette import fill
+from eutree.export.palette import fill
 from eutree.policies import TreePolicy
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from eutree.arrays import Floats
 from eutree.export._graph import branches, words_of_leaf, words_of_test
 from eutree.export._layout import column_lefts, layout, text_width
-from eutree.export._palette import fill
+from eutree.export.palette import fill
 from eutree.policies import TreePolicy
 from eutree.trees.text import printable
 from eutree.wording import counted

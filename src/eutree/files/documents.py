@@ -14,7 +14,6 @@ import json
 import math
 import re
 import struct
-import sys
 import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -24,6 +23,7 @@ import msgspec
 
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.files import atomic
+from eutree.version import __version__
 
 MAX_DEPTH = 50  # of nested lists and objects; interpreters differ in what they can take
 MAX_DOCUMENT = 16 * 2**20  # bytes; Python objects take up to 25 times the room of their text
@@ -86,11 +86,6 @@ def read_document(
     return decode_document(atomic.read_bytes(path, limit=limit), kind, path)
 
 
-def library_version() -> str:
-    """Return the version of eutree, which stands in every file's ``made_by``."""
-    return str(sys.modules[__name__.partition(".")[0]].__version__)
-
-
 def encode_document(document: Document) -> bytes:
     """Return the document as deterministic JSON text, ending in a newline."""
     kind = type(document)
@@ -98,7 +93,7 @@ def encode_document(document: Document) -> bytes:
         content: dict[str, Any] = msgspec.to_builtins(document)
     except (TypeError, ValueError, RecursionError) as error:
         raise InvalidArgumentError(f"{kind.FORMAT}: cannot be written as JSON: {error}") from None
-    header = (kind.FORMAT, kind.VERSION, f"eutree {library_version()}")
+    header = (kind.FORMAT, kind.VERSION, f"eutree {__version__}")
     content = dict(zip(_HEADER, header, strict=True)) | {
         key: value for key, value in content.items() if key not in _HEADER
     }
@@ -238,7 +233,7 @@ def _check_header(header: _Header, kind: type[Document], path: str | Path) -> No
             path,
             "version",
             f"made by {header.made_by} as version {header.version} of {kind.FORMAT}; this is "
-            f"eutree {library_version()}, which reads versions up to {kind.VERSION}; "
+            f"eutree {__version__}, which reads versions up to {kind.VERSION}; "
             "install a newer eutree",
         )
     if header.version < 1:

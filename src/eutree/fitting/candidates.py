@@ -14,7 +14,7 @@ import numpy as np
 from eutree.arrays import Floats
 from eutree.c45 import C45Settings
 from eutree.data import Demonstrations
-from eutree.learners.expert_tree import fit_expert_tree
+from eutree.learners import fit_expert_tree
 from eutree.policies import TreePolicy
 
 RELEASE_8 = C45Settings()

@@ -10,7 +10,8 @@ from eutree.evaluation import Evaluation
 from eutree.fitting.person import MARGIN, Person
 from eutree.fitting.playing import Played
 from eutree.fitting.repair import blame, shown_in
-from eutree.inspection.regions import Region, domain
+from eutree.inspection import Region
+from eutree.inspection.regions import domain
 from eutree.policies import TreePolicy
 from eutree.trees.boxes import leaf_boxes
 from eutree.trees.text import printable

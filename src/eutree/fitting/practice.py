@@ -7,12 +7,12 @@ from typing import Any
 import gymnasium
 
 from eutree.data import Demonstrations, Episode
-from eutree.learners.model_planning import ModelPlanning, PlanningMethod
+from eutree.learners import ModelPlanning, PlanningMethod
 from eutree.policies import TreePolicy
 from eutree.policy_search.planner import Planner
+from eutree.training import Run, learn
 from eutree.training.callback import CallbackLike
-from eutree.training.learn import Progress, learn
-from eutree.training.run import Run
+from eutree.training.learn import Progress
 
 MOST_KNOWN = 20_000  # steps of what a tree has played that practice begins with
 

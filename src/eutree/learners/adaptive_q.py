@@ -41,6 +41,7 @@ from eutree.learners.learner import (
 from eutree.learners.stored_state import TREE, StateCheck, part, prefixed
 from eutree.learners.vector_quantization import step_scale
 from eutree.policies import LeafStatistics
+from eutree.thresholds import threshold_between
 from eutree.trees import DecisionTree
 from eutree.validation import check_integer, check_number
 
@@ -281,10 +282,9 @@ class AdaptiveQ:
         scale = step_scale(self.history.observations, self.history.next_observations)
         low, high = seen.min(axis=0), seen.max(axis=0)
         feature = int(((high - low) / scale).argmax())
-        middle = float(low[feature] / 2 + high[feature] / 2)
-        if not low[feature] <= middle < high[feature]:
+        if not low[feature] < high[feature]:
             return None
-        return feature, middle
+        return feature, threshold_between(float(low[feature]), float(high[feature]))
 
     def _cut(self, leaf: int, feature: int, threshold: float) -> LeafSplit:
         """Cut a leaf in all but the tree; the halves take over what it knows."""

@@ -17,7 +17,7 @@ from eutree.learners.stored_state import check_u_tree
 from eutree.learners.targets import OneStep, Target
 from eutree.learners.u_tree import UTree
 from eutree.splitting import LeafSample, Split
-from eutree.splitting.split import threshold_between
+from eutree.thresholds import threshold_between
 from eutree.validation import check_integer, check_number
 
 

@@ -29,9 +29,16 @@ from eutree.learners.history import History
 from eutree.learners.learner import Arrays, Decisions, Needs, Problem, Start, Step, Update
 from eutree.learners.u_tree import UTree, UTreeMethod
 from eutree.policies import TreePolicy
-from eutree.splitting import KolmogorovSmirnov, LeafSample, Maximal, Permutation, Split
-from eutree.splitting.significance import SignificanceTest, sidak
-from eutree.splitting.split import threshold_between
+from eutree.splitting import (
+    KolmogorovSmirnov,
+    LeafSample,
+    Maximal,
+    Permutation,
+    SignificanceTest,
+    Split,
+)
+from eutree.splitting.significance import sidak
+from eutree.thresholds import threshold_between
 from eutree.trees import DecisionTree
 from eutree.validation import check_integer
 

@@ -6,8 +6,7 @@ import numpy as np
 
 from eutree.arrays import Floats, Int32s, Integers
 from eutree.cart import grow_cart
-from eutree.world_model import ActionTree
-from eutree.world_model._kernels import leaf_node
+from eutree.world_model import ActionTree, leaf_node
 from eutree.world_model.action_trees import from_decision_tree
 
 

@@ -44,7 +44,7 @@ from eutree.learners.trial import Trial
 from eutree.mdp import TabularMDP
 from eutree.trees import DecisionTree
 from eutree.validation import check_choice, check_integer, check_number
-from eutree.world_model._kernels import leaf_node
+from eutree.world_model import leaf_node
 
 Solver = Literal["q-learning", "model"]
 

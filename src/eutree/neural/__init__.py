@@ -1,6 +1,16 @@
 """Small neural networks without a deep-learning package: they teach, trees are handed over."""
 
+from eutree.neural._kernels import Network, adam_step, backward, forward, room
 from eutree.neural.double_dqn import DoubleDQN, DoubleDQNSettings
 from eutree.neural.network import Scaling
 
-__all__ = ["DoubleDQN", "DoubleDQNSettings", "Scaling"]
+__all__ = [
+    "DoubleDQN",
+    "DoubleDQNSettings",
+    "Network",
+    "Scaling",
+    "adam_step",
+    "backward",
+    "forward",
+    "room",
+]

@@ -8,7 +8,8 @@ import numpy as np
 
 from eutree.arrays import Floats, Integers
 from eutree.errors import FormatError, InvalidArgumentError
-from eutree.files.documents import Document, checksum_of, decode_document, encode_document
+from eutree.files import Document
+from eutree.files.documents import checksum_of, decode_document, encode_document
 from eutree.files.schema_document import (
     EnvironmentDocument,
     Index,

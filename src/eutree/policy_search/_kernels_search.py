@@ -5,8 +5,11 @@ Apart from ``_kernels.py`` because it looks at data and runs nothing.
 
 import numpy as np
 
+from eutree import thresholds
 from eutree.arrays import Floats, Integers
 from eutree.compiled import compiled
+
+threshold_between = compiled(thresholds.threshold_between)
 
 MAX_CUTS = 6
 
@@ -40,13 +43,6 @@ def best_interval(
         if least_at >= 0 and ends and sums[j + 1] - least > best:
             best, begin, end = sums[j + 1] - least, least_at, j
     return best, begin, end
-
-
-@compiled
-def between(low: float, high: float) -> float:
-    """Return a threshold with low <= it < high."""
-    middle = 0.5 * (low + high)
-    return middle if middle < high else low
 
 
 @compiled
@@ -91,9 +87,9 @@ def best_box(
                     best, feature, n_cuts = gain, j, new
                     low, high = -np.inf, np.inf
                     if begin > 0:
-                        low = between(values[order[begin - 1]], values[order[begin]])
+                        low = threshold_between(values[order[begin - 1]], values[order[begin]])
                     if end < n - 1:
-                        high = between(values[order[end]], values[order[end + 1]])
+                        high = threshold_between(values[order[end]], values[order[end + 1]])
         if feature < 0:
             break
         box[feature, 0] = max(box[feature, 0], low)

@@ -13,8 +13,9 @@ import numpy as np
 
 from eutree.arrays import Floats
 from eutree.policy_search import _kernels_search
+from eutree.thresholds import threshold_between
 from eutree.validation import check_integer, check_number
-from eutree.world_model._kernels import ActionTree
+from eutree.world_model import ActionTree
 from eutree.world_model.action_trees import Nested, n_leaves, nested, packed, with_box, with_child
 from eutree.world_model.common_chance import Rollouts
 
@@ -198,5 +199,5 @@ def _places(values: Floats, threshold: float, sign: int) -> list[float]:
     for share in SHIFTS:
         i = at + sign * max(1, int(share * reach))
         if 1 <= i < n:
-            places.append(float(0.5 * (values[i - 1] + values[i])))
+            places.append(threshold_between(*values[i - 1 : i + 1].tolist()))
     return places

@@ -16,13 +16,10 @@ from eutree.arrays import Floats, Integers
 from eutree.errors import InvalidArgumentError
 from eutree.policy_search.improvement import Improvement
 from eutree.validation import check_choice, check_integer, check_number
-from eutree.world_model._kernels import ActionTree
+from eutree.world_model import ActionTree, PairedRollouts, Transitions, fit_world_models
 from eutree.world_model.common_chance import Rollouts
-from eutree.world_model.dynamics import fit_world_models
 from eutree.world_model.ensemble import EnsembleSettings, fit_ensemble
 from eutree.world_model.ensemble_rollouts import EnsembleRollouts
-from eutree.world_model.rollouts import PairedRollouts
-from eutree.world_model.transitions import Transitions
 
 WORLD_MODELS = ("trees", "neural")
 DEARER = 3  # a step of the networks takes several of model trees: there are fewer episodes

@@ -7,7 +7,7 @@ compared on all of them, and the best is made.
 
 import numpy as np
 
-from eutree.world_model._kernels import ActionTree
+from eutree.world_model import ActionTree
 from eutree.world_model.action_trees import n_leaves, with_child
 from eutree.world_model.ensemble_rollouts import EnsembleRollouts
 

@@ -14,7 +14,7 @@ from eutree.data import Demonstrations
 from eutree.evaluation import Evaluation
 from eutree.export import to_svg
 from eutree.export.svg import STYLE
-from eutree.inspection.edit import Edited
+from eutree.inspection import Edited
 from eutree.policies import TreePolicy
 from eutree.report.chart import chart
 from eutree.report.html import asset

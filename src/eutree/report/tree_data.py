@@ -10,7 +10,7 @@ import numpy as np
 from eutree.arrays import Floats
 from eutree.data import Demonstrations, Episode
 from eutree.errors import InvalidArgumentError
-from eutree.export._palette import FILLS
+from eutree.export.palette import FILLS
 from eutree.policies import TreePolicy
 from eutree.report.changes import LeafChange
 from eutree.report.watching import WatchedEpisode

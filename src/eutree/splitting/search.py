@@ -18,7 +18,8 @@ from eutree.arrays import Floats, Integers
 from eutree.errors import InvalidArgumentError
 from eutree.splitting import _kernels
 from eutree.splitting.maximal import critical_value
-from eutree.splitting.split import LeafSample, Split, scaled_distance, threshold_between
+from eutree.splitting.split import LeafSample, Split, scaled_distance
+from eutree.thresholds import threshold_between
 from eutree.validation import (
     check_actions,
     check_choice,

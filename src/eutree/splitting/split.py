@@ -49,12 +49,3 @@ class Split:
 def scaled_distance(statistic: float, n_left: int, n_right: int) -> float:
     """Return K of a two-sample Kolmogorov-Smirnov distance D between samples of these sizes."""
     return statistic * math.sqrt(n_left * n_right / (n_left + n_right))
-
-
-def threshold_between(left: float, right: float) -> float:
-    """Return the midpoint of ``left < right``, or ``left`` where the midpoint rounds to an end.
-
-    The result t satisfies ``left <= t < right`` for all finite float64, also one ulp apart.
-    """
-    middle = left / 2 + right / 2  # halves first: the sum of two large numbers would overflow
-    return middle if left <= middle < right else left

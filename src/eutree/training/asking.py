@@ -27,8 +27,9 @@ from eutree.interaction.requests import (
     Stretch,
     controller_of,
 )
+from eutree.learners import Learner
 from eutree.learners.confidence import Confidence
-from eutree.learners.learner import CanDoubt, Learner
+from eutree.learners.learner import CanDoubt
 from eutree.policies import Policy
 from eutree.validation import check_integer
 

@@ -17,10 +17,10 @@ from eutree.interaction import GuardedEnv
 from eutree.interaction.decoding import warn_of_codes
 from eutree.interaction.requests import Controller
 from eutree.interaction.seeding import Stream
-from eutree.learners import Method, Problem, start_of
+from eutree.learners import Method, Problem, Start, start_of
 from eutree.learners import method as method_of
 from eutree.learners.default_choice import Choice, Evidence, default_for
-from eutree.learners.learner import HasTeacher, Start, check_fits
+from eutree.learners.learner import HasTeacher, check_fits
 from eutree.learners.registry import to_document
 from eutree.policies import Policy, TreePolicy
 from eutree.training.asking import Asking, questions_for

@@ -19,10 +19,9 @@ from eutree.policy_search.improvement import Improvement
 from eutree.policy_search.planner import FEWEST_ROLLOUTS
 from eutree.training.variants import Advantages, Variation
 from eutree.validation import check_integer, check_number
-from eutree.world_model import ActionTree, Transitions, fit_world_models
+from eutree.world_model import ActionTree, PairedRollouts, Transitions, WorldModel, fit_world_models
 from eutree.world_model.action_trees import from_decision_tree, to_decision_tree
-from eutree.world_model.dynamics import MAX_LEAVES, WorldModel
-from eutree.world_model.rollouts import PairedRollouts
+from eutree.world_model.dynamics import MAX_LEAVES
 
 MOST_LEAVES = 40
 ROWS_PER_LEAF = 100  # of a detailed model

@@ -14,11 +14,10 @@ import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.compiled import compiled
-from eutree.world_model import ActionTree
-from eutree.world_model._kernels import leaf_node
+from eutree.thresholds import threshold_between
+from eutree.world_model import ActionTree, Transitions, leaf_node
 from eutree.world_model.action_trees import n_leaves, nested, packed, with_box, with_child
 from eutree.world_model.dynamics import fit_model_tree
-from eutree.world_model.transitions import Transitions
 
 SHIFTS = (0.015, 0.05, 0.15, 0.45)  # of the visited observations that change sides, at most
 MORE = 0.4  # chance of one more change
@@ -74,7 +73,7 @@ class Variation:
         at += int(self._generator.choice((-1, 1)) * max(1.0, reach))
         at = int(np.clip(at, 1, values.size - 1))
         thresholds = tree.threshold.copy()
-        thresholds[node] = 0.5 * (values[at - 1] + values[at])
+        thresholds[node] = threshold_between(*values[at - 1 : at + 1].tolist())
         return tree._replace(threshold=thresholds)
 
     def _flip_label(self, tree: ActionTree, visited: Floats) -> ActionTree:

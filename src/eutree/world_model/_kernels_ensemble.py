@@ -18,7 +18,7 @@ import numpy as np
 
 from eutree.arrays import Booleans, Float32s, Floats, Integers
 from eutree.compiled import compiled
-from eutree.neural._kernels import Network, adam_step, backward, forward, room
+from eutree.neural import Network, adam_step, backward, forward, room
 from eutree.world_model._kernels import EPISODE_STRIDE, ActionTree, Episodes, leaf_node
 
 GOES_ON, BAD, GOOD = 0, 1, 2  # kinds of step

@@ -5,9 +5,12 @@ Apart from ``_kernels.py`` because these loops fit a model and those run one.
 
 import numpy as np
 
+from eutree import thresholds
 from eutree.arrays import Booleans, Floats, Integers, Uint32s
 from eutree.compiled import compiled
 from eutree.world_model._kernels import LEAF
+
+threshold_between = compiled(thresholds.threshold_between)
 
 MANY_ROWS = 256  # nodes above this look at bin edges only, nodes below at every cut
 RIDGE = 1e-5
@@ -33,9 +36,7 @@ def bin_columns(
                 i += 1
             if i < 1 or i >= n:
                 continue
-            edge = 0.5 * (ordered[i - 1] + ordered[i])
-            if edge >= ordered[i]:
-                edge = ordered[i - 1]
+            edge = threshold_between(ordered[i - 1], ordered[i])
             if count == 0 or edge > edges[j, count - 1]:
                 edges[j, count] = edge
                 count += 1
@@ -187,9 +188,7 @@ def best_cut(
                 continue
             gain = residual * residual * n / ((i + 1.0) * (n - i - 1.0))
             if gain > best * (1.0 + TINY):
-                best, feature, threshold = gain, j, 0.5 * (low + high)
-                if threshold >= high:
-                    threshold = low
+                best, feature, threshold = gain, j, threshold_between(low, high)
     return feature, threshold
 
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from eutree.arrays import Booleans, Float32s, Floats, Integers
 from eutree.errors import InvalidArgumentError
 from eutree.neural.network import copied, network_of, random_network
+from eutree.thresholds import threshold_between
 from eutree.validation import check_integer, check_number
 from eutree.world_model import _kernels_ensemble as kernels
 from eutree.world_model._kernels_ensemble import BAD, GOES_ON, GOOD, EnsembleWorld, Fitting, Steps
@@ -273,7 +274,7 @@ def between_ends(rewards: Floats) -> float:
     between = n * (values.size - n) * (below / n - above / (values.size - n)) ** 2
     between[values[1:] == values[:-1]] = -1.0
     place = int(between.argmax())
-    return float(0.5 * (values[place] + values[place + 1]))
+    return threshold_between(*values[place : place + 2].tolist())
 
 
 class _Batches:

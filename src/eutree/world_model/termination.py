@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
+from eutree.thresholds import threshold_between
 from eutree.world_model import _kernels_termination
 from eutree.world_model._kernels_regression import move_towards_better
 
@@ -157,19 +158,16 @@ def _tests(X: Floats, y: Booleans, rows: Integers) -> list[tuple[int, float]]:
         gain = np.where(values[1:] > values[:-1], surplus**2 / (n * (rows.size - n)), 0.0)
         at = int(gain.argmax())
         if gain[at] > most * (1.0 + 1e-9):
-            most, purest = float(gain[at]), (feature, _between(values[at], values[at + 1]))
+            most, purest = (
+                float(gain[at]),
+                (feature, threshold_between(*values[at : at + 2].tolist())),
+            )
         ends = values[mine[order]]
         inner = np.diff(ends)[1:-1]
         if inner.size and inner.max() > 0:
             at = int(inner.argmax()) + 1
-            tests.append((feature, _between(ends[at], ends[at + 1])))
+            tests.append((feature, threshold_between(*ends[at : at + 2].tolist())))
     return tests if purest is None else [purest, *tests]
-
-
-def _between(low: float, high: float) -> float:
-    """Return a threshold with low <= it < high."""
-    middle = 0.5 * (low + high)
-    return float(middle if middle < high else low)
 
 
 def _pruned(

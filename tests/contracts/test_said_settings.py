@@ -1,0 +1,174 @@
+"""What the pages and ``--help`` say of presets and defaults is what the code has.
+
+Each sentence is made here of the registry, of settings and of constants, and has to be on its page:
+who changes a default is told which sentence to change with it.
+"""
+
+import inspect
+import re
+from pathlib import Path
+
+import click
+import pytest
+
+import eutree
+from eutree.c45 import C45Settings
+from eutree.cli.learn import learn as learn_command
+from eutree.compression import imagined
+from eutree.evaluation import off_policy
+from eutree.learners import default_choice
+from eutree.learners.confidence import Confidence
+from eutree.learners.gates import AnyGain
+from eutree.learners.presets import CORRECTED, DEFAULT, PRESETS
+from eutree.learners.registry import METHODS
+from eutree.learners.starts import STARTS
+from eutree.policy_search import improvement, planner, racing
+from eutree.splitting import KolmogorovSmirnov, Permutation
+from eutree.training import proposals, run_folder, search, variants
+from eutree.training.learn import EPISODES
+from eutree.world_model.ensemble import EnsembleSettings
+
+ROOT = Path(__file__).parents[2]
+NUMBERS = "zero one two three four five six seven eight nine ten eleven twelve".split(" ")
+    "zero",
+    "one",
+    "two",
+    "three",
+    "four",
+    "five",
+    "six",
+    "seven",
+    "eight",
+    "nine",
+    "ten",
+    "eleven",
+    "twelve",
+]
+
+
+def word(number: float) -> str:
+    return NUMBERS[round(number)]
+
+
+def percent(share: float) -> str:
+    return f"{100 * share:.12g} %"
+
+
+def default(function: object, name: str) -> object:
+    return inspect.signature(function).parameters[name].default
+
+
+plans, better, gate = DEFAULT.planner, DEFAULT.planner.improvement, METHODS["u-tree"]().gate
+paired = [racing.FIRST_BLOCK * 2**k for k in range(5)]
+assert paired[-1] == racing.MANY
+
+SAID = {
+    "learning.md": [
+        f"every time the history has grown by {percent(plans.growth - 1)} "
+        f"(asked after each gathering phase of {DEFAULT.gathering_episodes} episodes):",
+        f"with probability {plans.explorer_share} the explorer acts",
+        f"as long as the incumbent has fewer than {plans.incumbent_first} episodes",
+        f"in an ensemble of {word(EnsembleSettings().members)} networks",
+        f"the chance of a bad end exceeds {percent(1 - plans.pessimism)}, an *optimist* where it "
+        f"exceeds {percent(1 - plans.optimism)}.",
+        f"{plans.n_episodes:,} rollouts start from stored first observations, "
+        f"{plans.n_explorer_episodes} for the explorer",
+        f"about {plans.n_steps:,} steps together, at least {planner.FEWEST_ROLLOUTS} episodes",
+        f"A threshold moves to one of {word(2 * len(improvement.SHIFTS))} places near it",
+        f"({percent(better.price)} of a typical return for each leaf)",
+        f"acts for at least {plans.min_episodes} episodes ({planner._FEWEST_EPISODES} if it earns "
+        f"more by {word(planner._CLEARLY)} standard errors)",
+        f"the mean of its last {plans.memory} returns",
+        f"The best by the mean return of {default(eutree.learn_runs, 'selection_episodes')} "
+        "episodes",
+        f"it is judged on {default(eutree.learn_runs, 'judging_episodes'):,} others",
+        f"has more than {proposals.MOST_LEAVES} leaves, what each of "
+        f"{word(len(proposals._MODELS))} world models cuts it to",
+        f"up to {word(search.ROUNDS)} times, as long as the incumbent is replaced (a quarter of",
+        f"at the usual price of a leaf and at {word(max(proposals.DEARER))} times that",
+        f"{word(proposals.VARIANTS)} variants of the incumbent",
+        f"All run the same {racing.FIRST_BLOCK} episodes",
+        f"Both run the same {', '.join(map(str, paired))} episodes",
+        f"by one standard error after {racing.ENOUGH} episodes "
+        f"({word(racing.OF_MANY_ERRORS)} for a variant",
+        f"is smaller and as good after {racing.MANY}.",
+        f"after at least {racing.FEWEST} episodes, all {word(len(proposals._MODELS))} models",
+        f"the returns to go in the last {proposals.RECENT} episodes",
+        f"with lambda = {variants.LAMBDA}.",
+        f"fitted to the last {plans.max_transitions:,} transitions at most",
+        f"an action tried fewer than {word(Confidence().min_tried)} times",
+        f"{word(round(off_policy.FEWEST_HELD_OUT / off_policy.HELD_OUT)).capitalize()} episodes "
+        "are the least of which some can be held out",
+    ],
+    "methods.md": [
+        f"where at least {word(default_choice.ENOUGH_SHOWN)} demonstrations of "
+        f"{word(default_choice.MANY_FEATURES)} features or more are given and `--steps` is at "
+        f"least {default_choice.ENOUGH_STEPS:,}",
+        f"`{AnyGain.__name__}` by default" if isinstance(gate, AnyGain) else "no gate",
+    ],
+    "good-for.md": [f"and {default_choice.ENOUGH_STEPS:,} steps to spend the default is"],
+    "small-trees.md": [
+        f"of {word(default_choice.MANY_FEATURES)} features or more and "
+        f"{default_choice.ENOUGH_STEPS:,} steps",
+    ],
+    "which-knobs.md": [f"`--set price={2 * better.price}` asks for twice as much as the default"],
+    "compression.md": [
+        f'`mode="{default(eutree.compress, "mode")}"` (default)',
+        f"at `confidence={default(eutree.compress, 'confidence')}`",
+        f"in {imagined.N_STARTS * EnsembleSettings().members} imagined",
+    ],
+    "distillation.md": [f'`"{default(eutree.distill, "method")}"` (default)'],
+    "c45.md": [
+        f'`z="{C45Settings().z}"` (release 8, default)',
+        "no gap by default" if C45Settings().gap == 0.0 else "a gap by default",
+    ],
+    "splitting.md": [
+        f'| `"{KolmogorovSmirnov().score}"` | K / c(n), c(n) the 1 % point of the largest K on '
+        "noise | K, made comparable between actions with different numbers of tuples; the default",
+        f"It stops after {Permutation().stop_after} draws that",
+        f"a split with fewer than {Permutation().min_episodes} distinct",
+        "permute whole episodes (`by_episode=True`, as in the preset `corrected`)"
+        if CORRECTED.significance.by_episode
+        else "by observation",
+    ],
+    "many-machines.md": [f"{default(eutree.learn_runs, 'n_jobs')}, the default, is one for each"],
+}
+
+HELP = {
+    "episodes": [f"{EPISODES} where no other budget is given"],
+    "checkpoint_seconds": [
+        "saving takes at most a twentieth" if run_folder.SHARE == 20 else "another share"
+    ],
+    "preset": sorted(PRESETS),
+    "method": ["planning, distilled-dqn, u-tree, ...", "between the first two"],
+    "start": [f"{', '.join(STARTS[:-1])} or {STARTS[-1]}"],
+}
+
+
+def plain(text: str) -> str:
+    return " ".join(text.split())
+
+
+@pytest.mark.parametrize("page", SAID)
+def test_the_page_says_what_is_so(page: str) -> None:
+    text = plain((ROOT / "docs" / page).read_text())
+    missing = [sentence for sentence in SAID[page] if plain(sentence) not in text]
+    assert missing == [], f"docs/{page} does not say (any more) what the code does"
+
+
+@pytest.mark.parametrize("name", HELP)
+def test_the_help_says_what_is_so(name: str) -> None:
+    (option,) = [p for p in learn_command.params if p.name == name]
+    assert isinstance(option, click.Option)
+    text = plain(option.help or "")
+    assert [words for words in HELP[name] if words not in text] == []
+
+
+def test_what_is_named_in_the_help_exists() -> None:
+    assert DEFAULT.name == "planning"
+    assert PRESETS["default"] is DEFAULT
+    assert {"planning", "distilled-dqn", "u-tree"} <= METHODS.keys()
+    options = {p.name: p.help for p in learn_command.params if isinstance(p, click.Option)}
+    named = re.findall(r"[a-z-]+", (options["preset"] or "").partition(":")[2])
+    words = {"literal", "the", "default", "of", "--offline"}
+    assert set(named) - words <= PRESETS.keys()
