@@ -29,21 +29,8 @@ from eutree.training.learn import EPISODES
 from eutree.world_model.ensemble import EnsembleSettings
 
 ROOT = Path(__file__).parents[2]
-NUMBERS = "zero one two three four five six seven eight nine ten eleven twelve".split(" ")
-    "zero",
-    "one",
-    "two",
-    "three",
-    "four",
-    "five",
-    "six",
-    "seven",
-    "eight",
-    "nine",
-    "ten",
-    "eleven",
-    "twelve",
-]
+NUMBERS = ["zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten"]
+NUMBERS += ["eleven", "twelve"]
 
 
 def word(number: float) -> str:
