@@ -1,9 +1,12 @@
 """Who may talk to the recorder's server: requests from raw sockets, and any messages at all."""
 
+import asyncio
+import gc
 import json
 import logging
 import socket
 import time
+import warnings
 from pathlib import Path
 
 import pytest
@@ -12,6 +15,7 @@ from hypothesis import strategies as st
 from websockets.exceptions import ConnectionClosed
 
 from eutree.errors import InvalidArgumentError
+from eutree.interaction.browser import PageServer
 from eutree.interaction.browser.gate import Gate, RateLimit, is_loopback
 from eutree.interaction.browser.wire import decode
 from tests.interaction.people import Corridor
@@ -29,6 +33,34 @@ def test_the_page_is_served(served) -> None:
         status, headers, body = served.request(path, Host=served.host)
         assert (status, kind in headers["Content-Type"]) == (200, True)
         assert len(body) == int(headers["Content-Length"]) > 1000
+
+
+def test_what_comes_in_the_last_moment_is_closed_too(tmp_path, monkeypatch) -> None:
+    """A browser opens sockets in advance; those accepted while the server closed were nobody's."""
+    own, kept = PageServer._say_goodbye, []
+
+    async def say_goodbye(server):
+        await own(server)
+        for turns in (1, 1, 1, 0):  # of the loop, before the next ones come
+            for content in (b"", b"GET / HTTP/1.1\r\n"):
+                for stays in (True, False):
+                    connection = socket.create_connection(("127.0.0.1", server.port))
+                    connection.sendall(content)
+                    kept.append(connection) if stays else connection.close()
+            for _ in range(turns):
+                await asyncio.sleep(0)
+
+    monkeypatch.setattr(PageServer, "_say_goodbye", say_goodbye)
+    gc.collect()
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        with serving(tmp_path):
+            pass
+        for connection in kept:
+            connection.close()
+        gc.collect()
+    assert len(kept) == 8
+    assert [str(warning.message) for warning in said] == []
 
 
 @pytest.mark.promise(24)

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Any
+from weakref import WeakSet
 
 import msgspec
 
@@ -47,6 +48,9 @@ MAX_SOCKETS = 8
 PING_SECONDS = 5.0
 IDLE_SECONDS = 0.1  # between two ticks of a session that waits for nothing
 
+# Of the loop, from accepting a connection to the handler that attends to it, and from aborting one
+# to the end of its socket: each takes three.
+TURNS = 6
 STATUS_PATH = "/status"  # what a page asks whose socket was refused
 FULL, READY = "full", "ready"
 
@@ -99,6 +103,7 @@ class PageServer:
         self._fields: dict[str, Any] = {}
         self._picture: tuple[int, bytes] | None = None
         self._n_sockets = 0
+        self._opened: WeakSet[ServerConnection] = WeakSet()
 
     @property
     def url(self) -> str:
@@ -118,8 +123,6 @@ class PageServer:
             InvalidArgumentError: The port is taken, or the address is not this machine's.
         """
         server = await self._listen()
-        from websockets.protocol import State
-
         self._add(Away(UNOPENED, gone=True))
         try:
             if on_ready is not None:
@@ -128,25 +131,19 @@ class PageServer:
             await self._say_goodbye()
         finally:
             self._is_closing = True
-            server.close()
-            # A browser opens sockets in advance, on which it may never ask for anything: such a
-            # one, and that of a peer that does not answer, would outlive the loop.
-            connections = set(server.all_connections)
-            for connection in connections:
-                if connection.state is State.CONNECTING:
-                    connection.transport.abort()
-            with suppress(TimeoutError):
-                await asyncio.wait_for(server.wait_closed(), 2.0)
-            for connection in connections | set(server.all_connections):
-                connection.transport.abort()
-            for _ in range(3):  # turns of the loop in which what was aborted closes
-                await asyncio.sleep(0)
+            await self._end(server)
 
     async def _listen(self) -> "Server":
         try:
-            from websockets.asyncio.server import serve
+            from websockets.asyncio.server import ServerConnection, serve
         except ImportError:
             raise MissingExtraError("websockets", "record") from None
+
+        def opened(*arguments: Any, **options: Any) -> ServerConnection:
+            connection = ServerConnection(*arguments, **options)
+            self._opened.add(connection)
+            return connection
+
         attempts = range(PORT, PORT + PORTS_TO_TRY) if self._wish is None else [self._wish]
         for port in attempts:
             try:
@@ -154,6 +151,7 @@ class PageServer:
                     self._attend,
                     self.host,
                     port,
+                    create_connection=opened,
                     process_request=self._answer,
                     subprotocols=[PROTOCOL],  # type: ignore[list-item]  # a NewType of str
                     max_size=MAX_MESSAGE,
@@ -173,6 +171,32 @@ class PageServer:
         raise InvalidArgumentError(
             f"cannot listen at {self.host}:{attempts[0]}: {reason}; choose another --port or --host"
         )
+
+    async def _end(self, server: "Server") -> None:
+        """Stop listening and close every connection, also those that come in the last moment.
+
+        asyncio cannot close a server in the turn in which it accepts: the connection's transport
+        would find no server to belong to, and nobody would close its socket. So nothing more is
+        accepted first. A browser also opens sockets in advance, on which it may never ask for
+        anything. The server knows them only when they have asked; ``_opened`` has them from their
+        first moment.
+        """
+        loop = asyncio.get_running_loop()
+        with suppress(NotImplementedError):  # not every loop waits for sockets by their numbers
+            for listener in server.sockets:
+                loop.remove_reader(listener.fileno())
+        for _ in range(TURNS):
+            await asyncio.sleep(0)
+        for connection in self._opened:
+            if connection.state.name == "CONNECTING":
+                connection.transport.abort()
+        server.close()
+        with suppress(TimeoutError):
+            await asyncio.wait_for(server.wait_closed(), 2.0)
+        for connection in self._opened:
+            connection.transport.abort()
+        for _ in range(TURNS):
+            await asyncio.sleep(0)
 
     # ---- requests
 
