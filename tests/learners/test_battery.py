@@ -1,11 +1,23 @@
-"""What every method promises from every start, each with a wrong learner that must be caught."""
+"""What every method promises from every start, each promise with a wrong learner that breaks it.
+
+A promise is a function of a case: a method, a problem and a start. It is asked of each method from
+each start that it takes, and in the end of a learner that is wrong in this respect alone.
+"""
+
+import random
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from eutree.errors import InvalidArgumentError
+from eutree.errors import FormatError, InvalidArgumentError
+from eutree.learners import Decisions, Problem, Start, UTreeMethod
 from eutree.learners.distilled_dqn import DistilledDQN
-from eutree.learners.learner import check_fits
+from eutree.learners.learner import HasPolicy, Needs, check_fits
 from eutree.learners.registry import METHODS, from_document, to_document
 from eutree.learners.starts import STARTS, start_of
 from eutree.neural import DoubleDQNSettings
@@ -13,6 +25,7 @@ from eutree.world_model.ensemble import EnsembleSettings
 from tests.worlds import Corridor, play, play_in_part, problem_of, recorded
 
 EPISODES = 12
+FILE = Path("checkpoint.npz")
 SMALL = {  # methods whose default choices are too much for a toy world
     "distilled-dqn": DistilledDQN(
         max_leaves=4,
@@ -23,32 +36,49 @@ SMALL = {  # methods whose default choices are too much for a toy world
 }
 
 
-def started(name, start_name, scale=1.0):
-    """Return a method, its problem and its start; skip where it says that they do not fit."""
-    problem = problem_of(Corridor(scale))
-    chosen = SMALL.get(name) or METHODS[name]()
-    start = start_of(
-        start_name,
-        problem,
-        demonstrations=recorded(scale),
-        generator=np.random.default_rng(7),
-    )
-    reason = chosen.needs.refusal(problem, start)
-    if reason:
-        with pytest.raises(InvalidArgumentError, match=f"method '{name}' does not fit this task"):
-            check_fits(chosen, problem, start)
-        pytest.skip(reason)
-    return chosen, problem, start
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A method in the corridor, whose position is multiplied by ``scale``."""
+
+    method: Any
+    problem: Problem
+    start: Start
+    scale: float = 1.0
+
+    @classmethod
+    def of(cls, method, start_name, scale=1.0) -> "Case":
+        problem = problem_of(Corridor(scale))
+        chance = np.random.default_rng(7)
+        shown = recorded(scale)
+        start = start_of(start_name, problem, demonstrations=shown, generator=chance)
+        return cls(method, problem, start, scale)
+
+    def begun(self) -> Any:
+        return self.method.start(self.problem, self.start)
+
+    def lived(self, episodes=EPISODES) -> Any:
+        """Return a learner after some episodes and the updates between them."""
+        learner = self.begun()
+        for number in range(episodes):
+            play(learner, Corridor(self.scale), seed=100 + number)
+            if (number + 1) % 4 == 0:
+                learner.update(np.random.default_rng(number))
+        return learner
+
+    @cached_property
+    def life(self) -> Any:
+        """A learner that has lived; only to be looked at."""
+        return self.lived()
+
+    @cached_property
+    def scaled(self) -> "Case":
+        """The same in another unit of the position."""
+        return Case.of(self.method, self.start.name, 4.0)
 
 
-def lived(chosen, problem, start, episodes=EPISODES, scale=1.0):
-    """Return a learner after some episodes and the updates between them."""
-    learner = chosen.start(problem, start)
-    for number in range(episodes):
-        play(learner, Corridor(scale), seed=100 + number)
-        if (number + 1) % 4 == 0:
-            learner.update(np.random.default_rng(number))
-    return learner
+@cache
+def case_of(name: str, start_name: str) -> Case:
+    return Case.of(SMALL.get(name) or METHODS[name](), start_name)
 
 
 def bytes_of(learner):
@@ -56,42 +86,59 @@ def bytes_of(learner):
     return {name: (a.dtype.str, a.shape, a.tobytes()) for name, a in learner.state().items()}
 
 
-cases = pytest.mark.parametrize("name", METHODS)
-starts = pytest.mark.parametrize("start_name", STARTS)
+def chance_of_the_process():
+    """Return the states of the generators that everybody in a process shares."""
+    _, key, position, *_ = np.random.get_state()  # noqa: NPY002 - who draws from it is looked for
+    return random.getstate(), key.tobytes(), position
 
 
-@cases
-@starts
-def test_the_same_seed_gives_the_same_bytes(name, start_name):
-    case = started(name, start_name)
-    assert bytes_of(lived(*case)) == bytes_of(lived(*case))
+# The promises -----------------------------------------------------------------------------------
 
 
-@cases
-@starts
-def test_a_discarded_episode_leaves_no_trace(name, start_name):
-    chosen, problem, start = started(name, start_name)
-    learner = lived(chosen, problem, start, episodes=5)
+def it_starts_or_says_why_not(case):
+    reason = case.method.needs.refusal(case.problem, case.start)
+    if not reason:
+        assert case.begun() is not None
+        return
+    with pytest.raises(InvalidArgumentError) as caught:
+        check_fits(case.method, case.problem, case.start)
+    assert str(caught.value) == f"method {case.method.name!r} does not fit this task: {reason}"
+
+
+def the_same_seed_gives_the_same_bytes(case):
+    assert bytes_of(case.lived()) == bytes_of(case.life)
+
+
+def all_chance_is_handed_in(case):
+    before = chance_of_the_process()
+    case.lived(episodes=4)
+    assert chance_of_the_process() == before
+
+
+def looking_changes_nothing(case):
+    before = bytes_of(case.life)
+    case.life.decisions()
+    case.life.state()
+    assert bytes_of(case.life) == before
+
+
+def a_discarded_episode_leaves_no_trace(case):
+    learner, other = case.lived(episodes=5), case.lived(episodes=5)
     before = bytes_of(learner)
     for steps in (1, 3, 60):
         play_in_part(learner, Corridor(), seed=5, steps=steps)
         assert bytes_of(learner) == before
-    for number in (50, 51, 52):
-        play(learner, Corridor(), seed=number)
-    other = lived(chosen, problem, start, episodes=5)
-    for number in (50, 51, 52):
-        play(other, Corridor(), seed=number)
+    for one in (learner, other):
+        for number in (50, 51, 52):
+            play(one, Corridor(), seed=number)
     assert bytes_of(learner) == bytes_of(other)
 
 
-@cases
-@starts
-def test_what_is_restored_goes_on_to_the_same_bytes(name, start_name, tmp_path):
-    chosen, problem, start = started(name, start_name)
-    learner = lived(chosen, problem, start, episodes=6)
+def what_is_restored_goes_on_to_the_same_bytes(case):
+    learner = case.lived(episodes=6)
     state = {k: np.array(a) for k, a in learner.state().items()}
-    chosen.check_state(tmp_path / "checkpoint.npz", state, problem)
-    again = chosen.restore(problem, start, state)
+    case.method.check_state(FILE, state, case.problem)
+    again = case.method.restore(case.problem, case.start, state)
     for one in (learner, again):
         for number in (60, 61):
             play(one, Corridor(), seed=number)
@@ -100,87 +147,233 @@ def test_what_is_restored_goes_on_to_the_same_bytes(name, start_name, tmp_path):
     assert bytes_of(learner) == bytes_of(again)
 
 
-@cases
-@starts
-def test_decisions_are_a_tree_whose_fidelity_is_true(name, start_name):
-    chosen, problem, start = started(name, start_name)
-    learner = lived(chosen, problem, start)
+def a_state_of_other_shapes_is_refused(case):
+    state = case.life.state()
+    case.method.check_state(FILE, dict(state), case.problem)
+    for name, array in state.items():
+        for wrong in (array[np.newaxis], array.astype(complex)):
+            with pytest.raises(FormatError):
+                case.method.check_state(FILE, {**state, name: wrong}, case.problem)
+
+
+def all_that_was_lived_is_in_the_history(case):
+    learner = case.begun()
+    shown = learner.history.n_seen
+    assert shown == sum(len(episode.actions) for episode in case.start.episodes)
+    steps = 0
+    for seed in (1, 2, 3):
+        env = Counted(case.scale)
+        play(learner, env, seed=seed)
+        steps += env.n_steps
+    assert learner.history.n_seen - shown == steps
+
+
+def decisions_are_a_tree_whose_fidelity_is_true(case):
+    learner, problem = case.life, case.problem
     decisions = learner.decisions()
     policy = decisions.policy(problem)
     assert policy.schema.features[:3] == problem.schema.features  # the past may follow
-    assert 0.0 <= decisions.fidelity <= 1.0
-    if decisions.fidelity < 1.0:
-        rows = learner.history.observations
-        own, _ = learner.own_policy().predict(rows, episode_start=np.ones(len(rows), dtype=bool))
-        same = policy.predict(rows)[0] == own
-        assert same.mean() == pytest.approx(decisions.fidelity, abs=1e-12)
-    if decisions.statistics is not None:
-        assert decisions.statistics.visits.shape == (policy.n_leaves, problem.n_actions)
+    if not isinstance(learner, HasPolicy):
+        assert decisions.fidelity == 1.0
+        return
+    rows = learner.history.observations
+    own, _ = learner.own_policy().predict(rows, episode_start=np.ones(len(rows), dtype=bool))
+    same = policy.predict(rows)[0] == own
+    assert same.mean() == pytest.approx(decisions.fidelity, abs=1e-12)
 
 
-@cases
-@starts
-def test_a_constant_feature_is_never_cut(name, start_name):
-    if start_name == "random-tree":
-        pytest.skip("a random tree cuts what it likes")
-    case = started(name, start_name)
-    assert 2 not in lived(*case).decisions().tree.feature
+def numbers_shown_are_of_these_leaves_and_actions(case):
+    decisions = case.life.decisions()
+    if decisions.statistics is None:
+        return
+    shape = (decisions.tree.n_leaves, case.problem.n_actions)
+    assert decisions.statistics.visits.shape == shape
+    assert decisions.statistics.values.shape == shape
+    assert 0 < decisions.statistics.visits.sum() <= case.life.history.n_seen
 
 
-@cases
-def test_units_change_nothing(name):
-    case = started(name, "demos")
-    other = started(name, "demos", scale=4.0)
-    one = lived(*case).decisions()
-    two = lived(*other, scale=4.0).decisions()
+def a_constant_feature_is_never_cut(case):
+    if case.start.name != "random-tree":  # which cuts what it likes
+        assert 2 not in case.life.decisions().tree.feature
+
+
+def units_change_nothing(case):
+    if case.start.name != "demos":  # random and expert trees are made outside of the learner
+        return
+    one, two = case.life.decisions(), case.scaled.life.decisions()
     np.testing.assert_array_equal(one.tree.feature, two.tree.feature)
     np.testing.assert_array_equal(one.actions, two.actions)
     position = np.isin(one.tree.feature, (0, 3))  # 3: the previous one, where there is a past
     np.testing.assert_allclose(one.tree.threshold[position] * 4.0, two.tree.threshold[position])
 
 
-@cases
-def test_it_is_written_and_read_back(name):
-    chosen = METHODS[name]()
+def its_choices_are_written_and_read_back(case):
+    chosen = case.method
     assert from_document(to_document(chosen)) == chosen
     with pytest.raises(InvalidArgumentError, match="has no choice 'colour'"):
         from_document(to_document(chosen) | {"colour": 1})
 
 
-# Wrong learners, one for each promise: the battery must catch them.
+class Counted(Corridor):
+    """A corridor that counts the steps in it."""
+
+    n_steps = 0
+
+    def step(self, action):
+        self.n_steps += 1
+        return super().step(action)
 
 
-class Forgetful:
-    """Delegates to a learner, wrongly in one respect."""
+PROMISES: list[Callable[[Case], None]] = [
+    it_starts_or_says_why_not,
+    its_choices_are_written_and_read_back,
+    the_same_seed_gives_the_same_bytes,
+    all_chance_is_handed_in,
+    looking_changes_nothing,
+    a_discarded_episode_leaves_no_trace,
+    what_is_restored_goes_on_to_the_same_bytes,
+    a_state_of_other_shapes_is_refused,
+    all_that_was_lived_is_in_the_history,
+    decisions_are_a_tree_whose_fidelity_is_true,
+    numbers_shown_are_of_these_leaves_and_actions,
+    a_constant_feature_is_never_cut,
+    units_change_nothing,
+]
 
-    def __init__(self, learner, fault):
-        self._learner, self._fault = learner, fault
-        self._n = 0
+
+@pytest.mark.parametrize("start_name", STARTS)
+@pytest.mark.parametrize("name", METHODS)
+@pytest.mark.parametrize("promise", PROMISES, ids=lambda promise: promise.__name__)
+def test_every_method_from_every_start(promise, name, start_name):
+    case = case_of(name, start_name)
+    reason = case.method.needs.refusal(case.problem, case.start)
+    if reason and promise is not it_starts_or_says_why_not:
+        pytest.skip(reason)
+    promise(case)
+
+
+# Wrong learners ---------------------------------------------------------------------------------
+
+
+class WrongMethod:
+    """The Continuous U-Tree; one of its parts, or of its learners', is replaced by a wrong one."""
+
+    def __init__(self, *, method=None, learner=None, **own) -> None:
+        self._method = method or UTreeMethod(gathering_episodes=4)
+        self._learner = learner or {}
+        self._own = own
 
     def __getattr__(self, name):
-        return getattr(self._learner, name)
+        own = self.__dict__["_own"]
+        return own[name] if name in own else getattr(self.__dict__["_method"], name)
 
-    def state(self):
-        state = self._learner.state()
-        if self._fault == "random":
-            state["history_rewards"] = state["history_rewards"] + np.random.default_rng().random()
-        return state
+    def start(self, problem, start):
+        if "start" in self._own:
+            return self._own["start"](problem, start)
+        return self._wrong(self._method.start(problem, start))
 
-    def discard_episode(self):
-        if self._fault == "trace":
-            self._learner.history.n_seen += 1
-        self._learner.discard_episode()
+    def restore(self, problem, start, state):
+        if "restore" in self._own:
+            return self._own["restore"](problem, start, state)
+        return self._wrong(self._method.restore(problem, start, state))
 
-
-def test_the_battery_catches_a_learner_that_leaves_a_trace():
-    chosen, problem, start = started("u-tree", "tree+demos")
-    learner = Forgetful(lived(chosen, problem, start, episodes=2), "trace")
-    before = bytes_of(learner)
-    play_in_part(learner, Corridor(), seed=5, steps=2)
-    assert bytes_of(learner) != before
+    def _wrong(self, learner):
+        for name, wrong in self._learner.items():
+            own = getattr(learner, name)
+            setattr(learner, name, lambda *given, o=own, w=wrong: w(learner, o, *given))
+        return learner
 
 
-def test_the_battery_catches_a_learner_of_unseeded_chance():
-    case = started("u-tree", "nothing")
-    one, two = (Forgetful(lived(*case), "random") for _ in range(2))
-    assert bytes_of(one) != bytes_of(two)
+@dataclass(frozen=True, kw_only=True)
+class WithAChoiceOfItsOwn(UTreeMethod):
+    """Its name is that of another method, which has no such choice."""
+
+    patience: int = 3
+
+
+def unseeded(learner, own):
+    return {**own(), "noise": np.array([random.SystemRandom().random()])}
+
+
+def of_the_process(learner, own):
+    return own() if np.random.random() < 2.0 else 0  # noqa: NPY002 - wrong on purpose
+
+
+def remembering_looks(learner, own):
+    learner.history.n_seen += 1
+    return own()
+
+
+def kept_in_part(learner, own):
+    if learner._steps:
+        learner.history.n_seen += 1
+    own()
+
+
+def dropping(learner, own):
+    seen = learner.history.n_seen
+    own()
+    learner.history.n_seen = seen
+
+
+def boasting(learner, own):
+    return replace(own(), fidelity=0.5)
+
+
+def of_other_leaves(learner, own):
+    found = own()
+    halved = replace(found.statistics, **{n: getattr(found.statistics, n)[1:] for n in NUMBERS})
+    return replace(found, statistics=halved)
+
+
+NUMBERS = ("visits", "values", "deviations")
+
+
+def with_a_cut(feature, threshold):
+    def decisions(learner, own):
+        tree = own().tree.split(0, feature, threshold)
+        return Decisions(tree, np.zeros(tree.n_leaves, dtype=np.int64))
+
+    return decisions
+
+
+def begun_anew(problem, start, state):
+    return UTreeMethod(gathering_episodes=4).start(problem, start)
+
+
+def stumbling(problem, start):
+    raise IndexError("there is no episode that reached the goal")
+
+
+WRONG: dict[Callable[[Case], None], WrongMethod | UTreeMethod] = {
+    it_starts_or_says_why_not: WrongMethod(start=stumbling, needs=Needs()),
+    its_choices_are_written_and_read_back: WithAChoiceOfItsOwn(),
+    the_same_seed_gives_the_same_bytes: WrongMethod(learner={"state": unseeded}),
+    all_chance_is_handed_in: WrongMethod(learner={"act": of_the_process}),
+    looking_changes_nothing: WrongMethod(learner={"decisions": remembering_looks}),
+    a_discarded_episode_leaves_no_trace: WrongMethod(learner={"discard_episode": kept_in_part}),
+    what_is_restored_goes_on_to_the_same_bytes: WrongMethod(restore=begun_anew),
+    a_state_of_other_shapes_is_refused: WrongMethod(check_state=lambda path, state, problem: None),
+    all_that_was_lived_is_in_the_history: WrongMethod(learner={"end_episode": dropping}),
+    decisions_are_a_tree_whose_fidelity_is_true: WrongMethod(learner={"decisions": boasting}),
+    numbers_shown_are_of_these_leaves_and_actions: WrongMethod(
+        learner={"decisions": of_other_leaves}
+    ),
+    a_constant_feature_is_never_cut: WrongMethod(learner={"decisions": with_a_cut(2, 2.0)}),
+    units_change_nothing: WrongMethod(learner={"decisions": with_a_cut(0, 0.3)}),
+}
+CAUGHT = (AssertionError, pytest.fail.Exception, IndexError, InvalidArgumentError)
+
+
+@pytest.mark.parametrize("promise", PROMISES, ids=lambda promise: promise.__name__)
+def test_a_wrong_learner_is_caught(promise):
+    with pytest.raises(CAUGHT):
+        promise(Case.of(WRONG[promise], "demos"))
+
+
+@pytest.mark.parametrize("promise", PROMISES, ids=lambda promise: promise.__name__)
+def test_the_same_learner_put_right_is_not(promise):
+    """What is caught is the fault, not the wrapping."""
+    right = UTreeMethod(gathering_episodes=4)
+    written = promise is its_choices_are_written_and_read_back
+    promise(Case.of(right if written else WrongMethod(), "demos"))
