@@ -1,7 +1,7 @@
 """Measure the methods besides the default against figures that were published for them.
 
 Run: python benchmarks/discretizers.py [mazes] [variants] [car] [mountain-car]
-     [mountain-car-learned] [history] [vqql] [--runs 40] [--steps 50000] [--tasks Puck]
+     [mountain-car-learned] [history] [evasion] [vqql] [--runs 40] [--steps 50000] [--tasks Puck]
 
 Parti-game: trials, cells and steps until a trial brings nothing new, and the steps of that trial.
 Car on the Hill: mean discounted return of 256 states drawn uniformly, under one look-ahead a step.
@@ -66,6 +66,12 @@ MEMORY: dict[str, tuple[dict[str, Any], int, float, float]] = {
     ),
 }
 EVASION = "eutree/Evasion2-v0"
+REMEMBERING: dict[str, Any] = {  # on 2-Evasion; chosen on seeds 100 and 101
+    "past_actions": 0,
+    "fringe": 1,
+    "exploration": 0.3,
+    "significance": {"type": "Maximal", "alpha": 1e-5},
+}
 MOST_TRIALS, MOST_STEPS = 60, 100_000
 SIZES = (200, 400, 800, 2000)  # corners
 
@@ -366,7 +372,36 @@ def tiger_reward(policy: TreePolicy, accuracy: float = 0.85, most: int = 12) -> 
     return float(np.mean(earned[500:]))
 
 
-def vqql(runs: int) -> None:
+def evasion(runs: int) -> None:
+    """Print what `history-u-tree` earns on Evasion2, with kept actions and with greedy ones."""
+    print("| leaves act by | seed | expert tree | return | success | leaves | cuts in the past |"
+          " seconds |\n|---|---|---|---|---|---|---|---|")  # fmt: skip
+    env = gymnasium.make(EVASION)
+    for name, evidence in (("evidence", 2.0), ("Eq. 1", None)):
+        chosen = with_choices(method("history-u-tree"), REMEMBERING | {"evidence": evidence})
+        for seed in range(runs):
+            before = time.process_time()
+            shown = eutree.record(env, EXPERTS[EVASION]["gate"](env), episodes=15, seed=seed)
+            learned = eutree.learn(
+                env, demonstrations=shown, method=chosen, episodes=1000, seed=seed,
+                evaluate_every=10**6, evaluation_episodes=1,
+            )  # fmt: skip
+            spent = time.process_time() - before
+            assert learned.expert is not None
+            expert, tree = (
+                eutree.evaluate(policy, env, episodes=300, seed=10**6)
+                for policy in (learned.expert, learned.policy)
+            )
+            past = int((learned.policy.tree.feature >= 3).sum())
+            print(
+                f"| {name} | {seed} | {expert.mean_return:.1f} | {tree.mean_return:.1f} "
+                f"| {tree.success_rate or 0.0:.1%} | {learned.policy.n_leaves} | {past} "
+                f"| {spent:.0f} |",
+                flush=True,
+            )
+
+
+def vqql(runs: int, episodes: int) -> None:
     """Print the success of the trees of `vqql` on Evasion2, from tree and demonstrations."""
     print(
         "| seed | expert tree | tree | own regions | leaves | seconds |\n|---|---|---|---|---|---|"
@@ -377,7 +412,7 @@ def vqql(runs: int) -> None:
         shown = eutree.record(env, EXPERTS[EVASION]["gate"](env), episodes=15, seed=seed)
         own = OwnPolicy(env)
         learned = eutree.learn(
-            env, demonstrations=shown, method="vqql", episodes=400, seed=seed, callback=own,
+            env, demonstrations=shown, method="vqql", episodes=episodes, seed=seed, callback=own,
             evaluate_every=10**6, evaluation_episodes=1,
         )  # fmt: skip
         assert learned.expert is not None
@@ -397,6 +432,7 @@ def main() -> None:
     parser.add_argument("parts", nargs="*", default=["mazes", "variants", "car"])
     parser.add_argument("--runs", type=int, default=40)
     parser.add_argument("--steps", type=int, default=50_000)
+    parser.add_argument("--episodes", type=int, default=400)
     known_tasks = [*PUBLISHED, *MEMORY]
     parser.add_argument("--tasks", nargs="+", choices=known_tasks, default=known_tasks)
     arguments = parser.parse_args()
@@ -407,7 +443,8 @@ def main() -> None:
         "mountain-car": mountain_car,
         "mountain-car-learned": lambda: mountain_car_learned(arguments.runs, arguments.steps),
         "history": lambda: history(arguments.tasks, arguments.runs),
-        "vqql": lambda: vqql(arguments.runs),
+        "vqql": lambda: vqql(arguments.runs, arguments.episodes),
+        "evasion": lambda: evasion(arguments.runs),
     }
     for part in arguments.parts:
         print(f"\n{part}\n", flush=True)

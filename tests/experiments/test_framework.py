@@ -1,6 +1,7 @@
 """The framework: every method from every start in small, paired seeds, and verdicts by hand."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from eutree.experiments import framework, framework_report
 from eutree.experiments.claims import FAILS, HOLDS, OPEN
 from eutree.experiments.framework import (
     ARMS,
+    DAGGER,
     FROZEN,
     GOOD,
     LEFT_OUT,
@@ -66,7 +68,7 @@ def test_every_method_is_taught_or_left_out_with_a_reason_and_has_one_expectatio
 
 def test_runs_come_seed_by_seed_and_have_names_of_their_own():
     wanted = specs(runs=3, first_seed=7)
-    per_seed = len(TASKS) * (2 + len(TAUGHT) * len(ARMS))
+    per_seed = len(TASKS) * (4 + len(TAUGHT) * len(ARMS))
     assert len(wanted) == 3 * per_seed
     main = [spec.arm in MAIN_ARMS for spec in wanted]
     assert main == sorted(main, reverse=True)
@@ -86,6 +88,7 @@ def test_the_small_experiment_is_reported(done):
         assert f"## {task.title}\n" in page
     assert "refused: it needs a goal" in page
     assert page.count("| expert tree | frozen") == 2 * len(TASKS)
+    assert page.count("| expert tree | dagger") == 2 * len(TASKS)
     written = json.loads((folder / "verdicts.json").read_text())
     assert [v["holds"] for v in written["verdicts"]] == [v.holds for v in found.verdicts]
     for name in TASKS:
@@ -108,6 +111,36 @@ def test_all_arms_of_a_seed_have_the_same_demonstrations_and_evaluation_episodes
         assert [r.spec.seed for r in taught] == [r.spec.seed for r in frozen] == [5, 6]
         steps = {r.demonstrated_steps for r in frozen}
         assert len(steps) == 2 or task == "cart-pole"  # other seeds, other demonstrations
+
+
+def test_dagger_has_the_methods_episodes_and_learns_of_its_own_ones_what_was_right(done):
+    runs = Runs(FrameworkResults(done[0]).load(SMALL))
+    for task, settings in TASKS.items():
+        frozen = runs.cell(task, "", Arm(FROZEN), [5, 6])
+        methods = runs.cell(task, "density-tree", TREE, [5, 6])
+        for record, start, method in zip(
+            runs.cell(task, "", Arm(DAGGER), [5, 6]), frozen, methods, strict=True
+        ):
+            assert [p.episode for p in record.curve] == [p.episode for p in method.curve]
+            assert record.curve[0] == start.curve[0]  # the expert tree, on the same episodes
+            assert record.demonstrated_steps == start.demonstrated_steps
+            assert record.learning_steps >= settings.small().episodes
+
+
+def test_dagger_mends_a_tree_of_one_demonstration():
+    """Of one episode C4.5 knows little; its demonstrator knows what was right in the next ones."""
+    settings = replace(
+        TASKS["evasion"].small(), demonstrations=1, episodes=40, gathering_episodes=20,
+        evaluate_every=20, evaluation_episodes=100,
+    )  # fmt: skip
+    gains = []
+    for seed in range(5):
+        spec = FrameworkSpec(
+            task="evasion", settings=settings, method="", arm=Arm(DAGGER), seed=seed
+        )
+        made, _ = run(spec)
+        gains.append(made.curve[-1].mean_return - made.curve[0].mean_return)
+    assert np.mean(gains) > 2 * np.std(gains, ddof=1) / np.sqrt(5)
 
 
 def test_finished_runs_are_not_done_again_and_a_missing_one_costs_its_pair(done, monkeypatch):

@@ -16,19 +16,23 @@ from typing import Any, ClassVar, cast
 
 import gymnasium
 import msgspec
+import numpy as np
 
 from eutree.data import Demonstrations
-from eutree.envs.experts import experts_for, late
+from eutree.distillation.distill import actions_on
+from eutree.distillation.fitting import Labelled, fit
+from eutree.envs.experts import Expert, experts_for, late
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import evaluate
 from eutree.files import Document
-from eutree.interaction import episode_seed, record
+from eutree.interaction import GuardedEnv, episode_seed, record, run_episode
 from eutree.interaction.making import make
+from eutree.interaction.record import as_policy
 from eutree.interaction.seeding import Stream
 from eutree.learners import METHODS, Method, PlanningMethod, fit_expert_tree
 from eutree.learners.learner import HasPolicy
 from eutree.learners.parti_game import PartiGameMethod
-from eutree.policies import Policy
+from eutree.policies import Policy, TreePolicy
 from eutree.policy_search.planner import Planner
 from eutree.schema import EnvironmentSpec
 from eutree.training import LearningResult, Run, learn
@@ -36,6 +40,7 @@ from eutree.validation import check_choice
 
 GOOD, POOR = "good", "poor"
 FROZEN = "frozen"  # the expert tree, which learns nothing
+DAGGER = "dagger"  # the expert tree, made anew of what the demonstrator would have done
 LEFT_OUT = {
     "distilled-dqn": "its network takes minutes a run, two hundred times what the others do"
 }
@@ -141,7 +146,8 @@ class Arm:
     """Where a method begins, and who demonstrated.
 
     Attributes:
-        start: A start of ``eutree.learners.starts``, or ``"frozen"``: the expert tree as it is.
+        start: A start of ``eutree.learners.starts``; ``"frozen"``, the expert tree as it is; or
+            ``"dagger"``, C4.5 with the demonstrator's answers on the tree's own episodes.
         demonstrator: ``"good"`` or ``"poor"``; without demonstrations it is the good one's seed.
     """
 
@@ -159,7 +165,7 @@ DEMOS, RANDOM_TREE = Arm("demos"), Arm("random-tree")
 POOR_TREE_AND_DEMOS = Arm("tree+demos", POOR)
 ARMS = (NOTHING, TREE, TREE_AND_DEMOS, DEMOS, RANDOM_TREE, POOR_TREE_AND_DEMOS)
 MAIN_ARMS = (Arm(FROZEN), NOTHING, TREE_AND_DEMOS)
-FROZEN_ARMS = (Arm(FROZEN), Arm(FROZEN, POOR))
+EXPERT_ARMS = tuple(Arm(start, who) for start in (FROZEN, DAGGER) for who in (GOOD, POOR))
 SMOKE_RUNS = 2
 
 
@@ -170,7 +176,7 @@ class FrameworkSpec:
     Attributes:
         task: Name of the task, a key of ``TASKS``.
         settings: The task itself: its environment, and how much of it is run.
-        method: Name of the method; empty for the expert tree as it is.
+        method: Name of the method; empty where C4.5 alone makes the tree.
         arm: Where it begins, and who demonstrated.
         seed: Seed of demonstrations, learning and evaluations.
     """
@@ -255,7 +261,7 @@ def specs(
     for method in methods:
         check_choice("--method", method, TAUGHT)
     tasks = {name: task.small() if smoke else task for name, task in TASKS.items()}
-    cells = [("", arm) for arm in FROZEN_ARMS]
+    cells = [("", arm) for arm in EXPERT_ARMS]
     cells += [(method, arm) for method in methods for arm in ARMS]
     return [
         FrameworkSpec(task=name, settings=task, method=method, arm=arm, seed=first_seed + run)
@@ -276,7 +282,10 @@ def run(spec: FrameworkSpec) -> tuple[FrameworkRecord, float]:
     env = make(EnvironmentSpec(spec.settings.environment))
     shown = None if spec.arm == NOTHING else _shown(spec.settings, spec.arm.demonstrator, spec.seed)
     begin = time.process_time()
-    made = _frozen(spec, env, shown) if shown and not spec.method else _learned(spec, env, shown)
+    if spec.method or shown is None:
+        made = _learned(spec, env, shown)
+    else:
+        made = (_frozen if spec.arm.start == FROZEN else _corrected)(spec, env, shown)
     return made, time.process_time() - begin
 
 
@@ -294,30 +303,77 @@ def method_for(name: str, task: Task) -> Method:
 @cache
 def _shown(task: Task, demonstrator: str, seed: int) -> Demonstrations:
     """Record the task's demonstrator, or the one that is late."""
-    expert = experts_for(task.environment)[task.demonstrator]
-    if demonstrator == POOR:
-        expert = late(expert, task.delay)
     env = make(EnvironmentSpec(task.environment))
+    expert = _demonstrator(task, demonstrator)
     return record(env, expert, episodes=task.demonstrations, seed=seed)
+
+
+def _demonstrator(task: Task, demonstrator: str) -> Expert:
+    """Return the task's demonstrator, or the one that is late."""
+    expert = experts_for(task.environment)[task.demonstrator]
+    return late(expert, task.delay) if demonstrator == POOR else expert
 
 
 def _frozen(
     spec: FrameworkSpec, env: gymnasium.Env[Any, Any], shown: Demonstrations
 ) -> FrameworkRecord:
-    """Evaluate the expert tree on the episodes on which all arms are evaluated."""
+    """Evaluate the expert tree as it is."""
     tree, task = fit_expert_tree(shown), spec.settings
-    seed = episode_seed(spec.seed, 0, Stream.EVALUATION)
-    found = evaluate(tree, env, episodes=task.evaluation_episodes, seed=seed)
     final = evaluate(tree, env, episodes=task.final_episodes, seed=spec.seed).mean_return
-    point = Evaluated(0, found.mean_return, found.success_rate, tree.n_leaves)
     return FrameworkRecord(
         spec=spec,
-        curve=(point,),
+        curve=(_evaluated(tree, env, spec, 0),),
         tree_return=final,
         own_return=final,
         n_leaves=tree.n_leaves,
         demonstrated_steps=shown.n_transitions,
     )
+
+
+def _corrected(
+    spec: FrameworkSpec, env: gymnasium.Env[Any, Any], shown: Demonstrations
+) -> FrameworkRecord:
+    """Let the tree act, have its demonstrator say what was right, fit C4.5 anew: DAgger.
+
+    It has the episodes of the methods and is updated when they are.
+    """
+    task, guarded = spec.settings, GuardedEnv(env)
+    guarded.take_names(shown.schema)
+    teacher = as_policy(_demonstrator(task, spec.arm.demonstrator), env)
+    tree, steps = fit_expert_tree(shown), 0
+    observations, actions = [shown.observations], [shown.actions]
+    curve = [_evaluated(tree, env, spec, 0)]
+    for number in range(1, task.episodes + 1):
+        seed = episode_seed(spec.seed, number, Stream.GATHERING)
+        episode = run_episode(guarded, tree, seed)
+        steps += len(episode)
+        observations.append(episode.observations[:-1])
+        actions.append(actions_on(teacher, episode, guarded))
+        if number % task.gathering_episodes == 0:
+            seen, right = np.concatenate(observations), np.concatenate(actions)
+            data = Labelled(seen, right, np.ones(len(right)))
+            tree = fit("c4.5", data, shown.schema, shown.environment, None)
+        if number % task.evaluate_every == 0:
+            curve.append(_evaluated(tree, env, spec, number))
+    final = evaluate(tree, env, episodes=task.final_episodes, seed=spec.seed).mean_return
+    return FrameworkRecord(
+        spec=spec,
+        curve=tuple(curve),
+        tree_return=final,
+        own_return=final,
+        n_leaves=tree.n_leaves,
+        demonstrated_steps=shown.n_transitions,
+        learning_steps=steps,
+    )
+
+
+def _evaluated(
+    tree: TreePolicy, env: gymnasium.Env[Any, Any], spec: FrameworkSpec, number: int
+) -> Evaluated:
+    """Evaluate a tree on the episodes on which all arms are evaluated."""
+    seed = episode_seed(spec.seed, 0, Stream.EVALUATION)
+    found = evaluate(tree, env, episodes=spec.settings.evaluation_episodes, seed=seed)
+    return Evaluated(number, found.mean_return, found.success_rate, tree.n_leaves)
 
 
 def _learned(

@@ -22,7 +22,7 @@ from eutree.arrays import Floats
 from eutree.errors import InvalidArgumentError, MissingExtraError
 from eutree.experiments.framework import (
     ARMS,
-    FROZEN_ARMS,
+    EXPERT_ARMS,
     NOTHING,
     POOR,
     TASKS,
@@ -239,7 +239,7 @@ def _table(runs: Runs, task: str, seconds: Mapping[str, float]) -> str:
         "| " + " | ".join(head) + " |",
         "|" + "---|" * len(head),
     ]
-    for arm in FROZEN_ARMS:
+    for arm in EXPERT_ARMS:
         lines.append(_row(runs, task, "", arm, seconds))
     for method in runs.methods:
         lines += [_row(runs, task, method, arm, seconds) for arm in ARMS]

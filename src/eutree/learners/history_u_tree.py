@@ -10,6 +10,9 @@ by itself, and looks below it; the chance of finding something in so many places
 With no previous observations, no previous actions and a fringe of depth 1 it is the Continuous
 U-Tree, byte for byte.
 
+A memory multiplies the leaves, and each of them has few transitions. With ``evidence`` a leaf keeps
+its action until another one is significantly better (:mod:`eutree.learners.evidence`).
+
 *Copying.* An expert's actions come in runs. C4.5 that may look at the last action learns to repeat
 it, is right almost always, and fails at the one moment that counts (de Haan et al. 2019). So the
 expert tree is made of observations alone; only the learner's own distinctions see actions.
@@ -25,8 +28,10 @@ import numpy as np
 from eutree.arrays import Booleans, Floats
 from eutree.features import FeatureMap
 from eutree.learners.confidence import Confidence
+from eutree.learners.evidence import EvidentUTree
 from eutree.learners.history import History
 from eutree.learners.learner import Arrays, Decisions, Needs, Problem, Start, Step, Update
+from eutree.learners.stored_state import check_u_tree
 from eutree.learners.u_tree import UTree, UTreeMethod
 from eutree.policies import TreePolicy
 from eutree.splitting import (
@@ -40,7 +45,7 @@ from eutree.splitting import (
 from eutree.splitting.significance import sidak
 from eutree.thresholds import threshold_between
 from eutree.trees import DecisionTree
-from eutree.validation import check_integer
+from eutree.validation import check_integer, check_number
 
 PERMUTED = Permutation(alpha=0.01)
 MOST_FIRST = 8  # continuous features whose best cuts a fringe of depth 2 looks below
@@ -54,6 +59,9 @@ class HistoryUTreeMethod(UTreeMethod):
         history: Number of previous observations among the features.
         past_actions: Number of previous actions among the features.
         fringe: Depth of the fringe, 1 or 2.
+        evidence: Standard errors by which another action must be better before it takes the place
+            of the one that a leaf keeps (:mod:`eutree.learners.evidence`); None takes the greedy
+            action, as published.
     """
 
     name: ClassVar[str] = "history-u-tree"
@@ -70,12 +78,15 @@ class HistoryUTreeMethod(UTreeMethod):
     history: int = 1
     past_actions: int = 1
     fringe: int = 2
+    evidence: float | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_integer("history", self.history, low=0)
         check_integer("past_actions", self.past_actions, low=0)
         check_integer("fringe", self.fringe, low=1, high=2)
+        if self.evidence is not None:
+            check_number("evidence", self.evidence, low=0.0)
 
     def cut(self, sample: LeafSample, generator: np.random.Generator) -> Split | None:
         """Return the best cut of a leaf if it, or one just below it, is significant."""
@@ -90,18 +101,25 @@ class HistoryUTreeMethod(UTreeMethod):
         episodes = tuple(episode.with_features(features) for episode in start.episodes)
         expert = None if start.expert is None else _widened(start.expert, features)
         stacked = replace(start, expert=expert, episodes=episodes)
-        return HistoryUTree(UTree.begun(self._stacked(problem), stacked, self), features)
+        return HistoryUTree(self._kind.begun(self._stacked(problem), stacked, self), features)
 
     def restore(  # type: ignore[override]  # it wraps the tree
         self, problem: Problem, start: Start, state: Arrays
     ) -> "HistoryUTree":
         """Return the learner whose ``state()`` this was; it goes on to the same bytes."""
-        tree = UTree.from_state(state, problem.n_actions, self)
+        tree = self._kind.from_state(state, problem.n_actions, self)
         return HistoryUTree(tree, self.features(problem))
 
     def check_state(self, path: str | Path, state: Arrays, problem: Problem) -> None:
         """Raise FormatError unless ``restore`` can trust the state, which comes from a file."""
-        super().check_state(path, state, self._stacked(problem))
+        check_u_tree(
+            path,
+            state,
+            self._stacked(problem),
+            bounded=self.max_transitions is not None,
+            solves_at=self.solve_growth > 1.0,
+            keeps_actions=self.evidence is not None,
+        )
 
     def features(self, problem: Problem) -> FeatureMap:
         """Return how a problem's observations and actions become features."""
@@ -111,6 +129,10 @@ class HistoryUTreeMethod(UTreeMethod):
             observations=self.history,
             actions=self.past_actions,
         )
+
+    @property
+    def _kind(self) -> type[UTree]:
+        return UTree if self.evidence is None else EvidentUTree
 
     def _stacked(self, problem: Problem) -> Problem:
         schema = problem.schema.with_history(self.history, self.past_actions)

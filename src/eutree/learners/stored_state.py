@@ -173,13 +173,23 @@ class StateCheck:
 
 
 def check_u_tree(
-    path: str | Path, state: State, problem: Problem, *, bounded: bool, solves_at: bool
+    path: str | Path,
+    state: State,
+    problem: Problem,
+    *,
+    bounded: bool,
+    solves_at: bool,
+    keeps_actions: bool = False,
 ) -> None:
     """Raise FormatError unless a Continuous U-Tree can go on from the state in a file."""
     expected = _U_TREE | ({"solved_at": ("i", "1")} if solves_at else {})
+    if keeps_actions:
+        expected["kept_values"] = ("f", "K")
     check = StateCheck(path, state, problem, expected, bounds="LA" if bounded else "")
     check.sized("mdp_values", check.n_leaves, "the tree's leaves")
-    check.finite(("mdp_values", "mdp_reward_sums"))
+    if keeps_actions:
+        check.sized("kept_values", check.n_leaves, "the tree's leaves")
+    check.finite(("mdp_values", "mdp_reward_sums", "kept_values"))
     if np.isinf(state["mdp_action_values"]).any():
         raise check.refuse("mdp_action_values", "must not be infinite")
     if np.isnan(state["mdp_priority"]).any():

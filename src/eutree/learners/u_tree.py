@@ -10,7 +10,7 @@ differ most, splits where the difference is significant, and solves the MDP over
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -174,7 +174,7 @@ class UTree:
         self._leaves: list[int] = []
 
     @classmethod
-    def begun(cls, problem: Problem, start: Start, method: Discretizer) -> "UTree":
+    def begun(cls, problem: Problem, start: Start, method: Discretizer) -> Self:
         """Return the learner at its start: a single leaf or the expert tree, its history."""
         tree, actions, locked = start.first_leaves(problem)
         learner = cls(tree, problem.n_actions, method, prior=actions, locked=locked)
@@ -411,7 +411,7 @@ class UTree:
     @classmethod
     def from_state(
         cls, state: Mapping[str, NDArray[Any]], n_actions: int, method: Discretizer
-    ) -> "UTree":
+    ) -> Self:
         """Return the learner whose ``state()`` this was; it goes on to the same bytes."""
         n_features = state["history_observations"].shape[1]
         tree = DecisionTree(n_features, **{name: state[name] for name in TREE})
