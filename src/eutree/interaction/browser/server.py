@@ -151,7 +151,7 @@ class PageServer:
                     self._attend,
                     self.host,
                     port,
-                    create_connection=opened,
+                    create_connection=opened,  # type: ignore[arg-type]  # a class is not needed
                     process_request=self._answer,
                     subprotocols=[PROTOCOL],  # type: ignore[list-item]  # a NewType of str
                     max_size=MAX_MESSAGE,
