@@ -82,9 +82,9 @@ class EvidentUTree(UTree):
         """Return the learner at its start; without a tree it keeps what was done most often."""
         learner = super().begun(problem, start, method)
         if start.expert is None and start.episodes:
-            done = np.zeros((learner.tree.n_leaves, learner.n_actions), dtype=np.int64)
-            np.add.at(done, (learner.history.left, learner.history.actions), 1)
-            learner._prior = done.argmax(axis=1)
+            taken = np.zeros((learner.tree.n_leaves, learner.n_actions), dtype=np.int64)
+            np.add.at(taken, (learner.history.left, learner.history.actions), 1)
+            learner._prior = taken.argmax(axis=1)
             learner._weigh()
         return learner
 
