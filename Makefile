@@ -6,7 +6,7 @@
 #   make check     format, lint, types, import contracts, documentation
 #   make docs      the documentation, into docs/_build/html
 #   make bench     the benchmarks
-#   make pictures  the pictures in docs/images
+#   make pictures  the pictures of trees, pages and the recorder in docs/images (needs chromium)
 #   make results   renew the figures in docs/results that are older than their sources (hours)
 #   make lock      the lock files in requirements/ (maintainers; needs uv; ARGS=--upgrade)
 #   make changelog fold changelog.d/ into CHANGELOG.md (before a release; RELEASE=0.2.0 heads it)
@@ -76,12 +76,15 @@ results: install-test
 	PATH="$$PWD/$(VENV)/bin:$$PATH" $(PY) docs/results/provenance.py --renew $(ARGS)
 
 # The runs behind the pictures stay in a temporary folder.
-pictures: install-run
+pictures: install-test
 	folder=$$(mktemp -d); \
 	$(PY) -m eutree record eutree/Evasion2-v0 --expert gate --episodes 15 --seed 0 --out $$folder/demos; \
 	$(PY) -m eutree fit $$folder/demos --out $$folder/expert.json; \
 	$(PY) -m eutree export $$folder/expert.json --format svg --out docs/images/expert-tree.svg; \
 	rm -r $$folder
+	$(PY) docs/images/make_pictures.py
+	$(PY) docs/pictures/make_tutorial.py
+	$(PY) docs/images/make_recorder_animation.py
 
 install-run install-test: install-%:
 	@[ "$$(cat $(VENV)/.made 2>/dev/null)" = "$$PWD" ] || rm -f $(VENV)/.made $(VENV)/.run $(VENV)/.test
