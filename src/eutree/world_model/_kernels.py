@@ -59,6 +59,13 @@ class Episodes(NamedTuple):
 
 
 @compiled
+def overwrite(target: Floats, source: Floats) -> None:
+    """Copy an array of the same length; numba takes seconds to compile ``target[:] = source``."""
+    for i in range(target.size):
+        target[i] = source[i]
+
+
+@compiled
 def leaf_node(policy: ActionTree, root: int, x: Floats) -> int:
     """Return the leaf node below ``root`` that x falls into."""
     node = root
@@ -220,7 +227,7 @@ def record(
         out.returns[e] = before.returns[e]
         if departs[e] < 0:
             continue
-        state[:] = before.states[same]
+        overwrite(state, before.states[same])
         total = before.earned[same]
         weight = discount ** (same - begin)
         for t in range(same - begin, horizon):
@@ -272,7 +279,7 @@ def difference(
         k = departs[e]
         if k < 0:
             continue
-        state[:] = episodes.states[k]
+        overwrite(state, episodes.states[k])
         step = k - episodes.first[e]
         rest = go_on(world, draws, e, step, horizon, discount, rival, -1, state, move)
         gain = episodes.earned[k] + rest - episodes.returns[e]
@@ -313,6 +320,6 @@ def deviations(
             out[i, action] = 0.0
             if action == taken:
                 continue
-            state[:] = episodes.states[k]
+            overwrite(state, episodes.states[k])
             rest = go_on(world, draws, e, step, horizon, discount, policy, action, state, move)
             out[i, action] = episodes.earned[k] + rest - episodes.returns[e]

@@ -8,7 +8,7 @@ import numpy as np
 from eutree import thresholds
 from eutree.arrays import Booleans, Floats, Integers, Uint32s
 from eutree.compiled import compiled
-from eutree.world_model._kernels import LEAF
+from eutree.world_model._kernels import LEAF, overwrite
 
 threshold_between = compiled(thresholds.threshold_between)
 
@@ -135,7 +135,7 @@ def fit_leaf(
     error *= (n + q + 1) / max(n - q - 1, 1)
     if error >= constant_error:
         return constant_error
-    coefficients[:] = line
+    overwrite(coefficients, line)
     return error
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from eutree.arrays import Booleans, Floats
 from eutree.compiled import compiled
+from eutree.world_model._kernels import overwrite
 from eutree.world_model._kernels_regression import TINY, solve_positive
 
 CERTAIN = 18.0  # log-odds beyond which a row cannot pull a fit
@@ -108,8 +109,8 @@ def fit_log_odds(
         if not now < before:
             now = before
             break
-        weights[:] = rival
-        step[:] = ahead
+        overwrite(weights, rival)
+        overwrite(step, ahead)
         if before - now < DECREASE:
             break
     out[:] = 0.0
