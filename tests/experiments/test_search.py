@@ -18,7 +18,9 @@ from eutree.experiments.objective import NUMBERS, cost, distance, nearest
 from eutree.experiments.runs import Performance, Point, RunRecord, RunSpec, run
 from eutree.experiments.search import (
     CHOICES,
+    COARSE,
     DOMAINS,
+    FINE,
     SMOKE_PLAN,
     Search,
     choices_of,
@@ -276,7 +278,7 @@ def test_the_clearly_worse_are_dropped():
 def test_a_neighbour_differs_in_one_choice(seed):
     generator = np.random.default_rng(seed)
     for setting in (Setting(), Setting(reading=Reading())):
-        changed = mutated(setting, generator, finer=seed % 2 == 0)
+        changed = mutated(setting, generator, FINE if seed % 2 == 0 else COARSE)
         before, after = choices_of(setting), choices_of(changed)
         assert sum(before[name] != after[name] for name in before) == 1
     person = Setting(demonstrator=Demonstrator(folder="x", digest="y"), reading=Reading())

@@ -67,6 +67,8 @@ class RunSpec:
     def name(self) -> str:
         """A file name that tells the run apart from every other."""
         decided = {name: value for name, value in asdict(self).items() if value is not UNSET}
+        if self.setting is not UNSET:
+            decided["setting"] = self.setting.decided()
         digest = hashlib.sha256(repr(sorted(decided.items())).encode()).hexdigest()[:12]
         return f"{self.learner}-{self.preset or 'c45'}-{self.seed:02d}-{digest}"
 
@@ -170,7 +172,10 @@ def _learn(
 
 def _environment(spec: RunSpec, speed: float) -> gymnasium.Env[Any, Any]:
     """Make the environment of the run at an opponent speed."""
-    decided = {} if spec.setting is UNSET else spec.setting.domain.arguments()
+    decided = {}
+    if spec.setting is not UNSET:
+        n_opponents = 3 if "Evasion3" in spec.environment else 2
+        decided = spec.setting.domain.arguments(n_opponents)
     return make(EnvironmentSpec(spec.environment, {"opponent_speed": speed, **decided}))
 
 

@@ -9,7 +9,13 @@ Talwalkar, *Non-stochastic best arm identification and hyperparameter optimizati
 3. *3-Evasion*: the same learners there too.
 4. *neighbours*: the nearest with a choice or two changed, what else a reading has included; then
    the nearest of those with finer changes.
-5. *speeds*: the last few, on more seeds and at other opponent speeds.
+5. *wider*: more domains and demonstrators by their expert trees alone: crossings elsewhere, and a
+   demonstrator who sees where opponents are heading, as a person who watches does; the best of
+   them are changed a little, then learned in.
+6. *departures*: the nearest so far with one more choice changed: what the stages before did not
+   vary, the agent's speed that the paper states, and persons' demonstrations.
+7. *speeds*: the last few, on more seeds and at other opponent speeds; and those few whose expert
+   trees drop to a half at 4.2 m/s, which else nobody would ask.
 
 Every run is a document in a folder of results, and what is run next follows from the documents
 alone: after an interruption the same call goes on with what is missing. The seeds are none that a
@@ -21,14 +27,27 @@ from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 
+from eutree.data import Demonstrations
+from eutree.errors import InvalidArgumentError
 from eutree.experiments.experiment import FULL, SMOKE, Scale
 from eutree.experiments.figure_2_3 import LEARNERS
 from eutree.experiments.objective import Distance, distance, nearest
 from eutree.experiments.results import Results
 from eutree.experiments.runs import RunRecord, RunSpec
-from eutree.experiments.settings import LABEL, SPLITS, ZERO, Demonstrator, Domain, Reading, Setting
+from eutree.experiments.settings import (
+    GATE,
+    LABEL,
+    LOOK_AHEAD,
+    SPLITS,
+    ZERO,
+    Demonstrator,
+    Domain,
+    Reading,
+    Setting,
+)
 
 FIRST_SEED = 7000  # of the search; claims are judged on others
 TWO, THREE = "eutree/Evasion2-v0", "eutree/Evasion3-v0"
@@ -60,6 +79,36 @@ FINER: Mapping[str, tuple[Any, ...]] = {
 FINER_DEMONSTRATORS: Mapping[str, tuple[Any, ...]] = {
     "wait_distance": (6.5, 7.5, 8.5, 9.0, 9.5, 10.0, 10.5)
 }
+WIDER: Mapping[str, tuple[Any, ...]] = {
+    "time_step": (0.5, 0.6, 0.75, 0.9, 1.0),
+    "collision_distance": (1.0, 1.25, 1.5, 1.75, 2.0, 2.5),
+    "noise": (0.01, 0.02, 0.03, 0.05),
+    "start": ("anywhere", "either end", "same end"),
+    "bounce": ("reflect", "turn"),
+    "spacing": (0.85, 1.0, 1.1),
+    "shift": (-2.0, -1.0, 0.0, 1.0, 2.0),
+}
+WIDER_DEMONSTRATORS: Mapping[str, tuple[Any, ...]] = {
+    "rule": (GATE, LOOK_AHEAD),
+    "wait_distance": (8.0, 8.5, 9.0, 9.5, 10.0),
+    "margin": (0.75, 1.0, 1.5, 2.0, 2.5, 3.0),
+}
+Spaces = Mapping[str, Mapping[str, tuple[Any, ...]]]
+COARSE: Spaces = {"domain": DOMAINS, "demonstrator": DEMONSTRATORS, "reading": READINGS}
+FINE: Spaces = {"domain": FINER, "demonstrator": FINER_DEMONSTRATORS, "reading": READINGS}
+WIDE: Spaces = {"domain": WIDER, "demonstrator": WIDER_DEMONSTRATORS}
+# What the nearest setting is changed in, one at a time.
+DEPARTURES: tuple[tuple[str, str, Any], ...] = (
+    ("domain", "agent_speed", 1.5),
+    ("domain", "agent_speed", 2.5),
+    ("domain", "spacing", 0.85),
+    ("domain", "shift", -2.0),
+    ("domain", "shift", 2.0),
+    ("reading", "gathering_episodes", 5),
+    ("reading", "gathering_episodes", 80),
+    ("demonstrator", "rule", LOOK_AHEAD),
+)
+HALF = "expert tree: success at 4.2 m/s"
 LEAST_SEEDS = 3  # a standard error of two seeds says little
 # With labels, as without them the two EU-Trees begin apart; neighbours try that too.
 CORNERS = tuple(Reading(untried=LABEL, split=split, exploration=0.1) for split in SPLITS)
@@ -90,6 +139,9 @@ class SearchPlan:
         domains: Domains and demonstrators drawn.
         neighbours: Settings made from the nearest, in each round of the fourth stage.
         asked: Settings that are tried beside those of the second round.
+        wider: Settings drawn in the fifth stage, and those made from the best of them.
+        asked_wider: Settings that are tried beside those drawn there.
+        halves: Settings whose expert trees drop to a half that are asked about other speeds.
         rungs: The stages.
         scale: Episodes of runs and evaluations.
         speeds: Opponent speeds of the expert stage.
@@ -99,6 +151,9 @@ class SearchPlan:
     domains: int
     neighbours: tuple[int, int]
     asked: tuple[Setting, ...] = ()
+    wider: tuple[int, int] = (0, 0)
+    asked_wider: tuple[Setting, ...] = ()
+    halves: int = 0
     rungs: tuple[Rung, ...]
     scale: Scale
     speeds: tuple[float, ...] = (2.2, 2.7, 4.2)
@@ -129,27 +184,64 @@ ASKED = (
     ),
 )
 
+# And one with a demonstrator who sees directions, found in the same way.
+ASKED_WIDER = (
+    Setting(
+        domain=Domain(
+            time_step=0.6, collision_distance=1.5, noise=0.03, start="either end", bounce="turn"
+        ),
+        demonstrator=Demonstrator(rule=LOOK_AHEAD, margin=1.5),
+    ),
+)
+
+# How much is learned in a stage: nothing; in 2-Evasion; in 3-Evasion too; at other speeds too.
+NOTHING, IN_TWO, IN_THREE, AT_SPEEDS = range(4)
+LEARNED: Mapping[str, int] = {
+    "expert": NOTHING,
+    "2-Evasion": IN_TWO,
+    "3-Evasion": IN_THREE,
+    "neighbours": IN_THREE,
+    "wider": NOTHING,
+    "wider, changed": NOTHING,
+    "wider, learned": IN_THREE,
+    "departures": IN_TWO,
+    "speeds": AT_SPEEDS,
+}
+
 PLAN = SearchPlan(
     asked=ASKED,
     domains=140,
     neighbours=(5, 6),
+    wider=(60, 24),
+    asked_wider=ASKED_WIDER,
+    halves=2,
     rungs=(
         Rung(name="expert", keep=(36, 9), per_group=3, group=_time_step),
         Rung(name="2-Evasion", keep=(6, 4), per_group=2, group=_domain),
         Rung(name="3-Evasion", keep=(3,)),
         Rung(name="neighbours", keep=(3, 2)),
-        Rung(name="speeds", keep=(2,)),
+        Rung(name="wider", keep=(8,)),
+        Rung(name="wider, changed", keep=(5, 3)),
+        Rung(name="wider, learned", keep=(3,)),
+        Rung(name="departures", keep=(1,)),
+        Rung(name="speeds", keep=(4, 3)),
     ),
     scale=replace(FULL, final_episodes=400),
 )
 SMOKE_PLAN = SearchPlan(
     domains=4,
     neighbours=(1, 1),
+    wider=(2, 1),
+    halves=1,
     rungs=(
         Rung(name="expert", keep=(2, 1)),
         Rung(name="2-Evasion", keep=(2,)),
         Rung(name="3-Evasion", keep=(1,)),
         Rung(name="neighbours", keep=(1,)),
+        Rung(name="wider", keep=(1,)),
+        Rung(name="wider, changed", keep=(1,)),
+        Rung(name="wider, learned", keep=(1,)),
+        Rung(name="departures", keep=(1,)),
         Rung(name="speeds", keep=(1, 1)),
     ),
     scale=SMOKE,
@@ -181,7 +273,8 @@ class Search:
     Args:
         folder: Results; runs that are there are not done again.
         plan: How much.
-        demonstrations: Folders of persons' demonstrations of 2-Evasion, tried beside the rule.
+        demonstrations: Folders of persons' demonstrations of 2-Evasion; each is tried in the
+            domain in which it was recorded, in the nearest reading.
         n_jobs: Processes, as joblib counts them.
         on_run: Called after each run with the stage, how many of its runs are done and wanted.
     """
@@ -197,27 +290,30 @@ class Search:
     ) -> None:
         self.plan = plan
         self._results = Results(folder)
-        self._people = [Demonstrator.recorded(path) for path in demonstrations]
+        self._people = [recorded_setting(path) for path in demonstrations]
         self._n_jobs = n_jobs
         self._on_run = on_run
         self._generator = np.random.default_rng(FIRST_SEED)
+        self._wide_generator = np.random.default_rng((FIRST_SEED, 1))
         self._records: dict[Setting, dict[RunSpec, RunRecord]] = {}
         self._stages: dict[Setting, str] = {}
 
     def run(self) -> list[Scored]:
         """Search, and return every setting that was tried, the nearest of the last stage first."""
-        expert, two, three, neighbours, speeds = self.plan.rungs
-        shown = self._race(expert, self._first())
+        rungs = {rung.name: rung for rung in self.plan.rungs}
+        shown = self._race(rungs["expert"], self._first())
         read = [replace(s, reading=reading) for s in shown for reading in CORNERS]
         self._inherit(read)
-        near = self._race(three, self._race(two, read))
-        for count, finer in zip(self.plan.neighbours, (False, True), strict=True):
-            changed = self._neighbours(near, count, finer=finer)
-            if finer:
+        near = self._race(rungs["3-Evasion"], self._race(rungs["2-Evasion"], read))
+        for count, spaces in zip(self.plan.neighbours, (COARSE, FINE), strict=True):
+            changed = self._neighbours(near, count, spaces)
+            if spaces is FINE:
                 changed = [*self.plan.asked, *changed]
             self._inherit(changed)
-            near = self._race(neighbours, [*near, *changed])
-        best = self._race(speeds, near)
+            near = self._race(rungs["neighbours"], [*near, *changed])
+        near = sorted([*near, *self._wider(near, rungs)], key=self._miss)
+        found = self._race(rungs["departures"], self._departures(near[0]))
+        best = self._race(rungs["speeds"], [*near, *found, *self._halves()])
         return self._ranking(best)
 
     @property
@@ -228,28 +324,58 @@ class Search:
     def _first(self) -> list[Setting]:
         """Return the domains and demonstrators to screen: random ones, and those in use."""
         generator = self._generator
-        found = {Setting(demonstrator=person): None for person in self._people}
-        found[Setting()] = None
-        while len(found) < self.plan.domains + len(self._people):
-            domain = Domain(**{name: _draw(generator, of) for name, of in DOMAINS.items()})
-            rule = Demonstrator(
-                **{name: _draw(generator, of) for name, of in DEMONSTRATORS.items()}
-            )
-            found[Setting(domain=domain, demonstrator=rule)] = None
+        found = {Setting(): None}
+        while len(found) < self.plan.domains:
+            found[_drawn(generator, COARSE)] = None
         return list(found)
 
-    def _neighbours(self, near: Sequence[Setting], count: int, *, finer: bool) -> list[Setting]:
+    def _neighbours(self, near: Sequence[Setting], count: int, spaces: Spaces) -> list[Setting]:
         """Return settings that differ from a near one by one or two choices."""
+        return self._changed(near, count, spaces, self._generator)
+
+    def _changed(
+        self,
+        near: Sequence[Setting],
+        count: int,
+        spaces: Spaces,
+        generator: np.random.Generator,
+    ) -> list[Setting]:
+        """Return settings that differ from one of these by one or two choices."""
         found: dict[Setting, None] = {}
         for number in range(20 * count):
             changed = near[number % len(near)]
-            for _ in range(int(self._generator.integers(1, 3))):
-                changed = mutated(changed, self._generator, finer=finer)
+            for _ in range(int(generator.integers(1, 3))):
+                changed = mutated(changed, generator, spaces)
             if changed not in self._records:
                 found[changed] = None
             if len(found) == count:
                 break
         return list(found)
+
+    def _wider(self, near: Sequence[Setting], rungs: Mapping[str, Rung]) -> list[Setting]:
+        """Return the best of wider domains and demonstrators, in the readings of the nearest."""
+        drawn, count = self.plan.wider
+        generator = self._wide_generator
+        first = [*self.plan.asked_wider, *(_drawn(generator, WIDE) for _ in range(drawn))]
+        shown = self._race(rungs["wider"], first)
+        changed = self._changed(shown, count, WIDE, generator)
+        shown = self._race(rungs["wider, changed"], [*shown, *changed])
+        readings = dict.fromkeys(setting.reading for setting in near)
+        read = [replace(s, reading=reading) for s in shown for reading in readings]
+        self._inherit(read)
+        return self._race(rungs["wider, learned"], read)
+
+    def _departures(self, nearest: Setting) -> list[Setting]:
+        """Return the nearest setting with one choice changed, and those of persons."""
+        changed = [_with(nearest, part, name, value) for part, name, value in DEPARTURES]
+        people = [replace(person, reading=nearest.reading) for person in self._people]
+        return [*changed, *people]
+
+    def _halves(self) -> list[Setting]:
+        """Return the nearest settings that learned and whose expert trees drop to a half."""
+        learned = [s for s in self._stages if s.reading is not None and not s.demonstrator.folder]
+        found = [s for s in learned if nearest(self._of(s))[1].costs.get(HALF) == 0.0]
+        return sorted(found, key=self._miss)[: self.plan.halves]
 
     def _inherit(self, settings: Iterable[Setting]) -> None:
         """Let settings have the runs of expert trees of their domain, whatever the reading."""
@@ -289,13 +415,14 @@ class Search:
         specs = [plain.spec(TWO, "expert", "", 0, v) for v in (3.2, *self.plan.speeds)]
         if not is_person:
             specs.append(plain.spec(THREE, "expert", "", 0))
-        if stage == "expert":
+        learned = LEARNED[stage]
+        if learned == NOTHING:
             return specs
         specs += [scale.spec(TWO, learner, PRESET, 0) for learner in LEARNERS]
-        if stage == "2-Evasion" or is_person:
+        if learned == IN_TWO or is_person:
             return specs
         specs += [scale.spec(THREE, learner, PRESET, 0) for learner in LEARNERS]
-        if stage == "speeds":
+        if learned == AT_SPEEDS:
             specs += [scale.spec(TWO, "eu-tree", PRESET, 0, v) for v in self.plan.far]
         return specs
 
@@ -332,31 +459,66 @@ class Search:
 
     def _ranking(self, best: Sequence[Setting]) -> list[Scored]:
         """Return all settings, those that got furthest first, the nearest first among them."""
-        order = [rung.name for rung in self.plan.rungs]
         scored = [
             Scored(s, stage, len(self._records[s]), *nearest(self._of(s)))
             for s, stage in self._stages.items()
         ]
         return sorted(
             scored,
-            key=lambda s: (s.setting not in best, -order.index(s.stage), s.distance.total),
+            key=lambda s: (s.setting not in best, -LEARNED[s.stage], s.distance.mean),
         )
 
 
-def mutated(setting: Setting, generator: np.random.Generator, *, finer: bool = False) -> Setting:
+def mutated(setting: Setting, generator: np.random.Generator, spaces: Spaces = COARSE) -> Setting:
     """Return the setting with one choice changed to another of its values."""
-    parts = {"domain": DOMAINS, "demonstrator": DEMONSTRATORS, "reading": READINGS}
-    if finer:
-        parts |= {"domain": FINER, "demonstrator": FINER_DEMONSTRATORS}
+    parts = dict(spaces)
     if setting.demonstrator.folder:
         del parts["domain"], parts["demonstrator"]
     if setting.reading is None:
-        del parts["reading"]
+        parts.pop("reading", None)
     choices = [(part, name) for part, space in parts.items() for name in space]
+    if LOOK_AHEAD in parts.get("demonstrator", {}).get("rule", ()):
+        idle = "wait_distance" if setting.demonstrator.rule == LOOK_AHEAD else "margin"
+        choices.remove(("demonstrator", idle))
     part, name = choices[int(generator.integers(len(choices)))]
-    before = getattr(setting, part)
-    others = [value for value in parts[part][name] if value != getattr(before, name)]
-    return replace(setting, **{part: replace(before, **{name: _draw(generator, others)})})
+    before = getattr(getattr(setting, part), name)
+    others = [value for value in parts[part][name] if value != before]
+    return _with(setting, part, name, _draw(generator, others))
+
+
+def _with(setting: Setting, part: str, name: str, value: Any) -> Setting:
+    """Return the setting with a choice; what then counts nothing is as if nobody had chosen it."""
+    changed: Any = replace(getattr(setting, part), **{name: value})
+    if name == "rule":
+        default = Demonstrator()
+        idle = "wait_distance" if value == LOOK_AHEAD else "margin"
+        changed = replace(changed, **{idle: getattr(default, idle)})
+    return replace(setting, **{part: changed})
+
+
+def _drawn(generator: np.random.Generator, spaces: Spaces) -> Setting:
+    """Return a domain and a demonstrator at random."""
+    domain = Domain(**{name: _draw(generator, of) for name, of in spaces["domain"].items()})
+    chosen = {name: _draw(generator, of) for name, of in spaces["demonstrator"].items()}
+    drawn = Setting(domain=domain, demonstrator=Demonstrator(**chosen))
+    return _with(drawn, "demonstrator", "rule", drawn.demonstrator.rule)
+
+
+def recorded_setting(folder: str | Path) -> Setting:
+    """Return the setting of a person's demonstrations: the domain in which they were recorded.
+
+    Raises:
+        InvalidArgumentError: They are of no domain with two opponents.
+    """
+    environment = Demonstrations.load(folder).environment
+    if environment is None or "Evasion2" not in environment.id:
+        raise InvalidArgumentError(
+            f"demonstrations must be of 2-Evasion, {folder} has those of {environment}"
+        )
+    stated = gymnasium.spec(environment.id).kwargs | dict(environment.arguments)
+    known = {field.name for field in fields(Domain)}
+    domain = Domain(**{name: value for name, value in stated.items() if name in known})
+    return Setting(domain=domain, demonstrator=Demonstrator.recorded(folder))
 
 
 def choices_of(setting: Setting) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from typing import Any, cast
 import gymnasium
 
 from eutree.data import Demonstrations
-from eutree.envs.experts import GatePolicy, wait_at_crossing
+from eutree.envs.experts import look_ahead, wait_at_crossing
 from eutree.errors import InvalidArgumentError
 from eutree.interaction import record
 from eutree.learners import PAPER, UTreeMethod
@@ -21,12 +21,28 @@ from eutree.splitting import KolmogorovSmirnov
 from eutree.validation import check_choice
 
 ZERO, LABEL = "zero", "label"
+GATE, LOOK_AHEAD = "gate", "look ahead"
+MAIN_PATH = 30.0  # m, the paper's
+# Choices that are part of a run's name only where they are not the default: they were fixed when
+# the first runs were named.
+LATER = {"domain": ("spacing", "shift"), "demonstrator": ("rule", "margin")}
 SPLITS = {"lowest p": "scaled", "largest D": "distance"}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Domain:
-    """What the paper leaves open about N-Evasion; the names are the environment's arguments."""
+    """What the paper leaves open about N-Evasion; most names are the environment's arguments.
+
+    Attributes:
+        time_step: Seconds between two decisions.
+        collision_distance: An opponent this near is a collision [m].
+        noise: Standard deviation of a forward step, as a share of it.
+        start: Where opponents begin.
+        bounce: What they do at an end of their paths.
+        agent_speed: Stated in the paper; another value is a departure from it [m/s].
+        spacing: Distance of neighbouring crossings, as a share of that of equally spaced ones.
+        shift: How far all crossings are moved towards the goal [m].
+    """
 
     time_step: float = 1.0
     collision_distance: float = 2.0
@@ -34,25 +50,44 @@ class Domain:
     start: str = "anywhere"
     bounce: str = "reflect"
     agent_speed: float = 2.0
+    spacing: float = 1.0
+    shift: float = 0.0
 
-    def arguments(self) -> dict[str, Any]:
-        """Return the environment's arguments."""
-        return asdict(self)
+    def arguments(self, n_opponents: int) -> dict[str, Any]:
+        """Return the environment's arguments for so many opponents."""
+        found = asdict(self)
+        if (found.pop("spacing"), found.pop("shift")) == (1.0, 0.0):
+            return found
+        return found | {"crossings": self.crossings(n_opponents)}
+
+    def crossings(self, n_opponents: int) -> tuple[float, ...]:
+        """Return where the opponents' paths cross the main path [m], ascending."""
+        gap = self.spacing * MAIN_PATH / (n_opponents + 1)
+        first = MAIN_PATH / 2.0 + self.shift - gap * (n_opponents - 1) / 2.0
+        return tuple(first + gap * number for number in range(n_opponents))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Demonstrator:
-    """Who shows the task: the gate rule, or a person whose demonstrations were recorded.
+    """Who shows the task: a rule, or a person whose demonstrations were recorded.
 
     Attributes:
         wait_distance: The gate rule waits while the opponent is this near to the main path [m].
-        folder: Recorded demonstrations; empty for the gate rule.
+        folder: Recorded demonstrations; empty for a rule.
         digest: Of the recorded demonstrations, so that a run is named by what it was shown.
+        rule: ``"gate"``, which uses only what the sensors show, or ``"look ahead"``, which sees
+            where opponents are heading, as a person who watches does, and plans.
+        margin: Distance that the look-ahead rule keeps from collisions [m].
     """
 
     wait_distance: float = 8.5
     folder: str = ""
     digest: str = ""
+    rule: str = GATE
+    margin: float = 0.75
+
+    def __post_init__(self) -> None:
+        check_choice("rule", self.rule, (GATE, LOOK_AHEAD))
 
     @classmethod
     def recorded(cls, folder: str | Path) -> "Demonstrator":
@@ -66,7 +101,7 @@ class Demonstrator:
             InvalidArgumentError: The folder no longer holds what it held.
         """
         if not self.folder:
-            return record(env, self.rule, episodes=episodes, seed=seed)
+            return record(env, self.policy, episodes=episodes, seed=seed)
         shown = Demonstrations.load(self.folder)
         if shown.digest != self.digest:
             raise InvalidArgumentError(
@@ -75,8 +110,10 @@ class Demonstrator:
             )
         return shown
 
-    def rule(self, env: Any) -> GatePolicy:
-        """Return the gate rule for an environment."""
+    def policy(self, env: Any) -> Any:
+        """Return the rule for an environment."""
+        if self.rule == LOOK_AHEAD:
+            return look_ahead(env, margin=self.margin)
         return wait_at_crossing(env, distance=self.wait_distance)
 
 
@@ -138,3 +175,13 @@ class Setting:
     domain: Domain = Domain()
     demonstrator: Demonstrator = Demonstrator()
     reading: Reading | None = None
+
+    def decided(self) -> dict[str, Any]:
+        """Return what a run is named by: every choice but ``LATER`` ones left at their defaults."""
+        found = asdict(self)
+        for part, names in LATER.items():
+            default = asdict(getattr(Setting, part))
+            for name in names:
+                if found[part][name] == default[name]:
+                    del found[part][name]
+        return found
