@@ -8,10 +8,11 @@ paired rollouts, by more than its price in leaves.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from eutree.arrays import Floats
+from eutree.arrays import Floats, Integers
 from eutree.policy_search import _kernels_search
 from eutree.thresholds import threshold_between
 from eutree.validation import check_integer, check_number
@@ -22,6 +23,16 @@ from eutree.world_model.common_chance import Rollouts
 MOST_BOXES = 12
 SHIFTS = (0.02, 0.05, 0.1, 0.2, 0.4)
 FEW = 20
+# What a deviation inside a box has to pay on average, as a share of the most that one pays.
+LEAST_GAINS = (0.25, 0.5, 0.75)
+
+
+class _Deviations(NamedTuple):
+    """What single deviations from a policy pay, per episode."""
+
+    gains: Floats  # [n, A]
+    observations: Floats  # [n, d] where
+    node: Integers  # [n] leaf node of the policy
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,10 +99,38 @@ class Improvement:
         return self.improve(rollouts, rollouts.policy, scale)
 
     def _insert_boxes(self, rollouts: Rollouts, price: float) -> None:
-        """Insert the most promising boxes, one for each leaf, that pass the test."""
+        """Insert the most promising boxes, one for each leaf, that pass the test.
+
+        Where a single deviation pays almost everywhere, as when any delay brings the agent past
+        somebody, the box that pays most is where to deviate for ever. If the policy is one action
+        still and that box is refused, boxes are tried in which each deviation pays more.
+        """
+        deviations = self._deviations(rollouts)
+        base = rollouts.policy
+        self._try_boxes(rollouts, price, self._boxes(rollouts, price, deviations))
+        if rollouts.policy is base and n_leaves(base) == 1:
+            self._begin(rollouts, price, deviations)
+
+    def _begin(self, rollouts: Rollouts, price: float, deviations: _Deviations) -> None:
+        """Insert the best box of those in which each deviation pays more, if it passes the test."""
+        base = rollouts.policy
+        most, chosen = 0.0, None
+        for least in LEAST_GAINS:
+            for leaf, change in self._boxes(rollouts, price, deviations, least):
+                rival = packed(nested(base, instead={leaf: change}))
+                needed = price * (n_leaves(rival) - 1)
+                gain = rollouts.gain(rival, hopeless=needed + most)
+                passes = gain.complete and gain.mean - gain.error > needed
+                if passes and n_leaves(rival) <= self.max_leaves and gain.mean - needed > most:
+                    most, chosen = gain.mean - needed, rival
+        if chosen is not None:
+            rollouts.run(chosen)
+
+    def _try_boxes(self, rollouts: Rollouts, price: float, boxes: list[tuple[int, Nested]]) -> None:
+        """Insert those of the first boxes that pass the test, one for each leaf."""
         base = rollouts.policy
         changes: dict[int, Nested] = {}
-        for leaf, change in self._boxes(rollouts, price)[:MOST_BOXES]:
+        for leaf, change in boxes[:MOST_BOXES]:
             if leaf in changes:
                 continue
             rival = packed(nested(base, instead={**changes, leaf: change}))
@@ -103,13 +142,23 @@ class Improvement:
                 changes[leaf] = change
                 rollouts.run(rival)
 
-    def _boxes(self, rollouts: Rollouts, price: float) -> list[tuple[int, Nested]]:
-        """Return leaf nodes and what to put in their place, the most promising first."""
+    def _deviations(self, rollouts: Rollouts) -> _Deviations:
+        """Return what single deviations pay at some steps of the policy's episodes."""
         n_steps = rollouts.n_steps
         n = min(self.deviations, n_steps)
         steps = np.sort(rollouts.generator.choice(n_steps, n, replace=False))
         gains = rollouts.deviations(steps) * (n_steps / n / rollouts.n_episodes)  # [n, A]
-        observations, node = rollouts.observations[steps], rollouts.node[steps]
+        return _Deviations(gains, rollouts.observations[steps], rollouts.node[steps])
+
+    def _boxes(
+        self, rollouts: Rollouts, price: float, deviations: _Deviations, least: float = 0.0
+    ) -> list[tuple[int, Nested]]:
+        """Return leaf nodes and what to put in their place, the most promising first.
+
+        ``least`` is what a deviation inside a box has to pay on average, as a share of the most
+        that one pays.
+        """
+        gains, observations, node = deviations
         found: list[tuple[float, int, Nested]] = []
         box = np.empty((observations.shape[1], 2))
         for leaf in np.unique(node):
@@ -119,6 +168,8 @@ class Improvement:
                 if rows.size < 2 * self.min_rows or action == taken:
                     continue
                 mine: Floats = np.ascontiguousarray(gains[:, action])
+                if least > 0.0:
+                    mine = mine - least * mine.max()
                 gain, cuts = _kernels_search.best_box(
                     observations, mine, rows, self.min_rows, price, box
                 )
