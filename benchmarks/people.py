@@ -2,6 +2,7 @@
 
     python benchmarks/people.py [--task evasion] [--folders 60] [--first 1000] [--keep FILE]
     python benchmarks/people.py --learn people|nothing [...]
+    python benchmarks/people.py --task paper-evasion --save people --folders 5
 
 A *person* is a style of playing with hands of flesh: decides by what was to be seen some 150 to
 350 ms ago, misjudges distances, lapses now and then into holding the last key, and may miss the
@@ -14,7 +15,8 @@ tree of C4.5 release 8; what ``eutree.fit`` returns alone and after 100 episodes
 played in the same further episodes. ``--learn people`` prints what ``eutree.learn`` makes of the
 tree of release 8, of a folder as bad as it may be, in 200 and 400 episodes; ``--learn nothing``
 what it makes of nothing, with the folders' numbers as seeds. ``--keep`` names a file of finished
-folders: a run that is started again goes on from there.
+folders: a run that is started again goes on from there. ``--save`` names a folder in which what the
+people recorded is written, and no more: ``eutree reproduce search --demos`` takes it.
 """
 
 import argparse
@@ -138,7 +140,8 @@ def _seen(past: tuple[Floats, ...], back: float) -> Floats:
 
 STOP, GO = 0, 1
 OPPONENT_SPEED = 3.2  # m/s
-LINES = np.array([8.0, 18.0])  # where an opponent comes within the collision distance [m]
+# Where an opponent comes within the collision distance [m], in the two domains.
+LINES, PAPER_LINES = (8.0, 18.0), (9.0, 19.0)
 
 
 @dataclass(frozen=True)
@@ -148,10 +151,16 @@ class Margins:
     near: float
     far: float
     last: float
+    lines: tuple[float, float] = LINES
 
     @classmethod
     def drawn(
-        cls, near: float, far: float, traits: Traits, generator: np.random.Generator
+        cls,
+        near: float,
+        far: float,
+        traits: Traits,
+        generator: np.random.Generator,
+        lines: tuple[float, float] = LINES,
     ) -> "Margins":
         """Return margins about these, for somebody who knows by now how late the hands are.
 
@@ -160,18 +169,17 @@ class Margins:
         """
         shift = generator.uniform(-0.3, 0.3, 2)
         late = OPPONENT_SPEED * traits.delay
-        return cls(near + shift[0], far + shift[1] - late, generator.uniform(0.6, 1.2))
+        return cls(near + shift[0], far + shift[1] - late, generator.uniform(0.6, 1.2), lines)
+
+    def ahead(self, seen: Floats) -> Floats:
+        """Return the distance to each line [m], shape [..., 2]."""
+        return np.array(self.lines) - seen[..., :1]
 
     def waits(self, seen: Floats, nearness: Floats | None = None) -> Booleans:
         """Return at which lines to wait, shape [..., 2]; ``nearness`` takes the place of |y|."""
-        distance = _ahead(seen)
+        distance = self.ahead(seen)
         at_line = (distance > self.last) & (distance <= self.near)
         return at_line & ((np.abs(seen[..., 1:]) if nearness is None else nearness) < self.far)
-
-
-def _ahead(seen: Floats) -> Floats:
-    """Return the distance to each line [m], shape [..., 2]."""
-    return LINES - seen[..., :1]
 
 
 def _waits(margins: Margins) -> Wants:
@@ -202,7 +210,7 @@ def _stops_early(margins: Margins, early: float, taps: bool) -> Wants:
     wait = _waits(margins)
 
     def wants(seen: Floats, moved: Floats, held: Integers) -> Integers:
-        distance = _ahead(seen)
+        distance = margins.ahead(seen)
         on_the_way = (distance > margins.near) & (distance <= margins.near + 2.6)
         stops = (on_the_way & (np.abs(seen[..., 1:]) < early)).any(axis=-1)
         return np.where(stops & ((held == GO) | (not taps)), STOP, wait(seen, moved, held))
@@ -251,21 +259,37 @@ def _make_tank() -> gymnasium.Env[Any, Any]:
     return gymnasium.make("people/Tank-v0")
 
 
+def _evasion_styles(
+    lines: tuple[float, float],
+) -> Mapping[str, Callable[[Traits, np.random.Generator], Wants]]:
+    """Return the ways of playing Evasion."""
+
+    def drawn(near: float, far: float, t: Traits, g: np.random.Generator) -> Margins:
+        return Margins.drawn(near, far, t, g, lines)
+
+    return {
+        "waits": lambda t, g: _waits(drawn(3.0, 8.6, t, g)),
+        "brisk": lambda t, g: _waits(drawn(2.8, 7.6, t, g)),
+        "looks-ahead": lambda t, g: _looks_ahead(drawn(2.9, 11.0, t, g)),
+        "slows-early": lambda t, g: _stops_early(drawn(3.0, 8.6, t, g), 8.0, taps=True),
+        "over-careful": lambda t, g: _stops_early(drawn(3.0, 8.8, t, g), 5.0, taps=False),
+    }
+
+
 TASKS = {
     "evasion": Task(
         make=lambda: gymnasium.make("eutree/Evasion2-v0"),
         interval=1.0,
         spread=(1.0, 1.0, 1.0),
         idle=0,
-        styles={
-            "waits": lambda t, g: _waits(Margins.drawn(3.0, 8.6, t, g)),
-            "brisk": lambda t, g: _waits(Margins.drawn(2.8, 7.6, t, g)),
-            "looks-ahead": lambda t, g: _looks_ahead(Margins.drawn(2.9, 11.0, t, g)),
-            "slows-early": lambda t, g: _stops_early(Margins.drawn(3.0, 8.6, t, g), 8.0, taps=True),
-            "over-careful": lambda t, g: _stops_early(
-                Margins.drawn(3.0, 8.8, t, g), 5.0, taps=False
-            ),
-        },
+        styles=_evasion_styles(LINES),
+    ),
+    "paper-evasion": Task(
+        make=lambda: gymnasium.make("eutree/PaperEvasion2-v0"),
+        interval=1.0,
+        spread=(1.0, 1.0, 1.0),
+        idle=0,
+        styles=_evasion_styles(PAPER_LINES),
     ),
     "cartpole": Task(
         make=lambda: gymnasium.make("CartPole-v1"),
@@ -521,9 +545,14 @@ def main() -> None:
     parser.add_argument("--episodes", type=int, default=200)
     parser.add_argument("--learn", choices=("people", "nothing"))
     parser.add_argument("--keep", type=Path)
+    parser.add_argument("--save", type=Path)
     arguments = parser.parse_args()
     task, judged = arguments.task, arguments.judged
     numbers = range(arguments.first, arguments.first + arguments.folders)
+    if arguments.save:
+        for number in numbers:
+            folder(task, number).save(arguments.save / str(number))
+        return
     finished = Finished(arguments.keep)
     if arguments.learn:
         print(LEARNED_HEAD)
