@@ -15,6 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from msgspec import UNSET, structs
 
 from eutree.evaluation import kaplan_meier, spearman
 from eutree.experiments.figure_2_3 import durations, final, success
@@ -155,6 +156,19 @@ def nearest(records: Sequence[RunRecord]) -> tuple[str, Distance]:
     found = {rule: distance(records, rule) for rule in FINALS}
     best = min(found, key=lambda rule: found[rule].mean)
     return best, found[best]
+
+
+def shortened(record: RunRecord, episodes: int) -> RunRecord:
+    """Return the record as it had been if the run had ended after so many episodes.
+
+    No learner here looks at how long it will run, so the beginning of a run is a run. Policies are
+    as good as they were at the evaluations along it; a compressed one is not known.
+    """
+    curve = [point for point in record.curve if point.episode <= episodes]
+    if not curve or len(curve) == len(record.curve):
+        return record
+    last = Performance(curve[-1].success, curve[-1].mean_return, curve[-1].n_leaves)
+    return structs.replace(record, curve=curve, final=last, finals=UNSET, compressed=None)
 
 
 def cost(number: Number, value: float) -> float:

@@ -14,7 +14,9 @@ Talwalkar, *Non-stochastic best arm identification and hyperparameter optimizati
    them are changed a little, then learned in.
 6. *departures*: the nearest so far with one more choice changed: what the stages before did not
    vary, the agent's speed that the paper states, and persons' demonstrations.
-7. *speeds*: the last few, on more seeds and at other opponent speeds; and those few whose expert
+7. *steps*: the way from the first domain and reading to those of the preset ``paper``, one change
+   after the other.
+8. *speeds*: the last few, on more seeds and at other opponent speeds; and those few whose expert
    trees drop to a half at 4.2 m/s, which else nobody would ask.
 
 Every run is a document in a folder of results, and what is run next follows from the documents
@@ -23,7 +25,7 @@ claim is judged on.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +36,8 @@ from eutree.data import Demonstrations
 from eutree.errors import InvalidArgumentError
 from eutree.experiments.experiment import FULL, SMOKE, Scale
 from eutree.experiments.figure_2_3 import LEARNERS
-from eutree.experiments.objective import Distance, distance, nearest
+from eutree.experiments.finals import FINALS
+from eutree.experiments.objective import Distance, distance, nearest, shortened
 from eutree.experiments.results import Results
 from eutree.experiments.runs import RunRecord, RunSpec
 from eutree.experiments.settings import (
@@ -102,12 +105,19 @@ DEPARTURES: tuple[tuple[str, str, Any], ...] = (
     ("domain", "agent_speed", 1.5),
     ("domain", "agent_speed", 2.5),
     ("domain", "spacing", 0.85),
-    ("domain", "shift", -2.0),
     ("domain", "shift", 2.0),
     ("reading", "gathering_episodes", 5),
     ("reading", "gathering_episodes", 80),
-    ("demonstrator", "rule", LOOK_AHEAD),
 )
+# From the first domain and reading to those of the preset ``paper``, one change after the other.
+_FIRST = Setting(reading=Reading(untried=ZERO, exploration=0.1))
+_LABELS = replace(_FIRST, reading=Reading(exploration=0.1))
+_ENDS = replace(_LABELS, domain=replace(_LABELS.domain, start="either end"))
+_NEARER = replace(_ENDS, domain=replace(_ENDS.domain, collision_distance=1.0))
+_NOISIER = replace(_NEARER, domain=replace(_NEARER.domain, noise=0.05))
+_LATER = replace(_NOISIER, demonstrator=Demonstrator(wait_distance=9.5))
+_BOLDER = replace(_LATER, reading=Reading(exploration=0.05))
+STEPS = (_FIRST, _LABELS, _ENDS, _NEARER, _NOISIER, _LATER, _BOLDER)
 HALF = "expert tree: success at 4.2 m/s"
 LEAST_SEEDS = 3  # a standard error of two seeds says little
 # With labels, as without them the two EU-Trees begin apart; neighbours try that too.
@@ -205,6 +215,7 @@ LEARNED: Mapping[str, int] = {
     "wider, changed": NOTHING,
     "wider, learned": IN_THREE,
     "departures": IN_TWO,
+    "steps": IN_THREE,
     "speeds": AT_SPEEDS,
 }
 
@@ -214,7 +225,7 @@ PLAN = SearchPlan(
     neighbours=(5, 6),
     wider=(60, 24),
     asked_wider=ASKED_WIDER,
-    halves=2,
+    halves=1,
     rungs=(
         Rung(name="expert", keep=(36, 9), per_group=3, group=_time_step),
         Rung(name="2-Evasion", keep=(6, 4), per_group=2, group=_domain),
@@ -222,9 +233,10 @@ PLAN = SearchPlan(
         Rung(name="neighbours", keep=(3, 2)),
         Rung(name="wider", keep=(8,)),
         Rung(name="wider, changed", keep=(5, 3)),
-        Rung(name="wider, learned", keep=(3,)),
+        Rung(name="wider, learned", keep=(1,)),
         Rung(name="departures", keep=(1,)),
-        Rung(name="speeds", keep=(4, 3)),
+        Rung(name="steps", keep=(len(STEPS),)),
+        Rung(name="speeds", keep=(3,)),
     ),
     scale=replace(FULL, final_episodes=400),
 )
@@ -242,6 +254,7 @@ SMOKE_PLAN = SearchPlan(
         Rung(name="wider, changed", keep=(1,)),
         Rung(name="wider, learned", keep=(1,)),
         Rung(name="departures", keep=(1,)),
+        Rung(name="steps", keep=(len(STEPS),)),
         Rung(name="speeds", keep=(1, 1)),
     ),
     scale=SMOKE,
@@ -258,6 +271,9 @@ class Scored:
         runs: How many runs that took.
         final: The rule for final policies under which it is nearest to the paper.
         distance: How near.
+        shorter: How near it is if its runs end after so many episodes, for those that learned.
+        under: How near it is under each rule for final policies.
+        changed_from: The setting that this one is a departure from.
     """
 
     setting: Setting
@@ -265,6 +281,9 @@ class Scored:
     runs: int
     final: str
     distance: Distance
+    shorter: Mapping[int, Distance] = field(default_factory=dict)
+    under: Mapping[str, Distance] = field(default_factory=dict)
+    changed_from: Setting | None = None
 
 
 class Search:
@@ -297,6 +316,7 @@ class Search:
         self._wide_generator = np.random.default_rng((FIRST_SEED, 1))
         self._records: dict[Setting, dict[RunSpec, RunRecord]] = {}
         self._stages: dict[Setting, str] = {}
+        self._changed_from: dict[Setting, Setting] = {}
 
     def run(self) -> list[Scored]:
         """Search, and return every setting that was tried, the nearest of the last stage first."""
@@ -311,9 +331,11 @@ class Search:
                 changed = [*self.plan.asked, *changed]
             self._inherit(changed)
             near = self._race(rungs["neighbours"], [*near, *changed])
-        near = sorted([*near, *self._wider(near, rungs)], key=self._miss)
-        found = self._race(rungs["departures"], self._departures(near[0]))
-        best = self._race(rungs["speeds"], [*near, *found, *self._halves()])
+        wider = self._wider(near, rungs)
+        self._race(rungs["departures"], self._departures(near[0]))
+        self._inherit(STEPS)
+        self._race(rungs["steps"], STEPS)
+        best = self._race(rungs["speeds"], [*near, *wider, *self._halves()])
         return self._ranking(best)
 
     @property
@@ -353,15 +375,14 @@ class Search:
         return list(found)
 
     def _wider(self, near: Sequence[Setting], rungs: Mapping[str, Rung]) -> list[Setting]:
-        """Return the best of wider domains and demonstrators, in the readings of the nearest."""
+        """Return the best of wider domains and demonstrators, in the nearest reading."""
         drawn, count = self.plan.wider
         generator = self._wide_generator
         first = [*self.plan.asked_wider, *(_drawn(generator, WIDE) for _ in range(drawn))]
         shown = self._race(rungs["wider"], first)
         changed = self._changed(shown, count, WIDE, generator)
         shown = self._race(rungs["wider, changed"], [*shown, *changed])
-        readings = dict.fromkeys(setting.reading for setting in near)
-        read = [replace(s, reading=reading) for s in shown for reading in readings]
+        read = [replace(s, reading=near[0].reading) for s in shown]
         self._inherit(read)
         return self._race(rungs["wider, learned"], read)
 
@@ -369,7 +390,10 @@ class Search:
         """Return the nearest setting with one choice changed, and those of persons."""
         changed = [_with(nearest, part, name, value) for part, name, value in DEPARTURES]
         people = [replace(person, reading=nearest.reading) for person in self._people]
-        return [*changed, *people]
+        self._inherit([*changed, *people])
+        found = [setting for setting in (*changed, *people) if setting != nearest]
+        self._changed_from = dict.fromkeys(found, nearest)
+        return found
 
     def _halves(self) -> list[Setting]:
         """Return the nearest settings that learned and whose expert trees drop to a half."""
@@ -451,6 +475,17 @@ class Search:
             ]
         )
 
+    def _shorter(self, setting: Setting) -> dict[int, Distance]:
+        """Return how near a setting is if its runs are shorter, a quarter of them or more."""
+        if setting.reading is None:
+            return {}
+        whole = self.plan.scale.episodes
+        shares = (whole // 4, whole // 2, 3 * whole // 4)
+        return {
+            episodes: nearest([shortened(record, episodes) for record in self._of(setting)])[1]
+            for episodes in shares
+        }
+
     def _of(self, setting: Setting) -> list[RunRecord]:
         return list(self._records[setting].values())
 
@@ -460,7 +495,15 @@ class Search:
     def _ranking(self, best: Sequence[Setting]) -> list[Scored]:
         """Return all settings, those that got furthest first, the nearest first among them."""
         scored = [
-            Scored(s, stage, len(self._records[s]), *nearest(self._of(s)))
+            Scored(
+                s,
+                stage,
+                len(self._records[s]),
+                *nearest(self._of(s)),
+                shorter=self._shorter(s),
+                under={rule: distance(self._of(s), rule) for rule in FINALS},
+                changed_from=self._changed_from.get(s),
+            )
             for s, stage in self._stages.items()
         ]
         return sorted(
