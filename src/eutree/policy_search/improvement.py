@@ -61,19 +61,23 @@ class Improvement:
         check_integer("min_rows", self.min_rows, low=1)
         check_integer("max_leaves", self.max_leaves, low=2)
 
-    def improve(self, rollouts: Rollouts, policy: ActionTree, scale: float) -> ActionTree:
+    def improve(
+        self, rollouts: Rollouts, policy: ActionTree, scale: float, *, begin: bool = False
+    ) -> ActionTree:
         """Return a policy that earns more or is smaller.
 
         Args:
             rollouts: Where to run rollouts; they end with the result run.
             policy: The policy to start from.
             scale: A typical size of returns.
+            begin: Whether no policy is known yet but a single action: then boxes are also tried
+                where fewer deviations pay, and each of them more.
         """
         price = self.price * scale
         for _ in range(self.rounds):
             rollouts.redraw()
             rollouts.run(policy)
-            self._insert_boxes(rollouts, price)
+            self._insert_boxes(rollouts, price, begin=begin)
             _replace_subtrees(rollouts, price)
             _perturb_thresholds(rollouts)
             policy = packed(nested(rollouts.policy))
@@ -98,17 +102,17 @@ class Improvement:
             rollouts.run(chosen)
         return self.improve(rollouts, rollouts.policy, scale)
 
-    def _insert_boxes(self, rollouts: Rollouts, price: float) -> None:
+    def _insert_boxes(self, rollouts: Rollouts, price: float, *, begin: bool) -> None:
         """Insert the most promising boxes, one for each leaf, that pass the test.
 
         Where a single deviation pays almost everywhere, as when any delay brings the agent past
-        somebody, the box that pays most is where to deviate for ever. If the policy is one action
-        still and that box is refused, boxes are tried in which each deviation pays more.
+        somebody, the box that pays most is where to deviate for ever. It is refused, and would be
+        for ever: who is to ``begin`` and has one action still tries smaller ones.
         """
         deviations = self._deviations(rollouts)
         base = rollouts.policy
         self._try_boxes(rollouts, price, self._boxes(rollouts, price, deviations))
-        if rollouts.policy is base and n_leaves(base) == 1:
+        if begin and rollouts.policy is base and n_leaves(base) == 1:
             self._begin(rollouts, price, deviations)
 
     def _begin(self, rollouts: Rollouts, price: float, deviations: _Deviations) -> None:

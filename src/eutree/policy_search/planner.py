@@ -17,6 +17,7 @@ from eutree.errors import InvalidArgumentError
 from eutree.policy_search.improvement import Improvement
 from eutree.validation import check_choice, check_integer, check_number
 from eutree.world_model import ActionTree, PairedRollouts, Transitions, fit_world_models
+from eutree.world_model.action_trees import n_leaves
 from eutree.world_model.common_chance import Rollouts
 from eutree.world_model.ensemble import EnsembleSettings, fit_ensemble
 from eutree.world_model.ensemble_rollouts import EnsembleRollouts
@@ -197,8 +198,8 @@ class Planner:
                 incumbent_episodes=own,
                 challenger_episodes=(),
             )
-        begin = plan.corrected or plan.explorer or plan.incumbent
-        explorer = self.improvement.improve(optimistic, begin, scale)
+        base = plan.corrected or plan.explorer or plan.incumbent
+        explorer = self.improvement.improve(optimistic, base, scale, begin=_knows_nothing(plan))
         challenger = self._challenger(plan, pessimistic, scale)
         taken = pessimistic.n_steps_taken + optimistic.n_steps_taken
         return replace(
@@ -253,11 +254,12 @@ class Planner:
 
         None if none of them is better than the incumbent.
         """
-        best = self.improvement.improve(pessimistic, plan.incumbent, scale)
-        for begin in (plan.challenger, plan.corrected):
-            if begin is None:
+        begin = _knows_nothing(plan)
+        best = self.improvement.improve(pessimistic, plan.incumbent, scale, begin=begin)
+        for base in (plan.challenger, plan.corrected):
+            if base is None:
                 continue
-            rival = self.improvement.improve(pessimistic, begin, scale)
+            rival = self.improvement.improve(pessimistic, base, scale, begin=begin)
             pessimistic.redraw()
             pessimistic.run(best)
             if pessimistic.gain(rival).mean > 0.0:
@@ -266,6 +268,11 @@ class Planner:
         pessimistic.run(plan.incumbent)
         gain = pessimistic.gain(best)
         return best if gain.mean > gain.error else None
+
+
+def _knows_nothing(plan: Plan) -> bool:
+    """Return whether the policy is a single action still, and nobody has shown another."""
+    return n_leaves(plan.incumbent) == 1 and not plan.demonstrations
 
 
 def _without_invalid(plan: Plan, returns: Floats) -> Plan:
