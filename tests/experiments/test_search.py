@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import fields, replace
+from itertools import combinations
 
 import gymnasium
 import numpy as np
@@ -9,12 +10,20 @@ import pytest
 
 import eutree
 from eutree.cli.main import run as run_cli
+from eutree.envs.experts import experts_for
 from eutree.errors import InvalidArgumentError, UnknownNameError
 from eutree.experiments import results as results_module
 from eutree.experiments import search as search_module
 from eutree.experiments.experiment import SMOKE
 from eutree.experiments.finals import FINALS, Correct
-from eutree.experiments.objective import NUMBERS, cost, distance, nearest
+from eutree.experiments.objective import (
+    NUMBERS,
+    Distance,
+    cost,
+    distance,
+    nearest,
+    shortened,
+)
 from eutree.experiments.runs import Performance, Point, RunRecord, RunSpec, run
 from eutree.experiments.search import (
     CHOICES,
@@ -22,11 +31,13 @@ from eutree.experiments.search import (
     DOMAINS,
     FINE,
     SMOKE_PLAN,
+    Scored,
     Search,
     choices_of,
     mutated,
+    recorded_setting,
 )
-from eutree.experiments.search_table import to_csv, to_markdown
+from eutree.experiments.search_table import exclusions, most_together, to_csv, to_markdown
 from eutree.experiments.settings import Demonstrator, Domain, Reading, Setting
 from eutree.learners import PAPER, PAPER_D
 
@@ -312,3 +323,88 @@ def test_the_command_searches_in_small(tmp_path, capsys, monkeypatch):
     assert "The nearest settings" in (tmp_path / "r" / "search.md").read_text(encoding="utf-8")
     assert run_cli(["reproduce", "--list", "--json"]) == 0
     assert "search" in json.loads(capsys.readouterr().out)
+
+
+# Which numbers can agree together ---------------------------------------------------------------
+
+
+def scored_by(*agreeing, told=NUMBERS):
+    """Return settings that agree in the named numbers, by index in the list of all."""
+    found = []
+    for place, names in enumerate(agreeing):
+        costs = {n.name: float(i not in names) for i, n in enumerate(told)}
+        setting = Setting(demonstrator=Demonstrator(wait_distance=float(place)))
+        found.append(Scored(setting, "speeds", 1, "last", Distance(dict(costs), costs)))
+    return found
+
+
+def test_the_most_that_can_agree_at_once_by_hand():
+    """0 and 1 agree together, 2 with 1 alone, 3 with none of them, the others nowhere."""
+    scored = scored_by({0, 1}, {1, 2}, {3})
+    names = [number.name for number in NUMBERS]
+    assert set(exclusions(scored)) == {
+        (names[0], names[2]), (names[0], names[3]), (names[1], names[3]), (names[2], names[3])
+    }  # fmt: skip
+    assert len(most_together(scored)) == 2
+    assert names[3] not in most_together(scored)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_most_that_can_agree_at_once_is_that_of_all_subsets(seed):
+    generator = np.random.default_rng(seed)
+    some = 7
+    scored = scored_by(*(set(np.flatnonzero(generator.random(some) < 0.4)) for _ in range(4)))
+    names = [number.name for number in NUMBERS[:some]]
+    apart = set(exclusions(scored))
+    agree = {n for n in names if any(s.distance.costs[n] == 0.0 for s in scored)}
+    best = max(
+        size
+        for size in range(some + 1)
+        for chosen in combinations(sorted(agree, key=names.index), size)
+        if not any(pair in apart for pair in combinations(chosen, 2))
+    )
+    found = most_together(scored)
+    assert len(found) == best
+    assert not any(set(pair) <= found for pair in apart)
+
+
+# Choices that came later ------------------------------------------------------------------------
+
+
+def test_later_choices_at_their_defaults_leave_a_run_its_name():
+    spec = replace(TINY.spec(TWO, "expert", "", 0), setting=Setting())
+    assert spec.name == "expert-c45-00-252f1e53b615"
+    for setting in (
+        Setting(domain=Domain(spacing=0.8)),
+        Setting(domain=Domain(shift=1.0)),
+        Setting(demonstrator=Demonstrator(rule="look ahead")),
+    ):
+        assert replace(spec, setting=setting).name != spec.name
+
+
+def test_crossings_by_hand():
+    assert Domain().crossings(2) == (10.0, 20.0)
+    assert Domain(spacing=0.8, shift=1.0).crossings(3) == pytest.approx((10.0, 16.0, 22.0))
+    assert "crossings" not in Domain().arguments(2)
+    assert Domain(shift=1.0).arguments(2)["crossings"] == (11.0, 21.0)
+
+
+def test_a_person_s_setting_has_the_domain_of_the_recording(tmp_path):
+    env = gymnasium.make("eutree/PaperEvasion2-v0", noise=0.03)
+    eutree.record(env, eutree.experts.look_ahead, episodes=2, seed=1, out=tmp_path / "person")
+    domain = recorded_setting(tmp_path / "person").domain
+    assert (domain.start, domain.collision_distance, domain.noise) == ("either end", 1.0, 0.03)
+    balance = experts_for("CartPole-v1")["balance"]
+    other = eutree.record(gymnasium.make("CartPole-v1"), balance, episodes=1, seed=0)
+    other.save(tmp_path / "other")
+    with pytest.raises(InvalidArgumentError, match="must be of 2-Evasion"):
+        recorded_setting(tmp_path / "other")
+
+
+def test_a_shorter_run_is_the_beginning_of_a_longer_one():
+    whole = run(TINY.spec(TWO, "eu-tree", "paper", 0))
+    begin = run(replace(whole.spec, episodes=3))
+    cut = shortened(whole, 3)
+    assert cut.curve == begin.curve
+    assert cut.final.n_leaves == begin.final.n_leaves
+    assert shortened(whole, 6) is whole

@@ -151,6 +151,8 @@ class SearchPlan:
         asked: Settings that are tried beside those of the second round.
         wider: Settings drawn in the fifth stage, and those made from the best of them.
         asked_wider: Settings that are tried beside those drawn there.
+        departures: What the nearest is changed in, one at a time.
+        steps: Settings on the way from the first domain and reading to those of the preset.
         halves: Settings whose expert trees drop to a half that are asked about other speeds.
         rungs: The stages.
         scale: Episodes of runs and evaluations.
@@ -163,6 +165,8 @@ class SearchPlan:
     asked: tuple[Setting, ...] = ()
     wider: tuple[int, int] = (0, 0)
     asked_wider: tuple[Setting, ...] = ()
+    departures: tuple[tuple[str, str, Any], ...] = ()
+    steps: tuple[Setting, ...] = ()
     halves: int = 0
     rungs: tuple[Rung, ...]
     scale: Scale
@@ -225,6 +229,8 @@ PLAN = SearchPlan(
     neighbours=(5, 6),
     wider=(60, 24),
     asked_wider=ASKED_WIDER,
+    departures=DEPARTURES,
+    steps=STEPS,
     halves=1,
     rungs=(
         Rung(name="expert", keep=(36, 9), per_group=3, group=_time_step),
@@ -244,6 +250,8 @@ SMOKE_PLAN = SearchPlan(
     domains=4,
     neighbours=(1, 1),
     wider=(2, 1),
+    departures=DEPARTURES[:1],
+    steps=STEPS[:2],
     halves=1,
     rungs=(
         Rung(name="expert", keep=(2, 1)),
@@ -333,8 +341,8 @@ class Search:
             near = self._race(rungs["neighbours"], [*near, *changed])
         wider = self._wider(near, rungs)
         self._race(rungs["departures"], self._departures(near[0]))
-        self._inherit(STEPS)
-        self._race(rungs["steps"], STEPS)
+        self._inherit(self.plan.steps)
+        self._race(rungs["steps"], self.plan.steps)
         best = self._race(rungs["speeds"], [*near, *wider, *self._halves()])
         return self._ranking(best)
 
@@ -388,7 +396,7 @@ class Search:
 
     def _departures(self, nearest: Setting) -> list[Setting]:
         """Return the nearest setting with one choice changed, and those of persons."""
-        changed = [_with(nearest, part, name, value) for part, name, value in DEPARTURES]
+        changed = [_with(nearest, part, name, value) for part, name, value in self.plan.departures]
         people = [replace(person, reading=nearest.reading) for person in self._people]
         self._inherit([*changed, *people])
         found = [setting for setting in (*changed, *people) if setting != nearest]

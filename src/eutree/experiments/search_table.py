@@ -194,15 +194,16 @@ def _together(scored: Sequence[Scored]) -> str:
 
 def _steps(scored: Sequence[Scored]) -> str:
     """Return what each change did on the way from the first domain and reading to those found."""
-    by_setting = {one.setting: one for one in scored if one.setting in STEPS}
+    by_setting = {one.setting: one for one in scored if one.stage != "expert"}
+    steps = [setting for setting in STEPS if setting in by_setting]
     text = "## From the first domain and reading, one change at a time\n\n"
-    if len(by_setting) < len(STEPS):
+    if STEPS[0] not in steps:
         return text + "It was not run."
     names = ["the first domain and reading, the last policy is final"]
     found = [by_setting[STEPS[0]].under["last"]]
     names.append(f"the policy at {FINAL} is final")
     found.append(by_setting[STEPS[0]].under[FINAL])
-    for before, after in pairwise(STEPS):
+    for before, after in pairwise(steps):
         names.append(_change(before, after, every=True))
         found.append(by_setting[after].under[FINAL])
     told = frozenset.intersection(*(frozenset(d.costs) for d in found))
