@@ -219,7 +219,7 @@ LEARNED: Mapping[str, int] = {
     "wider, changed": NOTHING,
     "wider, learned": IN_THREE,
     "departures": IN_TWO,
-    "steps": IN_THREE,
+    "steps": IN_TWO,
     "speeds": AT_SPEEDS,
 }
 

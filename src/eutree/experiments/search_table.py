@@ -209,14 +209,13 @@ def _steps(scored: Sequence[Scored]) -> str:
     told = frozenset.intersection(*(frozenset(d.costs) for d in found))
     agree = [{name for name in told if d.costs[name] == 0.0} for d in found]
     rows = [[names[0], f"{len(agree[0])} of {len(told)}", "", ""]]
-    for name, before, after in zip(names[1:], agree, agree[1:], strict=False):
-        moved = [[n.name for n in NUMBERS if n.name in some]
-                 for some in (after - before, before - after)]  # fmt: skip
+    for name, (old, new) in zip(names[1:], pairwise(agree), strict=True):
+        moved = [[n.name for n in NUMBERS if n.name in some] for some in (new - old, old - new)]
         cells = ("; ".join(some) or "none" for some in moved)
-        rows.append([name, f"{len(after)} of {len(told)}", *cells])
+        rows.append([name, f"{len(new)} of {len(told)}", *cells])
     return (
-        f"{text}Each row has the changes of those above it. The numbers are those that every row "
-        "tells.\n\n" + _table(["changed", "agree", "agrees now", "no longer"], rows)
+        f"{text}Each row has the changes of those above it. The numbers are those of 2-Evasion that "
+        "every row tells.\n\n" + _table(["changed", "agree", "agrees now", "no longer"], rows)
     )
 
 
