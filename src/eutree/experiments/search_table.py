@@ -214,8 +214,8 @@ def _steps(scored: Sequence[Scored]) -> str:
         cells = ("; ".join(some) or "none" for some in moved)
         rows.append([name, f"{len(new)} of {len(told)}", *cells])
     return (
-        f"{text}Each row has the changes of those above it. The numbers are those of 2-Evasion that "
-        "every row tells.\n\n" + _table(["changed", "agree", "agrees now", "no longer"], rows)
+        f"{text}Each row has the changes of those above it. The numbers are those of 2-Evasion "
+        "that every row tells.\n\n" + _table(["changed", "agree", "agrees now", "no longer"], rows)
     )
 
 
