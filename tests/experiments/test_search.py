@@ -402,7 +402,8 @@ def test_a_person_s_setting_has_the_domain_of_the_recording(tmp_path):
 
 
 def test_a_shorter_run_is_the_beginning_of_a_longer_one():
-    whole = run(TINY.spec(TWO, "eu-tree", "paper", 0))
+    setting = Setting(reading=Reading(gathering_episodes=3))
+    whole = run(replace(TINY.spec(TWO, "eu-tree", "paper", 0), setting=setting))
     begin = run(replace(whole.spec, episodes=3))
     cut = shortened(whole, 3)
     assert cut.curve == begin.curve

@@ -161,8 +161,9 @@ def nearest(records: Sequence[RunRecord]) -> tuple[str, Distance]:
 def shortened(record: RunRecord, episodes: int) -> RunRecord:
     """Return the record as it had been if the run had ended after so many episodes.
 
-    No learner here looks at how long it will run, so the beginning of a run is a run. Policies are
-    as good as they were at the evaluations along it; a compressed one is not known.
+    No learner here looks at how long it will run, so the beginning of a run is a run; to the leaf
+    if a gathering phase ends there, as a run ends with an expansion. Policies are as good as they
+    were at the evaluations along it; a compressed one is not known.
     """
     curve = [point for point in record.curve if point.episode <= episodes]
     if not curve or len(curve) == len(record.curve):
