@@ -100,3 +100,23 @@ def compiled(function: _Function) -> _Function:
         _say_that_nothing_is_kept("neither the package's folder nor the home can be written")
     kernel: _Function = dispatcher
     return kernel
+
+
+def machine_code(kernel: _Function, *arguments: object) -> _Function:
+    """Return what a kernel runs for arguments of these types, without the search for it.
+
+    A call of a kernel looks at the type of each argument to find the machine code; for a named
+    tuple of a dozen arrays that takes longer than the work of a learner's step. The function
+    returned does not look: whoever calls it answers for the types, dtypes and dimensions of the
+    arguments and for the order of arrays, which must be those of ``arguments``.
+
+    Args:
+        kernel: A function from ``compiled``; returned as it is if EUTREE_JIT=0.
+        arguments: An example of each argument.
+    """
+    if not ENABLED:
+        return kernel
+    code: _Function = kernel.compile(  # type: ignore[attr-defined]  # numba has no types
+        tuple(numba.typeof(argument) for argument in arguments)
+    )
+    return code

@@ -106,11 +106,7 @@ def test_the_sweep_equals_its_naive_twin(rows, budget):
         queue.push(state, kernels.SOON)
 
     def back_up(state):
-        arrays = (
-            twin._table, twin._pool, twin._visits, twin._reward_sums, twin._values,
-            twin._action_values, twin._settings, state,
-        )  # fmt: skip
-        return kernels.back_up(*arrays)
+        return kernels.back_up(twin.arrays, state)
 
     done = naive_mdp.sweep(twin, queue, back_up, budget, twin._settings[kernels.THRESHOLD])
     assert mdp.sweep(budget) == done

@@ -1,9 +1,81 @@
-"""Compiled loops of the learner: leaf membership lists and targets."""
+"""Compiled loops of the learner: the store's rows, leaf membership lists and targets."""
+
+from typing import NamedTuple
 
 from eutree.arrays import Booleans, Floats, Int32s, Integers
 from eutree.compiled import compiled
 
 NO_ROW = -1
+TERMINAL = -1
+
+
+class StoredRows(NamedTuple):
+    """The columns of the store that an episode is written to, with room for N rows."""
+
+    observations: Floats  # [N, d]
+    next_observations: Floats  # [N, d]
+    actions: Int32s  # [N]
+    rewards: Floats  # [N]
+    episodes: Int32s  # [N]
+    continues: Booleans  # [N]
+    left: Int32s  # [N]
+    entered: Int32s  # [N]
+    demonstrated: Booleans  # [N]
+    left_link: Integers  # [N] next row that left the same leaf
+    entered_link: Integers  # [N] next row that entered the same leaf
+
+
+class RowLists(NamedTuple):
+    """One linked list of rows for each leaf."""
+
+    head: Integers  # [L]
+    tail: Integers  # [L]
+    counts: Integers  # [L]
+
+
+class EpisodeRows(NamedTuple):
+    """An episode to be stored."""
+
+    observations: Floats  # [T + 1, d]
+    actions: Integers  # [T]
+    rewards: Floats  # [T]
+    leaves: Int32s  # [T + 1]
+    demonstrated: Booleans  # [T]
+
+
+@compiled
+def append_rows(
+    rows: StoredRows,
+    left: RowLists,
+    entered: RowLists,
+    episode: EpisodeRows,
+    stored: Booleans,  # [T] which transitions to write
+    first: int,
+    number: int,
+    terminated: bool,
+) -> int:
+    """Write the transitions of episode ``number`` from row ``first`` on; return the row behind."""
+    steps = stored.size
+    row = first
+    for t in range(steps):  # rows first..row - 1 hold the transitions before t that are stored
+        if not stored[t]:
+            continue
+        for j in range(rows.observations.shape[1]):
+            rows.observations[row, j] = episode.observations[t, j]
+            rows.next_observations[row, j] = episode.observations[t + 1, j]
+        rows.actions[row] = episode.actions[t]
+        rows.rewards[row] = episode.rewards[t]
+        rows.episodes[row] = number
+        rows.continues[row] = t > 0 and stored[t - 1]
+        rows.left[row] = episode.leaves[t]
+        rows.entered[row] = TERMINAL if terminated and t == steps - 1 else episode.leaves[t + 1]
+        rows.demonstrated[row] = episode.demonstrated[t]
+        row += 1
+    append_to_lists(rows.left, first, row, left.head, left.tail, left.counts, rows.left_link)
+    append_to_lists(
+        rows.entered, first, row, entered.head, entered.tail, entered.counts, rows.entered_link
+    )
+    return row
 
 
 @compiled

@@ -6,7 +6,7 @@ those that left it (T(s, a) of the paper, over all actions) and those that enter
 the leaf divides just these two lists, whatever else is stored.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,11 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eutree.arrays import Booleans, Floats, Int32s, Integers
+from eutree.compiled import machine_code
+from eutree.errors import InvalidArgumentError
 from eutree.learners import _kernels
 from eutree.learners.forgetting import WHOLE, Forgetting, LeafReservoirs
 from eutree.trees import DecisionTree
 
-TERMINAL = -1
+TERMINAL = _kernels.TERMINAL
 _GROWTH = 1.25
 _STORED = ("observations", "next_observations", "actions", "rewards", "episodes", "continues")
 
@@ -71,7 +73,9 @@ class History:
         }
         if forgetting is not None:
             self._columns["lots"] = np.empty(64, dtype=np.uint32)
-        self._lists = {side: _Lists(n_leaves) for side in ("left", "entered")}
+        self._lists = {side: _no_rows(n_leaves) for side in ("left", "entered")}
+        self._append: Callable[..., int] | None = None
+        self._bind()
 
     def __len__(self) -> int:
         """Return the number of transitions N."""
@@ -184,34 +188,35 @@ class History:
         Returns:
             Which of the transitions are stored, shape [T].
         """
+        episode = _kernels.EpisodeRows(
+            np.ascontiguousarray(observations, dtype=np.float64),
+            np.ascontiguousarray(actions, dtype=np.int64),
+            np.ascontiguousarray(rewards, dtype=np.float64),
+            np.ascontiguousarray(leaves, dtype=np.int32),
+            np.ascontiguousarray(
+                demonstrated if np.ndim(demonstrated) else np.full(len(actions), demonstrated),
+                dtype=np.bool_,
+            ),
+        )
         steps = len(actions)
-        entered = np.array(leaves[1:])
-        if terminated and steps:
-            entered[-1] = TERMINAL
-        new: dict[str, Any] = {
-            "observations": observations[:-1],
-            "next_observations": observations[1:],
-            "actions": actions,
-            "rewards": rewards,
-            "episodes": self.n_episodes,
-            "continues": np.arange(steps) > 0,
-            "left": leaves[:-1],
-            "entered": entered,
-            "demonstrated": demonstrated,
-        }
-        stored = np.ones(steps, dtype=np.bool_)
+        if [len(column) for column in episode] != [steps + 1, steps, steps, steps + 1, steps]:
+            raise InvalidArgumentError(
+                f"an episode of {steps} actions must have as many rewards and one more "
+                f"observation and leaf, got {[len(column) for column in episode]}"
+            )
+        stored, lots = np.ones(steps, dtype=np.bool_), np.empty(0, dtype=np.uint32)
         if self._forgetting is not None:
-            chance = generator or np.random.default_rng(self.n_seen)
-            new["lots"] = self._forgetting.draw(steps, chance)
-            stored = self._forgetting.admits(leaves[:-1], actions, new["lots"])
-            new["continues"][1:] &= stored[:-1]
+            lots = self._forgetting.draw(steps, generator or np.random.default_rng(self.n_seen))
+            stored = self._forgetting.admits(episode.leaves[:-1], actions, lots)
         first, last = self.size, self.size + int(stored.sum())
         self._reserve(last)
-        for name, values in new.items():
-            whole = last - first == steps or np.ndim(values) == 0
-            self._columns[name][first:last] = values if whole else values[stored]
-        self._append_to_lists(first, last)
-        self.size = last
+        if self._forgetting is not None:
+            self._columns["lots"][first:last] = lots[stored]
+        lists = self._lists["left"], self._lists["entered"]
+        call = (self._stored, *lists, episode, stored, first, self.n_episodes, terminated)
+        if self._append is None:
+            self._append = machine_code(_kernels.append_rows, *call)
+        self.size = self._append(*call)
         self.n_seen += steps
         self.n_episodes += 1
         return stored
@@ -233,7 +238,7 @@ class History:
         self.size = size
         kept, self.episodes[:] = np.unique(self.episodes, return_inverse=True)
         self.n_episodes = kept.size
-        self._relist(len(self._lists["left"].count))
+        self._relist(len(self._lists["left"].counts))
         return kept.astype(np.int64)
 
     def rows_leaving(self, leaf: int) -> Integers:
@@ -246,7 +251,7 @@ class History:
 
     def counts_leaving(self) -> Integers:
         """Return how many transitions left each leaf, shape [at least L]."""
-        return self._lists["left"].count
+        return self._lists["left"].counts
 
     def seen_leaving(self) -> Integers:
         """Return how many transitions left each leaf, estimated where some were left out, [L]."""
@@ -270,8 +275,7 @@ class History:
         rows = rows[: _kernels.merge(leaving, entering, rows)]
         self._begin_anew(leaving, new_leaf + 1, [leaf, new_leaf])
         old_left, old_entered = self.left[rows], self.entered[rows]
-        for lists in self._lists.values():
-            lists.reserve(new_leaf + 1)
+        self._lists = {side: _with_room(lists, new_leaf + 1) for side, lists in self._lists.items()}
         self._split_list(
             "left", leaving, ~(self.observations[leaving, feature] <= threshold), leaf, new_leaf
         )
@@ -304,7 +308,7 @@ class History:
 
     def _relist(self, n_leaves: int) -> None:
         """Make the lists of rows anew from the labels."""
-        self._lists = {side: _Lists(n_leaves) for side in ("left", "entered")}
+        self._lists = {side: _no_rows(n_leaves) for side in ("left", "entered")}
         self._append_to_lists(0, self.size)
 
     def _view(self, name: str) -> NDArray[Any]:
@@ -323,6 +327,12 @@ class History:
             grown = np.empty((capacity, *column.shape[1:]), dtype=column.dtype)
             grown[: self.size] = column[: self.size]
             self._columns[name] = grown
+        self._bind()
+
+    def _bind(self) -> None:
+        """Keep the columns together, as the kernel takes them."""
+        columns = [name for name in self._columns if name != "lots"]
+        self._stored = _kernels.StoredRows(*(self._columns[name] for name in columns))
 
     def _append_to_lists(self, first: int, last: int) -> None:
         for side, lists in self._lists.items():
@@ -332,13 +342,13 @@ class History:
                 last,
                 lists.head,
                 lists.tail,
-                lists.count,
+                lists.counts,
                 self._columns[f"_{side}_link"],
             )
 
     def _rows(self, side: str, leaf: int) -> Integers:
         lists = self._lists[side]
-        rows = np.empty(lists.count[leaf], dtype=np.int64)
+        rows = np.empty(lists.counts[leaf], dtype=np.int64)
         _kernels.walk_list(int(lists.head[leaf]), self._columns[f"_{side}_link"], rows)
         return rows
 
@@ -354,24 +364,24 @@ class History:
             self._columns[side],
             lists.head,
             lists.tail,
-            lists.count,
+            lists.counts,
             self._columns[f"_{side}_link"],
         )
 
 
-class _Lists:
-    """Head, tail and length of one linked list of rows for each leaf."""
+def _no_rows(n_leaves: int) -> _kernels.RowLists:
+    """Return an empty list for each leaf."""
+    return _kernels.RowLists(
+        np.full(n_leaves, _kernels.NO_ROW, dtype=np.int64),
+        np.full(n_leaves, _kernels.NO_ROW, dtype=np.int64),
+        np.zeros(n_leaves, dtype=np.int64),
+    )
 
-    def __init__(self, n_leaves: int) -> None:
-        self.head = np.full(n_leaves, _kernels.NO_ROW, dtype=np.int64)  # [L]
-        self.tail = np.full(n_leaves, _kernels.NO_ROW, dtype=np.int64)  # [L]
-        self.count = np.zeros(n_leaves, dtype=np.int64)  # [L]
 
-    def reserve(self, n_leaves: int) -> None:
-        """Make room for ``n_leaves`` lists."""
-        missing = n_leaves - self.count.size
-        if missing > 0:
-            grow = max(missing, self.count.size)
-            self.head = np.append(self.head, np.full(grow, _kernels.NO_ROW, dtype=np.int64))
-            self.tail = np.append(self.tail, np.full(grow, _kernels.NO_ROW, dtype=np.int64))
-            self.count = np.append(self.count, np.zeros(grow, dtype=np.int64))
+def _with_room(lists: _kernels.RowLists, n_leaves: int) -> _kernels.RowLists:
+    """Return the lists themselves if there is one for each leaf, else at least twice as many."""
+    size = lists.counts.size
+    if n_leaves <= size:
+        return lists
+    pairs = zip(lists, _no_rows(max(n_leaves - size, size)), strict=True)
+    return _kernels.RowLists(*(np.append(old, new) for old, new in pairs))

@@ -22,7 +22,8 @@ from eutree.learners.confidence import Confidence, doubt
 from eutree.learners.discretizer import Discretizer
 from eutree.learners.forgetting import LeafReservoirs
 from eutree.learners.gates import AnyGain, SplitGate, expected_gain
-from eutree.learners.history import TERMINAL, History
+from eutree.learners.history import History
+from eutree.learners.leaf_steps import LeafSteps
 from eutree.learners.learner import (
     Arrays,
     Decisions,
@@ -170,8 +171,7 @@ class UTree:
         self._split_at = 0  # transitions ever seen at the last split
         self._locked = frozenset(locked)
         self._lessons = Lessons(tree.n_features)
-        self._steps: list[Step] = []
-        self._leaves: list[int] = []
+        self._steps = LeafSteps(tree.n_features)
 
     @classmethod
     def begun(cls, problem: Problem, start: Start, method: Discretizer) -> Self:
@@ -201,69 +201,50 @@ class UTree:
 
     def start_episode(self, observation: Floats, generator: np.random.Generator) -> None:
         """Begin an episode at its first observation, shape [d]; all its chance is ``generator``."""
-        self._steps.clear()
         self.mdp.savepoint()
         if self.method.max_transitions is not None:
             self._rewards_before = self.mdp.reward_sums.copy()
         self._generator = generator
-        self._first = observation
-        self._leaves = [self.tree.leaf_of(observation.tolist())]
+        self._steps.start(self.tree, self.mdp, observation)
 
     def act(self) -> int:
         """Choose the action for the present observation: greedy (Eq. 1), random with epsilon."""
-        leaf = self._leaves[-1]
+        leaf = self._steps.leaf
         if leaf in self._locked:
             return int(self._prior[leaf])
         if self._generator.random() < self.method.exploration:
             return int(self._generator.integers(self.n_actions))
-        return self._greedy(leaf)
+        return self._steps.greedy(self._prior)
 
     def observe(self, step: Step) -> None:
         """Take what came of an action; update Pr, R and Q by prioritized sweeping (Eqs. 3 to 6)."""
-        leaf = self.tree.leaf_of(step.observation.tolist())
-        entered = TERMINAL if step.terminated else leaf
-        self.mdp.observe(self._leaves[-1], step.action, step.reward, entered, self.method.backups)
-        self._steps.append(step)
-        self._leaves.append(leaf)
+        self._steps.add(step, self.method.backups)
 
     def end_episode(self) -> None:
         """Store the transitions (o, a, r, o') of the episode, each in leaf L(o)."""
-        leaves = np.array(self._leaves, dtype=np.int32)
-        actions = np.array([step.action for step in self._steps], dtype=np.int64)
-        rewards = np.array([step.reward for step in self._steps])
-        shown = np.array([step.shown for step in self._steps], dtype=np.bool_)
-        observations = np.concatenate([self._first, *(step.observation for step in self._steps)])
-        observations = observations.reshape(len(leaves), -1)
-        terminated = self._steps[-1].terminated
+        episode, leaves, entered = self._steps.finish()
         stored = self.history.append_episode(
-            observations,
-            actions,
-            rewards,
+            episode.observations,
+            episode.actions,
+            episode.rewards,
             leaves,
-            terminated=terminated,
+            terminated=episode.terminated,
             generator=self._generator,
-            demonstrated=shown,
+            demonstrated=episode.shown,
         )
-        self._lessons.add(observations[:-1][shown])
-        self._steps.clear()
+        self._lessons.add(episode.observations[:-1][episode.shown])
         if not stored.all():
-            entered = np.append(leaves[1:-1], TERMINAL if terminated else leaves[-1])
-            self._uncount(leaves[:-1], actions, rewards, entered, stored)
+            self._uncount(leaves[:-1], episode.actions, episode.rewards, entered, stored)
         if self.history.forget() is not None:
             self._count_again()
 
     def discard_episode(self) -> None:
         """Be as before ``start_episode``, to the bit; do nothing between two episodes."""
-        if not self._steps:
+        if not len(self._steps):
             return
-        states, entered = self._leaves[:-1], self._leaves[1:]
-        if self._steps[-1].terminated:
-            entered[-1] = TERMINAL
-        actions = [step.action for step in self._steps]
-        rewards = [step.reward for step in self._steps]
-        self.mdp.forget_batch(states, actions, rewards, entered)
+        episode, leaves, entered = self._steps.finish()
+        self.mdp.forget_batch(leaves[:-1], episode.actions, episode.rewards, entered)
         self.mdp.rollback()
-        self._steps.clear()
 
     # Expansion phase (Table 1) ------------------------------------------------------------------
 
@@ -273,7 +254,7 @@ class UTree:
         Only leaves that exist when the phase begins are tested. ``generator`` serves permutation
         tests.
         """
-        if self._steps:
+        if len(self._steps):
             raise InvalidArgumentError("update must be called between episodes, not within one")
         self._learn_from_lessons()
         made = []
@@ -464,7 +445,7 @@ class UTree:
         return None if room is None else LeafReservoirs(room, self.tree.n_leaves, self.n_actions)
 
     def _uncount(
-        self, left: Int32s, actions: Integers, rewards: Floats, entered: Integers, stored: Booleans
+        self, left: Int32s, actions: Integers, rewards: Floats, entered: Int32s, stored: Booleans
     ) -> None:
         """Take back the counts of those transitions of the last episode that were not stored."""
         out = ~stored

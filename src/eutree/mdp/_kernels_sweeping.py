@@ -4,6 +4,8 @@ Apart from the loops over counts because together they are too long to read. The
 these: after a change there, remove the cached machine code of these too (``__pycache__``).
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from eutree.arrays import Floats, Int32s, Integers
@@ -21,7 +23,7 @@ from eutree.mdp._kernels import (
     link,
 )
 
-QUEUED, TOUCHED = 1, 2  # entries of the counters behind USED
+QUEUED, TOUCHED, STATES = 1, 2, 3  # entries of the counters behind USED
 ORDER, PLACE = 0, 1  # rows of the heap: state in each slot, slot of each state
 LIST, LISTED = 0, 1  # rows of the touched states: each of them, and whether a state is one
 DISCOUNT, THRESHOLD, UNTRIED, HORIZON = 0, 1, 2, 3  # entries of the settings
@@ -30,6 +32,39 @@ NO_PLACE = -1
 NO_SAVEPOINT = -1  # of TOUCHED
 SOON = 1e300  # before all changes, but after the state that was just left
 BAD_TRANSITION = -3
+
+
+class MDPArrays(NamedTuple):
+    """All that an MDP over leaves holds; S counts the states there is room for.
+
+    Attributes:
+        table: Where each row of counts begins, its size and its capacity.
+        pool: The entries of all rows: key and count.
+        counters: What is used of the pool, how many states are queued, how many were touched since
+            the savepoint (``NO_SAVEPOINT`` without one), how many states there are.
+        visits: N(s, a).
+        reward_sums: Sum of the rewards of each state and action.
+        values: V(s).
+        action_values: Q(s, a).
+        heap: State in each slot of the queue, and slot of each state.
+        priority: Priority of each queued state.
+        touched: The states touched since the savepoint, and whether each state is one of them.
+        saved: What the touched states held at the savepoint: V, priority, Q and reward sums.
+        settings: Discount, threshold, value of the untried, horizon.
+    """
+
+    table: Int32s  # [S (A + 1), 3]
+    pool: Int32s  # [K, 2]
+    counters: Integers  # [4]
+    visits: Integers  # [S, A]
+    reward_sums: Floats  # [S, A]
+    values: Floats  # [S]
+    action_values: Floats  # [S, A]
+    heap: Int32s  # [2, S]
+    priority: Floats  # [S]
+    touched: Int32s  # [2, S]
+    saved: Floats  # [S, 2 + 2 A]
+    settings: Floats  # [4]
 
 
 @compiled
@@ -94,24 +129,18 @@ def pop(heap: Int32s, priority: Floats, counters: Integers) -> int:
 
 
 @compiled
-def back_up(
-    table: Int32s,  # [S (A + 1), 3]
-    pool: Int32s,  # [K, 2]
-    visits: Integers,  # [S, A]
-    reward_sums: Floats,  # [S, A]
-    values: Floats,  # [S]
-    action_values: Floats,  # [S, A]
-    settings: Floats,  # [4]
-    state: int,
-) -> float:
+def back_up(mdp: MDPArrays, state: int) -> float:
     """Set V (Eq. 6) and Q (Eq. 5) of one state, its loops to itself solved; return |change| of V.
 
     With r the summed rewards, n the visits and l the loops of an action, staying with it until it
     leaves is worth (r + discount * sum over the other successors) / (n - discount l).
     """
+    table, pool, visits, settings = mdp.table, mdp.pool, mdp.visits, mdp.settings
+    values, action_values = mdp.values, mdp.action_values
     n_actions = visits.shape[1]
     discount = settings[DISCOUNT]
     best, endless = -np.inf, -np.inf
+    # best and endless are the largest worths, of the actions before a, of going on and of staying.
     for a in range(n_actions):
         if visits[state, a] == 0:
             action_values[state, a] = settings[UNTRIED]
@@ -126,7 +155,7 @@ def back_up(
                 loops = pool[k, COUNT]
             elif key != TERMINAL:
                 total += pool[k, COUNT] * values[key]
-        worth = reward_sums[state, a] + discount * total
+        worth = mdp.reward_sums[state, a] + discount * total
         action_values[state, a] = worth
         leaving = visits[state, a] - discount * loops
         if leaving > 0.0:
@@ -139,6 +168,7 @@ def back_up(
         best = endless
     if best == -np.inf:
         return 0.0
+    # action_values holds summed worths without the loops from action a on, and Q before it.
     for a in range(n_actions):
         if visits[state, a] > 0:
             loops = count_of(table, pool, state * (n_actions + 1) + a, state)
@@ -150,49 +180,34 @@ def back_up(
 
 
 @compiled
-def _save(
-    counters: Integers,  # [3]
-    reward_sums: Floats,  # [S, A]
-    values: Floats,  # [S]
-    action_values: Floats,  # [S, A]
-    priority: Floats,  # [S]
-    touched: Int32s,  # [2, S]
-    saved: Floats,  # [S, 2 + 2 A]
-    state: int,
-) -> None:
+def _save(mdp: MDPArrays, state: int) -> None:
     """Keep what a state holds, before its first change after a savepoint."""
-    touched[LIST, counters[TOUCHED]] = state
-    touched[LISTED, state] = 1
-    counters[TOUCHED] += 1
-    n_actions = action_values.shape[1]
-    saved[state, 0] = values[state]
-    saved[state, 1] = priority[state]
+    mdp.touched[LIST, mdp.counters[TOUCHED]] = state
+    mdp.touched[LISTED, state] = 1
+    mdp.counters[TOUCHED] += 1
+    n_actions = mdp.action_values.shape[1]
+    mdp.saved[state, 0] = mdp.values[state]
+    mdp.saved[state, 1] = mdp.priority[state]
     for a in range(n_actions):
-        saved[state, 2 + a] = action_values[state, a]
-        saved[state, 2 + n_actions + a] = reward_sums[state, a]
+        mdp.saved[state, 2 + a] = mdp.action_values[state, a]
+        mdp.saved[state, 2 + n_actions + a] = mdp.reward_sums[state, a]
 
 
 @compiled
-def roll_back(
-    counters: Integers,  # [3]
-    reward_sums: Floats,  # [S, A]
-    values: Floats,  # [S]
-    action_values: Floats,  # [S, A]
-    heap: Int32s,  # [2, S]
-    priority: Floats,  # [S]
-    touched: Int32s,  # [2, S]
-    saved: Floats,  # [S, 2 + 2 A]
-    queue: Int32s,  # [n] the slots of the heap at the savepoint
-) -> None:
-    """Give every state that was touched since the savepoint what it held, and the queue too."""
-    n_actions = action_values.shape[1]
-    for i in range(counters[TOUCHED]):
-        state = touched[LIST, i]
-        values[state] = saved[state, 0]
-        priority[state] = saved[state, 1]
+def roll_back(mdp: MDPArrays, queue: Int32s) -> None:
+    """Give every state that was touched since the savepoint what it held, and the queue too.
+
+    ``queue`` has the slots of the heap at the savepoint, shape [n].
+    """
+    counters, heap, saved = mdp.counters, mdp.heap, mdp.saved
+    n_actions = mdp.action_values.shape[1]
+    for i in range(counters[TOUCHED]):  # the states before the i-th hold what they held
+        state = mdp.touched[LIST, i]
+        mdp.values[state] = saved[state, 0]
+        mdp.priority[state] = saved[state, 1]
         for a in range(n_actions):
-            action_values[state, a] = saved[state, 2 + a]
-            reward_sums[state, a] = saved[state, 2 + n_actions + a]
+            mdp.action_values[state, a] = saved[state, 2 + a]
+            mdp.reward_sums[state, a] = saved[state, 2 + n_actions + a]
     for slot in range(counters[QUEUED]):
         heap[PLACE, heap[ORDER, slot]] = NO_PLACE
     for slot in range(queue.size):
@@ -202,72 +217,46 @@ def roll_back(
 
 
 @compiled
-def sweep(
-    table: Int32s,  # [S (A + 1), 3]
-    pool: Int32s,  # [K, 2]
-    counters: Integers,  # [3]
-    visits: Integers,  # [S, A]
-    reward_sums: Floats,  # [S, A]
-    values: Floats,  # [S]
-    action_values: Floats,  # [S, A]
-    heap: Int32s,  # [2, S]
-    priority: Floats,  # [S]
-    touched: Int32s,  # [2, S]
-    saved: Floats,  # [S, 2 + 2 A]
-    settings: Floats,  # [4]
-    budget: int,
-) -> int:
+def sweep(mdp: MDPArrays, budget: int) -> int:
     """Back up the states of highest priority; return how many backups were done."""
+    table, pool, visits, counters = mdp.table, mdp.pool, mdp.visits, mdp.counters
+    heap, priority, touched = mdp.heap, mdp.priority, mdp.touched
+    threshold = mdp.settings[THRESHOLD]
     n_actions = visits.shape[1]
     saving = counters[TOUCHED] != NO_SAVEPOINT
     backups = 0
+    # Every change of V above the threshold has gone on to the priorities of the states before it.
     while backups < budget and counters[QUEUED] > 0:
         state = pop(heap, priority, counters)
         if saving and not touched[LISTED, state]:
-            _save(counters, reward_sums, values, action_values, priority, touched, saved, state)
-        change = back_up(table, pool, visits, reward_sums, values, action_values, settings, state)
+            _save(mdp, state)
+        change = back_up(mdp, state)
         backups += 1
-        if change <= settings[THRESHOLD]:
+        if change <= threshold:
             continue
         row = state * (n_actions + 1) + n_actions
         for k in range(table[row, START], table[row, START] + table[row, SIZE]):
             before, action = pool[k, KEY] // n_actions, pool[k, KEY] % n_actions
             value = pool[k, COUNT] / visits[before, action] * change
-            if before == state or not value > settings[THRESHOLD]:
+            if before == state or not value > threshold:
                 continue
             if heap[PLACE, before] != NO_PLACE and not value > priority[before]:
                 continue  # as push would find, without the cost of the call
             if saving and not touched[LISTED, before]:
-                _save(
-                    counters, reward_sums, values, action_values, priority, touched, saved, before
-                )
+                _save(mdp, before)
             push(heap, priority, counters, before, value)
     return backups
 
 
 @compiled
 def observe(
-    table: Int32s,  # [S (A + 1), 3]
-    pool: Int32s,  # [K, 2]
-    counters: Integers,  # [3]
-    visits: Integers,  # [S, A]
-    reward_sums: Floats,  # [S, A]
-    values: Floats,  # [S]
-    action_values: Floats,  # [S, A]
-    heap: Int32s,  # [2, S]
-    priority: Floats,  # [S]
-    touched: Int32s,  # [2, S]
-    saved: Floats,  # [S, 2 + 2 A]
-    settings: Floats,  # [4]
-    n_states: int,
-    state: int,
-    action: int,
-    reward: float,
-    next_state: int,
-    budget: int,
+    mdp: MDPArrays, state: int, action: int, reward: float, next_state: int, budget: int
 ) -> int:
-    """Count one transition, put its state on top of the queue and sweep; return the status."""
-    n_actions = visits.shape[1]
+    """Count one transition, put its state on top of the queue and sweep; return the status.
+
+    Nothing has been changed where the status is not ``DONE``.
+    """
+    n_states, n_actions = mdp.counters[STATES], mdp.visits.shape[1]
     if not (
         0 <= state < n_states
         and 0 <= action < n_actions
@@ -276,27 +265,13 @@ def observe(
     ):
         return BAD_TRANSITION
     pair = state * n_actions + action
-    if not has_room(table, pool, counters, n_actions, pair, next_state):
+    if not has_room(mdp.table, mdp.pool, mdp.counters, n_actions, pair, next_state):
         return NO_ROOM
-    link(table, pool, counters, n_actions, pair, next_state)
-    if counters[TOUCHED] != NO_SAVEPOINT and not touched[LISTED, state]:
-        _save(counters, reward_sums, values, action_values, priority, touched, saved, state)
-    visits[state, action] += 1
-    reward_sums[state, action] += reward
-    push(heap, priority, counters, state, np.inf if budget > 0 else SOON)
-    sweep(
-        table,
-        pool,
-        counters,
-        visits,
-        reward_sums,
-        values,
-        action_values,
-        heap,
-        priority,
-        touched,
-        saved,
-        settings,
-        budget,
-    )
+    link(mdp.table, mdp.pool, mdp.counters, n_actions, pair, next_state)
+    if mdp.counters[TOUCHED] != NO_SAVEPOINT and not mdp.touched[LISTED, state]:
+        _save(mdp, state)
+    mdp.visits[state, action] += 1
+    mdp.reward_sums[state, action] += reward
+    push(mdp.heap, mdp.priority, mdp.counters, state, np.inf if budget > 0 else SOON)
+    sweep(mdp, budget)
     return DONE

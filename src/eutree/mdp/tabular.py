@@ -52,6 +52,10 @@ class TabularMDP:
         sweeping: When prioritized sweeping stops.
         horizon: Steps after which behaviour that never ends is taken to end, where the discount
             is 1; see :mod:`eutree.mdp.solver`.
+
+    Attributes:
+        arrays: All that it holds, for a compiled loop that observes by itself; other arrays after
+            it has grown.
     """
 
     def __init__(
@@ -76,11 +80,11 @@ class TabularMDP:
         self._settings[_sweeping.UNTRIED] = np.nan if untried is None else untried
         self._settings[_sweeping.HORIZON] = self.horizon
         self._n_states = 0
-        self._counters = np.zeros(3, np.int64)
+        self._counters = np.zeros(4, np.int64)
         self._counters[_sweeping.TOUCHED] = _sweeping.NO_SAVEPOINT
         self._pool = np.zeros((_FIRST_POOL, 2), np.int32)  # [K, 2]
         self._reserve(n_states)
-        self._n_states = n_states
+        self._n_states = self._counters[_sweeping.STATES] = n_states
 
     @classmethod
     def from_transitions(
@@ -161,7 +165,7 @@ class TabularMDP:
     @property
     def nbytes(self) -> int:
         """Bytes held in arrays."""
-        return int(sum(array.nbytes for array in self._arrays))
+        return int(sum(array.nbytes for array in self.arrays))
 
     def successors(self, state: int, action: int) -> tuple[Int32s, Int32s]:
         """Return the next states seen after a state and an action, and their counts N(s, a, s').
@@ -215,8 +219,7 @@ class TabularMDP:
             next_state: Where it led, or TERMINAL.
             backups: How many states of highest priority to back up.
         """
-        call = (*self._arrays, self._n_states, state, action, reward, next_state, backups)
-        status = _sweeping.observe(*call)
+        status = _sweeping.observe(self.arrays, state, action, reward, next_state, backups)
         if status == _kernels.DONE:
             return
         if status == _sweeping.BAD_TRANSITION:
@@ -315,7 +318,7 @@ class TabularMDP:
         if state == len(self._visits):
             self._reserve(2 * state)
         self._values[state] = value
-        self._n_states = state + 1
+        self._n_states = self._counters[_sweeping.STATES] = state + 1
         return state
 
     def queue(self, states: ArrayLike | None = None) -> None:
@@ -331,7 +334,7 @@ class TabularMDP:
 
         Fewer than asked for means that the queue is empty.
         """
-        return _sweeping.sweep(*(*self._arrays, backups))
+        return _sweeping.sweep(self.arrays, backups)
 
     def solve(self, *, tolerance: float = 1e-6) -> Solution:
         """Solve exactly for V and Q, from the present values; the queue is emptied."""
@@ -376,10 +379,7 @@ class TabularMDP:
         """
         if self._counters[_sweeping.TOUCHED] == _sweeping.NO_SAVEPOINT:
             raise InvalidArgumentError("rollback needs a savepoint that still holds")
-        _sweeping.roll_back(
-            self._counters, self._reward_sums, self._values, self._action_values, self._heap,
-            self._priority, self._touched, self._saved, self._queue,
-        )  # fmt: skip
+        _sweeping.roll_back(self.arrays, self._queue)
         self._drop_savepoint()
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
@@ -458,8 +458,8 @@ class TabularMDP:
         self._bind()
 
     def _bind(self) -> None:
-        """Keep the arrays in the order in which the kernels take them."""
-        self._arrays: tuple[Any, ...] = (
+        """Keep the arrays together, as the kernels take them."""
+        self.arrays = _sweeping.MDPArrays(
             self._table, self._pool, self._counters, self._visits, self._reward_sums,
             self._values, self._action_values, self._heap, self._priority,
             self._touched, self._saved, self._settings,
