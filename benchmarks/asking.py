@@ -60,7 +60,8 @@ def asked(env: gymnasium.Env[Any, Any], preset: str, n: int, who: str, seed: int
     gate = eutree.experts.wait_at_crossing
     demos = eutree.record(env, gate, episodes=n, seed=seed) if n else None
     confidence = NEVER_SURE if who == ALWAYS else Confidence()
-    asking = Asking(max_requests=15, confidence=confidence)
+    alone = 0 if who == ALWAYS else Asking().alone
+    asking = Asking(max_requests=15, alone=alone, confidence=confidence)
     ask = None if who == NOBODY else gate(env)
     result, returns = learned(env, preset, demos, ask=ask, asking=asking, seed=seed)
     before = 0 if demos is None else demos.n_transitions

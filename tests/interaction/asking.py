@@ -24,6 +24,7 @@ class Asked:
             reason="The tree has seen few situations like this.",
             observations=np.array([first, second]),
             max_steps=max_steps,
+            intended="right",
         )
         self.stretch = Stretch(self.env, self.step)
 

@@ -43,7 +43,7 @@ def test_nothing_is_shown_or_done_before_a_request(person, asked):
 def test_a_stretch_from_request_to_its_end(person, asked):
     ask(person, asked)
     assert person.view.state == ASKED
-    assert person.view.message == asked.request.reason
+    assert person.view.message == f"{asked.request.reason} It would take right."
     assert (person.view.saved, person.view.target) == (2, 7)
     assert person.view.countdown == 30
     assert len(person.frames) == 1  # the situation, not a fresh start

@@ -67,6 +67,7 @@ def test_doubt_is_about_the_action_of_the_tree_that_acts():
     here = np.array([0.0, 0.5])
     learner.start_episode(here, generator)
     assert learner.doubt(here, Confidence()) == FEW
+    assert learner.intended_action(here) == 1
     learner.discard_episode()
     for _ in range(40):
         world.run(learner, np.random.default_rng(generator.integers(2**32)))

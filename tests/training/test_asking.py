@@ -12,7 +12,7 @@ from eutree.interaction.requests import DECLINED, HANDED_BACK, ScriptedControlle
 from eutree.training import Asking
 from eutree.training.asking import ANSWERS, LONG_ENOUGH, Answer, Answers
 
-ASKING = Asking(max_requests=6, max_steps=5)
+ASKING = Asking(max_requests=6, max_steps=5, alone=2)
 
 
 @pytest.fixture(scope="module")
@@ -108,6 +108,28 @@ def test_budget_stretches_and_marks(env, gate, tmp_path):
         assert marked.sum() == event["n_shown"]
         chosen = gate.predict(history.observations[rows[first:last]])[0]
         assert np.array_equal(history.actions[rows[first:last]], chosen)
+
+
+@pytest.mark.parametrize("preset", ["paper", "default"])
+def test_nobody_is_asked_before_something_was_tried(env, preset):
+    """Else the first requests come at step 0 of the first episodes, like a recording."""
+    brief = Brief(1)
+    learn(env, method=preset, ask=brief, asking=Asking(max_requests=2, alone=4), episodes=10)
+    assert [request.episode for request in brief.requests] == [4, 5]
+    learn(env, ask=brief, asking=Asking(max_requests=1, alone=0), episodes=1)
+    assert (brief.requests[-1].episode, brief.requests[-1].step) == (0, 0)
+
+
+def test_a_request_says_what_the_tree_would_do(env, gate):
+    demos = eutree.record(env, gate, episodes=3, seed=0)
+    expert = eutree.fit_expert_tree(demos)
+    brief = Brief(1)
+    asking = Asking(max_requests=1, alone=0)
+    learn(env, demonstrations=demos, expert=expert, ask=brief, asking=asking, episodes=1)
+    (request,) = brief.requests
+    action = int(expert.predict(request.observations[-1])[0])
+    assert request.intended == ("stop", "go")[action]
+    assert request.text == f"{request.reason} It would take {request.intended}."
 
 
 def test_who_is_asked_learns_faster(env, gate):

@@ -63,7 +63,7 @@ def _controller(
         def announce(request: "Request") -> None:
             output.say(
                 f"request {request.number} of {request.of}, episode {request.episode} step "
-                f"{request.step}: {request.reason}"
+                f"{request.step}: {request.text}"
             )
 
         page = AskInBrowser(env, keys=keys, port=port, stop=stop, on_request=announce)

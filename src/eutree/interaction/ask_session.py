@@ -82,7 +82,7 @@ class AskSession(Session):
     def ask(self, request: Request, stretch: Stretch, now: float) -> None:
         """Show the situation and wait for the person."""
         self._request, self._stretches.stretch, self.said = request, stretch, ""
-        self.play.state, self.play.message = ASKED, request.reason
+        self.play.state, self.play.message = ASKED, request.text
         self.play.show(Trial.unused())
         self._deadline = self._latest(now)
 

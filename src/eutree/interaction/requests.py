@@ -31,6 +31,7 @@ class Request:
         reason: Why the learner asks, for people.
         observations: What was sensed in this episode so far; the last one is the present.
         max_steps: Most steps of the stretch.
+        intended: Name of the action that the learner would take; "" if it is not known.
     """
 
     number: int
@@ -40,6 +41,12 @@ class Request:
     reason: str
     observations: Floats  # [step + 1, d]
     max_steps: int
+    intended: str = ""
+
+    @property
+    def text(self) -> str:
+        """Why the learner asks, and what it would do."""
+        return f"{self.reason} It would take {self.intended}." if self.intended else self.reason
 
 
 class Stretch:

@@ -228,6 +228,10 @@ class HistoryUTree:
         """Return why to ask at the present observation, or ""; it is the last one observed."""
         return self.tree.doubt(self._seen, confidence)
 
+    def intended_action(self, observation: Floats) -> int:
+        """Return the action of the present leaf; the observation is the last one observed."""
+        return self.tree.intended_action(self._seen)
+
     def state(self) -> Arrays:
         """Return all that is known between two episodes."""
         return self.tree.state()

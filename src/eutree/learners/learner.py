@@ -357,6 +357,10 @@ class CanDoubt(Protocol):
         """Return why, at an observation of shape [d], or ""; nothing of the learner changes."""
         ...
 
+    def intended_action(self, observation: Floats) -> int:
+        """Return what the tree that acts takes at an observation of shape [d]."""
+        ...
+
 
 @runtime_checkable
 class CanRace(Protocol):

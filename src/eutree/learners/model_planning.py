@@ -264,6 +264,10 @@ class ModelPlanning:
         returns = self._actor.returns_to_go[rows]
         return doubt(returns, actions, best, self.n_actions, confidence)
 
+    def intended_action(self, observation: Floats) -> int:
+        """Return what the tree that acts in this episode takes at an observation of shape [d]."""
+        return self._actor.experience(observation)[0]
+
     def state(self) -> Arrays:
         """Return all that the learner knows, between two episodes; ``from_state`` takes it back."""
         state: Arrays = {name: getattr(self.tree, name) for name in TREE}

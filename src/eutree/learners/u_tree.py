@@ -377,6 +377,10 @@ class UTree:
         best = self._greedy(leaf)
         return doubt(self.targets(rows), actions, best, self.n_actions, confidence)
 
+    def intended_action(self, observation: Floats) -> int:
+        """Return the greedy action at an observation of shape [d]."""
+        return self._greedy(self.tree.leaf_of(observation.tolist()))
+
     def state(self) -> Arrays:
         """Return all that the learner knows, between two episodes; ``from_state`` takes it back."""
         state: Arrays = {name: getattr(self.tree, name) for name in TREE}

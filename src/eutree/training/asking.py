@@ -47,18 +47,22 @@ class Asking:
         max_requests: Most requests of a run.
         max_steps: Most steps of one stretch; it ends before if the learner is sure again.
         max_per_episode: Most requests in one episode.
+        alone: Episodes before the first request: while next to nothing has been tried, every
+            situation is unsure, from the first step on, and asking would be recording.
         confidence: How unsure the learner must be.
     """
 
     max_requests: int = 20
     max_steps: int = 20
     max_per_episode: int = 1
+    alone: int = 5
     confidence: Confidence = field(default_factory=Confidence)
 
     def __post_init__(self) -> None:
         check_integer("max_requests", self.max_requests, low=1)
         check_integer("max_steps", self.max_steps, low=1)
         check_integer("max_per_episode", self.max_per_episode, low=1)
+        check_integer("alone", self.alone, low=0)
 
 
 class Answer(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -120,18 +124,34 @@ class Questions:
         self.asking = asking
         self._answers = answers
 
-    def reason(self, learner: Learner, observation: Floats, before: int, in_episode: int) -> str:
+    def reason(
+        self,
+        learner: Learner,
+        observation: Floats,
+        *,
+        episode: int,
+        before: int,
+        in_episode: int,
+    ) -> str:
         """Return why to ask now, or "".
 
         Args:
             learner: The learner, within an episode.
             observation: The present one.
+            episode: Number of the episode in the run, from 0.
             before: Requests of the run so far.
             in_episode: Requests of this episode so far.
         """
-        if before >= self.asking.max_requests or in_episode >= self.asking.max_per_episode:
+        asking = self.asking
+        if before >= asking.max_requests or in_episode >= asking.max_per_episode:
             return ""
-        return _doubting(learner).doubt(observation, self.asking.confidence)
+        if episode < asking.alone:
+            return ""
+        return _doubting(learner).doubt(observation, asking.confidence)
+
+    def intended_action(self, learner: Learner, observation: Floats) -> int:
+        """Return what the learner would take at an observation, were nobody asked."""
+        return _doubting(learner).intended_action(observation)
 
     def ask(
         self,

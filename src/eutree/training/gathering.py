@@ -103,7 +103,11 @@ class GatheringEpisode:
         if self._questions is None:
             return ""
         return self._questions.reason(
-            self._learner, self._observations[-1], self._n_requests(), len(self._requests)
+            self._learner,
+            self._observations[-1],
+            episode=self._state.at.episode,
+            before=self._n_requests(),
+            in_episode=len(self._requests),
         )
 
     def _n_requests(self) -> int:
@@ -125,6 +129,9 @@ class GatheringEpisode:
             reason=reason,
             observations=np.array(self._observations),
             max_steps=questions.asking.max_steps,
+            intended=self._env.schema.actions[
+                questions.intended_action(self._learner, self._observations[-1])
+            ],
         )
         facts = questions.ask(
             request,
