@@ -131,11 +131,13 @@ def picture_a_request() -> None:
 
     import eutree
     from eutree.interaction.browser import AskInBrowser
+    from eutree.training import Asking
 
     os.environ["SDL_VIDEODRIVER"] = "dummy"
     env = gymnasium.make("eutree/Evasion2-v0", render_mode="rgb_array")
     asker = AskInBrowser(env, port=0)
     options: dict[str, Any] = {"method": "paper", "episodes": 1, "evaluation_episodes": 2}
+    options["asking"] = Asking(alone=0)
     learner = threading.Thread(target=eutree.learn, args=(env,), kwargs={**options, "ask": asker})
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=QUIET.split())

@@ -116,7 +116,7 @@ def test_learn_starts_from_an_edited_policy(eutree, expert):
 
 
 def test_learn_asks_an_expert(eutree, tmp_path):
-    line = ["learn", "eutree/Evasion2-v0", "--preset", "paper", "--episodes", 3]
+    line = ["learn", "eutree/Evasion2-v0", "--preset", "paper", "--episodes", 3, "--ask-after", 0]
     line += ["--evaluation-episodes", 2, "--ask", "gate", "--ask-requests", 2, "--ask-steps", 3]
     eutree(*line, "--out", tmp_path / "run")
     answers = (tmp_path / "run" / "answers.jsonl").read_text().splitlines()

@@ -54,7 +54,7 @@ def test_the_command_asks_in_a_real_window(tmp_path):
     """Two requests under Xvfb: the first is answered with Enter and Space, the second declined."""
     command = [
         *(sys.executable, "-m", "eutree", "learn", "eutree/Evasion2-v0", "--preset", "paper"),
-        *("--episodes", "2", "--evaluation-episodes", "2", "--ask", "window"),
+        *("--ask-after", "0", "--episodes", "2", "--evaluation-episodes", "2", "--ask", "window"),
         *("--ask-requests", "2", "--ask-steps", "2", "--out", str(tmp_path / "run")),
     ]
     with display() as screen:

@@ -173,7 +173,7 @@ def test_an_answer_is_never_asked_for_twice(env, gate, tmp_path):
 @pytest.mark.parametrize("steps", [0, 2])
 def test_declined_and_handed_back(env, tmp_path, steps):
     brief = Brief(steps)
-    result = learn(env, tmp_path / "run", ask=brief, episodes=8)
+    result = learn(env, tmp_path / "run", ask=brief, episodes=12)
     events = requests_in(tmp_path / "run")
     assert [r.number for r in brief.requests] == [1, 2, 3, 4, 5, 6]
     assert {event["outcome"] for event in events} == {HANDED_BACK if steps else DECLINED}
@@ -182,7 +182,7 @@ def test_declined_and_handed_back(env, tmp_path, steps):
     assert len(first.observations) == first.step + 1
     again = Brief(9)
     (tmp_path / "run" / "checkpoint.npz").unlink()
-    learn(env, tmp_path / "run", ask=again, episodes=8, resume=True)
+    learn(env, tmp_path / "run", ask=again, episodes=12, resume=True)
     assert again.requests == []  # a refusal is an answer, too
 
 

@@ -73,6 +73,7 @@ if TYPE_CHECKING:
               "a scripted expert.")  # fmt: skip
 @count_option("--ask-requests", 20, "Most requests of --ask.")
 @count_option("--ask-steps", 20, "Most steps shown for one request.")
+@count_option("--ask-after", 5, "Episodes before the first request of --ask.", least=0)
 @click.option("--keys", help="What a person's keys mean: left=0,right=1,none=0.")
 @click.option("--port", type=click.IntRange(0, 65535), help="Port of the page of --ask web.")
 @click.option("--offline", is_flag=True, help="Learn from the demonstrations alone.")
@@ -109,6 +110,7 @@ def learn(
     ask: str | None,
     ask_requests: int,
     ask_steps: int,
+    ask_after: int,
     keys: str | None,
     port: int | None,
     offline: bool,
@@ -183,7 +185,7 @@ def learn(
             env,
             out=out,
             ask=controller,
-            asking=Asking(max_requests=ask_requests, max_steps=ask_steps),
+            asking=Asking(max_requests=ask_requests, max_steps=ask_steps, alone=ask_after),
             stop=stop,
             on_progress=Following(progress, output),
             callback=None if partition is None else _drawing(partition, out),
