@@ -21,8 +21,6 @@ LONG_SIGNATURES = {
 }
 
 CLASSES_TO_DIVIDE = {
-    "c45/tree.py C45Tree",
-    "data/demonstrations.py Demonstrations",
     "learners/history.py History",
     "learners/u_tree.py UTree",
     "mdp/tabular.py TabularMDP",
@@ -32,7 +30,6 @@ SIGNATURES_TO_SHORTEN = {
     "c45/_kernels.py best_cut",
     "c45/_kernels.py choose_tests",
     "c45/_kernels.py divide",
-    "c45/_kernels_prediction.py share_out",
     "c45/_kernels_pruning.py errors_of_branch",
     "c45/_kernels_pruning.py hand_down",
     "c45/_kernels_pruning.py prune",
@@ -40,7 +37,6 @@ SIGNATURES_TO_SHORTEN = {
     "cli/record.py _record_person",
     "compression/compress.py compress",
     "distillation/distill.py distill",
-    "envs/_kernels.py advance_all",
     "learners/_kernels.py lambda_targets",
     "mdp/_kernels_planning.py improve",
     "mdp/_kernels_planning.py iterate_discounted",
@@ -48,7 +44,6 @@ SIGNATURES_TO_SHORTEN = {
     "mdp/_kernels_sweeping.py sweep",
     "splitting/_kernels.py bound_strip",
     "splitting/_kernels.py search_cell",
-    "trees/_kernels.py disagreeing_volume",
     "world_model/_kernels_regression.py grow",
     "world_model/_kernels_regression.py unroll",
 }

@@ -1,5 +1,7 @@
 """Compiled loops of prediction: the leaf of each row, and the shares of fractional cases."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from eutree.arrays import Floats, Int32s, Integers
@@ -7,18 +9,28 @@ from eutree.c45._kernels import branch_of
 from eutree.compiled import compiled
 
 
+class Branches(NamedTuple):
+    """The tests of a tree and where their branches lead; see ``C45Tree``."""
+
+    feature: Int32s  # [M]
+    threshold: Floats  # [M]
+    first_child: Int32s  # [M]
+    n_children: Int32s  # [M]
+    value_start: Int32s  # [M]
+    value_branch: Int32s  # [V]
+
+
 @compiled
 def find_leaves(
-    feature: Int32s,  # [M]
-    threshold: Floats,
-    first_child: Int32s,
-    value_start: Int32s,
-    value_branch: Int32s,
+    tree: Branches,
     observations: Floats,  # [N, d]
     out: Int32s,  # [N]
 ) -> int:
     """Write the leaf (its node) of each row, -1 if a tested value is unknown; count those."""
+    feature, threshold, first_child = tree.feature, tree.threshold, tree.first_child
+    value_start, value_branch = tree.value_start, tree.value_branch
     unknown = 0
+    # Until a leaf is reached, ``node`` is a test and ``j`` its attribute; -1 is an unknown value.
     for i in range(observations.shape[0]):
         node = 0
         j = feature[0]
@@ -47,12 +59,7 @@ def find_leaves(
 
 @compiled
 def share_out(
-    feature: Int32s,  # [M]
-    threshold: Floats,
-    first_child: Int32s,
-    n_children: Int32s,
-    value_start: Int32s,
-    value_branch: Int32s,
+    tree: Branches,
     size: Floats,  # [M] training weight of each node
     probability: Floats,  # [M, A]
     observations: Floats,  # [N, d]
@@ -61,6 +68,9 @@ def share_out(
     leaf: Int32s,  # [n] out: the leaf with the largest share, the first of equal ones
 ) -> None:
     """Predict fractional cases: a row goes down all branches of a test whose value is unknown."""
+    feature, threshold, first_child = tree.feature, tree.threshold, tree.first_child
+    value_start, value_branch = tree.value_start, tree.value_branch
+    # The stack holds what is left to visit: its parts and those of the leaves seen add up to 1.
     stack = np.empty(feature.size, np.int32)
     parts = np.empty(feature.size)
     for k in range(rows.size):
@@ -88,9 +98,9 @@ def share_out(
                 depth += 1
                 continue
             total = 0.0
-            for fork in range(n_children[node]):
+            for fork in range(tree.n_children[node]):
                 total += size[first + fork]
-            for fork in range(n_children[node] - 1, -1, -1):
+            for fork in range(tree.n_children[node] - 1, -1, -1):
                 if size[first + fork] > 0.0:
                     stack[depth] = first + fork
                     parts[depth] = part * size[first + fork] / total

@@ -6,8 +6,9 @@ from numpy.typing import ArrayLike
 from eutree.arrays import Floats
 from eutree.c45.growing import Training, grow_nodes
 from eutree.c45.pruning import compact, prune_nodes
+from eutree.c45.routing import read_only
 from eutree.c45.settings import C45Settings
-from eutree.c45.tree import C45Tree, read_only
+from eutree.c45.tree import C45Tree
 from eutree.errors import InvalidArgumentError
 from eutree.validation import check_actions, check_integer, check_vector
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from eutree.arrays import Floats, Int32s, Integers, frozen
-from eutree.c45 import _kernels_prediction
+from eutree.c45.routing import RoutedCases
 from eutree.errors import InvalidArgumentError
 from eutree.trees import DecisionTree
 from eutree.trees.tree import longest_path
@@ -147,57 +147,15 @@ class C45Tree:
 
         Of the leaves of a fractional case it is the one with the largest share.
         """
-        rows = self._check(observations)
-        leaves, unknown = self._find(rows)
-        if len(unknown):
-            leaves[unknown] = self._share(rows, unknown)[1]
-        return leaves
+        return RoutedCases(self, observations).main_leaf()
 
     def predict(self, observations: ArrayLike) -> Integers:
         """Return the most probable class of each observation, shape [N]."""
-        rows = self._check(observations)
-        leaves, unknown = self._find(rows)
-        classes = self.label[leaves]
-        if len(unknown):
-            classes[unknown] = self._share(rows, unknown)[0].argmax(axis=1)
-        return classes
+        return RoutedCases(self, observations).label()
 
     def predict_proba(self, observations: ArrayLike) -> Floats:
         """Return the share of each class at the leaf (or leaves) of each observation, [N, A]."""
-        rows = self._check(observations)
-        leaves, unknown = self._find(rows)
-        shares = self.probability[leaves]
-        if len(unknown):
-            shares[unknown] = self._share(rows, unknown)[0]
-        return shares
-
-    def _check(self, observations: ArrayLike) -> Floats:
-        rows = np.ascontiguousarray(observations, dtype=np.float64)
-        if rows.ndim != 2 or rows.shape[1] != self.n_features:
-            raise InvalidArgumentError(
-                f"observations must have shape (N, {self.n_features}), got {rows.shape}"
-            )
-        return read_only(rows)
-
-    def _find(self, rows: Floats) -> tuple[Int32s, Integers]:
-        """Return the leaf of each row, and the rows that have no single one (leaf -1)."""
-        leaves = np.empty(len(rows), dtype=np.int32)
-        n_unknown = _kernels_prediction.find_leaves(
-            self.feature, self.threshold, self.first_child, self.value_start, self.value_branch,
-            rows, leaves,
-        )  # fmt: skip
-        return leaves, np.flatnonzero(leaves < 0) if n_unknown else np.empty(0, np.int64)
-
-    def _share(self, rows: Floats, unknown: Integers) -> tuple[Floats, Int32s]:
-        """Return the probabilities of the rows ``unknown`` and the leaf of each's largest share."""
-        shares = np.zeros((len(unknown), self.n_classes))
-        leaves = np.empty(len(unknown), dtype=np.int32)
-        _kernels_prediction.share_out(
-            self.feature, self.threshold, self.first_child, self.n_children, self.value_start,
-            self.value_branch, self.distribution.sum(axis=1), self.probability, rows, unknown,
-            shares, leaves,
-        )  # fmt: skip
-        return shares, leaves
+        return RoutedCases(self, observations).probability()
 
     def to_decision_tree(self) -> tuple[DecisionTree, Integers]:
         """Return the same tree as a ``DecisionTree``, and the class of each of its leaves.
@@ -227,10 +185,3 @@ class C45Tree:
             leaf=np.where(leaves, np.cumsum(leaves) - 1, DecisionTree.NO_LEAF),
         )
         return tree, self.label[order[leaves]]
-
-
-def read_only(array: Floats) -> Floats:
-    """Return a read-only view: kernels are compiled anew for arrays that differ in this."""
-    view = array.view()
-    view.setflags(write=False)
-    return view

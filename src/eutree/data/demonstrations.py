@@ -82,11 +82,6 @@ class Demonstrations(Displayed):
         return iter(self.kept)
 
     @property
-    def has_rewards(self) -> bool:
-        """Whether the rewards of all kept episodes are known."""
-        return all(episode.has_rewards for episode in self.kept)
-
-    @property
     def n_transitions(self) -> int:
         """Number of transitions in the kept episodes."""
         return sum(map(len, self.kept))

@@ -1,5 +1,7 @@
 """Compiled twin of ``_dynamics``: one step of every copy of the environment."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from eutree.arrays import Booleans, Floats, Int32s, Integers
@@ -20,6 +22,19 @@ CONSTANTS = (
     "start_number",
     "bounce_number",
 )
+
+
+class Copies(NamedTuple):
+    """What stays the same of all copies, the chance of their episodes, and where they stand."""
+
+    constants: Floats  # in the order of ``CONSTANTS``
+    crossing: Floats  # [N]
+    uniforms: Floats  # [E, 2 N]
+    noise: Floats  # [E, T, N + 1]
+    positions: Floats  # [E]
+    opponents: Floats  # [E, N]
+    directions: Floats  # [E, N]
+    steps: Integers  # [E]
 
 
 @compiled
@@ -118,15 +133,12 @@ def show(
 @compiled
 def begin_chosen(
     chosen: Booleans,  # [E]
-    constants: Floats,
-    uniforms: Floats,  # [E, 2 N]
-    positions: Floats,  # [E]
-    opponents: Floats,  # [E, N]
-    directions: Floats,  # [E, N]
-    steps: Integers,  # [E]
+    copies: Copies,
     observations: Floats,  # [E, d] out
 ) -> None:
     """Begin the next episode of the chosen copies and show all copies."""
+    constants, uniforms, positions = copies.constants, copies.uniforms, copies.positions
+    opponents, directions, steps = copies.opponents, copies.directions, copies.steps
     for e in range(chosen.size):
         if chosen[e]:
             begin(e, constants, uniforms, positions, opponents, directions, steps)
@@ -138,19 +150,15 @@ def advance_all(
     actions: Integers,  # [E]
     waiting: Booleans,  # [E] ended at the step before: begin anew instead of moving
     max_steps: int,
-    constants: Floats,
-    crossing: Floats,  # [N]
-    uniforms: Floats,  # [E, 2 N]
-    noise: Floats,  # [E, T, N + 1]
-    positions: Floats,  # [E]
-    opponents: Floats,  # [E, N]
-    directions: Floats,  # [E, N]
-    steps: Integers,  # [E]
+    copies: Copies,
     observations: Floats,  # [E, d] out
     rewards: Floats,  # [E] out
     endings: Int32s,  # [E] out
 ) -> int:
     """Move every copy one step, or begin its next episode; return how many episodes ended."""
+    constants, uniforms, positions = copies.constants, copies.uniforms, copies.positions
+    opponents, directions, steps = copies.opponents, copies.directions, copies.steps
+    crossing, noise = copies.crossing, copies.noise
     ended = 0
     for e in range(actions.size):
         if waiting[e]:

@@ -57,20 +57,22 @@ class EvasionVectorEnv(VectorEnv[Floats, Integers, Any]):
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.feature_names, self.feature_units = features(self.parameters)
         self.action_names = ("stop", "go")
-        self._constants = np.array(
-            [getattr(self.parameters, n) for n in kernels.CONSTANTS], dtype=np.float64
-        )
         self._is_ready = False
         self._allocate()
 
     def _allocate(self) -> None:
         copies, count = self.num_envs, self.parameters.n_opponents
-        self._uniforms = np.zeros((copies, 2 * count))  # [E, 2 N]
-        self._noise = np.zeros((copies, self.parameters.max_steps, count + 1))  # [E, T, N + 1]
-        self._positions = np.zeros(copies)  # [E]
-        self._opponents = np.zeros((copies, count))  # [E, N]
-        self._directions = np.zeros((copies, count))  # [E, N]
-        self._steps = np.zeros(copies, dtype=np.int64)  # [E]
+        constants = [getattr(self.parameters, name) for name in kernels.CONSTANTS]
+        self._copies = kernels.Copies(
+            constants=np.array(constants, dtype=np.float64),
+            crossing=self.parameters.crossing,
+            uniforms=np.zeros((copies, 2 * count)),
+            noise=np.zeros((copies, self.parameters.max_steps, count + 1)),
+            positions=np.zeros(copies),
+            opponents=np.zeros((copies, count)),
+            directions=np.zeros((copies, count)),
+            steps=np.zeros(copies, dtype=np.int64),
+        )
         self._waiting = np.ones(copies, dtype=np.bool_)  # [E] to begin an episode at the next step
         # Methods and slices looked up once: that costs as much as the shorter of the draws.
         self._draws: list[Any] = [None] * copies
@@ -95,12 +97,7 @@ class EvasionVectorEnv(VectorEnv[Floats, Integers, Any]):
         observations = self._empty_observations()
         kernels.begin_chosen(
             chosen,
-            self._constants,
-            self._uniforms,
-            self._positions,
-            self._opponents,
-            self._directions,
-            self._steps,
+            self._copies,
             observations,
         )
         return observations, {}
@@ -118,14 +115,7 @@ class EvasionVectorEnv(VectorEnv[Floats, Integers, Any]):
             actions,
             began,
             self.parameters.max_steps,
-            self._constants,
-            self.parameters.crossing,
-            self._uniforms,
-            self._noise,
-            self._positions,
-            self._opponents,
-            self._directions,
-            self._steps,
+            self._copies,
             observations,
             rewards,
             endings,
@@ -159,7 +149,7 @@ class EvasionVectorEnv(VectorEnv[Floats, Integers, Any]):
         for e in np.flatnonzero(chosen).tolist():
             if seeds[e] is not None or self._draws[e] is None:
                 generator, _ = seeding.np_random(seeds[e])
-                uniforms, noise = self._uniforms[e], self._noise[e]
+                uniforms, noise = self._copies.uniforms[e], self._copies.noise[e]
                 self._draws[e] = (generator.random, uniforms, generator.standard_normal, noise)
         self._is_ready = all(draws is not None for draws in self._draws)
 

@@ -47,7 +47,7 @@ def _(demonstrations: Demonstrations) -> str:
         "episodes": f"{len(kept)} kept of {len(demonstrations.episodes)}",
         "successes": f"{sum(outcomes)} of {len(outcomes)}" if outcomes else "",
         "mean return": f"{sum(e.undiscounted_return for e in kept) / len(kept):.4g}"
-        if kept and demonstrations.has_rewards
+        if kept and all(episode.has_rewards for episode in kept)
         else "",
         "transitions": f"{demonstrations.n_transitions:,}",
         "actions": ", ".join(actions),

@@ -1,5 +1,7 @@
 """Compiled loops over the parallel arrays of a tree."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from eutree.arrays import Booleans, Floats, Int32s, Integers, Unsigned
@@ -46,17 +48,23 @@ def locate(
             out[start + k] = leaf[node]
 
 
+class LabelledNodes(NamedTuple):
+    """The nodes of a tree, and the labels of its leaves."""
+
+    feature: Int32s  # [M]
+    threshold: Floats  # [M]
+    left: Int32s  # [M]
+    right: Int32s  # [M]
+    leaf: Int32s  # [M]
+    labels: Integers  # [L]
+
+
 @compiled
 def disagreeing_volume(
     leaf_low: Floats,  # [L, d] boxes of the first tree's leaves, clipped
     leaf_high: Floats,  # [L, d]
     labels: Integers,  # [L]
-    feature: Int32s,  # [M] the second tree
-    threshold: Floats,  # [M]
-    left: Int32s,  # [M]
-    right: Int32s,  # [M]
-    leaf: Int32s,  # [M]
-    other_labels: Integers,  # [L']
+    other: LabelledNodes,  # the second tree
     width: Floats,  # [d] of the whole box
     counts: Booleans,  # [d] whether the feature is a dimension of the box
 ) -> float:
@@ -66,7 +74,9 @@ def disagreeing_volume(
     The second tree is walked with a stack of nodes, each with its part of the first leaf's box.
     """
     n_features = leaf_low.shape[1]
+    feature, threshold, left, right = other.feature, other.threshold, other.left, other.right
     n_nodes = feature.shape[0]
+    # The pieces on the stack are disjoint: with those counted they make up the first leaf's box.
     stack = np.empty(n_nodes + 1, dtype=np.int64)
     low = np.empty((n_nodes + 1, n_features))
     high = np.empty((n_nodes + 1, n_features))
@@ -81,7 +91,7 @@ def disagreeing_volume(
             node = stack[size]
             tested = feature[node]
             if tested < 0:
-                if other_labels[leaf[node]] != labels[i]:
+                if other.labels[other.leaf[node]] != labels[i]:
                     volume = 1.0
                     for j in range(n_features):
                         if high[size, j] <= low[size, j]:
