@@ -19,6 +19,7 @@ import numpy as np
 
 from eutree import TreePolicy, evaluate, fit_expert_tree, learn, record
 from eutree.c45 import C45Settings, grow
+from eutree.compression import RealEpisodes
 from eutree.compression.compress import compress, observation_box
 from eutree.envs.experts import experts_for
 from eutree.evaluation import bootstrap
@@ -35,7 +36,7 @@ WAYS: dict[str, dict[str, Any]] = {
     "auto, rounded": {"mode": "auto", "round_thresholds": True},
     "budget of 1 %": {"max_disagreement": 0.01},
     "budget of 1 %, by Q-gap": {"max_disagreement": 0.01, "weights": "q-gap"},
-    "margin of return": {"margin": MARGIN},
+    "margin of return": {},
 }
 ALONE = {
     "the paper's: C4.5 unpruned": C45Settings.unpruned(),
@@ -116,8 +117,10 @@ def measure(name: str, runs: int, episodes: int, folder: Path) -> dict[str, list
 def compressed(tree: Learned, way: str, options: dict[str, Any]) -> TreePolicy:
     """Return a tree made smaller in one way; C4.5 alone is taken as it comes."""
     if way not in ALONE:
-        env = tree.policy.environment if "margin" in options else None
-        return compress(tree.policy, tree.observations, env=env, **options)[0]
+        real = None
+        if way == "margin of return" and tree.policy.environment is not None:
+            real = RealEpisodes(tree.policy.environment, margin=MARGIN)
+        return compress(tree.policy, tree.observations, real=real, **options)[0]
     actions = tree.policy.predict(tree.observations)[0]
     grown = grow(
         tree.observations, actions, n_classes=tree.policy.schema.n_actions, settings=ALONE[way]

@@ -22,6 +22,7 @@ import gymnasium
 import numpy as np
 
 import eutree
+from eutree.distillation import DistillationSettings
 from eutree.envs.experts import EXPERTS
 from eutree.evaluation import mean_interval
 
@@ -93,12 +94,14 @@ def distilled(
     tree, report = eutree.distill(
         EXPERTS[task.env][task.expert],
         env,
-        method=method,
-        learner=learner,
-        max_leaves=task.leaves,
-        iterations=ITERATIONS,
-        episodes=min(episodes, 100),
-        validation_episodes=min(2 * episodes, 200),
+        DistillationSettings(
+            method=method,
+            learner=learner,
+            max_leaves=task.leaves,
+            iterations=ITERATIONS,
+            episodes=min(episodes, 100),
+            validation_episodes=min(2 * episodes, 200),
+        ),
         demonstrations=demonstrations,
         seed=seed,
     )

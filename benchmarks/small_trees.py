@@ -34,6 +34,7 @@ import numpy as np
 from examples.two_tanks import FloatSwitch, method_for
 
 import eutree
+from eutree.distillation import DistillationSettings
 from eutree.envs.experts import EXPERTS
 from eutree.evaluation import mean_interval
 from eutree.files import read_archive
@@ -142,12 +143,14 @@ class Measurement:
             tree, told = eutree.distill(
                 teacher,
                 self._env,
-                method=name,
-                learner="cart",
-                max_leaves=self._task.leaves,
-                iterations=ROUNDS,
-                episodes=gathered,
-                validation_episodes=int(np.clip(affordable - gathered, 2, MOST_VALIDATED)),
+                DistillationSettings(
+                    method=name,
+                    learner="cart",
+                    max_leaves=self._task.leaves,
+                    iterations=ROUNDS,
+                    episodes=gathered,
+                    validation_episodes=int(np.clip(affordable - gathered, 2, MOST_VALIDATED)),
+                ),
                 seed=self._seed,
             )
             if told.environment_steps <= left or affordable <= 3:

@@ -18,6 +18,7 @@ import gymnasium
 import numpy as np
 
 import eutree
+from eutree.distillation import DistillationSettings
 from eutree.interaction import GriddedAction
 
 GRID = {"valve [%]": [0.0, 25.0, 50.0, 75.0, 100.0]}
@@ -126,7 +127,8 @@ def main() -> None:
     arguments = parser.parse_args()
     env = GriddedAction(gymnasium.make("ValveTank-v0"), GRID)
     rule = RuleOfThumb(env)
-    small, _ = eutree.distill(rule, env, max_leaves=arguments.max_leaves, seed=0)
+    settings = DistillationSettings(max_leaves=arguments.max_leaves)
+    small, _ = eutree.distill(rule, env, settings, seed=0)
     print(f"rule, any opening: mean return {with_any_opening(200, 1):.2f}")
     print(f"rule, five openings: {eutree.evaluate(rule, env, episodes=200, seed=1)}")
     print(f"tree: {eutree.evaluate(small, env, episodes=200, seed=1)}")

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from eutree.compression import compress
+from eutree.compression import RealEpisodes, compress
 from eutree.compression.costs import Costs
 from eutree.compression.pruning import Prunings
 from eutree.errors import InvalidArgumentError
@@ -145,7 +145,9 @@ BUSY = striped(0, 2.0, 1, 3.0, 0, 5.0, 1)
 
 def test_what_only_costs_return_is_pruned_and_steps_are_counted():
     Corridor.steps_made = 0
-    small, report = compress(BUSY, PLACES, env=Corridor(), margin=0.0, episodes=200, seed=3)
+    small, report = compress(
+        BUSY, PLACES, real=RealEpisodes(Corridor(), margin=0.0, episodes=200), seed=3
+    )
     assert (small.n_leaves, report.method) == (2, "return")
     assert report.mean_return_after > report.mean_return_before
     assert report.return_change.interval.low >= 0.0
@@ -157,7 +159,9 @@ def test_what_return_needs_stays():
     policy = striped(0, 5.0, 1, 9.0, 1)
     needed = replace(policy, actions=np.array([1, 0, 1]))  # wrong everywhere else
     by_decisions, _ = compress(needed, PLACES, max_disagreement=0.15)
-    by_return, report = compress(needed, PLACES, env=Corridor(), margin=0.5, episodes=200)
+    by_return, report = compress(
+        needed, PLACES, real=RealEpisodes(Corridor(), margin=0.5, episodes=200)
+    )
     assert by_decisions.predict([9.5])[0] == 0
     assert by_return.predict([9.5])[0] == 1
     assert report.return_change.interval.low >= -0.5
@@ -165,13 +169,17 @@ def test_what_return_needs_stays():
 
 def test_nothing_confirmed_gives_the_exact_merge():
     needed = striped(0, 5.0, 1)
-    result, report = compress(needed, PLACES, env=Corridor(), margin=0.0, episodes=60)
+    result, report = compress(
+        needed, PLACES, real=RealEpisodes(Corridor(), margin=0.0, episodes=60)
+    )
     assert (result.n_leaves, report.method, report.agreement) == (2, "merge", 1.0)
     assert report.return_change.value == 0.0
 
 
 def test_an_environment_alone_evaluates_before_and_after():
-    small, report = compress(BUSY, PLACES, max_disagreement=0.12, env=Corridor(), episodes=50)
+    small, report = compress(
+        BUSY, PLACES, max_disagreement=0.12, real=RealEpisodes(Corridor(), episodes=50)
+    )
     assert small.n_leaves == 2
     assert report.environment_steps == 2 * 50 * 10
     assert report.return_change.n == 50
@@ -182,7 +190,8 @@ def test_an_environment_alone_evaluates_before_and_after():
 
 def test_the_same_seed_gives_the_same_result():
     one, other = (
-        compress(BUSY, PLACES, env=Corridor(), margin=0.1, episodes=100, seed=4) for _ in range(2)
+        compress(BUSY, PLACES, real=RealEpisodes(Corridor(), margin=0.1, episodes=100), seed=4)
+        for _ in range(2)
     )
     assert one[0] == other[0]
     assert one[1] == other[1]
@@ -191,13 +200,11 @@ def test_the_same_seed_gives_the_same_result():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"margin": 1.0}, "margin needs env"),
-        ({"margin": 1.0, "max_disagreement": 0.1, "env": "x"}, "got both"),
+        ({"real": RealEpisodes("x", margin=1.0), "max_disagreement": 0.1}, "got both"),
         ({"max_disagreement": 1.5}, r"max_disagreement must be a number in \[0, 1\]"),
         ({"max_disagreement": 0.1, "mode": "merge"}, 'mode must be "auto"'),
         ({"weights": "q-gap", "max_disagreement": 0.1}, 'weights must be "visits"'),
         ({"weights": "vists"}, "Did you mean 'visits'"),
-        ({"confidence": 0.5}, "confidence must be a number in"),
     ],
 )
 def test_bad_demands_are_named(options, message):
@@ -205,14 +212,26 @@ def test_bad_demands_are_named(options, message):
         compress(BUSY, PLACES, **options)
 
 
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"confidence": 0.5}, "confidence must be a number in"),
+        ({"margin": -1.0}, "margin must be a number"),
+        ({"episodes": 1}, "episodes must be an integer >= 2, got 1"),
+        ({"return_range": (1.0, 0.0)}, "return_range must be the lowest"),
+    ],
+)
+def test_episodes_that_cannot_be_are_named(options, message):
+    with pytest.raises(InvalidArgumentError, match=message):
+        RealEpisodes("x", **options)
+
+
 def test_the_report_says_what_the_bounds_depend_on():
-    options = {"env": Corridor(), "margin": 0.5, "episodes": 100}
-    _, known = compress(BUSY, PLACES, return_range=(0.0, 50.0), **options)
+    bounded = RealEpisodes(Corridor(), margin=0.5, episodes=100, return_range=(0.0, 50.0))
+    _, known = compress(BUSY, PLACES, real=bounded)
     assert (known.range_known, known.return_range) == (True, (0.0, 50.0))
     assert known.episodes_needed > 400  # 100 cannot show that less than 0.5 of 50 is lost
     assert (known.method, known.return_change.n) == ("merge", 100)
-    _, seen = compress(BUSY, PLACES, env=Corridor(), margin=4.0, episodes=200)
+    _, seen = compress(BUSY, PLACES, real=RealEpisodes(Corridor(), margin=4.0, episodes=200))
     assert (seen.range_known, seen.episodes_needed) == (False, None)
     assert seen.return_range[1] - seen.return_range[0] >= 4.0 * 200 / 9
-    with pytest.raises(InvalidArgumentError, match="return_range must be the lowest"):
-        compress(BUSY, PLACES, return_range=(1.0, 0.0), **options)

@@ -6,6 +6,7 @@ import pytest
 
 import eutree
 from eutree.cli.main import run
+from eutree.compression import ImaginedEpisodes
 from eutree.envs.experts import follow_the_fall
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.policies import TreePolicy
@@ -56,8 +57,7 @@ def test_imagined_returns_keep_the_leaf_that_earns(known, policy, seed):
         policy,
         known.observations,
         max_leaves=2,
-        experience=known,
-        world_model=QUICK,
+        imagined=ImaginedEpisodes(known, QUICK),
         seed=seed,
     )
     assert small.n_leaves == 2
@@ -76,14 +76,16 @@ def test_labels_alone_give_it_up(known, policy):
 
 
 def test_same_seed_same_bytes(known, policy):
-    options = {"max_leaves": 2, "experience": known, "world_model": QUICK, "seed": 4}
+    options = {"max_leaves": 2, "imagined": ImaginedEpisodes(known, QUICK), "seed": 4}
     one, _ = eutree.compress(policy, known.observations, **options)
     other, _ = eutree.compress(policy, known.observations, **options)
     assert one.to_bytes() == other.to_bytes()
 
 
 def test_a_tree_that_is_small_enough_stays(known, policy):
-    small, report = eutree.compress(policy, known.observations, max_leaves=3, experience=known)
+    small, report = eutree.compress(
+        policy, known.observations, max_leaves=3, imagined=ImaginedEpisodes(known)
+    )
     assert small.n_leaves == 3
     assert report.method == "merge"
 
@@ -91,7 +93,7 @@ def test_a_tree_that_is_small_enough_stays(known, policy):
 def test_what_cannot_be_is_refused(known, policy):
     rows = known.observations
     for options, words in (
-        ({"experience": known}, "experience needs max_leaves"),
+        ({"imagined": ImaginedEpisodes(known)}, "imagined needs max_leaves"),
         ({"max_leaves": 2, "mode": "merge"}, 'max_leaves needs mode="auto"'),
         ({"max_leaves": 2, "max_disagreement": 0.1}, "neither max_disagreement nor margin"),
         ({"max_leaves": 1}, "max_leaves must be an integer >= 2, got 1"),
@@ -103,7 +105,7 @@ def test_what_cannot_be_is_refused(known, policy):
     other = TreePolicy(DecisionTree.single_leaf(2).split(0, 1, 0.5).split(0, 0, 0.5),
                        np.array([0, 1, 2]), Schema.anonymous(2, 3))  # fmt: skip
     with pytest.raises(InvalidArgumentError, match="transitions of 2 features"):
-        eutree.compress(other, np.ones((3, 2)), max_leaves=2, experience=known)
+        eutree.compress(other, np.ones((3, 2)), max_leaves=2, imagined=ImaginedEpisodes(known))
 
 
 def test_a_run_folder_has_the_experience(tmp_path, capsys):

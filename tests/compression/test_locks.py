@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from eutree.compression import compress
+from eutree.compression import RealEpisodes, compress
 from eutree.trees.boxes import leaf_boxes
 from tests.compression.test_compress import actions_on, random_policy
 
@@ -63,7 +63,10 @@ def test_what_is_locked_stays_within_a_margin_of_the_return(margin):
     policy = with_random_locks(random_policy(2, 20), 2, 0.2)
     rows = np.random.default_rng(1).random((100, 3)) * 12
     small, _ = compress(
-        policy, rows, env="eutree/Evasion2-v0", margin=margin, episodes=40, round_thresholds=True
+        policy,
+        rows,
+        real=RealEpisodes("eutree/Evasion2-v0", margin=margin, episodes=40),
+        round_thresholds=True,
     )
     assert locked_rules(small) == locked_rules(policy)
     assert small.n_leaves <= compress(policy, rows, mode="merge")[0].n_leaves

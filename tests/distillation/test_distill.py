@@ -8,6 +8,7 @@ import pytest
 
 import eutree
 from eutree.data import Demonstrations, Episode
+from eutree.distillation import DistillationSettings
 from eutree.distillation.distill import actions_on
 from eutree.distillation.fitting import LEARNERS, Labelled, fit
 from eutree.distillation.stakes import stakes_of, weights
@@ -60,12 +61,23 @@ def shown_until_the_jump(n=5):
     return Demonstrations((episode,) * n, schema)
 
 
+def distilled(teacher, env, *, seed=0, demonstrations=None, action_values=None, **settings):
+    return eutree.distill(
+        teacher,
+        env,
+        DistillationSettings(**settings),
+        demonstrations=demonstrations,
+        action_values=action_values,
+        seed=seed,
+    )
+
+
 def test_dagger_asks_where_the_tree_comes_to_and_cloning_does_not():
-    budget = {"demonstrations": shown_until_the_jump(), "episodes": 2, "validation_episodes": 2}
-    clone, report = eutree.distill(Teacher(), Cellar(), method="cloning", **budget)
+    shown, budget = shown_until_the_jump(), {"episodes": 2, "validation_episodes": 2}
+    clone, report = distilled(Teacher(), Cellar(), demonstrations=shown, method="cloning", **budget)
     assert (report.mean_return, report.n_leaves, len(report.rounds)) == (0.0, 2, 1)
     assert (report.labels, report.validation_steps, report.environment_steps) == (15, 20, 35)
-    tree, report = eutree.distill(Teacher(), Cellar(), iterations=2, **budget)
+    tree, report = distilled(Teacher(), Cellar(), demonstrations=shown, iterations=2, **budget)
     assert [made.mean_return for made in report.rounds] == [0.0, 1.0]
     assert [made.n_transitions for made in report.rounds] == [15, 35]
     assert (report.best, report.n_leaves, report.rounds[1].agreement) == (1, 3, 1.0)
@@ -77,7 +89,7 @@ def test_dagger_asks_where_the_tree_comes_to_and_cloning_does_not():
 
 def test_the_best_round_wins_and_the_smaller_of_equals():
     teacher, env = eutree.experts.balance, gymnasium.make("CartPole-v1")
-    tree, report = eutree.distill(
+    tree, report = distilled(
         teacher, env, max_leaves=4, iterations=3, episodes=2, validation_episodes=5, seed=3
     )
     returns = [made.mean_return for made in report.rounds]
@@ -93,7 +105,7 @@ def test_aggregation_is_that_of_the_naive_twin():
     sizes, returns = naive_dagger(
         lambda o: int(float(o[2]) + 0.2 * float(o[3]) > 0.0), env, **budget
     )
-    _, report = eutree.distill(eutree.experts.balance, env, max_leaves=None, **budget)
+    _, report = distilled(eutree.experts.balance, env, max_leaves=None, **budget)
     assert [made.n_transitions for made in report.rounds] == sizes
     assert [made.mean_return for made in report.rounds] == returns
 
@@ -103,7 +115,7 @@ def test_the_same_seed_gives_the_same_bytes(learner):
     env = gymnasium.make("MountainCar-v0")
     budget = {"learner": learner, "max_leaves": 3, "iterations": 2, "episodes": 1}
     first, again = (
-        eutree.distill(eutree.experts.push_along, env, validation_episodes=2, seed=7, **budget)
+        distilled(eutree.experts.push_along, env, validation_episodes=2, seed=7, **budget)
         for _ in range(2)
     )
     assert first[0].to_bytes() == again[0].to_bytes()
@@ -161,9 +173,9 @@ def test_a_tree_teacher_has_the_stakes_of_its_leaves():
 def test_viper_weights_and_says_so():
     teacher = Teacher()
     budget = {"iterations": 2, "episodes": 2, "validation_episodes": 2, "method": "viper"}
-    assert not eutree.distill(teacher, Cellar(), **budget)[1].weighted
+    assert not distilled(teacher, Cellar(), **budget)[1].weighted
     # Nothing is at stake but at the start: one leaf of its action is all that a tree needs.
-    tree, report = eutree.distill(
+    tree, report = distilled(
         teacher,
         Cellar(),
         action_values=lambda o: np.where(o == 0.0, [0.0, 1.0, 0.0], 0.0),
@@ -194,7 +206,7 @@ def test_what_is_refused():
     }
     for name, (options, kind) in cases.items():
         with pytest.raises(Exception, match=name) as caught:
-            eutree.distill(Teacher(), env, **options)
+            distilled(Teacher(), env, **options)
         assert isinstance(caught.value, kind)
     other = eutree.record(
         gymnasium.make("MountainCar-v0"), eutree.experts.push_along, episodes=1, seed=0
@@ -211,7 +223,7 @@ def test_what_is_refused():
 def test_cart_without_scikit_learn_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "sklearn.tree", None)
     with pytest.raises(MissingExtraError, match=r"eutree\[sklearn\]"):
-        eutree.distill(Teacher(), Cellar(), learner="cart", episodes=1, validation_episodes=2)
+        distilled(Teacher(), Cellar(), learner="cart", episodes=1, validation_episodes=2)
 
 
 def test_cart_decides_as_scikit_learn_does_one_step_of_float32_beside_its_thresholds():

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 import eutree
+from eutree.compression import RealEpisodes
+from eutree.distillation import DistillationSettings
 from eutree.errors import (
     EnvironmentFault,
     FileError,
@@ -135,9 +137,9 @@ def test_an_environment_that_is_made_stays(impatient):
 
 
 def test_a_distilled_tree_is_the_same_in_two_processes(impatient):
-    options = {"iterations": 3, "episodes": 3, "validation_episodes": 6, "seed": 4}
-    alone, report = eutree.distill(Parity(), "CartPole-v1", **options)
-    divided, again = eutree.distill(Parity(), "CartPole-v1", n_jobs=2, **options)
+    settings = DistillationSettings(iterations=3, episodes=3, validation_episodes=6)
+    alone, report = eutree.distill(Parity(), "CartPole-v1", settings, seed=4)
+    divided, again = eutree.distill(Parity(), "CartPole-v1", settings, seed=4, n_jobs=2)
     assert divided == alone
     assert again == report
 
@@ -146,9 +148,15 @@ def test_a_race_is_the_same_in_two_processes(impatient):
     env = gymnasium.make("CartPole-v1")
     demos = eutree.record(env, Parity(), episodes=5, seed=0)
     policy = eutree.fit_expert_tree(demos)
-    options = {"env": "CartPole-v1", "margin": 30.0, "episodes": 64, "seed": 2}
-    alone, report = eutree.compress(policy, demos.observations, **options)
-    divided, again = eutree.compress(policy, demos.observations, n_jobs=2, **options)
+    (alone, report), (divided, again) = (
+        eutree.compress(
+            policy,
+            demos.observations,
+            real=RealEpisodes("CartPole-v1", margin=30.0, episodes=64, n_jobs=n_jobs),
+            seed=2,
+        )
+        for n_jobs in (None, 2)
+    )
     assert divided == alone
     assert again == report
     assert report.environment_steps > 0

@@ -2,6 +2,7 @@
 
 import runpy
 import sys
+from dataclasses import replace
 
 import gymnasium
 import numpy as np
@@ -10,6 +11,7 @@ from examples.tank import AREA, EPISODE_STEPS, GRID, STEP, RuleOfThumb, Tank, wi
 from gymnasium.utils.env_checker import check_env
 
 import eutree
+from eutree.distillation import DistillationSettings
 from eutree.interaction import GriddedAction
 
 
@@ -29,8 +31,8 @@ def test_a_shut_valve_keeps_what_runs_in():
 def test_five_openings_hold_the_level_and_a_small_tree_does_so_too():
     env = GriddedAction(gymnasium.make("ValveTank-v0"), GRID)
     rule = RuleOfThumb(env)
-    options = {"max_leaves": 16, "iterations": 5, "episodes": 6, "validation_episodes": 20}
-    tree, _ = eutree.distill(rule, env, seed=0, **options)
+    settings = DistillationSettings(max_leaves=16, iterations=5, episodes=6, validation_episodes=20)
+    tree, _ = eutree.distill(rule, env, settings, seed=0)
     held, ruled = (eutree.evaluate(p, env, episodes=60, seed=2) for p in (tree, rule))
     always = eutree.TreePolicy(eutree.DecisionTree.single_leaf(3), np.array([2]), tree.schema)
     left = eutree.evaluate(always, env, episodes=60, seed=2)
@@ -54,6 +56,7 @@ def test_the_program_prints_and_writes(tmp_path, monkeypatch, capsys):
 
 
 def short(distill):
-    return lambda *arguments, **options: distill(
-        *arguments, **options, iterations=2, episodes=3, validation_episodes=4
+    fewer = {"iterations": 2, "episodes": 3, "validation_episodes": 4}
+    return lambda teacher, env, settings, **options: distill(
+        teacher, env, replace(settings, **fewer), **options
     )

@@ -13,6 +13,8 @@ import pytest
 
 import eutree
 from eutree.cli.main import run
+from eutree.compression import RealEpisodes
+from eutree.distillation import DistillationSettings
 from eutree.experiments.experiment import SMOKE
 
 LINE = ["reproduce", "expert", "--smoke", "--preset", "paper"]
@@ -102,8 +104,12 @@ def everything(folder):
     )  # fmt: skip
     return (
         eutree.evaluate(expert, task, episodes=12).returns.tolist(),
-        eutree.compress(expert, demos.observations, env=task, margin=50.0, episodes=32),
-        eutree.distill(teacher, task, iterations=2, episodes=2, validation_episodes=4),
+        eutree.compress(
+            expert, demos.observations, real=RealEpisodes(task, margin=50.0, episodes=32)
+        ),
+        eutree.distill(
+            teacher, task, DistillationSettings(iterations=2, episodes=2, validation_episodes=4)
+        ),
         runs.judged.returns.tolist(),
         {name: data for name, data in files_of(folder).items() if name != ".lock"},
     )

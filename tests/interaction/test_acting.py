@@ -8,6 +8,7 @@ import pytest
 from gymnasium import spaces
 
 import eutree
+from eutree.distillation import DistillationSettings
 from eutree.envs import experts
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import evaluate_policy
@@ -105,7 +106,9 @@ def test_record_evaluate_and_distill_give_the_environments_own_observation(name:
     assert demonstrations.actions.tolist() == [0, 1, 0, 1, 0] * 2
     assert eutree.evaluate(model, env, episodes=2).mean_return == 5.0
     assert evaluate_policy(model, env, 2) == (5.0, 0.0)  # type: ignore[arg-type]
-    tree, _ = eutree.distill(model, env, iterations=2, episodes=1, validation_episodes=2)
+    tree, _ = eutree.distill(
+        model, env, DistillationSettings(iterations=2, episodes=1, validation_episodes=2)
+    )
     assert eutree.evaluate(tree, env, episodes=2).mean_return == 5.0
 
 

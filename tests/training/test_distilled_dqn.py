@@ -12,6 +12,7 @@ import pytest
 import eutree
 from eutree.cli._learning import as_values, in_words, progress_of
 from eutree.cli.main import run
+from eutree.distillation import DistillationSettings
 from eutree.envs.experts import follow_the_fall
 from eutree.errors import InvalidArgumentError, RunFolderError
 from eutree.learners import DistilledDQN
@@ -124,9 +125,10 @@ def test_the_run_says_whether_its_model_can_be_trusted(shown, tmp_path):
 
 def test_the_teacher_can_be_distilled_again(whole, env):
     result, _ = whole
-    tree, told = eutree.distill(
-        result.teacher, env, method="viper", max_leaves=4, iterations=1, validation_episodes=2
+    settings = DistillationSettings(
+        method="viper", max_leaves=4, iterations=1, validation_episodes=2
     )
+    tree, told = eutree.distill(result.teacher, env, settings)
     assert told.weighted
     assert tree.n_leaves <= 4
 

@@ -74,8 +74,12 @@ def compress(
     out: Path,
     demos: Path | None,
     imagined: bool,
-    return_margin: float | None,
     evaluates: bool,
+    return_margin: float | None,
+    return_range: tuple[float, float] | None,
+    confidence: float,
+    episodes: int,
+    n_jobs: int | None,
     round_thresholds: tuple[str, ...],
     backend: str,
     address: str | None,
@@ -84,18 +88,20 @@ def compress(
     **options: Any,
 ) -> None:
     """Make the tree of SOURCE, a run folder or a policy file, smaller; report what changed."""
+    from eutree.compression import ImaginedEpisodes, RealEpisodes
     from eutree.compression import compress as compress_policy
     from eutree.files import check_writable
 
     output = Output(as_json=as_json)
     policy, observations = _read(source, demos)
-    spec = None
+    real = None
     if return_margin is not None or evaluates:
         if policy.environment is None:
             raise InvalidArgumentError(
                 f"{source} must name an environment for --evaluate and --return-margin"
             )
         spec = override(policy.environment, env_arguments)
+        real = RealEpisodes(spec, return_margin, confidence, episodes, return_range, n_jobs)
     elif env_arguments:
         raise InvalidArgumentError("--env-arg needs --evaluate or --return-margin")
     rounding = _rounding(round_thresholds)
@@ -104,9 +110,8 @@ def compress(
         small, report = compress_policy(
             policy,
             observations,
-            experience=_experience(source, demos, policy) if imagined else None,
-            env=spec,
-            margin=return_margin,
+            imagined=ImaginedEpisodes(_experience(source, demos, policy)) if imagined else None,
+            real=real,
             round_thresholds=rounding,
             **options,
         )

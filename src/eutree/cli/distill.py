@@ -45,11 +45,14 @@ def distill(
     backend: str,
     address: str | None,
     env_arguments: dict[str, Any],
+    seed: int,
+    n_jobs: int | None,
     as_json: bool,
-    **options: Any,
+    **settings: Any,
 ) -> None:
     """Make a small tree that decides in ENVIRONMENT as the teacher does."""
     from eutree.data import Demonstrations
+    from eutree.distillation import DistillationSettings
     from eutree.distillation.distill import distill as distill_teacher
     from eutree.files import check_writable
 
@@ -60,16 +63,18 @@ def distill(
     check_writable(out)
     with (
         cluster(backend, address),
-        output.progress("distilling", options["iterations"]) as progress,
+        output.progress("distilling", settings["iterations"]) as progress,
     ):
         tree, report = distill_teacher(
             teacher,
             spec,
+            DistillationSettings(**settings),
             demonstrations=shown,
             on_round=lambda number, made: progress.update(
                 number + 1, f"{counted(made.n_leaves, 'leaf')}, mean return {made.mean_return:.2f}"
             ),
-            **options,
+            seed=seed,
+            n_jobs=n_jobs,
         )
     tree.save(out)
     low, high = report.return_interval

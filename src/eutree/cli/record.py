@@ -1,5 +1,6 @@
 """``eutree record``: demonstrations by a person or a scripted expert."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,21 @@ if TYPE_CHECKING:
     from eutree.data import Episode
     from eutree.interaction import Recorder
     from eutree.interaction.browser import PageServer
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a person records: in a window of this desktop, or on a page of a local server.
+
+    Attributes:
+        window: Whether it is a window.
+        host: Address of the page.
+        port: Its port; 0 for any, None for the usual one or the next.
+    """
+
+    window: bool
+    host: str
+    port: int | None
 
 
 @click.command(epilog="Example: eutree record eutree/Evasion2-v0 --web --out demos/")
@@ -42,6 +58,10 @@ def record(
     episodes: int,
     expert: str | None,
     careless: float,
+    web: bool,
+    window: bool,
+    host: str,
+    port: int | None,
     env_arguments: dict[str, Any],
     seed: int,
     as_json: bool,
@@ -51,11 +71,14 @@ def record(
     output = Output(as_json=as_json)
     spec = EnvironmentSpec(environment, env_arguments)
     if expert is not None:
-        if person["web"] or person["window"]:
+        if web or window:
             raise InvalidArgumentError("choose one of --expert, --web and --window")
         _record_expert(output, spec, out, expert, episodes=episodes, careless=careless, seed=seed)
     else:
-        _record_person(output, spec, out, episodes=episodes, seed=seed, **person)
+        if web and window:
+            raise InvalidArgumentError("choose one of --web and --window")
+        place = Place(window, host, port)
+        _record_person(output, spec, out, place=place, episodes=episodes, seed=seed, **person)
 
 
 def _record_expert(
@@ -111,13 +134,10 @@ def _record_person(
     *,
     episodes: int,
     seed: int,
-    web: bool,
-    window: bool,
+    place: Place,
     keys: str | None,
     hud: bool,
     fps: float | None,
-    port: int | None,
-    host: str,
 ) -> None:
     import os
 
@@ -125,8 +145,7 @@ def _record_person(
     from eutree.interaction.making import make
     from eutree.interaction.window import record_in_window
 
-    if web and window:
-        raise InvalidArgumentError("choose one of --web and --window")
+    window = place.window
     if not window:
         os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # pictures are drawn without a display
     viewer = "window" if window else "browser"
@@ -140,7 +159,7 @@ def _record_person(
     if window:
         record_in_window(recorder)
     else:
-        _record_in_browser(output, recorder, spec, out, host=host, port=port)
+        _record_in_browser(output, recorder, spec, out, host=place.host, port=place.port)
     kept = [episode for episode in recorder.session.episodes if episode.kept]
     steps = sum(map(len, kept))
     if window and kept:

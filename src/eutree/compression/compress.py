@@ -11,9 +11,7 @@ demanded fidelity wins. Who can give something up gets less: a share of the reco
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
-import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -21,19 +19,16 @@ from eutree.arrays import Floats
 from eutree.c45 import C45Settings
 from eutree.compression.candidates import Ladder, by_c45, lossless, merged, with_locks
 from eutree.compression.costs import WEIGHTS, Costs
+from eutree.compression.episodes import ImaginedEpisodes, RealEpisodes
 from eutree.compression.imagined import Pruned, pruned_in_imagination
 from eutree.compression.racing import Arena, Verdict, meet, race
 from eutree.compression.report import CompressionReport
 from eutree.compression.rounding import Rounding, rounded, steps_of
-from eutree.data import Demonstrations
 from eutree.errors import InvalidArgumentError
-from eutree.interaction.return_range import return_range as known_range
-from eutree.learners import History
-from eutree.learners.model_planning import transitions_of
 from eutree.policies import TreePolicy
 from eutree.policy_search.betting import episodes_needed
 from eutree.policy_search.racing import Demand, first_error
-from eutree.schema import EnvironmentSpec, Schema
+from eutree.schema import Schema
 from eutree.trees.boxes import disagreement
 from eutree.validation import (
     check_choice,
@@ -41,17 +36,11 @@ from eutree.validation import (
     check_number,
     check_observations,
     check_seed,
-    check_vector,
 )
-from eutree.world_model import Transitions
-from eutree.world_model.ensemble import EnsembleSettings
 
 IMAGINED_STREAM = 41
 
 MODES = ("auto", "merge", "paper", "lossless")
-
-Experience = History | Demonstrations | Transitions
-Environment = gymnasium.Env[Any, Any] | EnvironmentSpec | str
 
 
 def compress(
@@ -61,17 +50,11 @@ def compress(
     mode: str = "auto",
     max_disagreement: float | None = None,
     max_leaves: int | None = None,
-    experience: Experience | None = None,
+    imagined: ImaginedEpisodes | None = None,
+    real: RealEpisodes | None = None,
     weights: str = "visits",
-    env: Environment | None = None,
-    margin: float | None = None,
-    confidence: float = 0.95,
-    episodes: int = 1000,
-    return_range: tuple[float, float] | None = None,
     round_thresholds: Rounding = False,
-    world_model: EnsembleSettings | None = None,
     seed: int = 0,
-    n_jobs: int | None = None,
 ) -> tuple[TreePolicy, CompressionReport]:
     """Return a policy with fewer leaves that decides the same, and what changed.
 
@@ -85,26 +68,17 @@ def compress(
             smallest of all ways. ``"paper"`` is unpruned C4.5, which may change some decisions.
         max_disagreement: Give the smallest tree that costs at most this share instead.
         max_leaves: Give a tree of at most so many leaves instead, whatever that costs.
-        experience: Transitions to imagine episodes by: a run's ``history``, or demonstrations. With
-            ``max_leaves`` nodes are then cut where that costs least in a world model fitted to
-            them, which is worth it from some ten thousand varied transitions on; without it,
-            where labels change least.
+        imagined: With ``max_leaves`` nodes are cut where that costs least in these episodes, which
+            is worth it from some ten thousand varied transitions on; without them, where labels
+            change least.
+        real: Where the result is evaluated beside the input, on the same fresh episodes; with a
+            margin, those that choose it.
         weights: What a changed decision costs: ``"visits"``, 1 each; ``"q-gap"``, what the values
             of the policy's leaves say it loses.
-        env: Where to evaluate the result beside the input, on the same fresh episodes.
-        margin: Give the smallest tree whose mean return in ``env`` is not lower than the input's
-            by more than this. That holds however rare its losses are, if the range of returns is
-            known; else for losses within the range of all returns seen.
-        confidence: Of the decision about the margin, and of each end of the interval reported.
-        episodes: Most episodes of each evaluation, and of each candidate before.
-        return_range: Lowest and highest return of an episode, where the environment does not say
-            so itself (``eutree.interaction.return_range``).
         round_thresholds: Write each threshold with the fewest significant digits that leave
             every recorded observation in its leaf of the result; or a step (0.1), or a step for
             each named feature: thresholds become multiples of it, which may change decisions.
-        world_model: How the world model of ``experience`` is fitted, if not as usual.
         seed: Seed of the episodes.
-        n_jobs: Processes for the episodes, as ``evaluate`` takes them; the result is the same.
 
     Returns:
         The compressed policy, never larger than the exact merge (``mode="merge"``), and a report.
@@ -112,36 +86,29 @@ def compress(
     check_choice("mode", mode, MODES)
     check_choice("weights", weights, WEIGHTS)
     check_seed(seed)
-    check_integer("episodes", episodes, low=2)
-    check_number("confidence", confidence, low=0.5, high=1, low_open=True, high_open=True)
-    _check_gates(mode, max_disagreement, env, margin)
-    _check_size(policy, mode, max_leaves, experience, others=(max_disagreement, margin))
+    margin = None if real is None else real.margin
+    _check_gates(mode, max_disagreement, margin)
+    _check_size(policy, mode, max_leaves, imagined, others=(max_disagreement, margin))
     rows = check_observations("observations", observations, n_features=policy.tree.n_features)
     costs = Costs.of(policy, rows, weights)
     steps = steps_of(round_thresholds, policy.schema)
     shortened = round_thresholds is not False
-    arena = None if env is None else Arena.of(env, seed, n_jobs)
-    verdict = demand = scores = None
-    if arena is not None:
-        demand = Demand(
-            margin=margin or 0.0,
-            error=1.0 - confidence,
-            episodes=episodes,
-            known_range=_checked_range(return_range) or known_range(arena.env),
-        )
+    arena = demand = verdict = scores = None
+    if real is not None:
+        arena = Arena.of(real.env, seed, real.n_jobs)
+        demand = real.demand(arena.env)
     if arena is not None and demand is not None and margin is not None:
         result, method, verdict = _by_return(
             policy, costs, arena, demand, steps=steps if shortened else None
         )
     elif max_leaves is not None:
-        chance = np.random.default_rng((seed, IMAGINED_STREAM))
         imagine = None
-        if experience is not None:
+        if imagined is not None:
             imagine = partial(
                 pruned_in_imagination,
-                known=_transitions(experience, policy),
-                settings=world_model or EnsembleSettings(),
-                generator=chance,
+                known=imagined.transitions(policy),
+                settings=imagined.world_model,
+                generator=np.random.default_rng((seed, IMAGINED_STREAM)),
             )
         result, method, scores = _of_size(policy, costs, max_leaves, imagine)
     elif max_disagreement is not None:
@@ -154,7 +121,7 @@ def compress(
     if arena is not None and demand is not None and verdict is None:
         verdict = meet(policy, result, arena, demand)
         too_few = _episodes_needed(demand, verdict) if margin else None
-    if arena is not None and arena.env is not env:
+    if arena is not None and real is not None and arena.env is not real.env:
         arena.env.close()
     report = _report(policy, result, method, costs, verdict)
     return result, replace(
@@ -222,35 +189,18 @@ def _of_size(
     return found.policy, found.method, (found.before, found.after)
 
 
-def _transitions(experience: Experience, policy: TreePolicy) -> Transitions:
-    """Return transitions in the features of a policy."""
-    if isinstance(experience, Transitions):
-        known = experience
-    elif isinstance(experience, History):
-        known = transitions_of(experience, policy.schema.n_actions)
-    else:
-        shown = experience.with_history(policy.history, policy.past_actions)
-        known = Transitions.of(shown.kept, policy.schema.n_actions)
-    if known.observations.shape[1] != policy.tree.n_features or not known.rewards.size:
-        raise InvalidArgumentError(
-            f"experience must hold transitions of {policy.tree.n_features} features, "
-            f"got shape {known.observations.shape}"
-        )
-    return known
-
-
 def _check_size(
     policy: TreePolicy,
     mode: str,
     max_leaves: int | None,
-    experience: Experience | None,
+    imagined: ImaginedEpisodes | None,
     *,
     others: tuple[float | None, float | None],
 ) -> None:
     """Raise InvalidArgumentError unless a limit of leaves can be asked for."""
     if max_leaves is None:
-        if experience is not None:
-            raise InvalidArgumentError("experience needs max_leaves, to prune a tree to")
+        if imagined is not None:
+            raise InvalidArgumentError("imagined needs max_leaves, to prune a tree to")
         return
     check_integer("max_leaves", max_leaves, low=2)
     if mode != "auto" or others != (None, None):
@@ -319,17 +269,6 @@ def _episodes_needed(demand: Demand, verdict: Verdict) -> int | None:
     return needed if needed > demand.episodes else None
 
 
-def _checked_range(given: tuple[float, float] | None) -> tuple[float, float] | None:
-    if given is None:
-        return None
-    ends = check_vector("return_range", given, size=2)
-    if not ends[0] <= ends[1]:
-        raise InvalidArgumentError(
-            f"return_range must be the lowest and the highest return, got {given}"
-        )
-    return float(ends[0]), float(ends[1])
-
-
 def _agreement(policy: TreePolicy, rows: Floats, wanted: ArrayLike) -> float:
     """Return the share of rows on which the policy decides as wanted; 1 if there are none."""
     if not rows.size:
@@ -337,16 +276,10 @@ def _agreement(policy: TreePolicy, rows: Floats, wanted: ArrayLike) -> float:
     return float((policy.actions[policy.tree.leaf_index(rows)] == wanted).mean())
 
 
-def _check_gates(
-    mode: str, max_disagreement: float | None, env: Environment | None, margin: float | None
-) -> None:
+def _check_gates(mode: str, max_disagreement: float | None, margin: float | None) -> None:
     """Raise InvalidArgumentError unless the demands can be met together."""
     if max_disagreement is not None:
         check_number("max_disagreement", max_disagreement, low=0, high=1)
-    if margin is not None:
-        check_number("margin", margin, low=0)
-        if env is None:
-            raise InvalidArgumentError("margin needs env, to evaluate trees in, got none")
     if max_disagreement is not None and margin is not None:
         raise InvalidArgumentError("give either max_disagreement or margin, got both")
     if mode != "auto" and (max_disagreement is not None or margin is not None):

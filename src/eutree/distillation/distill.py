@@ -17,8 +17,9 @@ import numpy as np
 
 from eutree.arrays import Integers
 from eutree.data import Demonstrations, Episode
-from eutree.distillation.fitting import LEARNERS, Labelled, fit
+from eutree.distillation.fitting import Labelled, fit
 from eutree.distillation.report import DistillationReport, Round
+from eutree.distillation.settings import DistillationSettings
 from eutree.distillation.stakes import ActionValues, Stakes, stakes_of, weights
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import Evaluation, evaluate
@@ -31,9 +32,7 @@ from eutree.interaction.seeding import Stream
 from eutree.parallel import Workers
 from eutree.policies import Policy, TreePolicy
 from eutree.schema import EnvironmentSpec, Schema
-from eutree.validation import check_choice, check_integer, check_seed
-
-METHODS = ("dagger", "viper", "cloning")
+from eutree.validation import check_seed
 
 Progress = Callable[[int, Round], None]
 
@@ -41,13 +40,8 @@ Progress = Callable[[int, Round], None]
 def distill(
     teacher: Controller,
     env: gymnasium.Env[Any, Any] | EnvironmentSpec | str,
+    settings: DistillationSettings | None = None,
     *,
-    method: str = "dagger",
-    learner: str = "c4.5",
-    max_leaves: int | None = 32,
-    iterations: int = 10,
-    episodes: int = 10,
-    validation_episodes: int = 50,
     demonstrations: Demonstrations | None = None,
     action_values: ActionValues | None = None,
     seed: int = 0,
@@ -61,13 +55,7 @@ def distill(
         teacher: Anything with SB3's ``predict``, or a function that makes such a thing for the
             environment, like ``eutree.experts.wait_at_crossing``.
         env: Where it acts: an environment, its id, or how to make it.
-        method: ``"cloning"`` fits one tree to the teacher's own episodes; ``"dagger"`` and
-            ``"viper"`` go on to fit trees to what the trees themselves come to.
-        learner: ``"c4.5"``, or ``"cart"`` (extra ``sklearn``).
-        max_leaves: Most leaves of the tree; None for what the learner makes.
-        iterations: Trees that are fitted, the first to the teacher's episodes alone.
-        episodes: Episodes gathered before each tree.
-        validation_episodes: Episodes of the validation of each tree.
+        settings: How; by default DAgger with C4.5, at most 32 leaves.
         demonstrations: What the teacher showed already; it takes the place of its first episodes.
         action_values: The teacher's Q, from observations [N, d] to [N, A], for VIPER's weights. By
             default a method of that name of the teacher, or the values of a ``TreePolicy``'s
@@ -84,20 +72,18 @@ def distill(
         EnvironmentFault: The environment broke its contract.
         MissingExtraError: CART without scikit-learn.
     """
-    check_choice("method", method, METHODS)
-    check_choice("learner", learner, LEARNERS)
-    _check_budgets(iterations, episodes, validation_episodes, max_leaves)
+    settings = settings or DistillationSettings()
     check_seed(seed)
     env, spec = made(env, n_jobs)
     policy = as_policy(teacher, env)
     guarded = GuardedEnv(env, strict=strict)
     warn_of_codes(env)
     stakes = None
-    if method == "viper":
+    if settings.method == "viper":
         stakes = stakes_of(policy, action_values, guarded.schema.n_actions)
     shown = demonstrations
     if shown is None:
-        shown = record(env, policy, episodes=episodes, seed=seed, strict=strict)
+        shown = record(env, policy, episodes=settings.episodes, seed=seed, strict=strict)
     _check_shown(shown, guarded.schema)
     guarded.take_names(shown.schema)
     team = None if spec is None else _Team(Workers(n_jobs), Recipe.of(spec), strict)
@@ -105,24 +91,24 @@ def distill(
     trees: list[TreePolicy] = []
     results: list[Evaluation] = []
     rounds: list[Round] = []
-    for number in range(1 if method == "cloning" else iterations):
+    for number in range(settings.rounds):
         if number:
-            school.gather(trees[-1], number, episodes)
+            school.gather(trees[-1], number, settings.episodes)
         data = school.data()
-        trees.append(fit(learner, data, guarded.schema, guarded.spec, max_leaves))
+        tree = fit(settings.learner, data, guarded.schema, guarded.spec, settings.max_leaves)
+        trees.append(tree)
         validation = episode_seed(seed, 0, Stream.VALIDATION)
         where, n = (env, None) if spec is None else (spec, n_jobs)
-        results.append(
-            evaluate(trees[-1], where, episodes=validation_episodes, seed=validation, n_jobs=n)
-        )
-        rounds.append(_round(data, trees[-1], results[-1]))
+        n_episodes = settings.validation_episodes
+        results.append(evaluate(tree, where, episodes=n_episodes, seed=validation, n_jobs=n))
+        rounds.append(_round(data, tree, results[-1]))
         if on_round is not None:
             on_round(number, rounds[-1])
     best = min(range(len(rounds)), key=lambda i: (-rounds[i].mean_return, rounds[i].n_leaves, i))
     validation_steps = sum(result.steps for result in results)
     return trees[best], DistillationReport(
-        method=method,
-        learner=learner,
+        method=settings.method,
+        learner=settings.learner,
         rounds=tuple(rounds),
         best=best,
         return_interval=results[best].return_interval,
@@ -222,16 +208,6 @@ def actions_on(teacher: Policy, episode: Episode, env: GuardedEnv) -> Integers:
 def _round(data: Labelled, tree: TreePolicy, result: Evaluation) -> Round:
     same = tree.predict(data.observations)[0] == data.actions
     return Round(data.actions.size, tree.n_leaves, float(same.mean()), result.mean_return)
-
-
-def _check_budgets(
-    iterations: int, episodes: int, validation_episodes: int, max_leaves: int | None
-) -> None:
-    check_integer("iterations", iterations, low=1)
-    check_integer("episodes", episodes, low=1)
-    check_integer("validation_episodes", validation_episodes, low=2)
-    if max_leaves is not None:
-        check_integer("max_leaves", max_leaves, low=1)
 
 
 def _check_shown(shown: Demonstrations, schema: Schema) -> None:

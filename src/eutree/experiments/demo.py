@@ -15,7 +15,7 @@ from typing import Any
 import joblib
 import numpy as np
 
-from eutree.compression import CompressionReport, compress
+from eutree.compression import CompressionReport, RealEpisodes, compress
 from eutree.compression.rounding import rounded
 from eutree.data import Demonstrations
 from eutree.envs.experts import experts_for
@@ -96,12 +96,12 @@ def run_demo(settings: DemoSettings, out: Path, *, say: Say, follow: Follow) -> 
         say(f"the tree that was shown has {counted(expert.n_leaves, 'leaf')}")
     runs = _learn(settings, demonstrations, expert, folder, say, follow)
     learned = runs.result
+    margin = settings.story.margin
     small, compression = compress(
         learned.policy,
         learned.history.observations,
         round_thresholds=True,
-        env=None if settings.story.margin is None else settings.changed,
-        margin=settings.story.margin,
+        real=None if margin is None else RealEpisodes(settings.changed, margin),
         seed=settings.seed,
     )
     _export(small, folder)

@@ -5,29 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from eutree.arrays import Integers
+from eutree.trees.building import TreeBuilder
 from eutree.trees.tree import DecisionTree
-
-
-class _Builder:
-    """A labelled tree that grows node by node, parents first."""
-
-    def __init__(self) -> None:
-        self.feature: list[int] = []
-        self.threshold: list[float] = []
-        self.children: list[list[int]] = []
-        self.leaf: list[int] = []
-        self.labels: list[int] = []
-
-    def add(self, feature: int, threshold: float, label: int) -> int:
-        """Append a test, or a leaf if ``feature`` is none; return the number of the node."""
-        is_leaf = feature == DecisionTree.NO_FEATURE
-        self.feature.append(feature)
-        self.threshold.append(threshold)
-        self.children.append([DecisionTree.NO_NODE, DecisionTree.NO_NODE])
-        self.leaf.append(len(self.labels) if is_leaf else DecisionTree.NO_LEAF)
-        if is_leaf:
-            self.labels.append(label)
-        return len(self.feature) - 1
 
 
 def graft(
@@ -51,7 +30,7 @@ def graft(
     holds[stock.node_of_leaf[list(kept)]] = True
     for node in range(stock.n_nodes - 1, 0, -1):
         holds[stock.parent[node]] |= holds[node]
-    built, marked = _Builder(), []
+    built, marked = TreeBuilder(stock.n_features), []
     nowhere = (-1, 0)
     everywhere = np.full(stock.n_features, -np.inf), np.full(stock.n_features, np.inf)
     work = [(stock, 0, everywhere, nowhere)]
@@ -66,27 +45,16 @@ def graft(
         if feature != tree.NO_FEATURE and cut <= low[feature]:
             work.append((tree, int(tree.right[node]), (low, high), (parent, side)))
             continue
-        leaf = int(tree.leaf[node])
-        label = -1
         if feature == tree.NO_FEATURE:
+            leaf = int(tree.leaf[node])
             label = kept[leaf] if tree is stock else int(labels[leaf])
-        number = built.add(feature, cut, label)
-        if feature == tree.NO_FEATURE and tree is stock:
-            marked.append(built.leaf[number])
-        if parent >= 0:
-            built.children[parent][side] = number
-        if feature != tree.NO_FEATURE:
-            below, above = high.copy(), low.copy()
-            below[feature] = above[feature] = cut
-            work.append((tree, int(tree.right[node]), (above, high), (number, 1)))
-            work.append((tree, int(tree.left[node]), (low, below), (number, 0)))
-    links = np.array(built.children, dtype=np.int32)
-    grafted = DecisionTree(
-        n_features=stock.n_features,
-        feature=np.array(built.feature, dtype=np.int32),
-        threshold=np.array(built.threshold),
-        left=links[:, 0],
-        right=links[:, 1],
-        leaf=np.array(built.leaf, dtype=np.int32),
-    )
-    return grafted, np.array(built.labels, dtype=np.int64), frozenset(marked)
+            number = built.leaf(label, parent=parent, side=side)
+            if tree is stock:
+                marked.append(number)
+            continue
+        number = built.test(feature, cut, parent=parent, side=side)
+        below, above = high.copy(), low.copy()
+        below[feature] = above[feature] = cut
+        work.append((tree, int(tree.right[node]), (above, high), (number, 1)))
+        work.append((tree, int(tree.left[node]), (low, below), (number, 0)))
+    return (*built.build(), frozenset(marked))

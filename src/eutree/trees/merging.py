@@ -4,6 +4,7 @@ import numpy as np
 
 from eutree.arrays import Integers
 from eutree.trees.boxes import node_boxes
+from eutree.trees.building import TreeBuilder
 from eutree.trees.tree import DecisionTree
 
 INNER = -1  # the label of a node that is no leaf
@@ -49,36 +50,15 @@ def rebuild(tree: DecisionTree, source: Integers, label: Integers) -> tuple[Deci
         source: The node that stands in each node's place: itself, or one below it, shape [M].
         label: Label of each node that is a leaf now, ``INNER`` of the others, shape [M].
     """
-    feature: list[int] = []
-    threshold: list[float] = []
-    children: list[list[int]] = []
-    leaf: list[int] = []
-    labels: list[int] = []
+    built = TreeBuilder(tree.n_features)
     pending = [(int(source[0]), -1, 0)]
     while pending:
         node, parent, side = pending.pop()
-        number = len(feature)
-        if parent >= 0:
-            children[parent][side] = number
-        children.append([tree.NO_NODE, tree.NO_NODE])
         if label[node] != INNER:
-            feature.append(tree.NO_FEATURE)
-            threshold.append(np.nan)
-            leaf.append(len(labels))
-            labels.append(int(label[node]))
+            built.leaf(int(label[node]), parent=parent, side=side)
             continue
-        feature.append(int(tree.feature[node]))
-        threshold.append(float(tree.threshold[node]))
-        leaf.append(tree.NO_LEAF)
+        feature, threshold = int(tree.feature[node]), float(tree.threshold[node])
+        number = built.test(feature, threshold, parent=parent, side=side)
         pending.append((int(source[tree.right[node]]), number, 1))
         pending.append((int(source[tree.left[node]]), number, 0))
-    links = np.array(children, dtype=np.int32)
-    merged = DecisionTree(
-        n_features=tree.n_features,
-        feature=np.array(feature, dtype=np.int32),
-        threshold=np.array(threshold),
-        left=links[:, 0],
-        right=links[:, 1],
-        leaf=np.array(leaf, dtype=np.int32),
-    )
-    return merged, np.array(labels, dtype=np.int64)
+    return built.build()

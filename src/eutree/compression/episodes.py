@@ -1,0 +1,104 @@
+"""Which episodes speak for a smaller tree: real ones, or those that a world model imagines."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import gymnasium
+
+from eutree.data import Demonstrations
+from eutree.errors import InvalidArgumentError
+from eutree.interaction.return_range import return_range as known_range
+from eutree.learners import History
+from eutree.learners.model_planning import transitions_of
+from eutree.policies import TreePolicy
+from eutree.policy_search.racing import Demand
+from eutree.schema import EnvironmentSpec
+from eutree.validation import check_integer, check_number, check_vector
+from eutree.world_model import Transitions
+from eutree.world_model.ensemble import EnsembleSettings
+
+Experience = History | Demonstrations | Transitions
+
+
+@dataclass(frozen=True)
+class RealEpisodes:
+    """Episodes in an environment, the same for every tree.
+
+    Attributes:
+        env: Where they run: an environment, its id, or how to make it.
+        margin: Give the smallest tree whose mean return is not lower than the input's by more than
+            this. That holds however rare its losses are, if the range of returns is known; else
+            for losses within the range of all returns seen. None only evaluates the result beside
+            the input.
+        confidence: Of the decision about the margin, and of each end of the interval reported.
+        episodes: Most episodes of each evaluation, and of each candidate before.
+        return_range: Lowest and highest return of an episode, where the environment does not say
+            so itself (``eutree.interaction.return_range``).
+        n_jobs: Processes for the episodes, as ``evaluate`` takes them; the result is the same.
+
+    Raises:
+        InvalidArgumentError: One of them is not as described.
+    """
+
+    env: gymnasium.Env[Any, Any] | EnvironmentSpec | str
+    margin: float | None = None
+    confidence: float = 0.95
+    episodes: int = 1000
+    return_range: tuple[float, float] | None = None
+    n_jobs: int | None = None
+
+    def __post_init__(self) -> None:
+        check_integer("episodes", self.episodes, low=2)
+        check_number("confidence", self.confidence, low=0.5, high=1, low_open=True, high_open=True)
+        if self.margin is not None:
+            check_number("margin", self.margin, low=0.0)
+        if self.return_range is not None:
+            low, high = check_vector("return_range", self.return_range, size=2).tolist()
+            if not low <= high:
+                raise InvalidArgumentError(
+                    "return_range must be the lowest and the highest return, "
+                    f"got {self.return_range}"
+                )
+            object.__setattr__(self, "return_range", (low, high))
+
+    def demand(self, env: gymnasium.Env[Any, Any]) -> Demand:
+        """Return what a tree has to keep in the environment, which has been made."""
+        return Demand(
+            margin=self.margin or 0.0,
+            error=1.0 - self.confidence,
+            episodes=self.episodes,
+            known_range=self.return_range or known_range(env),
+        )
+
+
+@dataclass(frozen=True)
+class ImaginedEpisodes:
+    """Episodes imagined by a world model.
+
+    Attributes:
+        experience: What it is fitted to: a run's ``history``, demonstrations, or transitions.
+        world_model: How.
+    """
+
+    experience: Experience
+    world_model: EnsembleSettings = field(default_factory=EnsembleSettings)
+
+    def transitions(self, policy: TreePolicy) -> Transitions:
+        """Return the experience in the features of a policy.
+
+        Raises:
+            InvalidArgumentError: It has other features, or holds nothing.
+        """
+        if isinstance(self.experience, Transitions):
+            known = self.experience
+        elif isinstance(self.experience, History):
+            known = transitions_of(self.experience, policy.schema.n_actions)
+        else:
+            shown = self.experience.with_history(policy.history, policy.past_actions)
+            known = Transitions.of(shown.kept, policy.schema.n_actions)
+        if known.observations.shape[1] != policy.tree.n_features or not known.rewards.size:
+            raise InvalidArgumentError(
+                f"experience must hold transitions of {policy.tree.n_features} features, "
+                f"got shape {known.observations.shape}"
+            )
+        return known
