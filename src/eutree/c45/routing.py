@@ -1,6 +1,6 @@
 """The leaf of a C4.5 tree that each case comes to; several, where a tested value is unknown."""
 
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,15 +10,22 @@ from eutree.c45 import _kernels_prediction
 from eutree.c45._kernels_prediction import Branches
 from eutree.errors import InvalidArgumentError
 
-if TYPE_CHECKING:
-    from eutree.c45.tree import C45Tree
+
+class Routes(NamedTuple):
+    """What a case that is led down a tree meets; see ``C45Tree``."""
+
+    n_features: int
+    branches: Branches
+    distribution: Floats  # [M, A]
+    probability: Floats  # [M, A]
+    label: Integers  # [M]
 
 
 class RoutedCases:
     """Cases that were led down a tree.
 
     Args:
-        tree: The tree.
+        tree: Where the cases are led.
         observations: The cases, shape [N, d].
 
     Attributes:
@@ -29,7 +36,7 @@ class RoutedCases:
         InvalidArgumentError: The cases have another number of attributes.
     """
 
-    def __init__(self, tree: "C45Tree", observations: ArrayLike) -> None:
+    def __init__(self, tree: Routes, observations: ArrayLike) -> None:
         rows = np.ascontiguousarray(observations, dtype=np.float64)
         if rows.ndim != 2 or rows.shape[1] != tree.n_features:
             raise InvalidArgumentError(
@@ -37,12 +44,8 @@ class RoutedCases:
             )
         self._tree = tree
         self._rows = read_only(rows)
-        self._branches = Branches(
-            tree.feature, tree.threshold, tree.first_child, tree.n_children,
-            tree.value_start, tree.value_branch,
-        )  # fmt: skip
         self.leaf: Int32s = np.empty(len(rows), dtype=np.int32)
-        n = _kernels_prediction.find_leaves(self._branches, self._rows, self.leaf)
+        n = _kernels_prediction.find_leaves(tree.branches, self._rows, self.leaf)
         self.fractional: Integers = np.flatnonzero(self.leaf < 0) if n else np.empty(0, np.int64)
 
     def main_leaf(self) -> Int32s:
@@ -69,11 +72,11 @@ class RoutedCases:
     def _shared_out(self) -> tuple[Floats, Int32s]:
         """Return the probabilities of fractional cases, and the leaf of each's largest share."""
         tree, n = self._tree, self.fractional.size
-        shares = np.zeros((n, tree.n_classes))
+        shares = np.zeros((n, tree.distribution.shape[1]))
         leaves = np.empty(n, dtype=np.int32)
         weight = tree.distribution.sum(axis=1)
         _kernels_prediction.share_out(
-            self._branches, weight, tree.probability, self._rows, self.fractional, shares, leaves
+            tree.branches, weight, tree.probability, self._rows, self.fractional, shares, leaves
         )
         return shares, leaves
 

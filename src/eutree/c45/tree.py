@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from eutree.arrays import Floats, Int32s, Integers, frozen
-from eutree.c45.routing import RoutedCases
+from eutree.c45._kernels_prediction import Branches
+from eutree.c45.routing import RoutedCases, Routes
 from eutree.errors import InvalidArgumentError
 from eutree.trees import DecisionTree
 from eutree.trees.tree import longest_path
@@ -147,15 +148,23 @@ class C45Tree:
 
         Of the leaves of a fractional case it is the one with the largest share.
         """
-        return RoutedCases(self, observations).main_leaf()
+        return RoutedCases(self._routes, observations).main_leaf()
 
     def predict(self, observations: ArrayLike) -> Integers:
         """Return the most probable class of each observation, shape [N]."""
-        return RoutedCases(self, observations).label()
+        return RoutedCases(self._routes, observations).label()
 
     def predict_proba(self, observations: ArrayLike) -> Floats:
         """Return the share of each class at the leaf (or leaves) of each observation, [N, A]."""
-        return RoutedCases(self, observations).probability()
+        return RoutedCases(self._routes, observations).probability()
+
+    @cached_property
+    def _routes(self) -> Routes:
+        branches = Branches(
+            self.feature, self.threshold, self.first_child, self.n_children,
+            self.value_start, self.value_branch,
+        )  # fmt: skip
+        return Routes(self.n_features, branches, self.distribution, self.probability, self.label)
 
     def to_decision_tree(self) -> tuple[DecisionTree, Integers]:
         """Return the same tree as a ``DecisionTree``, and the class of each of its leaves.
