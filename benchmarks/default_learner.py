@@ -42,6 +42,7 @@ class Case:
     every: int = 20
     final: int = 1000
     limit: int = 0  # leaves to which real episodes prune the last tree, if any
+    compared: bool = False  # whether the expert tree runs the last episodes too
 
 
 def planning(**choices: Any) -> PlanningMethod:
@@ -62,6 +63,14 @@ CASES = {
     "eu-tree-dt": replace(GATE, start="tree"),
     "c-u-tree": replace(GATE, demonstrations=0, episodes=1000),
     "three": replace(GATE, env="eutree/Evasion3-v0", episodes=600),
+    "four": replace(
+        GATE,
+        env="eutree/Evasion-v0",
+        shown={"n_opponents": 4},
+        learned={"n_opponents": 4},
+        method=planning(improvement=replace(IMPROVEMENT, max_leaves=30)),
+        compared=True,
+    ),
     "speed-4.2": replace(GATE, learned={"opponent_speed": 4.2}),
     "direction": replace(
         GATE, shown={"observe_direction": True}, learned={"observe_direction": True}
@@ -118,6 +127,10 @@ def run(case: Case, seed: int) -> dict[str, Any]:
         "return_curve": _joined(point.mean_return for point in result.curve),
         "leaves_curve": _joined(point.n_leaves for point in result.curve),
     }
+    if case.compared and demonstrations:
+        expert = eutree.fit_expert_tree(demonstrations)
+        begin = eutree.evaluate(expert, env, episodes=case.final, seed=1_000_000 + seed)
+        row["expert_success"], row["expert_return"] = begin.success_rate, begin.mean_return
     if case.limit:
         raced = eutree.learn(
             env,
@@ -196,7 +209,37 @@ def page(folder: Path) -> str:
         ]
         lines.append("| " + " | ".join(cells) + " |")
     seeds = f"seeds from 0, {' or '.join(str(count) for count in sorted(counts))} runs a case"
-    return PAGE.format(seeds=seeds) + "\n".join(lines) + "\n" + pruned(folder)
+    return PAGE.format(seeds=seeds) + "\n".join(lines) + "\n" + pruned(folder) + compared(folder)
+
+
+COMPARED = """
+On the same fresh episodes the expert tree that a run began with; *worst* is the run in which the
+learned tree's success is least above it (or most below), in points.
+
+| case | expert tree's success % | return | learned more, points | worst |
+|---|---|---|---|---|
+"""
+
+
+def compared(folder: Path) -> str:
+    """Return the table of the expert trees beside what was learned from them."""
+    lines = []
+    for name, case in CASES.items():
+        path = folder / f"{name}.csv"
+        if not case.compared or not path.exists():
+            continue
+        with path.open(newline="") as file:
+            rows = list(csv.DictReader(file))
+        gains = [100 * (float(r["success"]) - float(r["expert_success"])) for r in rows]
+        cells = [
+            name,
+            _mean([100 * float(r["expert_success"]) for r in rows]),
+            _mean([float(r["expert_return"]) for r in rows]),
+            _mean(gains),
+            f"{min(gains):.1f}",
+        ]
+        lines.append("| " + " | ".join(cells) + " |")
+    return COMPARED + "\n".join(lines) + "\n" if lines else ""
 
 
 def pruned(folder: Path) -> str:

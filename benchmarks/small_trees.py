@@ -1,7 +1,7 @@
 """Measure the method distilled-dqn: small trees from mediocre demonstrations, every step counted.
 
 Run: python benchmarks/small_trees.py TASK [TASK ...] [--seeds 10] [--first 0] [--steps N]
-     [--max-leaves L] [--out docs/results] [--runs FOLDER] [--links] [--pages]
+     [--max-leaves L] [--out docs/results] [--runs FOLDER] [--links] [--cut LEAVES] [--pages]
 
 For each seed 15 demonstrations of a mediocre scripted controller are recorded, and `learn` goes on
 from them with what is left of the steps: the teacher's, DAgger's and the races' steps all count,
@@ -10,9 +10,11 @@ episodes, C4.5's tree of the demonstrations, the teacher, and what DAgger and VI
 of that very teacher at the same size, with the steps that it left.
 Seeds that the table in `--out` has already are not run again; what they lack of DAgger and VIPER is
 added, for which the teacher alone learns once more, to the same bytes.
-With `--links` nothing is run: for each of a task's runs in `--runs` it says where the chain from
-teacher to tree loses, one figure for each link, and how the other world model, planning's model
-trees, would have ordered the trees that were really run.
+With `--links` nothing is learned: for each of a task's runs in `--runs`, finished or not, it says
+where the chain from teacher to tree loses, one figure for each link, and how the other world model,
+planning's model trees, would have ordered the trees that were really run.
+With `--cut LEAVES` nothing is learned: each run's tree is cut to so many leaves as `eutree compress
+--max-leaves LEAVES --imagined` does it, which takes no step, and evaluated on the same episodes.
 `--pages` writes the pages of the tables in `--out` anew, and runs nothing.
 Seeds from 1000 on are for tuning; reported are seeds below.
 """
@@ -40,15 +42,17 @@ from eutree.evaluation import mean_interval
 from eutree.files import read_archive
 from eutree.learners.contenders import Contender, unpacked_contenders
 from eutree.learners.distilled_dqn import DistilledDQN
-from eutree.learners.distilled_dqn_learner import Stage
+from eutree.learners.distilled_dqn_learner import NUMBERS, Stage
 from eutree.learners.stored_state import part
 from eutree.policies import TreePolicy
 from eutree.policy_search.rank_correlation import RankCorrelation, rank_correlation
 from eutree.training import stored_transitions
 from eutree.training.checkpoint import MAX_CHECKPOINT, CheckpointDocument
 from eutree.world_model import ActionTree, PairedRollouts, fit_world_models
+from eutree.world_model.action_trees import to_decision_tree
 
 FINAL_EPISODES = 200
+SEEDS = 10
 DEMONSTRATIONS = 15
 ROUNDS = 10  # trees of DAgger and of VIPER
 MOST_GATHERED, MOST_VALIDATED = 10, 50  # episodes for each of them: eutree.distill's own
@@ -77,6 +81,7 @@ TASKS = {
     "MountainCar": Task("MountainCar-v0", EXPERTS["MountainCar-v0"]["push"], 6, 100_000, -99.1),
     "TwoTanks": Task("TwoTanks-v0", FloatSwitch(), 20, 100_000, None, method_for),
 }
+CUT_COLUMNS = ("seed", "whole", "return", "error", "leaves", "before", "after", "seconds")
 COLUMNS = ("seed", "shown", "start", "return", "error", "leaves", "steps", "seconds", "teacher",
            "teacher_steps", *(f"{name}{what}" for name in BASELINES
                               for what in ("", "_leaves", "_steps")))  # fmt: skip
@@ -196,9 +201,12 @@ class Measurement:
 
     def _evaluated(self, policy: Any) -> Any:
         """Evaluate on fresh episodes, the same for all."""
-        return eutree.evaluate(
-            policy, self._env, episodes=FINAL_EPISODES, seed=1_000_000 + self._seed
-        )
+        return evaluated(policy, self._env, self._seed)
+
+
+def evaluated(policy: Any, env: Any, seed: int) -> Any:
+    """Evaluate on a seed's fresh episodes, the same for all."""
+    return eutree.evaluate(policy, env, episodes=FINAL_EPISODES, seed=1_000_000 + seed)
 
 
 def events_of(folder: Path) -> list[dict[str, Any]]:
@@ -213,18 +221,12 @@ def teacher_steps(folder: Path) -> int:
     return max(event["steps"] for event in events if event.get("stage") == "teacher")
 
 
-def report(task: Task, rows: list[Row], command: str) -> str:
-    """Return the page of one task."""
-    returns = np.array([row["return"] for row in rows])
+def front_matter(command: str) -> list[str]:
+    """Return the first lines of a page: what made it, of which commit, when."""
     commit = subprocess.run(
         ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=True
     ).stdout.strip()
-    interval = "one seed: no interval over seeds"
-    if len(rows) > 1:
-        low, high = mean_interval(returns)
-        interval = f"95 % over seeds [{low:.1f}, {high:.1f}]"
-    target = "clearly better than its start" if task.target is None else f"{task.target:g}"
-    lines = [
+    return [
         "---",
         f"command: {command}",
         f"commit: {commit}",
@@ -233,13 +235,33 @@ def report(task: Task, rows: list[Row], command: str) -> str:
         "src/eutree/neural src/eutree/world_model src/eutree/policy_search src/eutree/cart",
         "---",
         "",
+    ]
+
+
+def summary(returns: list[float]) -> str:
+    """Return the mean over seeds, its interval and the worst seed, in words."""
+    interval = "one seed: no interval over seeds"
+    if len(returns) > 1:
+        low, high = mean_interval(np.array(returns))
+        interval = f"95 % over seeds [{low:.1f}, {high:.1f}]"
+    return (
+        f"Mean of {len(returns)} seed{'s' if len(returns) > 1 else ''}: {np.mean(returns):.1f}, "
+        f"{interval}; worst seed {min(returns):.1f}"
+    )
+
+
+def report(task: Task, rows: list[Row], command: str) -> str:
+    """Return the page of one task."""
+    returns = [row["return"] for row in rows]
+    target = "clearly better than its start" if task.target is None else f"{task.target:g}"
+    lines = [
+        *front_matter(command),
         f"# {task.env}: a small tree from a counted teacher",
         "",
         f"Made by `{command}`.",
         f"At most {task.leaves} leaves and {task.steps:,} environment steps, all counted; "
         f"target: {target}.",
-        f"Mean of {len(rows)} seed{'s' if len(rows) > 1 else ''}: {returns.mean():.1f}, {interval};"
-        f" worst seed {returns.min():.1f}.",
+        f"{summary(returns)}.",
         "",
         "| seed | demonstrations | C4.5's tree of them | learned | s.e. of 200 episodes | leaves "
         "| steps | CPU s | teacher | DAgger | VIPER |",
@@ -280,17 +302,26 @@ def table_of(path: Path) -> dict[int, Row]:
     return {int(row["seed"]): row for row in rows}
 
 
-def write_table(path: Path, rows: list[Row]) -> None:
+def write_table(path: Path, rows: list[Row], columns: tuple[str, ...] = COLUMNS) -> None:
     """Write rows as CSV."""
     with path.open("w", newline="") as file:
-        writer = csv.DictWriter(file, fieldnames=COLUMNS)
+        writer = csv.DictWriter(file, fieldnames=columns)
         writer.writeheader()
         writer.writerows(rows)
 
 
-def command_of(name: str) -> str:
-    """Return what makes the page of a task."""
-    return f"python benchmarks/small_trees.py {name}"
+def command_of(name: str, rows: list[Row], more: str = "") -> str:
+    """Return what makes the page of a task, of these seeds: one command for each stretch."""
+    seeds = [int(row["seed"]) for row in rows]
+    begins = [seed for seed in seeds if seed - 1 not in seeds]
+    ends = [seed for seed in seeds if seed + 1 not in seeds]
+    commands = []
+    for begin, end in zip(begins, ends, strict=True):
+        command = f"python benchmarks/small_trees.py {name}"
+        command += f" --first {begin}" if begin else ""
+        command += f" --seeds {end - begin + 1}" if end - begin + 1 != SEEDS else ""
+        commands.append(command + more)
+    return " && ".join(commands)
 
 
 def measure(name: str, task: Task, options: argparse.Namespace) -> None:
@@ -310,7 +341,84 @@ def measure(name: str, task: Task, options: argparse.Namespace) -> None:
         print(name, row, file=sys.stderr, flush=True)
         rows = [known[number] for number in sorted(known)]
         write_table(path, rows)
-        path.with_suffix(".md").write_text(report(task, rows, command_of(name)))
+        path.with_suffix(".md").write_text(report(task, rows, command_of(name, rows)))
+
+
+def cut(task: Task, folder: Path, leaves: int) -> Row:
+    """Return what a run's tree comes to, cut to so many leaves by imagined returns."""
+    seed = int(folder.name.rpartition("-")[2])
+    policy = policy_of(folder)
+    env = gymnasium.make(task.env)
+    begin = time.process_time()
+    known = stored_transitions(folder, policy.schema.n_actions)
+    small, told = eutree.compress(
+        policy,
+        known.observations,
+        max_leaves=leaves,
+        experience=known,
+        world_model=task.method(leaves).world_model,
+        seed=seed,
+    )
+    seconds = time.process_time() - begin
+    found = evaluated(small, env, seed)
+    before, after = told.imagined or (float("nan"), float("nan"))
+    return {
+        "seed": seed,
+        "whole": round(evaluated(policy, env, seed).mean_return, 2),
+        "return": round(found.mean_return, 2),
+        "error": round(float(np.std(found.returns) / FINAL_EPISODES**0.5), 2),
+        "leaves": small.n_leaves,
+        "before": round(before, 2),
+        "after": round(after, 2),
+        "seconds": round(seconds),
+    }
+
+
+def report_of_cuts(name: str, leaves: int, rows: list[Row]) -> str:
+    """Return the page of trees that were cut."""
+    learned = command_of(name, rows, " --runs runs")
+    command = f"python benchmarks/small_trees.py {name} --cut {leaves} --runs runs"
+    returns = [row["return"] for row in rows]
+    return "\n".join(
+        [
+            *front_matter(f"{learned} && {command}"),
+            f"# {TASKS[name].env}: the trees of the runs, cut to {leaves} leaves",
+            "",
+            f"Made by `{command}` from the folders of the runs of `{learned}`. Each tree",
+            "is cut by imagined returns, in a world model fitted to its run's transitions; that",
+            f"takes no step. Return on 200 fresh episodes: {summary(returns)}.",
+            "",
+            "| seed | whole tree | cut | s.e. of 200 episodes | leaves | imagined before "
+            "| imagined after | CPU s |",
+            "|---|---|---|---|---|---|---|---|",
+            *(
+                f"| {row['seed']} | {row['whole']:.1f} | {row['return']:.1f} | {row['error']:.1f} "
+                f"| {row['leaves']} | {row['before']:.1f} | {row['after']:.1f} "
+                f"| {row['seconds']} |"
+                for row in rows
+            ),
+            "",
+        ]
+    )
+
+
+def cut_all(name: str, options: argparse.Namespace) -> None:
+    """Cut the trees of a task's runs, those not cut before, and write the page."""
+    path = options.out / f"small-trees-{name}-cut-{options.cut}.csv"
+    known = table_of(path)
+    for folder in runs_of(name, options.runs):
+        if int(folder.name.rpartition("-")[2]) not in known:
+            row = cut(TASKS[name], folder, options.cut)
+            known[int(row["seed"])] = row
+            rows = [known[number] for number in sorted(known)]
+            write_table(path, rows, CUT_COLUMNS)
+            path.with_suffix(".md").write_text(report_of_cuts(name, options.cut, rows))
+
+
+def runs_of(name: str, runs: Path | None) -> list[Path]:
+    """Return the folders of a task's runs in which trees have raced."""
+    folders = sorted(path.parent for path in (runs or Path()).glob(f"{name}-*/events.jsonl"))
+    return [one for one in folders if any("entrant" in event for event in events_of(one))]
 
 
 def links(folder: Path) -> dict[str, str]:
@@ -333,9 +441,30 @@ def links(folder: Path) -> dict[str, str]:
         "DAgger's large trees": means(earned.get("dagger", [])),
         "CART of the size allowed": means(of["cart"]),
         "pruned by imagined returns": means(of["pruned"]),
+        **of_rounds(events),
+        "the policy now, 200 fresh episodes": earned_by_policy(folder),
+        "steps of the teacher, and so far": f"{teacher_steps(folder):,}, {events[-1]['steps']:,}",
         "the best of them in races": f"{max(of['pruned'], default=float('nan')):.1f}",
         "order by the networks": str_of(neural),
         "order by model trees": str_of(trees),
+    }
+
+
+def of_rounds(events: list[dict[str, Any]]) -> dict[str, str]:
+    """Return what prunings earned in their first race, for the first and for later races."""
+    heats = [e for e in events if e.get("stage") == "race" and "entrant" in e]
+    first_race: dict[int, int] = {}
+    returns: dict[int, list[float]] = {}
+    of_round: dict[int, list[float]] = {}
+    for heat in heats:
+        race, entrant = heat["race"], heat["entrant"]
+        if heat["origin"].startswith("pruned") and first_race.setdefault(entrant, race) == race:
+            returns.setdefault(entrant, []).append(heat["return"])
+    for entrant, earned in returns.items():
+        of_round.setdefault(min(first_race[entrant], 2), []).append(float(np.mean(earned)))
+    return {
+        "prunings in their first race, first round": means(of_round.get(1, [])),
+        "the same, later rounds": means(of_round.get(2, [])),
     }
 
 
@@ -345,9 +474,30 @@ def contenders_of(folder: Path) -> list[Contender]:
     return unpacked_contenders(part(arrays, "contender_"))
 
 
+def policy_of(folder: Path) -> TreePolicy:
+    """Return the policy of a run: the last, or that of the checkpoint where it is not finished."""
+    if (folder / "policy.json").exists():
+        return TreePolicy.load(folder / "policy.json")
+    expert = TreePolicy.load(folder / "expert.json")
+    _, arrays = read_archive(folder / "checkpoint.npz", CheckpointDocument, limit=MAX_CHECKPOINT)
+    incumbent = int(arrays["numbers"][NUMBERS.index("incumbent")])
+    tree = contenders_of(folder)[incumbent].tree
+    structure, actions = to_decision_tree(tree, expert.tree.n_features)
+    return replace(expert, tree=structure, actions=actions, leaves=None, locked=())
+
+
+def earned_by_policy(folder: Path) -> str:
+    """Return the mean return of a run's policy on the seed's fresh episodes, and its leaves."""
+    name, _, seed = folder.name.rpartition("-")
+    policy = policy_of(folder)
+    found = evaluated(policy, gymnasium.make(TASKS[name].env), int(seed))
+    error = float(np.std(found.returns) / FINAL_EPISODES**0.5)
+    return f"{found.mean_return:.1f} (s.e. {error:.1f}), {policy.n_leaves} leaves"
+
+
 def imagined_by_model_trees(folder: Path, trees: list[ActionTree]) -> Any:
     """Return the mean return of each tree in planning's world model of the run's transitions."""
-    n_actions = TreePolicy.load(folder / "policy.json").schema.n_actions
+    n_actions = policy_of(folder).schema.n_actions
     known = stored_transitions(folder, n_actions).recent(50_000)
     model = fit_world_models(known, (0.99,))[0]  # as pessimistic as planning's challenger
     rollouts = PairedRollouts(model, 150, 1.0, np.random.default_rng(0))
@@ -387,7 +537,7 @@ def table_of_links(folders: list[Path]) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("tasks", nargs="+", choices=list(TASKS))
-    parser.add_argument("--seeds", type=int, default=10)
+    parser.add_argument("--seeds", type=int, default=SEEDS)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--steps", type=int, help="in place of the task's")
     parser.add_argument("--max-leaves", type=int, help="in place of the task's")
@@ -398,17 +548,21 @@ def main() -> None:
         "--pages", action="store_true", help="write the pages of the tables anew, no run"
     )
     parser.add_argument("--links", action="store_true", help="say where the chain loses, no run")
+    parser.add_argument("--cut", type=int, metavar="LEAVES", help="cut the runs' trees, no run")
     options = parser.parse_args()
     if options.links:
         for name in options.tasks:
-            folders = sorted((options.runs or Path()).glob(f"{name}-*"))
-            print(table_of_links([one for one in folders if (one / "policy.json").exists()]))
+            print(table_of_links(runs_of(name, options.runs)))
+        return
+    if options.cut:
+        for name in options.tasks:
+            cut_all(name, options)
         return
     if options.pages:
         for name in options.tasks:
             path = options.out / f"small-trees-{name}.csv"
             rows = [row for _, row in sorted(table_of(path).items())]
-            path.with_suffix(".md").write_text(report(TASKS[name], rows, command_of(name)))
+            path.with_suffix(".md").write_text(report(TASKS[name], rows, command_of(name, rows)))
         return
     options.out.mkdir(parents=True, exist_ok=True)
     for name in options.tasks:
