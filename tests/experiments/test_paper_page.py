@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from eutree.evaluation.intervals import Estimate
+from eutree.experiments.claims import judged
 from eutree.experiments.objective import NUMBERS
 from eutree.experiments.search import CHOICES, FIRST_SEED, PLAN
 
@@ -65,3 +67,24 @@ def test_the_judging_seeds_are_not_those_of_the_search():
     most = max(len(rung.keep) for rung in PLAN.rungs)
     searched = set(range(FIRST_SEED, FIRST_SEED + most))
     assert not searched & set(range(judged.first_seed, judged.first_seed + judged.runs))
+
+
+@pytest.mark.parametrize(
+    ("value", "interval", "times", "inside"),
+    [
+        (0.98, (0.94, 0.99), (0.04 / 0.03) ** 2, True),  # the lower end has to rise to 0.95
+        (0.94, (0.92, 0.97), (0.03 / 0.01) ** 2, False),  # the upper end has to fall to 0.95
+        (0.95, (0.90, 0.99), None, True),
+        (0.99, (0.98, 1.0), None, True),  # told
+    ],
+)
+def test_how_many_more_runs_would_tell_by_hand(value, interval, times, inside):
+    claim = judged("x", "s", paper="1", estimate=Estimate(value, interval, 15), low=0.95, rule="r")
+    assert claim.times == (None if times is None else pytest.approx(times))
+    assert claim.is_inside == inside
+
+
+def test_both_ends_have_to_be_cleared():
+    estimate = Estimate(1.0, (-4.0, 7.0), 15)
+    claim = judged("x", "s", paper="2", estimate=estimate, low=0.0, high=5.0, rule="r")
+    assert claim.times == pytest.approx(25.0)

@@ -23,6 +23,10 @@ class Claim:
         rule: What had to be true of our number.
         unit: Unit of our number, for people to read.
         preset: Settings under which ours was found.
+        times: How many times as many runs would tell, about, if our number stayed what it is and
+            the interval shrank with the root of the runs; None where that is told, or where our
+            number is just what decides.
+        is_inside: Whether our number itself is as the rule wants it.
     """
 
     id: str
@@ -34,6 +38,8 @@ class Claim:
     rule: str
     unit: str = ""
     preset: str = ""
+    times: float | None = None
+    is_inside: bool = True
 
 
 def judged(
@@ -68,7 +74,21 @@ def judged(
         holds=verdict,
         rule=rule,
         unit=unit,
+        times=None if verdict != OPEN else _times(estimate.value, (lower, upper), (low, high)),
+        is_inside=low <= estimate.value <= high,
     )
+
+
+def _times(
+    value: float, interval: tuple[float, float], allowed: tuple[float, float]
+) -> float | None:
+    """Return how many times as many runs would tell: intervals shrink with the root of the runs."""
+    across = [end for end in allowed if interval[0] <= end <= interval[1]]
+    if not allowed[0] <= value <= allowed[1]:
+        across = [min(across, key=lambda end: abs(end - value))]
+    if value in across:
+        return None
+    return max(((interval[int(end > value)] - value) / (end - value)) ** 2 for end in across)
 
 
 def close_to(

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 SHOWN = 6  # settings side by side
 LISTED = 8  # settings that are named beside a number
+WELL_TRIED = 20  # settings that make it unlikely that another one shows both
 LEAST_TRIED = 3  # settings that must have told both numbers before they can exclude each other
 
 
@@ -43,7 +44,8 @@ def to_csv(scored: Sequence[Scored]) -> str:
     for index, one in enumerate(scored, start=1):
         choices = choices_of(one.setting)
         row = [index, *(choices.get(name, "") for name in CHOICES)]
-        row += [one.stage, one.runs, one.final, f"{one.distance.mean:.4f}"]
+        stage = f'"{one.stage}"' if "," in one.stage else one.stage
+        row += [stage, one.runs, one.final, f"{one.distance.mean:.4f}"]
         row += [one.distance.n_agreeing, len(one.distance.costs)]
         ours = one.distance.ours
         row += [f"{ours[n.name]:.4g}" if n.name in ours else "" for n in NUMBERS]
@@ -129,10 +131,13 @@ def _exclusions(scored: Sequence[Scored]) -> str:
     return text + "Each agrees under some setting, both under none.\n\n" + _table(head, rows)
 
 
-def exclusions(scored: Sequence[Scored]) -> dict[tuple[str, str], tuple[int, int, int]]:
+def exclusions(
+    scored: Sequence[Scored], least: int = LEAST_TRIED
+) -> dict[tuple[str, str], tuple[int, int, int]]:
     """Return the pairs of numbers that agree under some setting each, and under none together.
 
     With each pair: how many settings tell both, how many agree in the first, and in the second.
+    Pairs that fewer than ``least`` settings tell are left out.
     """
     found = {}
     for first, second in combinations([number.name for number in NUMBERS], 2):
@@ -140,19 +145,19 @@ def exclusions(scored: Sequence[Scored]) -> dict[tuple[str, str], tuple[int, int
                 if first in one.distance.costs and second in one.distance.costs]  # fmt: skip
         alone = [sum(costs[name] == 0.0 for costs in both) for name in (first, second)]
         together = sum(costs[first] == 0.0 == costs[second] for costs in both)
-        if len(both) >= LEAST_TRIED and all(alone) and not together:
+        if len(both) >= least and all(alone) and not together:
             found[first, second] = (len(both), alone[0], alone[1])
     return found
 
 
-def most_together(scored: Sequence[Scored]) -> frozenset[str]:
+def most_together(scored: Sequence[Scored], least: int = LEAST_TRIED) -> frozenset[str]:
     """Return a largest set of numbers, each of which agrees somewhere and no two exclude another.
 
     No setting agrees in more numbers than it has, if what two numbers do together under the
     settings tried is all that they can do.
     """
     apart: dict[str, set[str]] = {number.name: set() for number in NUMBERS}
-    for first, second in exclusions(scored):
+    for first, second in exclusions(scored, least):
         apart[first].add(second)
         apart[second].add(first)
     agree = [name for name in apart if any(one.distance.costs.get(name) == 0.0 for one in scored)]
@@ -178,6 +183,7 @@ def _largest(names: Sequence[str], apart: Mapping[str, set[str]]) -> frozenset[s
 def _together(scored: Sequence[Scored]) -> str:
     """Return how many numbers could agree at once, by pairs, and how many did."""
     most = most_together(scored)
+    sure = most_together(scored, WELL_TRIED)
     best = max(scored, key=_agreeing)
     left_out = [number.name for number in NUMBERS if number.name not in most]
     return (
@@ -188,7 +194,8 @@ def _together(scored: Sequence[Scored]) -> str:
         f"{_agreeing(best)} of {len(best.distance.costs)} (setting {scored.index(best) + 1}). "
         "Three claims are not numbers of the search: that compression loses no performance, "
         "never enlarges a tree and keeps the mapping, which are so at every setting. So the "
-        f"settings tried leave room for at most {len(most) + 3} of {len(NUMBERS) + 3} claims."
+        f"settings tried leave room for at most {len(most) + 3} of {len(NUMBERS) + 3} claims; "
+        f"for {len(sure) + 3} if only pairs count that {WELL_TRIED} settings or more tell."
     )
 
 
