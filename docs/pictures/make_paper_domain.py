@@ -35,8 +35,8 @@ brings the agent past the second opponent, so the box of states in which a singl
 nearly all of them; to stop in all of them earns nothing, so it was refused, and no other was tried.
 Now a learner that knows but one action also tries boxes in which fewer stops pay, each of them more
 (`Improvement.improve`, `begin`). In `eutree/Evasion2-v0` from nothing (4 seeds, 400 episodes, the
-same rule also within runs) it came to 98.3 % and 90.1 against 98.5 % and 90.4 before; on CartPole and
-MountainCar (2 seeds, 200 and 150 episodes) nothing changed. From a tree nothing changed, to the bit.
+same rule also within runs) it came to 98.3 % and 90.1, against 98.5 % and 90.4 before; on CartPole
+and MountainCar (2 seeds, 200 and 150 episodes) nothing changed. From a tree nothing changed at all.
 
 | learner | preset | success % | return | leaves |
 |---|---|---|---|---|
