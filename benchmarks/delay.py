@@ -18,7 +18,8 @@ from eutree.data.timing import shift_delay
 from eutree.envs import _dynamics as dynamics
 from eutree.interaction.events import KeyDown, KeyUp, Seen
 from eutree.interaction.guard import GuardedEnv
-from eutree.interaction.session import COUNTDOWN, PLAYING, Session
+from eutree.interaction.play import COUNTDOWN, PLAYING
+from eutree.interaction.session import Session
 from eutree.interaction.settings import SessionSettings
 
 TICK = 1 / 60
