@@ -1,6 +1,6 @@
 """Does it help to label the observation that was on the screen when the key was pressed?
 
-Run: PYTHONPATH=src:. python -m benchmarks.delay [--seeds 3]
+Run: PYTHONPATH=src:. python -m benchmarks.delay [--seeds 3] [--styles careful ...]
 
 Simulated hands before the recording engine itself, on its own clock: they see the pictures that it
 gives out, some time later, and hold or release Space. A tree is fitted to each folder of 15
@@ -24,16 +24,28 @@ from eutree.interaction.settings import SessionSettings
 
 TICK = 1 / 60
 LINES = (8.0, 18.0)  # where the danger of a crossing begins [m]
-STYLES = ("careful", "brisk", "tails")
+WAITING = 2.6  # how far before a line one waits [m]
+EARLY = {"slows-early": 8.0, "over-careful": 5.0}  # nearer than this a disc stops one before that
+STYLES = ("careful", "brisk", "tails", *EARLY)
+LOOK_BACK = 6  # ticks after which what has moved is seen to have moved
 
 
-def goes(style: str, position: float, across: list[float], heading: list[float]) -> bool:
-    """Return whether somebody of a style wants to go, from what they see."""
+def goes(
+    style: str, position: float, across: list[float], heading: list[float], *, moves: bool
+) -> bool:
+    """Return whether somebody of a style wants to go, from what they see.
+
+    Who slows early stops for one decision on the way to a line, so only while the agent ``moves``;
+    who is over-careful, as long as a disc is near.
+    """
     for line, y, towards in zip(LINES, across, heading, strict=True):
-        if not line - 2.6 <= position < line:
+        on_the_way = line - 2.0 * WAITING <= position < line - WAITING
+        if on_the_way and abs(y) < EARLY.get(style, 0.0) and (moves or style == "over-careful"):
+            return False
+        if not line - WAITING <= position < line:
             continue
         comes = y * towards < 0.0
-        near = abs(y) < {"careful": 8.3, "brisk": 6.5}.get(style, 7.5)
+        near = abs(y) < {"brisk": 6.5, "tails": 7.5}.get(style, 8.3)
         if style == "tails":
             near = abs(y) < 2.2 or (comes and near)
         if near:
@@ -72,7 +84,8 @@ class Hands:
         while state in (COUNTDOWN, PLAYING):
             past.append((self.now, self.shown))
             seen = [shown for when, shown in past if when <= self.now - self.delay]
-            wants = bool(seen) and goes(self.style, *seen[-1])
+            moves = len(seen) > LOOK_BACK and seen[-1][0] > seen[-1 - LOOK_BACK][0]
+            wants = bool(seen) and goes(self.style, *seen[-1], moves=moves)
             change = [(KeyDown if wants else KeyUp)("space", self.frame)] * (wants != held)
             held, state = wants, self.tick(*change)
         self.tick(KeyUp("space", self.frame))
@@ -89,10 +102,12 @@ class Hands:
 def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--seeds", type=int, default=3)
-    seeds = range(parser.parse_args().seeds)
+    parser.add_argument("--styles", nargs="+", choices=STYLES, default=STYLES)
+    arguments = parser.parse_args()
+    seeds = range(arguments.seeds)
     print("| style | delay | own | as recorded | shifted | difference, mean and each |")
     print("|---|---|---|---|---|---|")
-    for style in STYLES:
+    for style in arguments.styles:
         for delay in (0.2, 0.35):
             rows = []
             for seed in seeds:

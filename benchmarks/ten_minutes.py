@@ -1,6 +1,6 @@
 """From `eutree record --web` to a tree that succeeds: a player who sees only the page's picture.
 
-    PYTHONPATH=src:. python -m benchmarks.ten_minutes
+    PYTHONPATH=src:. python -m benchmarks.ten_minutes [--seed 0] [--delay 0.2]
 
 Opens the page in headless Chromium and plays fifteen episodes at speed 1: it finds the blue disc,
 the red ones and the orange lines by their colours in what is drawn, 200 ms late, waits at a line
@@ -183,11 +183,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--episodes", type=int, default=15)
     parser.add_argument("--delay", type=float, default=0.2)
+    parser.add_argument("--seed", type=int, default=0, help="of the recorded episodes")
     arguments = parser.parse_args()
     began = time.monotonic()
     with tempfile.TemporaryDirectory() as name, sync_playwright() as playwright:
         folder = Path(name)
-        with recording(folder, "--episodes", str(arguments.episodes)) as (process, url):
+        options = ("--episodes", str(arguments.episodes), "--seed", str(arguments.seed))
+        with recording(folder, *options) as (process, url):
             browser = playwright.chromium.launch(
                 executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"]
             )

@@ -242,6 +242,7 @@ def test_stats_tell_a_person_s_delay_and_fit_shifts_by_it(eutree, tmp_path) -> N
     assert "a key waited 0.50 s on average for the step that took it (3 keys)" in answer.out
     assert "cannot be told from these episodes" in answer.out
     assert eutree("demos", "stats", "demos", "--json").json["delay"]["wait"] == 0.5
+    stored = {path: path.read_bytes() for path in (tmp_path / "demos").rglob("*.npz")}
     plain = eutree("fit", "demos", "--out", "a.json", "--json", "--min-objects", 1)
     shifted = eutree(
         "fit", "demos", "--out", "b.json", "--json", "--shift-delay", "--min-objects", 1
@@ -249,6 +250,8 @@ def test_stats_tell_a_person_s_delay_and_fit_shifts_by_it(eutree, tmp_path) -> N
     assert (plain.code, shifted.code) == (0, 0)
     first, second = ((tmp_path / name).read_text() for name in ("a.json", "b.json"))
     assert first != second
+    assert stored
+    assert all(path.read_bytes() == was for path, was in stored.items())  # stays raw
 
 
 def test_a_script_has_no_delay(eutree, demonstrations) -> None:

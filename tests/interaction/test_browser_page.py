@@ -10,6 +10,7 @@ import pytest
 
 import eutree  # noqa: F401 - registers the environments
 from eutree.data import Demonstrations
+from eutree.data.timing import estimate_delay
 from eutree.errors import InvalidArgumentError
 from eutree.interaction.browser.server import HIDDEN
 from eutree.interaction.replay import replay
@@ -125,6 +126,9 @@ def test_a_person_records_redoes_discards_leaves_and_comes_back(chromium, tmp_pa
         assert held.astype(int).tolist() == episode.actions.tolist()  # holding Space is "go"
         assert np.all(episode.steps["frame"] <= episode.steps["picture"])
     assert all(result.is_equal for result in replay(stored))
+    told = estimate_delay(stored)  # what the times of a recording are for
+    assert told.n_edges >= 1
+    assert told.wait > 0.0
 
 
 @pytest.mark.promise(25)
@@ -419,6 +423,47 @@ def test_the_screen_shows_what_a_key_will_do_and_when(chromium, tmp_path) -> Non
         person.up("ArrowRight")
 
 
+def test_the_first_decision_is_what_one_sees_and_does_after_the_count(chromium, tmp_path) -> None:
+    """It falls one interval after the countdown, so that a reaction is in time for it."""
+    with serving(tmp_path, Corridor(length=100, limit=10_000), fps=0.5) as served:
+        person = Person(chromium, served).until(state="opening")
+        person.tap("Enter").until(state="playing")
+        assert person.data("step") == "0"
+        person.down("ArrowRight").until(step=1).up("ArrowRight").tap("e").until(state="review")
+    demos = Demonstrations.load(tmp_path / "demos")
+    assert demos.episodes[0].actions[0] == 2
+    times, edges = demos.episodes[0].steps["time"], demos.episodes[0].extras["edges"]
+    assert edges[0][2] < times[0]  # it had not been decided before the key
+
+
+def test_a_key_that_is_held_while_it_counts_is_the_first_decision(chromium, tmp_path) -> None:
+    with serving(tmp_path, Corridor(length=100, limit=10_000), fps=2.0) as served:
+        served.session.settings = replace(served.session.settings, countdown=1.5)
+        person = Person(chromium, served).until(state="opening")
+        person.tap("Enter").until(state="countdown").down("ArrowLeft")
+        person.until(state="playing", step=2).up("ArrowLeft").tap("e").until(state="review")
+    assert Demonstrations.load(tmp_path / "demos").episodes[0].actions[:2].tolist() == [0, 0]
+
+
+def test_without_an_idle_action_nothing_happens_before_the_first_key(chromium, tmp_path) -> None:
+    """CartPole has 50 decisions a second, and untouched at full speed it is over in 0.2 s."""
+    cart = gymnasium.make("CartPole-v1", render_mode="rgb_array")
+    with serving(tmp_path, cart) as served:
+        person = Person(chromium, served).until(state="opening")
+        assert person.page.locator("#speed").input_value() == "0.25"
+        assert "shown slowly at first" in person.page.locator("#how").inner_text()
+        assert "the goal is to balance the pole" in person.page.locator("#text").inner_text()
+        person.tap("Enter").until(state="playing").rest(1.0)
+        assert person.data("step") == "0"
+        assert person.page.locator("#title").inner_text() == "Press a key to begin"
+        assert person.page.locator("#pill").is_hidden()  # nothing is under way
+        person.down("ArrowRight").page.locator("#pill").wait_for()
+        person.until(state="review").up("ArrowRight")
+    episode = Demonstrations.load(tmp_path / "demos").episodes[0]
+    assert set(episode.actions) == {1}
+    assert set(episode.steps["speed"]) == {0.25}
+
+
 def test_arrow_keys_harm_nothing(chromium, tmp_path) -> None:
     with serving(tmp_path, evasion(), fps=2.0) as served:
         person = Person(chromium, served).until(state="opening")
@@ -469,6 +514,7 @@ DRAWING = (
     '<svg xmlns="http://www.w3.org/2000/svg" width="80" height="20">'
     '<rect width="80" height="20"/></svg>'
 )
+WIDE_DRAWING = DRAWING.replace('width="80"', 'width="4000"')
 
 
 class ScriptedMaker:
@@ -529,6 +575,28 @@ def test_the_end_is_one_button(chromium, tmp_path) -> None:
         assert person.page.evaluate(CONTRAST) == []
         assert person.messages == []
         person.tap("Escape").until(state="finished")
+
+
+@pytest.mark.parametrize("width", [1920, 390])
+def test_a_large_tree_and_its_commands_can_be_read(chromium, tmp_path, width) -> None:
+    maker = ScriptedMaker()
+    long = f"eutree export {'demos/' * 20}demos-tree.json --format c"
+    maker.ready = replace(maker.ready, svg=WIDE_DRAWING, commands=(long,))
+    with serving(tmp_path, maker=maker) as served:
+        person = Person(chromium, served).until(state="opening")
+        person.page.set_viewport_size({"width": width, "height": 900})
+        person.tap("Enter").until(state="playing").down("ArrowRight").until(state="review")
+        person.up("ArrowRight").rest(0.8)
+        served.session.wishes.express("make")
+        person.until(tree="ready")
+        tree = person.page.locator("#tree")
+        tree.evaluate("image => image.decode()")
+        assert tree.evaluate("image => image.clientWidth / image.naturalWidth") >= 0.75
+        assert person.page.locator("#drawing").evaluate("d => d.scrollWidth > d.clientWidth")
+        command = person.page.locator("#commands code")  # wrapped, so that no part is hidden
+        assert command.evaluate("code => code.scrollWidth - code.clientWidth") <= 0
+        wide = "() => document.documentElement.scrollWidth - document.documentElement.clientWidth"
+        assert person.page.evaluate(wide) == 0
 
 
 def test_who_has_only_fingers_is_told_of_buttons(chromium, tmp_path) -> None:

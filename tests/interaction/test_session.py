@@ -409,8 +409,14 @@ def test_the_task_is_told_in_the_environment_s_own_words() -> None:
     assert Person(env).view.task == "Walk to the end."
     assert Person().view.task == ""
     cart = gymnasium.make("CartPole-v1", render_mode="rgb_array")
-    assert task_description(cart).startswith("This environment corresponds to the version of")
-    assert "[" not in task_description(cart)
+    told = task_description(cart)
+    assert told.startswith("A pole is attached by an un-actuated joint to a cart")
+    assert "the goal is to balance the pole" in told  # who is to show it has to know
+    assert told.endswith(".")
+    assert len(told) <= 420
+    acrobot = gymnasium.make("Acrobot-v1", render_mode="rgb_array")
+    assert "swing the free end" in task_description(acrobot)
+    assert "[" not in task_description(acrobot)
     evasion = gymnasium.make("eutree/Evasion2-v0", opponent_speed=2.0)
     assert "None of the 2 red discs may touch its ring" in task_description(evasion)
 

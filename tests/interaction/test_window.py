@@ -16,7 +16,15 @@ from eutree.interaction.recorder import Recorder
 from eutree.interaction.replay import replay
 from eutree.interaction.settings import SessionSettings
 from eutree.interaction.window import Gamepad, Window, key_name
-from eutree.interaction.window_screen import CARD_TOP, MOST_LINES, SIZE, STAGE, fitting, words
+from eutree.interaction.window_screen import (
+    CARD_TOP,
+    MOST_LINES,
+    SIZE,
+    STAGE,
+    fitting,
+    pill,
+    words,
+)
 from tests.interaction.people import Corridor
 from tests.interaction.xvfb import display
 
@@ -288,6 +296,20 @@ def test_the_window_says_the_task_and_what_the_keys_do(tmp_path) -> None:
     person.tap(pygame.K_RETURN)
     assert person.view.state == "countdown"
     assert words(person.view)[1][0].startswith("Hold the key while it counts")
+    person.recorder.close()
+    person.window.close()
+
+
+def test_no_action_is_named_before_the_first_key(tmp_path) -> None:
+    cart = gymnasium.make("CartPole-v1", render_mode="rgb_array")
+    person = Person(tmp_path / "demos", cart, countdown=0.4)
+    person.tap(pygame.K_RETURN)
+    assert (person.view.state, pill(person.view)) == ("countdown", ("", True))
+    person.until("playing").rest(0.1)
+    assert words(person.view)[0] == "Press a key to begin"
+    assert pill(person.view) == ("", True)
+    person.down(pygame.K_RIGHT).rest(0.3)
+    assert pill(person.view) == ("right", False)
     person.recorder.close()
     person.window.close()
 

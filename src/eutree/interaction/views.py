@@ -75,6 +75,7 @@ def sensed(schema: Schema, trial: Trial | None) -> list[tuple[str, str]]:
 
 _SECTION = re.compile(r"^#+ *Description\s*\n(.*?)(?=^#|\Z)", re.DOTALL | re.MULTILINE)
 _LINK = re.compile(r"\[([^\]]*)\](\([^)]*\))?")
+_GOAL = re.compile(r"\b(goal|objective|aim) (is|of)\b", re.IGNORECASE)
 _LONGEST_TASK = 420
 
 
@@ -82,7 +83,8 @@ def task_description(env: gymnasium.Env[Any, Any]) -> str:
     """Return the task in the environment's own words, or an empty string.
 
     These are its ``task_description``; else the first paragraph under *Description* in its
-    docstring, without markup, cut off after a whole sentence.
+    docstring, without markup. Of a long one whole sentences are left: the first that names a goal
+    and what leads to it, else the first ones.
     """
     own = getattr(env.unwrapped, "task_description", None)
     if isinstance(own, str):
@@ -92,6 +94,16 @@ def task_description(env: gymnasium.Env[Any, Any]) -> str:
         return ""
     paragraph = found[1].strip().split("\n\n")[0]
     text = " ".join(_LINK.sub(r"\1", paragraph).replace("`", "").replace("*", "").split())
-    if len(text) > _LONGEST_TASK:
-        text = text[:_LONGEST_TASK].rpartition(". ")[0] + "."
-    return text
+    return text if len(text) <= _LONGEST_TASK else _shortened(text)
+
+
+def _shortened(text: str) -> str:
+    """Return whole sentences of a long text: what leads to the goal, and the goal."""
+    sentences = re.split(r"(?<=\.) ", text)
+    goals = (n for n, sentence in enumerate(sentences) if _GOAL.search(sentence))
+    if (goal := next(goals, None)) is None:
+        return text[:_LONGEST_TASK].rpartition(". ")[0] + "."
+    first = goal
+    while first > 0 and len(" ".join(sentences[first - 1 : goal + 1])) <= _LONGEST_TASK:
+        first -= 1
+    return " ".join(sentences[first : goal + 1])

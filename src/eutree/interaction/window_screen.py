@@ -151,6 +151,8 @@ class Screen:
     def _pill(self, view: View, place: Any) -> None:
         """Say in the picture's corner which action is under way, and which one comes."""
         text, is_idle = pill(view)
+        if not text:
+            return
         color, ink = (PANEL, INK) if is_idle else (ACCENT, PANEL)
         image = self._font(16, bold=True).render(text, True, ink)
         box = image.get_rect(topleft=(place.left + 24, place.top + 15)).inflate(24, 10)
@@ -282,11 +284,18 @@ def result_color(row: EpisodeView) -> tuple[int, int, int]:
 
 
 def pill(view: View) -> tuple[str, bool]:
-    """Return what is under way and, after an arrow, what comes; and whether nothing is done."""
+    """Return what is under way and, after an arrow, what comes; and whether nothing is done.
+
+    Where the episode begins with the first key, nothing is under way before it.
+    """
     acting, coming = view.actions[view.action], view.actions[view.coming]
-    if view.state == COUNTDOWN and not view.step:
+    counts = view.state == COUNTDOWN and not view.step
+    begins = counts and not any(action.is_idle for action in view.actions)
+    if view.awaits_key or (begins and not view.held):
+        return "", True
+    if counts:
         return coming.name, coming.is_idle
-    changes = coming is not acting and view.state == PLAYING and not view.awaits_key
+    changes = coming is not acting and view.state == PLAYING
     return f"{acting.name} \u2192 {coming.name}" if changes else acting.name, coming.is_idle
 
 

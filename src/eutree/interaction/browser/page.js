@@ -401,7 +401,7 @@ function lightPads() {
     button.setAttribute("aria-pressed", held);
   }
   for (const row of $("keys").children) {
-    row.classList.toggle("on", view.state === "playing" && Number(row.dataset.action) === view.action);
+    row.classList.toggle("on", view.state === "playing" && !view.awaits_key && Number(row.dataset.action) === view.action);
   }
 }
 
@@ -608,15 +608,21 @@ function showCard() {
     : view.state === "finished" && view.saved >= view.target ? GOOD : view.state === "failed" ? BAD : "";
 }
 
+/* Without an idle action nothing is under way before the first key. */
+function awaitsKey() {
+  const counts = view.state === "countdown" && !view.step && !view.actions.some((a) => a.is_idle);
+  return view.awaits_key || (counts && !view.held.length);
+}
+
 function showPill() {
   const action = (view.actions || [])[view.action];
-  $("pill").hidden = !runs() || !action;
+  $("pill").hidden = !runs() || !action || awaitsKey();
   if ($("pill").hidden) return;
   const coming = view.actions[view.coming];
   $("acting").textContent = view.step || view.state === "playing" ? action.name : coming.name;
-  $("coming").hidden = coming === action || view.state !== "playing" || view.awaits_key;
+  $("coming").hidden = coming === action || view.state !== "playing";
   $("coming").textContent = coming.name;
-  $("pill").classList.toggle("on", !coming.is_idle && !view.awaits_key);
+  $("pill").classList.toggle("on", !coming.is_idle);
 }
 
 /* The thin line: full when the next decision falls, so that a key never seems dead. */
@@ -645,6 +651,10 @@ function svg(parent, name, attributes, text = "") {
   parent.append(element);
   return element;
 }
+
+/* Small enough to survey, large enough to read: what does not fit is scrolled. */
+const LEAST_SCALE = 0.75;
+$("tree").addEventListener("load", () => { $("tree").style.minWidth = `${LEAST_SCALE * $("tree").naturalWidth}px`; });
 
 let scrolledAt = ""; // the phase at which the tree was last brought into view
 
