@@ -211,7 +211,11 @@ class AdaptiveQ:
         actions = np.array([self._greedy(leaf) for leaf in range(self.tree.n_leaves)])
         values = np.where(self._tried > 0, self.values, np.nan)
         unknown = np.full(values.shape, np.nan)
-        statistics = LeafStatistics(self._tried.copy(), values, unknown)
+        visits = np.zeros(
+            values.shape, dtype=np.int64
+        )  # halves of a leaf have its trials, not these
+        np.add.at(visits, (self.history.left, self.history.actions), 1)
+        statistics = LeafStatistics(visits, values, unknown)
         return Decisions(self.tree, actions, statistics, tuple(sorted(self._locked)))
 
     def state(self) -> Arrays:

@@ -27,7 +27,8 @@ from eutree.learners.contenders import unpacked_trees
 from eutree.learners.distilled_dqn_choices import DistilledDQNChoices
 from eutree.learners.distilled_dqn_learner import NUMBERS, DistilledDQNLearner, Stage
 from eutree.learners.learner import Arrays, Needs, Problem, Start
-from eutree.learners.stored_state import part
+from eutree.learners.stored_state import HISTORY_ARRAYS, part
+from eutree.world_model import ActionTree
 from eutree.world_model.action_trees import to_decision_tree
 
 
@@ -59,8 +60,32 @@ class DistilledDQN(DistilledDQNChoices):
             raise FormatError(path, "state", str(error)) from None
 
 
+def _expected() -> dict[str, tuple[str, int]]:
+    """Return the kind of elements and the number of axes of each array."""
+    found = {name: (kind, len(axes)) for name, (kind, axes) in HISTORY_ARRAYS.items()}
+    found |= {"numbers": ("i", 1), "history_demonstrated": ("b", 1)}
+    found |= {f"teacher_{name}": ("i", 1) for name in ("known", "updates")}
+    weights = ("online", "target", "average", "mean", "square")
+    found |= {f"teacher_{name}": ("f", 1) for name in weights}
+    for prefix in ("contender_", "student_"):
+        found |= {f"{prefix}{name}": ("i", 1) for name in (*ActionTree._fields, "n_nodes")}
+        found |= {f"{prefix}threshold": ("f", 1)}
+    found |= {f"contender_{name}": ("i", 1) for name in ("origin", "n_returns")}
+    found |= {f"contender_{name}": ("f", 1) for name in ("imagined", "returns")}
+    return found
+
+
+_ARRAYS = _expected()
+
+
 def check_arrays(state: Arrays, problem: Problem) -> None:
     """Raise ValueError unless all that compiled loops index with lies within what is indexed."""
+    for name, (kind, n_axes) in _ARRAYS.items():
+        if name in state or not name.startswith(("teacher_", "history_demonstrated")):
+            found = state[name]
+            right = (found.dtype.kind, found.ndim) == (kind, n_axes)
+            _check(right, f"{name} must have {n_axes} axes of kind {kind!r}, got {found.ndim} of "
+                   f"{found.dtype.kind!r}")  # fmt: skip
     d, n_actions = problem.n_features, problem.n_actions
     n = len(state["history_rewards"])
     for name in ("observations", "next_observations"):
