@@ -1,13 +1,14 @@
-"""Exports read by the tools of others, where those are installed; see docs/exports.md.
+"""Exports read by the tools of others; see docs/exports.md.
 
-None of them is in a lock file: each is large, or has to be built. ``MATIEC`` names a folder with a
-built matiec (``iec2c`` and ``lib``).
+JPMML and blark are in the lock of the tests. The others are large, or have to be built, and are
+asked where they are: ``MATIEC`` names a folder with a built matiec (``iec2c`` and ``lib``).
 """
 
 import ctypes
 import os
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -19,9 +20,9 @@ from eutree.export._probes import probes
 from eutree.policies import TreePolicy
 from eutree.schema import Feature, Schema
 from tests.export.policies import EVASION, NASTY, policy_of, tree
+from tests.export.tools import need
 
-pytestmark = pytest.mark.slow
-
+ENOUGH = 300.0  # seconds
 NAMES = Schema(tuple(Feature(name, name) for name in NASTY), tuple(NASTY))
 POLICIES = {
     "one leaf": policy_of(tree(1, 3), EVASION),
@@ -32,23 +33,42 @@ POLICIES = {
 each_policy = pytest.mark.parametrize("policy", POLICIES.values(), ids=POLICIES.keys())
 
 
-@each_policy
-def test_jpmml_decides_like_the_tree(policy: TreePolicy, tmp_path: Path) -> None:
-    jpmml = pytest.importorskip("jpmml_evaluator")
-    pandas = pytest.importorskip("pandas")
-    content = to_pmml(policy)
-    (tmp_path / "policy.pmml").write_text(content, encoding="utf-8")
-    root = ElementTree.fromstring(content.encode())
-    space = {"p": "http://www.dmg.org/PMML-4_4"}
-    fields = [field.attrib["name"] for field in root.findall(".//p:DataField", space)]
-    scores = [value.attrib["value"] for value in root.findall(".//p:Value", space)]
-    evaluator = jpmml.make_evaluator(str(tmp_path / "policy.pmml")).verify()
-    rows = probes(policy.tree, n_random=300)
-    results = evaluator.evaluateAll(pandas.DataFrame(rows, columns=fields[:-1]))
-    found = [scores.index(name) for name in results[fields[-1]]]
-    assert found == policy.predict(rows)[0].tolist()
+# Java takes over the signals of its process, so it gets one of its own.
+JPMML = """
+import sys
+from pathlib import Path
+import jpmml_evaluator, numpy, pandas
+for path in map(Path, sys.argv[1:]):
+    evaluator = jpmml_evaluator.make_evaluator(str(path)).verify()
+    names = path.with_suffix(".names").read_text(encoding="utf-8").split("\\0")
+    rows = pandas.DataFrame(numpy.load(path.with_suffix(".npy")), columns=names[:-1])
+    found = evaluator.evaluateAll(rows)[names[-1]]
+    path.with_suffix(".found").write_text("\\0".join(found), encoding="utf-8")
+"""
 
 
+def test_jpmml_decides_like_the_trees(tmp_path: Path) -> None:
+    need("java")
+    pytest.importorskip("jpmml_evaluator")
+    space, asked = {"p": "http://www.dmg.org/PMML-4_4"}, []
+    for number, policy in enumerate(POLICIES.values()):
+        path, content = tmp_path / f"{number}.pmml", to_pmml(policy)
+        root = ElementTree.fromstring(content.encode())
+        names = [field.attrib["name"] for field in root.findall(".//p:DataField", space)]
+        scores = [value.attrib["value"] for value in root.findall(".//p:Value", space)]
+        rows = probes(policy.tree, n_random=300)
+        path.write_text(content, encoding="utf-8")
+        path.with_suffix(".names").write_text("\0".join(names), encoding="utf-8")
+        np.save(path.with_suffix(".npy"), rows)
+        asked.append((path, scores, policy.predict(rows)[0].tolist()))
+    paths = [str(path) for path, _, _ in asked]
+    subprocess.run([sys.executable, "-c", JPMML, *paths], check=True, timeout=ENOUGH)
+    for path, scores, expected in asked:
+        found = path.with_suffix(".found").read_text(encoding="utf-8").split("\0")
+        assert [scores.index(name) for name in found] == expected
+
+
+@pytest.mark.slow
 @each_policy
 def test_matiec_compiles_structured_text_that_decides_like_the_tree(
     policy: TreePolicy, tmp_path: Path
@@ -74,7 +94,13 @@ def test_matiec_compiles_structured_text_that_decides_like_the_tree(
     assert found == policy.predict(rows)[0].tolist()
 
 
-@each_policy
+@pytest.mark.parametrize(
+    "policy",
+    [
+        pytest.param(policy, marks=[pytest.mark.slow] if name == "200 leaves" else [], id=name)
+        for name, policy in POLICIES.items()
+    ],
+)
 def test_blark_parses_structured_text(policy: TreePolicy) -> None:
     blark = pytest.importorskip("blark")
     content = to_structured_text(policy)
@@ -83,6 +109,7 @@ def test_blark_parses_structured_text(policy: TreePolicy) -> None:
         assert blark.parse_source_code(content.replace("THEN", "THN")).exception is not None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["one leaf", "30 leaves"])
 def test_latex_typesets_the_picture(name: str, tmp_path: Path) -> None:
     latex = shutil.which("pdflatex")
