@@ -1,0 +1,61 @@
+"""What was measured is said on its page of results, and on one other page at most."""
+
+import re
+from collections import defaultdict
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+RESULTS = ROOT / "docs" / "results"
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+LEARNED = ("default-learner", "task-", "small-trees-")  # pages of what learners reach
+# A mean with its interval, of at least three digits: hardly the same by accident.
+MEAN = re.compile(r"(?<![\w.\-])(-?\d{2,}\.\d)(?: %)? \[")
+BESIDE_ITS_VARIANTS = "learning.md has the row that its variants are compared with (tested below)"
+OTHERWISE = {  # said on two pages, and why
+    "98.7": BESIDE_ITS_VARIANTS,
+    "91.4": BESIDE_ITS_VARIANTS,
+    "17.2": BESIDE_ITS_VARIANTS,
+    "91.2": "of the paper's table in the README, and of a variant: not the same figure",
+    "96.1": "of a scripted expert and of a variant: not the same figure",
+    "498.3": "small-trees.md says what the other method reaches on the same task",
+}
+
+
+def measured() -> set[str]:
+    pages = [page for page in RESULTS.glob("*.md") if page.stem.startswith(LEARNED)]
+    return {value for page in pages for value in MEAN.findall(page.read_text())}
+
+
+def said_on() -> dict[str, list[str]]:
+    """Return the pages that say each measured figure."""
+    found = defaultdict(list)
+    texts = {page.name: page.read_text() for page in PAGES}
+    for value in measured():
+        here = re.compile(rf"(?<![\w.\-]){re.escape(value)}(?!\.?\d)")
+        found[value] = [name for name, text in texts.items() if here.search(text)]
+    return found
+
+
+def test_figures_are_found() -> None:
+    assert len(measured()) > 50
+    assert sum(bool(pages) for pages in said_on().values()) > 10
+
+
+def test_each_figure_is_said_once_outside_of_its_results() -> None:
+    twice = {value: pages for value, pages in said_on().items() if len(pages) > 1}
+    assert {value: pages for value, pages in twice.items() if value not in OTHERWISE} == {}
+    assert OTHERWISE.keys() <= twice.keys(), "an exception that is needed no more"
+
+
+@pytest.mark.parametrize("page", ["good-for.md", "learning.md"])
+def test_what_two_pages_say_of_the_default_learner_is_what_was_measured(page: str) -> None:
+    text = (ROOT / "docs" / page).read_text()
+    measured_row = next(
+        line for line in (RESULTS / "default-learner.md").read_text().splitlines()
+        if line.startswith("| eu-tree |") or line.startswith("| EU-Tree")
+    )  # fmt: skip
+    (row,) = re.findall(r"^\| (?:the )?default[^|]*\| 98.*\|$", text, re.MULTILINE)
+    for value in re.findall(r"\d+\.\d", row)[:3]:
+        assert re.search(rf"(?<![\d.]){re.escape(value)}(?!\d)", measured_row), (page, value)
