@@ -75,3 +75,20 @@ def test_fragments_of_the_changelog_link_from_its_place() -> None:
         assert text.startswith(("- ", "* ")), fragment.name
         for target in re.findall(r"\]\((?!https?:)([^)#]+)", text):
             assert (ROOT / target).exists(), f"{fragment.name}: there is no {target}"
+
+
+def test_files_that_pages_name_exist() -> None:
+    """A file is named from the root, from the package, or from the page's own folder."""
+    pages = [
+        ROOT / "README.md",
+        *(ROOT / "docs").glob("*.md"),
+        *(ROOT / "docs" / "decisions").glob("*.md"),
+    ]
+    lost = []
+    for page in pages:
+        prose = re.sub(r"```.*?```", "", page.read_text(), flags=re.DOTALL)
+        for name in re.findall(r"`(?:python )?([\w./-]+/[\w.-]+\.(?:py|sh|md|toml))`", prose):
+            homes = (ROOT, ROOT / "src", ROOT / "src" / "eutree", ROOT / "docs", page.parent)
+            if not any((home / name).exists() for home in homes):
+                lost.append(f"{page.relative_to(ROOT)}: {name}")
+    assert lost == []
