@@ -10,8 +10,7 @@ import numpy as np
 
 from eutree.arrays import Floats, Int32s, Integers
 from eutree.compiled import compiled
-from eutree.mdp._kernels import DONE, TERMINAL
-from eutree.mdp._kernels_sweeping import MDPArrays, observe
+from eutree.mdp import DONE, TERMINAL, MDPArrays, observe
 
 UNKNOWN = -1  # choice in a leaf in which nothing was tried
 REFUSED = -2  # choice where the MDP took nothing: it has no room, or the transition is a bad one

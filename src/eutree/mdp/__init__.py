@@ -1,5 +1,8 @@
 """The MDP over leaves: counts, Pr and R (Eqs. 3, 4), exact solving, prioritized sweeping."""
 
+from eutree.mdp._kernels import DONE as DONE  # these three for the loops of other packages
+from eutree.mdp._kernels_sweeping import MDPArrays as MDPArrays
+from eutree.mdp._kernels_sweeping import observe as observe
 from eutree.mdp.model import NO_ACTION, TERMINAL, Model
 from eutree.mdp.prioritized_sweeping import Sweeping
 from eutree.mdp.problem import Solution
