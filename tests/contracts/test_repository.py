@@ -88,7 +88,8 @@ def test_files_that_pages_name_exist() -> None:
     for page in pages:
         prose = re.sub(r"```.*?```", "", page.read_text(), flags=re.DOTALL)
         for name in re.findall(r"`(?:python )?([\w./-]+/[\w.-]+\.(?:py|sh|md|toml))`", prose):
-            homes = (ROOT, ROOT / "src", ROOT / "src" / "eutree", ROOT / "docs", page.parent)
+            roots = ("", "src", "src/eutree", "tests", "docs")
+            homes = [page.parent, *(ROOT / root for root in roots)]
             if not any((home / name).exists() for home in homes):
                 lost.append(f"{page.relative_to(ROOT)}: {name}")
     assert lost == []
