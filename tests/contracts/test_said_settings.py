@@ -15,6 +15,8 @@ import eutree
 from eutree.c45 import C45Settings
 from eutree.cli.learn import learn as learn_command
 from eutree.compression import imagined
+from eutree.compression.episodes import RealEpisodes
+from eutree.distillation import DistillationSettings
 from eutree.evaluation import off_policy
 from eutree.learners import default_choice
 from eutree.learners.confidence import Confidence
@@ -101,10 +103,10 @@ SAID = {
     "which-knobs.md": [f"`--set price={2 * better.price}` asks for twice as much as the default"],
     "compression.md": [
         f'`mode="{default(eutree.compress, "mode")}"` (default)',
-        f"at `confidence={default(eutree.compress, 'confidence')}`",
+        f"at `confidence={default(RealEpisodes, 'confidence')}`",
         f"in {imagined.N_STARTS * EnsembleSettings().members} imagined",
     ],
-    "distillation.md": [f'`"{default(eutree.distill, "method")}"` (default)'],
+    "distillation.md": [f'`"{default(DistillationSettings, "method")}"` (default)'],
     "c45.md": [
         f'`z="{C45Settings().z}"` (release 8, default)',
         "no gap by default" if C45Settings().gap == 0.0 else "a gap by default",
