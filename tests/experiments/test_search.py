@@ -25,18 +25,8 @@ from eutree.experiments.objective import (
     shortened,
 )
 from eutree.experiments.runs import Performance, Point, RunRecord, RunSpec, run
-from eutree.experiments.search import (
-    CHOICES,
-    COARSE,
-    DOMAINS,
-    FINE,
-    SMOKE_PLAN,
-    Scored,
-    Search,
-    choices_of,
-    mutated,
-    recorded_setting,
-)
+from eutree.experiments.search import SMOKE_PLAN, Scored, Search, recorded_setting
+from eutree.experiments.search_space import CHOICES, COARSE, DOMAINS, FINE, choices_of, mutated
 from eutree.experiments.search_table import exclusions, most_together, to_csv, to_markdown
 from eutree.experiments.settings import Demonstrator, Domain, Reading, Setting
 from eutree.learners import PAPER, PAPER_D

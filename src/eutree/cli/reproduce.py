@@ -149,7 +149,8 @@ def _search(
     """Search, write the tables, and show the nearest settings."""
     from rich.table import Table
 
-    from eutree.experiments.search import PLAN, SMOKE_PLAN, Search, choices_of
+    from eutree.experiments.search import PLAN, SMOKE_PLAN, Search
+    from eutree.experiments.search_space import choices_of
     from eutree.experiments.search_table import SHOWN, write_tables
 
     with cluster(backend, address), output.progress("runs", 100) as progress:

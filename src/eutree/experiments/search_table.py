@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 from eutree.experiments.drawing import blank, svg_and_png
 from eutree.experiments.finals import FINAL
 from eutree.experiments.objective import NUMBERS, Number
-from eutree.experiments.search import CHOICES, STEPS, Scored, choices_of
+from eutree.experiments.search import Scored
 from eutree.experiments.search_figure import draw
+from eutree.experiments.search_space import CHOICES, STEPS, choices_of
 from eutree.experiments.settings import Setting
 from eutree.files import write_bytes, write_text
 
