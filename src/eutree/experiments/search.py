@@ -14,10 +14,8 @@ Talwalkar, *Non-stochastic best arm identification and hyperparameter optimizati
    them are changed a little, then learned in.
 6. *departures*: the nearest so far with one more choice changed: what the stages before did not
    vary, the agent's speed that the paper states, and persons' demonstrations.
-7. *steps*: the way from the first domain and reading to those of the preset ``paper``, one change
-   after the other.
-8. *speeds*: the last few, on more seeds and at other opponent speeds; and those few whose expert
-   trees drop to a half at 4.2 m/s, which else nobody would ask.
+7. *steps*: from the first domain and reading to the preset ``paper``, one change after another.
+8. *speeds*: the last few at other opponent speeds, and one whose expert tree drops to a half.
 
 Every run is a document in a folder of results, and what is run next follows from the documents
 alone: after an interruption the same call goes on with what is missing. The seeds are none that a
@@ -343,9 +341,7 @@ class Search:
 
     def _departures(self, nearest: Setting) -> list[Setting]:
         """Return the nearest setting with one choice changed, and those of persons."""
-        changed = [
-            with_choice(nearest, part, name, value) for part, name, value in self.plan.departures
-        ]
+        changed = [with_choice(nearest, *departure) for departure in self.plan.departures]
         people = [replace(person, reading=nearest.reading) for person in self._people]
         self._inherit([*changed, *people])
         found = [setting for setting in (*changed, *people) if setting != nearest]
