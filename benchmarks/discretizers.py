@@ -1,7 +1,8 @@
 """Measure the methods besides the default against figures that were published for them.
 
 Run: python benchmarks/discretizers.py [mazes] [variants] [car] [mountain-car]
-     [mountain-car-learned] [history] [evasion] [vqql] [--runs 40] [--steps 50000] [--tasks Puck]
+     [mountain-car-learned] [history] [evasion] [vqql] [--runs 40] [--first 0]
+     [--steps 50000] [--tasks Puck]
 
 Parti-game: trials, cells and steps until a trial brings nothing new, and the steps of that trial.
 Car on the Hill: mean discounted return of 256 states drawn uniformly, under one look-ahead a step.
@@ -116,16 +117,16 @@ def trial(env: Any, game: PartiGame, generator: np.random.Generator, limit: int)
     return limit
 
 
-def mazes(tasks: list[str], runs: int) -> None:
+def mazes(tasks: list[str], seeds: range) -> None:
     """Print the learned controller's table."""
     print("| task | trials | cells | steps | final path | published | seconds a run |")
     print("|---|---|---|---|---|---|---|")
     for name in [name for name in tasks if name in PUBLISHED]:
         published = PUBLISHED[name]
         before = time.process_time()
-        rows = np.array([run(name, "llppg", seed) for seed in range(runs)])
-        seconds = (time.process_time() - before) / runs
-        errors = rows.std(axis=0, ddof=1) / np.sqrt(runs)
+        rows = np.array([run(name, "llppg", seed) for seed in seeds])
+        seconds = (time.process_time() - before) / len(seeds)
+        errors = rows.std(axis=0, ddof=1) / np.sqrt(len(seeds))
         found = " | ".join(
             f"{m:,.0f} ± {e:,.0f}" for m, e in zip(rows.mean(0), errors, strict=True)
         )
@@ -282,12 +283,12 @@ class OwnPolicy(BaseCallback):
         self.found = eutree.evaluate(own, self.env, episodes=100, seed=10**6)
 
 
-def mountain_car_learned(runs: int, steps: int) -> None:
+def mountain_car_learned(seeds: range, steps: int) -> None:
     """Print what `vrd` reaches in a learned model, from 15 demonstrations."""
     print("| seed | steps | return of the tree | its own policy | leaves | seconds |")
     print("|---|---|---|---|---|---|")
     env = gymnasium.make("MountainCar-v0")
-    for seed in range(1, runs + 1):
+    for seed in seeds:
         before = time.process_time()
         expert = EXPERTS["MountainCar-v0"]["rock"](env)
         shown = eutree.record(env, expert, episodes=15, seed=seed)
@@ -304,7 +305,7 @@ def mountain_car_learned(runs: int, steps: int) -> None:
         )
 
 
-def history(tasks: list[str], runs: int) -> None:
+def history(tasks: list[str], seeds: range) -> None:
     """Print the average reward that trees with a memory earn for each step."""
     print("| task | steps | reward a step | lowest | leaves | optimum | published | seconds |")
     print("|---|---|---|---|---|---|---|---|")
@@ -312,7 +313,7 @@ def history(tasks: list[str], runs: int) -> None:
         choices, episodes, optimum, published = MEMORY[name]
         rows, before = [], time.process_time()
         chosen = with_choices(method("history-u-tree"), choices)
-        for seed in range(runs):
+        for seed in seeds:
             made = f"eutree/{name}-v0"
             env = gymnasium.make(made, trial_limit=200, disable_env_checker=True)
             learned = eutree.learn(
@@ -322,8 +323,8 @@ def history(tasks: list[str], runs: int) -> None:
             rows.append((reward_a_step(name, learned.policy, seed), learned.policy.n_leaves))
             print(f"{name}, seed {seed}: {rows[-1][0]:.4f}", file=sys.stderr, flush=True)
         rewards, leaves = np.array(rows).T
-        error = rewards.std(ddof=1) / np.sqrt(runs)
-        spent = (time.process_time() - before) / runs
+        error = rewards.std(ddof=1) / np.sqrt(len(seeds))
+        spent = (time.process_time() - before) / len(seeds)
         print(
             f"| {name} | {episodes * 200:,} | {rewards.mean():.3f} ± {error:.3f} | "
             f"{rewards.min():.3f} | {leaves.mean():.0f} | {optimum:.3f} | {published:.2f} | "
@@ -372,14 +373,14 @@ def tiger_reward(policy: TreePolicy, accuracy: float = 0.85, most: int = 12) -> 
     return float(np.mean(earned[500:]))
 
 
-def evasion(runs: int) -> None:
+def evasion(seeds: range) -> None:
     """Print what `history-u-tree` earns on Evasion2, with kept actions and with greedy ones."""
     print("| leaves act by | seed | expert tree | return | success | leaves | cuts in the past |"
           " seconds |\n|---|---|---|---|---|---|---|---|")  # fmt: skip
     env = gymnasium.make(EVASION)
     for name, evidence in (("evidence", 2.0), ("Eq. 1", None)):
         chosen = with_choices(method("history-u-tree"), REMEMBERING | {"evidence": evidence})
-        for seed in range(runs):
+        for seed in seeds:
             before = time.process_time()
             shown = eutree.record(env, EXPERTS[EVASION]["gate"](env), episodes=15, seed=seed)
             learned = eutree.learn(
@@ -401,13 +402,13 @@ def evasion(runs: int) -> None:
             )
 
 
-def vqql(runs: int, episodes: int) -> None:
+def vqql(seeds: range, episodes: int) -> None:
     """Print the success of the trees of `vqql` on Evasion2, from tree and demonstrations."""
     print(
         "| seed | expert tree | tree | own regions | leaves | seconds |\n|---|---|---|---|---|---|"
     )
     env = gymnasium.make(EVASION)
-    for seed in range(runs):
+    for seed in seeds:
         before = time.process_time()
         shown = eutree.record(env, EXPERTS[EVASION]["gate"](env), episodes=15, seed=seed)
         own = OwnPolicy(env)
@@ -431,20 +432,22 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("parts", nargs="*", default=["mazes", "variants", "car"])
     parser.add_argument("--runs", type=int, default=40)
+    parser.add_argument("--first", type=int, default=0, help="the first run's seed")
     parser.add_argument("--steps", type=int, default=50_000)
     parser.add_argument("--episodes", type=int, default=400)
     known_tasks = [*PUBLISHED, *MEMORY]
     parser.add_argument("--tasks", nargs="+", choices=known_tasks, default=known_tasks)
     arguments = parser.parse_args()
+    seeds = range(arguments.first, arguments.first + arguments.runs)
     known: dict[str, Callable[[], None]] = {
-        "mazes": lambda: mazes(arguments.tasks, arguments.runs),
+        "mazes": lambda: mazes(arguments.tasks, seeds),
         "variants": variants,
         "car": car,
         "mountain-car": mountain_car,
-        "mountain-car-learned": lambda: mountain_car_learned(arguments.runs, arguments.steps),
-        "history": lambda: history(arguments.tasks, arguments.runs),
-        "vqql": lambda: vqql(arguments.runs, arguments.episodes),
-        "evasion": lambda: evasion(arguments.runs),
+        "mountain-car-learned": lambda: mountain_car_learned(seeds, arguments.steps),
+        "history": lambda: history(arguments.tasks, seeds),
+        "vqql": lambda: vqql(seeds, arguments.episodes),
+        "evasion": lambda: evasion(seeds),
     }
     for part in arguments.parts:
         print(f"\n{part}\n", flush=True)
