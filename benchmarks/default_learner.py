@@ -155,7 +155,7 @@ def _joined(values: Iterable[float]) -> str:
 
 def write(path: Path, rows: list[dict[str, Any]]) -> None:
     """Write the runs of one case."""
-    path.parent.mkdir(exist_ok=True)
+    path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("w", newline="") as file:
         writer = csv.DictWriter(file, fieldnames=list(rows[0]))
         writer.writeheader()
