@@ -54,6 +54,22 @@ def test_teacher_model_and_races_are_told(folder):
     assert page.count('class="point"') == 5
 
 
+def test_the_page_says_how_the_policy_did_at_the_end(folder):
+    facts = {"event": "evaluation", "steps": 900, "n_leaves": 9, "mean_length": 20.0}
+    early = {**facts, "episode": 20, "success_rate": 0.5, "mean_return": 30.0}
+    last = {**facts, "episode": 60, "success_rate": 0.98, "mean_return": 80.02}
+    with (folder / "events.jsonl").open("a") as log:
+        log.writelines(json.dumps(one) + "\n" for one in (early, last))
+    sentence = "At the end 98 % success, mean return 80.02 with 9 leaves."
+    assert report_of_run(folder).notes[0] == sentence
+    with (folder / "events.jsonl").open("a") as log:
+        log.write(json.dumps({**last, "success_rate": None}) + "\n")
+    page = run_page(report_of_run(folder))
+    assert "At the end mean return 80.02 with 9 leaves." in page
+    assert "Watch it decide" not in page  # no episode is played on it
+    assert "The tree</h2>" in page
+
+
 def test_a_run_without_teacher_and_races_has_a_page_too(folder):
     event = {"event": "expansion", "episode": 1, "steps": 10, "n_leaves": 2, "splits": []}
     (folder / "events.jsonl").write_text(json.dumps(event) + "\n")

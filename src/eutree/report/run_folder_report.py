@@ -56,7 +56,7 @@ def _report(path: Path, config: Event, events: Sequence[Event]) -> RunReport:
     judged = [event for event in events if event["event"] == "judgement"]
     taught = [event for event in events if event.get("stage") == "teacher"]
     steps = max((int(event["steps"]) for event in events), default=0)
-    notes = [f"Seed {config['seed']}, {steps:,} environment steps."]
+    notes = [*_last_evaluation(events), f"Seed {config['seed']}, {steps:,} environment steps."]
     trees = {
         caption: TreePolicy.load(path / name)
         for caption, name in (("The policy", "policy.json"), ("Its start", "expert.json"))
@@ -84,6 +84,19 @@ def _report(path: Path, config: Event, events: Sequence[Event]) -> RunReport:
         partitions=drawings(path / DRAWINGS),
         trust=_trust(events),
     )
+
+
+def _last_evaluation(events: Sequence[Event]) -> list[str]:
+    """Return a sentence on how the policy did when it was last evaluated, if it ever was."""
+    found = [event for event in events if event["event"] == "evaluation"]
+    if not found:
+        return []
+    success = found[-1].get("success_rate")
+    succeeded = "" if success is None else f"{success:.0%} success, ".replace("%", " %")
+    return [
+        f"At the end {succeeded}mean return {found[-1]['mean_return']:.2f} "
+        f"with {found[-1]['n_leaves']:,} leaves."
+    ]
 
 
 def _objects(path: Path) -> list[Event]:

@@ -183,6 +183,7 @@ def _stages(stages: Sequence[Stage]) -> str:
 def _watch(watched: WatchedTree) -> str:
     """Return the tree and the player beside it; its script draws both."""
     return Template(asset("watch.html")).substitute(
+        title="Watch it decide" if watched.episodes else "The tree",
         caption=escape(watched.caption),
         tree=asset("tree.html"),
         player=asset("player.html"),

@@ -97,6 +97,7 @@ const highestReturn = allReturns.reduce((a, b) => Math.max(a, b), -Infinity);
 /** Return the histogram of what was earned from here to the end of the episode. */
 function returnsOf(leaves) {
   if (data.visits) return []; // counted on more than what is played here: too few for a histogram
+  if (!allReturns.length) return []; // nothing is played here, as on a run's page
   const values = leaves.flatMap((leaf) => [...episodeSteps[leaf], ...demonstrationSteps[leaf]]).map(({ rest }) => rest);
   if (!values.length) return part("Returns from here", element("p", { class: "quiet" }, "No recorded step fell in here."));
   const nBins = 24;
