@@ -70,21 +70,26 @@ def test_npz_keeps_what_it_has_room_for(tmp_path_factory, demos):
         assert replace(b, ending="").equals(plain)
 
 
+def with_rewards(demos):
+    """Return whether each episode knows its rewards."""
+    return [episode.has_rewards for episode in demos.episodes]
+
+
 def test_rewards_that_no_source_has_stay_unknown(tmp_path):
     """They became zeros, from which `learn --offline` then learned."""
     path = tmp_path / "log.csv"
     path.write_text("episode,action,x\n0,1,0.5\n0,0,1.5\n0,,2.5\n")
     demos = Demonstrations.from_csv(path)
-    assert not demos.has_rewards
+    assert with_rewards(demos) == [False]
     demos.save(tmp_path / "demos")
     assert same(Demonstrations.load(tmp_path / "demos"), demos)
     demos.to_csv(tmp_path / "again.csv")
-    assert not Demonstrations.from_csv(tmp_path / "again.csv").has_rewards
+    assert with_rewards(Demonstrations.from_csv(tmp_path / "again.csv")) == [False]
     demos.to_npz(tmp_path / "again.npz")
-    assert not Demonstrations.from_npz(tmp_path / "again.npz").has_rewards
+    assert with_rewards(Demonstrations.from_npz(tmp_path / "again.npz")) == [False]
     log = {"observations": [[0.0], [1.0]], "actions": [0, 1], "starts": [1, 0]}
-    assert not Demonstrations.from_arrays(**log).has_rewards
-    assert Demonstrations.from_arrays(**log, rewards=[0.0, 0.0]).has_rewards
+    assert not any(with_rewards(Demonstrations.from_arrays(**log)))
+    assert all(with_rewards(Demonstrations.from_arrays(**log, rewards=[0.0, 0.0])))
     path.write_text("episode,action,reward,x\n0,1,2.0,0.5\n0,0,,1.5\n0,,,2.5\n")
     with pytest.raises(FormatError, match="line 3: reward must be there for every action"):
         Demonstrations.from_csv(path)

@@ -145,9 +145,9 @@ def test_an_older_episode_is_discarded_and_kept(person, tmp_path) -> None:
 def test_a_long_list_stays_in_the_window_and_shows_the_chosen_one(person) -> None:
     person.tap(pygame.K_RETURN).until("playing")
     person.down(pygame.K_RIGHT).until("review").up(pygame.K_RIGHT).rest(0.1)
-    session = person.recorder.session
-    session.episodes += session.episodes * 29
-    session.recording.numbers = list(range(30))
+    recording = person.recorder.session.recording
+    recording.episodes += recording.episodes * 29
+    recording.numbers = list(range(30))
     for _ in range(30):
         person.tap(pygame.K_TAB)
         rows = person.window._screen._rows

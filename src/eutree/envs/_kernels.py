@@ -27,7 +27,7 @@ CONSTANTS = (
 class Copies(NamedTuple):
     """What stays the same of all copies, the chance of their episodes, and where they stand."""
 
-    constants: Floats  # in the order of ``CONSTANTS``
+    constants: Floats  # [11], in the order of ``CONSTANTS``
     crossing: Floats  # [N]
     uniforms: Floats  # [E, 2 N]
     noise: Floats  # [E, T, N + 1]
