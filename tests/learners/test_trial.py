@@ -1,5 +1,7 @@
 """A challenger takes the incumbent's place only when real episodes speak for it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,7 @@ from eutree.learners import Start
 from eutree.learners.trial import FEWEST, MOST, Trial
 from eutree.learners.vector_quantization import VectorQuantizationMethod
 from eutree.trees import DecisionTree
-from tests.learners.test_battery import lived, started
+from tests.learners.test_battery import case_of
 
 ONE, TWO = DecisionTree.single_leaf(1), DecisionTree.single_leaf(1).split(0, 0, 0.5)
 
@@ -104,32 +106,31 @@ def test_restored_it_goes_on():
 
 
 def test_vqql_keeps_an_expert_that_it_does_not_beat_and_only_then():
-    chosen, problem, start = started("vqql", "tree+demos")
-    learner = lived(chosen, problem, start, episodes=8)
+    case = case_of("vqql", "tree+demos")
+    learner, expert = case.lived(episodes=8), case.start.expert
     assert learner.trial is not None
     decisions = learner.decisions()
-    assert decisions.tree.n_leaves == start.expert.tree.n_leaves
-    assert (decisions.actions == start.expert.actions).all()
-    published = lived(VectorQuantizationMethod(trial=False), problem, start, episodes=8)
+    assert decisions.tree.n_leaves == expert.tree.n_leaves
+    assert (decisions.actions == expert.actions).all()
+    published = replace(case, method=VectorQuantizationMethod(trial=False)).lived(episodes=8)
     assert published.trial is None
     for other in ("nothing", "demos", "random-tree"):
-        assert lived(*started("vqql", other), episodes=4).trial is None
+        assert case_of("vqql", other).lived(episodes=4).trial is None
 
 
 def test_vqql_gives_a_bad_expert_up():
-    chosen, problem, start = started("vqql", "tree+demos")
-    waits = type(start.expert)(tree=start.expert.tree, actions=start.expert.actions * 0,
-                               schema=start.expert.schema)  # fmt: skip
-    learner = lived(chosen, problem, Start(waits, start.episodes), episodes=120)
+    case = case_of("vqql", "tree+demos")
+    expert = case.start.expert
+    waits = type(expert)(tree=expert.tree, actions=expert.actions * 0, schema=expert.schema)
+    learner = replace(case, start=Start(waits, case.start.episodes)).lived(episodes=120)
     assert learner.trial.adopted >= 1
     assert learner.decisions().actions.max() == 1
 
 
 def test_a_state_from_a_file_is_not_trusted(tmp_path):
-    chosen, problem, start = started("vqql", "tree+demos")
-    learner = lived(chosen, problem, start, episodes=9)
-    state = learner.state()
-    chosen.check_state(tmp_path / "x", state, problem)
+    case = case_of("vqql", "tree+demos")
+    state = case.lived(episodes=9).state()
+    case.method.check_state(tmp_path / "x", state, case.problem)
     for name, array in (
         ("trial_incumbent_action", state["trial_incumbent_action"] + 9),
         ("trial_incumbent_left", state["trial_incumbent_left"] + 1000),
@@ -138,4 +139,4 @@ def test_a_state_from_a_file_is_not_trusted(tmp_path):
         ("trial_gains", np.array([np.nan])),
     ):
         with pytest.raises(FormatError):
-            chosen.check_state(tmp_path / "x", state | {name: array}, problem)
+            case.method.check_state(tmp_path / "x", state | {name: array}, case.problem)
