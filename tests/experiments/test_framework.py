@@ -166,6 +166,19 @@ def test_finished_runs_are_not_done_again_and_a_missing_one_costs_its_pair(done,
     last.write_bytes(kept)
 
 
+def test_a_run_of_other_choices_is_another_run(monkeypatch):
+    """Records of a method whose defaults changed were taken for those of today."""
+    before = {spec.name for spec in SMALL}
+    monkeypatch.setattr(
+        framework, "method_for", lambda name, task: METHODS["density-tree"](discount=0.5)
+    )
+    now = specs(runs=2, methods=METHODS_RUN, first_seed=5, smoke=True)
+    learned = {spec.name for spec in now if spec.method}
+    assert learned
+    assert not learned & before
+    assert {spec.name for spec in now if not spec.method} <= before  # C4.5 chooses as it did
+
+
 def test_a_refusal_is_a_record_with_its_reason_and_any_other_error_is_none(monkeypatch):
     settings = TASKS["cart-pole"].small()
     spec = FrameworkSpec(

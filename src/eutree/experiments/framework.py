@@ -32,6 +32,7 @@ from eutree.interaction.seeding import Stream
 from eutree.learners import METHODS, Method, PlanningMethod, fit_expert_tree
 from eutree.learners.learner import HasPolicy
 from eutree.learners.parti_game import PartiGameMethod
+from eutree.learners.registry import to_document
 from eutree.policies import Policy, TreePolicy
 from eutree.policy_search.planner import Planner
 from eutree.schema import EnvironmentSpec
@@ -179,6 +180,8 @@ class FrameworkSpec:
         method: Name of the method; empty where C4.5 alone makes the tree.
         arm: Where it begins, and who demonstrated.
         seed: Seed of demonstrations, learning and evaluations.
+        choices: What the method chooses, as JSON: a run made when its defaults were others is not
+            taken for this one.
     """
 
     task: str
@@ -186,6 +189,7 @@ class FrameworkSpec:
     method: str
     arm: Arm
     seed: int = 0
+    choices: str = ""
 
     @property
     def name(self) -> str:
@@ -263,8 +267,20 @@ def specs(
     tasks = {name: task.small() if smoke else task for name, task in TASKS.items()}
     cells = [("", arm) for arm in EXPERT_ARMS]
     cells += [(method, arm) for method in methods for arm in ARMS]
+    choices = {
+        (method, name): _choices_of(method, task)
+        for method in methods
+        for name, task in tasks.items()
+    }
     return [
-        FrameworkSpec(task=name, settings=task, method=method, arm=arm, seed=first_seed + run)
+        FrameworkSpec(
+            task=name,
+            settings=task,
+            method=method,
+            arm=arm,
+            seed=first_seed + run,
+            choices=choices.get((method, name), ""),
+        )
         for is_main in (True, False)
         for run in range(runs)
         for name, task in tasks.items()
@@ -298,6 +314,11 @@ def method_for(name: str, task: Task) -> Method:
     if isinstance(chosen, PlanningMethod):
         return replace(chosen, planner=FEW_IMAGINED)
     return cast(Method, chosen)
+
+
+def _choices_of(name: str, task: Task) -> str:
+    """Return all that a method chooses on a task, as JSON."""
+    return msgspec.json.encode(to_document(method_for(name, task)), order="sorted").decode()
 
 
 @cache
