@@ -20,7 +20,6 @@ OTHERWISE = {  # said on two pages, and why
     "87.9": "of two variants of different methods: not the same figure",
     "91.2": "of the paper's table in the README, and of a variant: not the same figure",
     "96.1": "of a scripted expert and of a variant: not the same figure",
-    "498.3": "small-trees.md says what the other method reaches on the same task",
 }
 
 
