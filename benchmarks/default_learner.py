@@ -12,7 +12,7 @@ import argparse
 import csv
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -185,15 +185,19 @@ whose steps are counted here, choose among smaller trees (compression as such gi
 """
 
 
+def kept(folder: Path, cases: dict[str, Case]) -> Iterator[tuple[str, Case, list[dict[str, str]]]]:
+    """Yield each case that has rows in a folder, with its name and these."""
+    for name, case in cases.items():
+        path = folder / f"{name}.csv"
+        if path.exists():
+            with path.open(newline="") as file:
+                yield name, case, list(csv.DictReader(file))
+
+
 def page(folder: Path) -> str:
     """Return the page of all cases in a folder."""
     lines, counts = [], set()
-    for name, case in (CASES | TRIED).items():
-        path = folder / f"{name}.csv"
-        if not path.exists():
-            continue
-        with path.open(newline="") as file:
-            rows = list(csv.DictReader(file))
+    for name, case, rows in kept(folder, CASES | TRIED):
         counts.add(len(rows))
         curves = np.array([[float(x) for x in r["success_curve"].split(";")] for r in rows])
         good = [_for_good(curve) * case.every for curve in curves]
@@ -224,12 +228,9 @@ learned tree's success is least above it (or most below), in points.
 def compared(folder: Path) -> str:
     """Return the table of the expert trees beside what was learned from them."""
     lines = []
-    for name, case in CASES.items():
-        path = folder / f"{name}.csv"
-        if not case.compared or not path.exists():
+    for name, case, rows in kept(folder, CASES):
+        if not case.compared:
             continue
-        with path.open(newline="") as file:
-            rows = list(csv.DictReader(file))
         gains = [100 * (float(r["success"]) - float(r["expert_success"])) for r in rows]
         cells = [
             name,
@@ -245,12 +246,9 @@ def compared(folder: Path) -> str:
 def pruned(folder: Path) -> str:
     """Return the table of trees that real episodes pruned."""
     lines = []
-    for name, case in CASES.items():
-        path = folder / f"{name}.csv"
-        if not case.limit or not path.exists():
+    for name, case, rows in kept(folder, CASES):
+        if not case.limit:
             continue
-        with path.open(newline="") as file:
-            rows = list(csv.DictReader(file))
         cells = [
             name,
             _mean([100 * float(r["pruned_success"]) for r in rows]),

@@ -276,21 +276,20 @@ def _evasion_styles(
     }
 
 
+def _evasion(env: str, lines: tuple[float, float]) -> Task:
+    """Return 2-Evasion with the lines at which its people wait."""
+    return Task(
+        make=lambda: gymnasium.make(env),
+        interval=1.0,
+        spread=(1.0, 1.0, 1.0),
+        idle=0,
+        styles=_evasion_styles(lines),
+    )
+
+
 TASKS = {
-    "evasion": Task(
-        make=lambda: gymnasium.make("eutree/Evasion2-v0"),
-        interval=1.0,
-        spread=(1.0, 1.0, 1.0),
-        idle=0,
-        styles=_evasion_styles(LINES),
-    ),
-    "paper-evasion": Task(
-        make=lambda: gymnasium.make("eutree/PaperEvasion2-v0"),
-        interval=1.0,
-        spread=(1.0, 1.0, 1.0),
-        idle=0,
-        styles=_evasion_styles(PAPER_LINES),
-    ),
+    "evasion": _evasion("eutree/Evasion2-v0", LINES),
+    "paper-evasion": _evasion("eutree/PaperEvasion2-v0", PAPER_LINES),
     "cartpole": Task(
         make=lambda: gymnasium.make("CartPole-v1"),
         interval=0.02 / 0.25,  # at a quarter of its speed
