@@ -41,9 +41,13 @@ class Person:
         self.page.goto(self.served.server.url)
         return self
 
-    def until(self, **data) -> "Person":
+    def until(self, *, step: int | None = None, **data) -> "Person":
+        """Wait until the page says all of this, ``step`` at least: time goes on meanwhile."""
         conditions = "".join(f"[data-{name}='{value}']" for name, value in data.items())
         self.page.locator(f"body{conditions}").wait_for(timeout=PATIENCE)
+        if step is not None:
+            reached = "least => Number(document.body.dataset.step) >= least"
+            self.page.wait_for_function(reached, arg=step, timeout=PATIENCE)
         return self
 
     def down(self, key="Space") -> "Person":
