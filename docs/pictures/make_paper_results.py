@@ -17,7 +17,7 @@ from pathlib import Path
 from textwrap import wrap
 
 from eutree.experiments.claims import FAILS, HOLDS, OPEN
-from eutree.experiments.experiment import FULL, Scale
+from eutree.experiments.experiment import FULL
 from eutree.experiments.objective import NUMBERS, cost
 from eutree.experiments.registry import EXPERIMENTS
 from eutree.experiments.reproduce import claims_to_markdown, number_text, reproduce
@@ -33,12 +33,6 @@ PRESETS = dict.fromkeys(
 # Seeds that nothing was chosen on: the search has those from 7000, sensitivity those from 1000,
 # and the first domain was judged on those from 0.
 JUDGED = replace(FULL, first_seed=2006)
-SOME_SPEEDS = replace(JUDGED, speeds=(2.2, 3.2, 4.2))  # to learn at
-SCALES = {
-    "figure-4a": replace(JUDGED, speeds=(2.2, 2.7, 3.2, 3.7, 4.2)),
-    "figure-4b": SOME_SPEEDS,
-    "figure-5": SOME_SPEEDS,
-}
 
 CONSTANTS = (
     "Lengths, speeds and rewards are those that the paper states, at every setting. Of what it "
@@ -54,8 +48,8 @@ INTRODUCTION = """# The paper's claims, with a verdict each
 
 15 runs of 400 episodes of each learner on seeds from 2006 on, 15 demonstrations of the scripted
 gate rule for each run, 100 evaluation episodes every 20 episodes; intervals are 95 % bootstrap
-intervals over runs. The EU-Tree learns at 3 of the paper's 21 opponent speeds; the fixed expert
-tree is shown at 5. `paper` is the reading of the paper and `eutree/PaperEvasion2-v0` the
+intervals over runs. The expert tree is shown, and the EU-Tree learns, at the paper's
+21 opponent speeds. `paper` is the reading of the paper and `eutree/PaperEvasion2-v0` the
 domain that [the search](search.md) found ([the decision](../decisions/paper-preset.md),
 [what it took](../reproducing-2006.md), [protocol](../reproducing.md)). What was found before, in
 `eutree/Evasion2-v0` and with three presets, is on [a page of its own](paper-first-domain.md).
@@ -101,7 +95,7 @@ def main() -> None:
 def _section(name: str, folder: Path) -> tuple[str, str]:
     """Return the title and the text of one experiment's section; copy its figure."""
     experiment = EXPERIMENTS[name]
-    found = reproduce([experiment], folder, scale=_scale(name), presets=PRESETS[name])
+    found = reproduce([experiment], folder, scale=JUDGED, presets=PRESETS[name])
     picture = ""
     if experiment.draw is not None:
         figures = DOCS / "results" / "figures"
@@ -115,7 +109,7 @@ def _untold(folder: Path) -> str:
     """Return what would tell the claims that cannot be told."""
     rows = []
     for name in PRESETS:
-        found = reproduce([EXPERIMENTS[name]], folder, scale=_scale(name), presets=PRESETS[name])
+        found = reproduce([EXPERIMENTS[name]], folder, scale=JUDGED, presets=PRESETS[name])
         for claim in found.claims:
             if claim.holds != OPEN:
                 continue
@@ -127,11 +121,6 @@ def _untold(folder: Path) -> str:
             rows.append(f"| `{claim.id}` | {number_text(claim)} | {more} | {would} |")
     head = "| claim | ours [95 % interval] | told by, about | it would then |\n|---|---|---|---|\n"
     return f"## {UNTOLD}\n\n{UNTOLD_TEXT}\n\n{head}" + "\n".join(rows) + "\n"
-
-
-def _scale(name: str) -> Scale:
-    """Return how much of an experiment is run."""
-    return SCALES.get(name, JUDGED)
 
 
 def _sections(page: str) -> list[tuple[str, str]]:
@@ -163,7 +152,7 @@ def _counts(body: str) -> str:
 def _points(folder: Path, names: tuple[str, ...]) -> str:
     """Return every evaluation of every run, a row each."""
     lines = ["environment,learner,preset,seed,episode,success,mean_return,n_leaves"]
-    specs = [s for n in names for p in PRESETS[n] for s in EXPERIMENTS[n].specs(_scale(n), p)]
+    specs = [s for n in names for p in PRESETS[n] for s in EXPERIMENTS[n].specs(JUDGED, p)]
     for record in Results(folder).load(dict.fromkeys(specs)):
         spec = record.spec
         run = f"{spec.environment},{spec.learner},{spec.preset},{spec.seed}"

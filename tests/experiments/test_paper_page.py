@@ -10,7 +10,8 @@ import pytest
 from eutree.evaluation.intervals import Estimate
 from eutree.experiments.claims import judged
 from eutree.experiments.objective import NUMBERS
-from eutree.experiments.search import FIRST_SEED, PLAN
+from eutree.experiments.search import FIRST_SEED
+from eutree.experiments.search_plan import PLAN
 from eutree.experiments.search_space import CHOICES
 
 DOCS = Path(__file__).parents[2] / "docs"

@@ -13,7 +13,7 @@ from eutree.cli.main import run as run_cli
 from eutree.envs.experts import experts_for
 from eutree.errors import InvalidArgumentError, UnknownNameError
 from eutree.experiments import results as results_module
-from eutree.experiments import search as search_module
+from eutree.experiments import search_plan
 from eutree.experiments.experiment import SMOKE
 from eutree.experiments.finals import FINALS, Correct
 from eutree.experiments.objective import (
@@ -25,7 +25,8 @@ from eutree.experiments.objective import (
     shortened,
 )
 from eutree.experiments.runs import Performance, Point, RunRecord, RunSpec, run
-from eutree.experiments.search import SMOKE_PLAN, Scored, Search, recorded_setting
+from eutree.experiments.search import FRONTIER, Scored, Search, recorded_setting
+from eutree.experiments.search_plan import SMOKE_PLAN
 from eutree.experiments.search_space import CHOICES, COARSE, DOMAINS, FINE, choices_of, mutated
 from eutree.experiments.search_table import exclusions, most_together, to_csv, to_markdown
 from eutree.experiments.settings import Demonstrator, Domain, Reading, Setting
@@ -233,6 +234,19 @@ def test_a_search_goes_through_all_stages_and_ranks_all_settings(searched):
     assert len({one.setting for one in scored}) == len(scored)
 
 
+def test_between_two_numbers_those_settings_are_changed_that_miss_both_by_least(searched):
+    """Learned in is the nearest to both, by a sum made here; and as many were made as asked."""
+    _, plan, scored = searched
+    plain = [one for one in scored if one.setting.reading is None]
+    missed = [sum(one.distance.costs[name] for name in FRONTIER) for one in plain]
+    made = [one.setting for one in plain if one.stage == "frontier"]
+    assert sum(plan.frontier) <= len(made) <= sum(plan.frontier) + 1  # and the one learned in
+    learned = {replace(one.setting, reading=None) for one in scored if one.setting.reading}
+    assert learned & {
+        one.setting for one, miss in zip(plain, missed, strict=True) if miss == min(missed)
+    }
+
+
 def test_an_interrupted_search_goes_on_with_what_is_missing(searched, tmp_path, monkeypatch):
     folder, plan, scored = searched
     whole = {p.name: p.read_bytes() for p in (folder / "runs").iterdir()}
@@ -304,7 +318,7 @@ def test_the_tables_hold_every_setting_and_every_number(searched):
 
 def test_the_command_searches_in_small(tmp_path, capsys, monkeypatch):
     plan = replace(SMOKE_PLAN, domains=2, scale=TINY)
-    monkeypatch.setattr(search_module, "SMOKE_PLAN", plan)
+    monkeypatch.setattr(search_plan, "SMOKE_PLAN", plan)
     line = ["reproduce", "search", "--smoke", "--json", "--out", str(tmp_path / "r")]
     assert run_cli(line) == 0
     found = json.loads(capsys.readouterr().out)

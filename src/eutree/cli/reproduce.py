@@ -149,7 +149,8 @@ def _search(
     """Search, write the tables, and show the nearest settings."""
     from rich.table import Table
 
-    from eutree.experiments.search import PLAN, SMOKE_PLAN, Search
+    from eutree.experiments.search import Search
+    from eutree.experiments.search_plan import PLAN, SMOKE_PLAN
     from eutree.experiments.search_space import choices_of
     from eutree.experiments.search_table import SHOWN, write_tables
 

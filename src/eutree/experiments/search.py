@@ -15,7 +15,10 @@ Talwalkar, *Non-stochastic best arm identification and hyperparameter optimizati
 6. *departures*: the nearest so far with one more choice changed: what the stages before did not
    vary, the agent's speed that the paper states, and persons' demonstrations.
 7. *steps*: from the first domain and reading to the preset ``paper``, one change after another.
-8. *speeds*: the last few at other opponent speeds, and one whose expert tree drops to a half.
+8. *frontier*: domains and demonstrators between those whose expert tree drops to a half with fast
+   opponents and those whose expert tree is perfect in 3-Evasion; the best are learned in.
+9. *speeds*: the last few at other opponent speeds, the preset ``paper``, and some whose expert
+   trees drop to a half.
 
 Every run is a document in a folder of results, and what is run next follows from the documents
 alone: after an interruption the same call goes on with what is missing. The seeds are none that a
@@ -32,17 +35,24 @@ import numpy as np
 
 from eutree.data import Demonstrations
 from eutree.errors import InvalidArgumentError
-from eutree.experiments.experiment import FULL, SMOKE, Scale
 from eutree.experiments.figure_2_3 import LEARNERS
 from eutree.experiments.finals import FINALS
 from eutree.experiments.objective import Distance, distance, nearest, shortened
 from eutree.experiments.results import Results
 from eutree.experiments.runs import RunRecord, RunSpec
+from eutree.experiments.search_plan import (
+    AT_SPEEDS,
+    IN_TWO,
+    LEARNED,
+    NOTHING,
+    PLAN,
+    Rung,
+    SearchPlan,
+)
 from eutree.experiments.search_space import (
     COARSE,
-    DEPARTURES,
     FINE,
-    STEPS,
+    NARROW,
     WIDE,
     Spaces,
     drawn,
@@ -51,7 +61,6 @@ from eutree.experiments.search_space import (
 )
 from eutree.experiments.settings import (
     LABEL,
-    LOOK_AHEAD,
     SPLITS,
     Demonstrator,
     Domain,
@@ -64,154 +73,11 @@ TWO, THREE = "eutree/Evasion2-v0", "eutree/Evasion3-v0"
 PRESET = "paper"  # whose reading every setting spells out
 
 HALF = "expert tree: success at 4.2 m/s"
+# Under no setting of the first searches did an expert tree do both; between them lies the frontier.
+FRONTIER = (HALF, "expert tree: success in 3-Evasion")
 LEAST_SEEDS = 3  # a standard error of two seeds says little
 # With labels, as without them the two EU-Trees begin apart; neighbours try that too.
 CORNERS = tuple(Reading(untried=LABEL, split=split, exploration=0.1) for split in SPLITS)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Rung:
-    """One stage of the race.
-
-    Attributes:
-        name: What is run.
-        keep: How many settings stay after each seed.
-        per_group: Most that stay of those that share what ``group`` returns; None for no limit.
-        group: What settings are alike by.
-    """
-
-    name: str
-    keep: tuple[int, ...]
-    per_group: int | None = None
-    group: Callable[[Setting], Any] = lambda setting: None
-
-
-@dataclass(frozen=True, kw_only=True)
-class SearchPlan:
-    """How much is searched.
-
-    Attributes:
-        domains: Domains and demonstrators drawn.
-        neighbours: Settings made from the nearest, in each round of the fourth stage.
-        asked: Settings that are tried beside those of the second round.
-        wider: Settings drawn in the fifth stage, and those made from the best of them.
-        asked_wider: Settings that are tried beside those drawn there.
-        departures: What the nearest is changed in, one at a time.
-        steps: Settings on the way from the first domain and reading to those of the preset.
-        halves: Settings whose expert trees drop to a half that are asked about other speeds.
-        rungs: The stages.
-        scale: Episodes of runs and evaluations.
-        speeds: Opponent speeds of the expert stage.
-        far: Those of the last stage.
-    """
-
-    domains: int
-    neighbours: tuple[int, int]
-    asked: tuple[Setting, ...] = ()
-    wider: tuple[int, int] = (0, 0)
-    asked_wider: tuple[Setting, ...] = ()
-    departures: tuple[tuple[str, str, Any], ...] = ()
-    steps: tuple[Setting, ...] = ()
-    halves: int = 0
-    rungs: tuple[Rung, ...]
-    scale: Scale
-    speeds: tuple[float, ...] = (2.2, 2.7, 4.2)
-    far: tuple[float, ...] = (2.2, 3.7, 4.2)
-
-
-def _time_step(setting: Setting) -> float:
-    return setting.domain.time_step
-
-
-def _domain(setting: Setting) -> tuple[Domain, Demonstrator]:
-    return setting.domain, setting.demonstrator
-
-
-# Two domains between those drawn, in which expert trees do what the paper's did: found by looking
-# at expert trees alone, at the seeds of the search.
-_AT_ENDS = Domain(time_step=0.75, collision_distance=1.0, noise=0.05, start="either end")
-ASKED = (
-    Setting(
-        domain=_AT_ENDS,
-        demonstrator=Demonstrator(wait_distance=9.5),
-        reading=Reading(exploration=0.1),
-    ),
-    Setting(
-        domain=replace(_AT_ENDS, collision_distance=2.0),
-        demonstrator=Demonstrator(wait_distance=9.0),
-        reading=Reading(exploration=0.1),
-    ),
-)
-
-# And one with a demonstrator who sees directions, found in the same way.
-ASKED_WIDER = (
-    Setting(
-        domain=Domain(
-            time_step=0.6, collision_distance=1.5, noise=0.03, start="either end", bounce="turn"
-        ),
-        demonstrator=Demonstrator(rule=LOOK_AHEAD, margin=1.5),
-    ),
-)
-
-# How much is learned in a stage: nothing; in 2-Evasion; in 3-Evasion too; at other speeds too.
-NOTHING, IN_TWO, IN_THREE, AT_SPEEDS = range(4)
-LEARNED: Mapping[str, int] = {
-    "expert": NOTHING,
-    "2-Evasion": IN_TWO,
-    "3-Evasion": IN_THREE,
-    "neighbours": IN_THREE,
-    "wider": NOTHING,
-    "wider, changed": NOTHING,
-    "wider, learned": IN_THREE,
-    "departures": IN_TWO,
-    "steps": IN_TWO,
-    "speeds": AT_SPEEDS,
-}
-
-PLAN = SearchPlan(
-    asked=ASKED,
-    domains=140,
-    neighbours=(5, 6),
-    wider=(60, 24),
-    asked_wider=ASKED_WIDER,
-    departures=DEPARTURES,
-    steps=STEPS,
-    halves=1,
-    rungs=(
-        Rung(name="expert", keep=(36, 9), per_group=3, group=_time_step),
-        Rung(name="2-Evasion", keep=(6, 4), per_group=2, group=_domain),
-        Rung(name="3-Evasion", keep=(3,)),
-        Rung(name="neighbours", keep=(3, 2)),
-        Rung(name="wider", keep=(8,)),
-        Rung(name="wider, changed", keep=(5, 3)),
-        Rung(name="wider, learned", keep=(1,)),
-        Rung(name="departures", keep=(1,)),
-        Rung(name="steps", keep=(len(STEPS),)),
-        Rung(name="speeds", keep=(3,)),
-    ),
-    scale=replace(FULL, final_episodes=400),
-)
-SMOKE_PLAN = SearchPlan(
-    domains=4,
-    neighbours=(1, 1),
-    wider=(2, 1),
-    departures=DEPARTURES[:1],
-    steps=STEPS[:2],
-    halves=1,
-    rungs=(
-        Rung(name="expert", keep=(2, 1)),
-        Rung(name="2-Evasion", keep=(2,)),
-        Rung(name="3-Evasion", keep=(1,)),
-        Rung(name="neighbours", keep=(1,)),
-        Rung(name="wider", keep=(1,)),
-        Rung(name="wider, changed", keep=(1,)),
-        Rung(name="wider, learned", keep=(1,)),
-        Rung(name="departures", keep=(1,)),
-        Rung(name="steps", keep=(len(STEPS),)),
-        Rung(name="speeds", keep=(1, 1)),
-    ),
-    scale=SMOKE,
-)
 
 
 @dataclass(frozen=True)
@@ -267,6 +133,7 @@ class Search:
         self._on_run = on_run
         self._generator = np.random.default_rng(FIRST_SEED)
         self._wide_generator = np.random.default_rng((FIRST_SEED, 1))
+        self._frontier_generator = np.random.default_rng((FIRST_SEED, 2))
         self._records: dict[Setting, dict[RunSpec, RunRecord]] = {}
         self._stages: dict[Setting, str] = {}
         self._changed_from: dict[Setting, Setting] = {}
@@ -288,7 +155,10 @@ class Search:
         self._race(rungs["departures"], self._departures(near[0]))
         self._inherit(self.plan.steps)
         self._race(rungs["steps"], self.plan.steps)
-        best = self._race(rungs["speeds"], [*near, *wider, *self._halves()])
+        between = self._frontier(near[0], rungs)
+        preset = self.plan.steps[-1:]
+        last = [*near, *wider, *between, *preset, *self._halves()]
+        best = self._race(rungs["speeds"], last)
         return self._ranking(best)
 
     @property
@@ -347,6 +217,28 @@ class Search:
         found = [setting for setting in (*changed, *people) if setting != nearest]
         self._changed_from = dict.fromkeys(found, nearest)
         return found
+
+    def _frontier(self, nearest: Setting, rungs: Mapping[str, Rung]) -> list[Setting]:
+        """Return the best of those nearest to both numbers, in the nearest reading."""
+        rung = rungs["frontier"]
+        for count in self.plan.frontier:
+            shown = self._between()[: rung.keep[0]]
+            changed = self._changed(shown, count, NARROW, self._frontier_generator)
+            self._run(rung.name, changed, 0)
+        for number, keep in enumerate(rung.keep):
+            self._run(rung.name, self._between()[:keep], number)
+        read = [replace(s, reading=nearest.reading) for s in self._between()[: rung.keep[-1]]]
+        self._inherit(read)
+        return self._race(rungs["frontier, learned"], read)
+
+    def _between(self) -> list[Setting]:
+        """Return domains and demonstrators, those first that are nearest to both numbers."""
+        plain = [s for s in self._stages if s.reading is None and not s.demonstrator.folder]
+        return sorted(plain, key=self._miss_of_both)
+
+    def _miss_of_both(self, setting: Setting) -> float:
+        costs = nearest(self._of(setting))[1].costs
+        return sum(costs[name] for name in FRONTIER)
 
     def _halves(self) -> list[Setting]:
         """Return the nearest settings that learned and whose expert trees drop to a half."""

@@ -58,10 +58,23 @@ WIDER_DEMONSTRATORS: Mapping[str, tuple[Any, ...]] = {
     "wait_distance": (8.0, 8.5, 9.0, 9.5, 10.0),
     "margin": (0.75, 1.0, 1.5, 2.0, 2.5, 3.0),
 }
+BETWEEN: Mapping[str, tuple[Any, ...]] = {
+    "time_step": (0.4, 0.5, 0.6, 0.75, 0.9, 1.0),
+    "collision_distance": (1.0, 1.5, 1.75, 2.0, 2.25, 2.5, 2.75, 3.0),
+    "noise": (0.005, 0.01, 0.015, 0.02, 0.03, 0.05),
+    "start": ("anywhere", "either end", "same end"),
+    "bounce": ("reflect", "turn"),
+}
+BETWEEN_DEMONSTRATORS: Mapping[str, tuple[Any, ...]] = {
+    "rule": (GATE, LOOK_AHEAD),
+    "wait_distance": (7.5, 8.0, 8.5, 9.0, 9.5, 10.0, 10.5, 11.0),
+    "margin": (0.75, 1.0, 1.5, 2.0, 2.5),
+}
 Spaces = Mapping[str, Mapping[str, tuple[Any, ...]]]
 COARSE: Spaces = {"domain": DOMAINS, "demonstrator": DEMONSTRATORS, "reading": READINGS}
 FINE: Spaces = {"domain": FINER, "demonstrator": FINER_DEMONSTRATORS, "reading": READINGS}
 WIDE: Spaces = {"domain": WIDER, "demonstrator": WIDER_DEMONSTRATORS}
+NARROW: Spaces = {"domain": BETWEEN, "demonstrator": BETWEEN_DEMONSTRATORS}
 # What the nearest setting is changed in, one at a time.
 DEPARTURES: tuple[tuple[str, str, Any], ...] = (
     ("domain", "agent_speed", 1.5),
