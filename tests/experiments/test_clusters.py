@@ -1,7 +1,7 @@
 """Runs on a cluster give the same bytes as runs one after the other: Dask and Ray, on loopback."""
 
+import json
 import os
-import socket
 import subprocess
 import sys
 import time
@@ -42,37 +42,41 @@ def command(*arguments):
     )  # fmt: skip
 
 
-def free_port():
-    with socket.socket() as listener:
-        listener.bind(("127.0.0.1", 0))
-        return listener.getsockname()[1]
+def address_in(path, patience=120.0):
+    """Wait for what a scheduler writes of itself; return its address."""
+    end = time.monotonic() + patience
+    while time.monotonic() < end:
+        try:
+            return json.loads(path.read_text())["address"]
+        except (FileNotFoundError, ValueError):  # not yet, or not wholly
+            time.sleep(0.05)
+    raise TimeoutError(f"there is no {path} after {patience} s")
 
 
 @pytest.fixture(scope="module")
-def dask_cluster():
+def dask_cluster(tmp_path_factory):
     """Start a scheduler and two worker processes on loopback; return the scheduler's address."""
     pytest.importorskip("distributed", reason="dask.distributed is not installed")
-    port = free_port()
-    address = f"tcp://127.0.0.1:{port}"
+    said = tmp_path_factory.mktemp("dask") / "scheduler.json"  # the scheduler chooses its port
+    there = ["--scheduler-file", str(said)]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     dask = [sys.executable, "-m", "dask"]
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": environment}
     commands = [
-        [*dask, "scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard"],
+        [*dask, "scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", *there],
         *[
-            [*dask, "worker", address, "--host", "127.0.0.1", "--nthreads", "1", "--no-dashboard"]
+            [*dask, "worker", "--host", "127.0.0.1", "--nthreads", "1", "--no-dashboard", *there]
             for _ in range(2)
         ],
     ]
     processes = [subprocess.Popen(command, **quiet) for command in commands]
-    time.sleep(0.5)
     try:
-        yield address
+        yield address_in(said)
     finally:
         for process in reversed(processes):
             process.terminate()
         for process in processes:
-            process.wait(timeout=30)
+            process.wait(timeout=120)
 
 
 def test_a_dask_cluster_gives_the_same_bytes(tmp_path, dask_cluster):
@@ -130,7 +134,7 @@ def test_a_cluster_that_is_not_there_is_a_clear_error(tmp_path, capsys, monkeypa
     line = ["distill", "CartPole-v1", "--expert", "balance", "--out", str(tmp_path / "a.json")]
     assert run([*line, "--address", "tcp://127.0.0.1:9"]) == 2
     assert "--backend dask or ray" in capsys.readouterr().err
-    for address in (f"tcp://127.0.0.1:{free_port()}", str(tmp_path / "scheduler.json")):
+    for address in ("tcp://127.0.0.1:9", str(tmp_path / "scheduler.json")):
         assert run([*line, "--backend", "dask", "--address", address]) == 2
         assert "--address must be that of a running scheduler" in capsys.readouterr().err
 

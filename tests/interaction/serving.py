@@ -4,6 +4,7 @@ import socket
 import threading
 from contextlib import contextmanager
 from pathlib import Path
+from unittest import mock
 
 from eutree.interaction.browser import PageServer, record_in_browser
 from eutree.interaction.events import KeyDown, KeyUp
@@ -85,9 +86,13 @@ class Served:
 
 
 @contextmanager
-def serving(folder: Path, env=None, *, fps=None, maker=None):
-    """Serve a session in a thread until the block ends."""
-    settings = SessionSettings(target=3, countdown=0.2, fps=fps, makes=maker is not None)
+def serving(folder: Path, env=None, *, fps=None, maker=None, countdown=0.2, lost_after=ENOUGH):
+    """Serve a session in a thread until the block ends.
+
+    On a busy machine a browser may draw nothing for seconds. It counts as lost after
+    ``lost_after`` seconds; as in use, after one and a half, episodes would pause by themselves.
+    """
+    settings = SessionSettings(target=3, countdown=countdown, fps=fps, makes=maker is not None)
     recorder = Recorder(env or Corridor(), folder / "demos", settings=settings)
     ready, servers = threading.Event(), []
 
@@ -99,11 +104,15 @@ def serving(folder: Path, env=None, *, fps=None, maker=None):
         record_in_browser(recorder, port=0, on_ready=on_ready, maker=maker)
 
     thread = threading.Thread(target=run, daemon=True)
-    thread.start()
-    assert ready.wait(ENOUGH)
-    try:
-        yield Served(servers[0], recorder)
-    finally:
-        recorder.session.play.state = "finished"
-        thread.join(ENOUGH)
-        assert not thread.is_alive()
+    with (
+        mock.patch("eutree.interaction.pictures.VIEWER_SECONDS", lost_after),
+        mock.patch("eutree.interaction.browser.server.PING_SECONDS", ENOUGH),
+    ):
+        thread.start()
+        assert ready.wait(ENOUGH)
+        try:
+            yield Served(servers[0], recorder)
+        finally:
+            recorder.session.play.state = "finished"
+            thread.join(ENOUGH)
+            assert not thread.is_alive()

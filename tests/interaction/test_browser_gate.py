@@ -320,7 +320,7 @@ def test_a_lost_connection_pauses_and_the_same_page_goes_on(tmp_path) -> None:
 @pytest.mark.promise(26)
 def test_a_page_that_hangs_pauses_the_episode(tmp_path) -> None:
     """The socket stays open, but nothing is drawn any more."""
-    with serving(tmp_path, Corridor(length=100, limit=10_000)) as server:
+    with serving(tmp_path, Corridor(length=100, limit=10_000), lost_after=1.5) as server:
         page = Page(server)
         page.send(type="do", name="start")
         page.until(lambda view: view["state"] == "playing")

@@ -20,12 +20,33 @@ from tests.interaction.serving import ENOUGH, serving
 
 PATIENCE = ENOUGH * 1000.0
 
+# The page keeps all that it has shown, so that nothing passes unseen while the test is not awake.
+KEEP = """
+window.past = [];
+new MutationObserver(() => {
+  const [body, pill, coming] = ["body", "#pill", "#coming"].map((s) => document.querySelector(s));
+  if (!pill) return;
+  const { frame, latency, ...shown } = body.dataset;
+  shown.acting = pill.hidden ? "" : document.querySelector("#acting").textContent;
+  shown.coming = pill.hidden || coming.hidden ? "" : coming.textContent;
+  if (JSON.stringify(shown) !== JSON.stringify(past.at(-1))) past.push(shown);
+}).observe(document, { subtree: true, childList: true, attributes: true, characterData: true });
+"""
+REACHED = """([wanted, step]) => {
+  const fits = (shown) => Object.entries(wanted).every(([name, value]) => shown[name] === value);
+  const place = past.findIndex((shown) => fits(shown) && (step === null || shown.step >= step));
+  past.splice(0, place);  // the next wait begins here
+  return place >= 0;
+}"""
+
 
 class Person:
     """Somebody at the page, who remembers every key they pressed."""
 
     def __init__(self, chromium, served, **options) -> None:
         self.context = chromium.new_context(viewport={"width": 1180, "height": 800}, **options)
+        self.context.set_default_timeout(PATIENCE)
+        self.context.add_init_script(KEEP)
         self.served = served
         self.keys: list[tuple[str, bool]] = []
         self.messages: list[str] = []
@@ -41,13 +62,13 @@ class Person:
         self.page.goto(self.served.server.url)
         return self
 
-    def until(self, *, step: int | None = None, **data) -> "Person":
-        """Wait until the page says all of this, ``step`` at least: time goes on meanwhile."""
-        conditions = "".join(f"[data-{name}='{value}']" for name, value in data.items())
-        self.page.locator(f"body{conditions}").wait_for(timeout=PATIENCE)
-        if step is not None:
-            reached = "least => Number(document.body.dataset.step) >= least"
-            self.page.wait_for_function(reached, arg=step, timeout=PATIENCE)
+    def until(self, *, step: int | None = None, **shown) -> "Person":
+        """Wait until the page shows all of this at once, or has since the last wait.
+
+        Time goes on meanwhile: ``step`` stands for that step or a later one.
+        """
+        wanted = {name: str(value) for name, value in shown.items()}
+        self.page.wait_for_function(REACHED, arg=[wanted, step], polling=20)
         return self
 
     def down(self, key="Space") -> "Person":
@@ -338,6 +359,7 @@ def test_a_list_entry_is_discarded_and_kept(chromium, tmp_path) -> None:
         end = time.monotonic() + ENOUGH
         while not served.session.episodes[0].kept:
             assert time.monotonic() < end
+            time.sleep(0.01)
 
 
 CONTRAST = """() => {
@@ -408,20 +430,29 @@ def test_panels_keep_their_places_and_nothing_covers_the_picture(
         assert picture["width"] >= {1180: 640, 1920: 1000, 390: 360}[width]
 
 
+# How much of the line to the next decision is full, twice within the wait for one decision.
+TWO_SHARES = """async () => {
+  const width = (id) => document.getElementById(id).getBoundingClientRect().width;
+  for (;;) {
+    const step = document.body.dataset.step;
+    const shares = [];
+    for (const pause of [100, 300]) {
+      await new Promise((done) => setTimeout(done, pause));
+      shares.push(width("beat-fill") / width("beat"));
+    }
+    if (document.body.dataset.step === step) return shares;
+  }
+}"""
+
+
 def test_the_screen_shows_what_a_key_will_do_and_when(chromium, tmp_path) -> None:
     """One decision in two seconds: a key that is pressed meanwhile must not seem dead."""
     with serving(tmp_path, Corridor(length=100, limit=10_000), fps=0.5) as served:
         person = Person(chromium, served).until(state="opening")
         person.tap("Enter").until(state="playing")
-        person.down("ArrowRight")
-        person.page.locator("#coming", has_text="right").wait_for(timeout=PATIENCE)
-        assert person.page.locator("#acting").inner_text() == "stay"
-        shares = []
-        for _ in range(2):
-            shares.append(box(person, "#beat-fill")["width"] / box(person, "#beat")["width"])
-            person.rest(0.3)
-        assert 0.0 < shares[0] < shares[1] <= 1.0
-        person.until(action=2)
+        person.down("ArrowRight").until(acting="stay", coming="right").until(action=2)
+        first, second = person.page.evaluate(TWO_SHARES)
+        assert 0.0 < first < second <= 1.0
         assert person.page.locator("#coming").is_hidden()
         assert box(person, "#pill")["width"] < 200  # in the corner of the picture
         person.up("ArrowRight")
@@ -431,8 +462,7 @@ def test_the_first_decision_is_what_one_sees_and_does_after_the_count(chromium, 
     """It falls one interval after the countdown, so that a reaction is in time for it."""
     with serving(tmp_path, Corridor(length=100, limit=10_000), fps=0.5) as served:
         person = Person(chromium, served).until(state="opening")
-        person.tap("Enter").until(state="playing")
-        assert person.data("step") == "0"
+        person.tap("Enter").until(state="playing", step=0)
         person.down("ArrowRight").until(step=1).up("ArrowRight").tap("e").until(state="review")
     demos = Demonstrations.load(tmp_path / "demos")
     assert demos.episodes[0].actions[0] == 2
@@ -441,10 +471,16 @@ def test_the_first_decision_is_what_one_sees_and_does_after_the_count(chromium, 
 
 
 def test_a_key_that_is_held_while_it_counts_is_the_first_decision(chromium, tmp_path) -> None:
-    with serving(tmp_path, Corridor(length=100, limit=10_000), fps=2.0) as served:
-        served.session.settings = replace(served.session.settings, countdown=1.5)
+    """It counts until the key is known to be held."""
+    long = Corridor(length=100, limit=10_000)
+    with serving(tmp_path, long, fps=2.0, countdown=1e6) as served:
         person = Person(chromium, served).until(state="opening")
         person.tap("Enter").until(state="countdown").down("ArrowLeft")
+        end = time.monotonic() + ENOUGH
+        while "left" not in served.session.play.controls.hands.held:
+            assert time.monotonic() < end
+            time.sleep(0.01)
+        served.session.play._countdown_end = 0.0
         person.until(state="playing", step=2).up("ArrowLeft").tap("e").until(state="review")
     assert Demonstrations.load(tmp_path / "demos").episodes[0].actions[:2].tolist() == [0, 0]
 
@@ -461,8 +497,7 @@ def test_without_an_idle_action_nothing_happens_before_the_first_key(chromium, t
         assert person.data("step") == "0"
         assert person.page.locator("#title").inner_text() == "Press a key to begin"
         assert person.page.locator("#pill").is_hidden()  # nothing is under way
-        person.down("ArrowRight").page.locator("#pill").wait_for()
-        person.until(state="review").up("ArrowRight")
+        person.down("ArrowRight").until(acting="right").until(state="review").up("ArrowRight")
     episode = Demonstrations.load(tmp_path / "demos").episodes[0]
     assert set(episode.actions) == {1}
     assert set(episode.steps["speed"]) == {0.25}
@@ -480,7 +515,7 @@ def test_arrow_keys_harm_nothing(chromium, tmp_path) -> None:
 
 
 def test_the_opening_says_the_task_and_the_focus_can_be_seen(chromium, tmp_path) -> None:
-    with serving(tmp_path, evasion()) as served:
+    with serving(tmp_path, evasion(), countdown=1e6) as served:
         person = Person(chromium, served).until(state="opening")
         assert person.page.locator("#text").inner_text().startswith("Bring the blue disc to")
         assert (
@@ -491,7 +526,6 @@ def test_the_opening_says_the_task_and_the_focus_can_be_seen(chromium, tmp_path)
         assert not person.page.locator("#controls").is_visible()
         person.page.get_by_text("Shortcuts").click()
         assert person.page.locator("#controls").is_visible()
-        served.session.settings = replace(served.session.settings, countdown=30.0)
         person.page.locator("button[data-command=start]").click()
         person.until(state="countdown")
         assert "Hold the key while it counts" in person.page.locator("#text").inner_text()

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+ENOUGH = 60_000.0  # milliseconds for anything that takes a few on a quiet machine
 BROWSERS = ("/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome")
 
 
@@ -53,6 +54,7 @@ def open_page(
     started: Any, path: Path, *, width: int = 1280, height: int = 800, scheme: str = "light"
 ) -> Opened:
     page = started.new_page(viewport={"width": width, "height": height}, color_scheme=scheme)
+    page.set_default_timeout(ENOUGH)
     opened = Opened(page)
     page.on("console", lambda message: opened.messages.append(message.text))
     page.on("pageerror", lambda error: opened.messages.append(str(error)))

@@ -3,7 +3,6 @@
 import json
 import re
 import subprocess
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -23,7 +22,7 @@ from eutree.report.tree_data import policy_features
 from eutree.schema import Feature, Schema
 from tests.export.policies import EVASION, NASTY, policy_of, tree
 from tests.export.tools import need
-from tests.report.browser import Opened, grave_violations, open_page
+from tests.report.browser import ENOUGH, Opened, grave_violations, open_page
 from tests.report.watched import PIXEL, episodes
 
 ASSETS = Path(__file__).parents[2] / "src" / "eutree" / "report" / "assets"
@@ -42,7 +41,7 @@ def file(
 @pytest.fixture
 def opened(chromium: Any, file: Path) -> Iterator[Opened]:
     opened = open_page(chromium, file)
-    opened.page.wait_for_selector("body[data-ready]", timeout=10_000)
+    opened.page.wait_for_selector("body[data-ready]", timeout=ENOUGH)
     yield opened
     opened.assert_quiet()
     opened.page.close()
@@ -54,7 +53,7 @@ def state(opened: Opened, name: str) -> str:
 
 def wait_for(opened: Opened, **values: object) -> None:
     selector = "".join(f'[data-{name}="{value}"]' for name, value in values.items())
-    opened.page.wait_for_selector(f"body{selector}", timeout=5_000)
+    opened.page.wait_for_selector(f"body{selector}", timeout=ENOUGH)
 
 
 def test_every_step_lights_the_leaf_that_decides(
@@ -75,17 +74,20 @@ def test_every_step_lights_the_leaf_that_decides(
 
 
 def test_it_plays_and_pauses(opened: Opened) -> None:
+    clock = opened.page.clock  # so that a step comes when the test says so
+    clock.install(time=0)
+    clock.pause_at(1)
     opened.page.select_option("#speed", "120")
     opened.page.click("#play")
-    opened.page.wait_for_selector('body[data-playing="true"]:not([data-step="0"])', timeout=5_000)
+    clock.run_for(300)
+    assert (state(opened, "playing"), state(opened, "step")) == ("true", "2")
     assert opened.page.locator("#play").get_attribute("aria-label") == "Pause"
     opened.page.click("#play")
-    wait_for(opened, playing="false")
-    paused_at = state(opened, "step")
-    time.sleep(0.4)
-    assert state(opened, "step") == paused_at
+    clock.run_for(300)
+    assert (state(opened, "playing"), state(opened, "step")) == ("false", "2")
     opened.page.click("#play")
-    wait_for(opened, playing="false", step=12)  # it stops at the end by itself
+    clock.run_for(3000)  # it stops at the end by itself
+    assert (state(opened, "playing"), state(opened, "step")) == ("false", "12")
 
 
 def test_episodes_can_be_chosen_and_say_when_they_have_no_pictures(opened: Opened) -> None:
@@ -211,7 +213,7 @@ def test_any_names_are_harmless(chromium: Any, tmp_path: Path) -> None:
     content = policy_page(policy, episodes=[WatchedEpisode(episode)], title=names[-1])
     (tmp_path / "page.html").write_text(content, encoding="utf-8")
     opened = open_page(chromium, tmp_path / "page.html")
-    opened.page.wait_for_selector("body[data-ready]", timeout=10_000)
+    opened.page.wait_for_selector("body[data-ready]", timeout=ENOUGH)
     opened.page.fill("#search", "script")
     opened.page.press("#search", "Enter")
     for button in ("#forward", "#collapse-all", "#expand-all"):
@@ -227,7 +229,7 @@ def test_one_leaf_and_no_episodes(chromium: Any, tmp_path: Path) -> None:
     path = tmp_path / "page.html"
     path.write_text(policy_page(policy_of(tree(1, 1))), encoding="utf-8")
     opened = open_page(chromium, path, width=390, height=844)
-    opened.page.wait_for_selector("body[data-ready]", timeout=10_000)
+    opened.page.wait_for_selector("body[data-ready]", timeout=ENOUGH)
     assert not opened.page.locator("#episode-panel").is_visible()
     assert "Every observation comes here" in opened.page.locator("#details").inner_text()
     assert opened.page.evaluate("document.documentElement.scrollWidth") <= 390
@@ -248,7 +250,7 @@ def test_a_large_page_is_small(chromium: Any, tmp_path: Path) -> None:
     assert content.count("data:image/webp") == 49 * 25
     assert path.stat().st_size <= 5_000_000
     opened = open_page(chromium, path)
-    opened.page.wait_for_selector("body[data-ready]", timeout=60_000)
+    opened.page.wait_for_selector("body[data-ready]", timeout=ENOUGH)
     elements = opened.page.evaluate("document.querySelectorAll('*').length")
     assert elements <= 20 * policy.tree.n_nodes + 1000  # of the order of the tree, not its square
     opened.assert_quiet()
@@ -269,7 +271,7 @@ def test_the_verdict_points_at_the_leaf_that_matters(chromium: Any, tmp_path: Pa
     ]
     (tmp_path / "page.html").write_text(policy_page(policy, episodes=[good, bad]), encoding="utf-8")
     opened = open_page(chromium, tmp_path / "page.html")
-    opened.page.wait_for_selector("body[data-ready]", timeout=10_000)
+    opened.page.wait_for_selector("body[data-ready]", timeout=ENOUGH)
     opened.page.click("#collapse-all")
     for _ in range(2):  # also when the address says it already
         opened.page.click(".verdict a")
@@ -347,7 +349,7 @@ def test_nothing_serious_for_axe(
     )
     page = context.new_page()
     page.goto(file.as_uri())
-    page.wait_for_selector("body[data-ready]", timeout=10_000)
+    page.wait_for_selector("body[data-ready]", timeout=ENOUGH)
     page.click(".node.leaf >> nth=0")
     grave = grave_violations(page, axe)
     context.close()

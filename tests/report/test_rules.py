@@ -14,7 +14,7 @@ from eutree.policies import TreePolicy
 from eutree.report import WatchedEpisode, policy_page
 from eutree.schema import Feature, Schema
 from tests.export.policies import NASTY, policy_of, tree
-from tests.report.browser import Opened, grave_violations, open_page
+from tests.report.browser import ENOUGH, Opened, grave_violations, open_page
 from tests.report.test_policy_page import page_data
 from tests.report.watched import episodes
 
@@ -35,7 +35,7 @@ def file(policy: TreePolicy, watched: list[WatchedEpisode], tmp_path: Path) -> P
 @pytest.fixture
 def opened(chromium: Any, file: Path) -> Iterator[Opened]:
     opened = open_page(chromium, file)
-    opened.page.wait_for_selector("body[data-ready]", timeout=10_000)
+    opened.page.wait_for_selector("body[data-ready]", timeout=ENOUGH)
     opened.page.click("#rules-fold summary")
     opened.page.wait_for_selector("[data-rule]")
     yield opened

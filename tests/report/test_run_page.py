@@ -21,7 +21,7 @@ from eutree.report.changes import LeafChange, changed_leaves
 from eutree.report.chart import chart, ticks
 from eutree.report.head import Pointer
 from tests.export.policies import EVASION, NASTY, policy_of, tree
-from tests.report.browser import Opened, grave_violations, open_page
+from tests.report.browser import ENOUGH, Opened, grave_violations, open_page
 from tests.report.watched import episodes
 
 CURVE = [(0.0, 0.5, 0.4, 0.6), (20.0, 0.8, 0.7, 0.9), (40.0, 0.9, 0.85, 0.95)]
@@ -128,7 +128,7 @@ def test_browser_is_quiet_and_nothing_is_cut_off(chromium: Any, tmp_path: Path, 
 def opened_report(chromium: Any, tmp_path: Path, width: int = 1280) -> Opened:
     (tmp_path / "run.html").write_text(run_page(report()), encoding="utf-8")
     opened = open_page(chromium, tmp_path / "run.html", width=width)
-    opened.page.wait_for_selector("body[data-ready]", timeout=10_000)
+    opened.page.wait_for_selector("body[data-ready]", timeout=ENOUGH)
     return opened
 
 
@@ -159,7 +159,7 @@ def test_an_episode_of_somebody_else_says_where_this_tree_differs(
     page = run_page(RunReport("Two", watched=WatchedTree(policy, played)))
     (tmp_path / "run.html").write_text(page, encoding="utf-8")
     opened = open_page(chromium, tmp_path / "run.html")
-    opened.page.wait_for_selector("body[data-ready]", timeout=10_000)
+    opened.page.wait_for_selector("body[data-ready]", timeout=ENOUGH)
     assert "this tree" not in opened.page.locator("#status").inner_text()
     opened.page.select_option("#episode", "1")
     action = policy.schema.actions[own.episode.actions[0]]
@@ -174,7 +174,7 @@ def test_without_episodes_the_tree_has_the_whole_width(chromium: Any, tmp_path: 
         run_page(RunReport("One", watched=watched)), encoding="utf-8"
     )
     opened = open_page(chromium, tmp_path / "run.html")
-    opened.page.wait_for_selector("body[data-ready]", timeout=10_000)
+    opened.page.wait_for_selector("body[data-ready]", timeout=ENOUGH)
     assert not opened.page.locator("#episode-panel").is_visible()
     widths = "['#tree-panel', '.beside'].map(s => document.querySelector(s).clientWidth)"
     inner, outer = opened.page.evaluate(widths)

@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -20,9 +21,43 @@ ARTEFACTS = (
 SOURCE = Path(eutree.__file__).parents[1]
 COMMAND = "from eutree.__main__ import main; main()"
 
-# As the command line, but an archive's content is replaced in place, with a pause in the middle.
+# As the command line, but it ends at any instruction whatever, as by kill -9, when it has worked
+# for so long since its first checkpoint: of its own time, so that other work on the machine counts
+# for nothing.
+KILLED = """
+import signal
+from eutree.files import atomic
+
+whole = atomic.write_bytes
+
+def and_then_time_runs(path, data):
+    whole(path, data)
+    if path.name == "checkpoint.npz":
+        atomic.write_bytes = whole
+        signal.setitimer(signal.ITIMER_PROF, {seconds})
+
+atomic.write_bytes = and_then_time_runs
+"""
+KILL = -signal.SIGPROF  # the exit code of a process that the timer has killed
+
+# As the command line, but it stops after its first checkpoint as if by Ctrl-Z.
+STOPPED = """
+import os, signal
+from eutree.files import atomic
+
+whole = atomic.write_bytes
+
+def and_stop(path, data):
+    whole(path, data)
+    if path.name == "checkpoint.npz":
+        os.kill(os.getpid(), signal.SIGSTOP)
+
+atomic.write_bytes = and_stop
+"""
+
+# As the command line, but an archive's content is replaced in place, and it dies in the middle.
 TORN = """
-import time
+import os, signal
 from eutree.files import atomic
 
 whole = atomic.write_bytes
@@ -34,8 +69,7 @@ def torn(path, data):
     with open(path, "wb") as file:
         file.write(data[: len(data) // 2])
         file.flush()
-        time.sleep(1)
-        file.write(data[len(data) // 2 :])
+        os.kill(os.getpid(), signal.SIGKILL)
 
 atomic.write_bytes = torn
 """

@@ -12,6 +12,9 @@ from eutree.cli.main import run
 from eutree.training.signals import stop_on_signals
 from tests.training.processes import (
     COMMAND,
+    KILL,
+    KILLED,
+    STOPPED,
     TORN,
     digests,
     finish,
@@ -49,19 +52,10 @@ def whole(tmp_path_factory):
     return of
 
 
-def kill_once(line, folder, moment, code=COMMAND):
-    """Start or resume a run, and kill it ``moment`` seconds after its first new checkpoint.
-
-    Returns:
-        Exit code and standard error: -9, or those of a run that ended before.
-    """
+def struck(line, folder, blow):
+    """Start or resume a run that ``blow`` ends; return its exit code and standard error."""
     options = ("--out", folder, "--resume", "--checkpoint-seconds", 0)
-    before = identity(folder / "checkpoint.npz")
-    process = start(*line, *options, code=code)
-    wait_for_new(folder / "checkpoint.npz", before, process)
-    time.sleep(moment)
-    os.kill(process.pid, signal.SIGKILL)
-    return finish(process)
+    return finish(start(*line, *options, code=blow + COMMAND))
 
 
 def kill_and_resume(line, folder, kills, seed):
@@ -69,12 +63,12 @@ def kill_and_resume(line, folder, kills, seed):
     codes = []
     chance = random.Random(seed)
     for number in range(kills):
-        moment = chance.uniform(0, 0.6)
-        code, err = kill_once(line, folder, moment)
+        moment = chance.uniform(0.001, 0.6)
+        code, err = struck(line, folder, KILLED.format(seconds=moment))
         print(f"seed {seed}, kill {number} after {moment:.3f} s: exit code {code}")
-        assert code in (-signal.SIGKILL, 0), err
+        assert code in (KILL, 0), err
         codes.append(code)
-    assert -signal.SIGKILL in codes, "every run ended before it was killed"
+    assert KILL in codes, "every run ended before it was killed"
     code, err = finish(start(*line, "--out", folder, "--resume"))
     assert code == 0, err
 
@@ -105,7 +99,7 @@ def test_200_kills_and_resumes_end_with_the_same_bytes(whole, tmp_path, domain, 
 def test_the_kill_test_catches_a_writer_that_is_not_atomic(whole, tmp_path):
     line, _ = whole(DOMAINS[0], 0)
     folder = tmp_path / "run"
-    kill_once(line, folder, 0.3, code=TORN + COMMAND)
+    assert struck(line, folder, TORN)[0] == -signal.SIGKILL
     code, err = finish(start(*line, "--out", folder, "--resume"))
     assert code == 2
     assert "checkpoint.npz" in err
@@ -122,7 +116,7 @@ def test_a_signal_saves_and_exits_and_the_run_can_be_resumed(whole, tmp_path, nu
     spent = cpu_seconds(process.pid)
     os.kill(process.pid, number)
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    code, err = finish(process, timeout=30)
+    code, err = finish(process)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     assert code == 128 + number, err
     assert "Traceback" not in err
@@ -150,7 +144,7 @@ def test_a_signal_interrupts_a_long_evaluation(whole, tmp_path):
     process = start(*line, "--out", folder)
     wait_for_new(folder / "expert.json", None, process)
     os.kill(process.pid, signal.SIGTERM)
-    code, err = finish(process, timeout=30)
+    code, err = finish(process)
     assert code == 143, err
     assert err.splitlines()[-1].endswith("go on with --resume")
 
@@ -179,9 +173,9 @@ def test_an_interrupt_that_escapes_still_exits_with_the_code_of_its_signal(numbe
 def test_a_second_process_is_refused_and_the_lock_of_a_dead_one_is_taken_over(whole, tmp_path):
     line, wanted = whole(DOMAINS[0], 0)
     folder = tmp_path / "run"
-    first = start(*line, "--out", folder, "--checkpoint-seconds", 0)
-    wait_for_new(folder / "checkpoint.npz", None, first)
-    os.kill(first.pid, signal.SIGSTOP)
+    first = start(*line, "--out", folder, "--checkpoint-seconds", 0, code=STOPPED + COMMAND)
+    _, status = os.waitpid(first.pid, os.WUNTRACED)
+    assert os.WIFSTOPPED(status), first.communicate()
     try:
         code, err = finish(start(*line, "--out", folder, "--resume"))
         assert code == 2
@@ -211,7 +205,7 @@ def test_a_signal_while_racing_saves_and_exits_and_the_run_can_be_resumed(whole,
     spent = cpu_seconds(process.pid)
     os.kill(process.pid, signal.SIGINT)
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    code, err = finish(process, timeout=30)
+    code, err = finish(process)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     assert code == 130, err
     total = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
