@@ -125,6 +125,36 @@ def test_a_limit_of_leaves_is_kept_whatever_it_costs(env, shown):
     assert result.policy.n_leaves <= 3
 
 
+def test_a_limit_of_leaves_is_kept_where_time_ends_before_the_race(env, shown):
+    large = policy_of(0, 1.0, 1, 2.0, 0, 3.0, 1, 4.0, 0, 7.0, 1)
+    result = eutree.learn(
+        env, demonstrations=shown, expert=large, episodes=0, minutes=1e-9, race_steps=1_500,
+        max_leaves=3, **SHORT
+    )  # fmt: skip
+    assert result.environment_steps.racing == 0
+    assert 1 < result.policy.n_leaves <= 3
+
+
+class ThreeStripes(Corridor):
+    """Beyond 7.5 the left is right again, so that two leaves are too few."""
+
+    def step(self, action):
+        return super().step(action ^ int(self.place > 7.5))
+
+
+def test_a_limit_of_leaves_of_a_race_does_not_limit_learning_before():
+    """What is planned decides what is stored, and from that the race's models are fitted."""
+    env = ThreeStripes()
+    shown = eutree.record(env, careless(lambda env: WRONG, 0.3), episodes=12, seed=1000)
+    options = {"demonstrations": shown, "expert": WRONG, "episodes": 40, **SHORT}
+    free = eutree.learn(env, **options)
+    raced = eutree.learn(env, race_steps=100, max_leaves=2, **options)
+    limited = eutree.learn(env, max_leaves=2, **options)
+    assert max(raced.policy.n_leaves, limited.policy.n_leaves) <= 2 < free.policy.n_leaves
+    assert np.array_equal(raced.history.actions, free.history.actions)
+    assert not np.array_equal(limited.history.actions, free.history.actions)
+
+
 def test_racing_is_in_the_log_the_curve_and_the_counts(env, shown, expert, tmp_path):
     result = eutree.learn(
         env,

@@ -99,7 +99,8 @@ def learn(
         race_steps: Environment steps spent at the end on policy search with racing: trees proposed
             by several world models, prunings and random changes prove themselves against the
             policy in episodes with common starts. They are part of ``steps``.
-        max_leaves: Most leaves of the result; for methods that plan, or with ``race_steps``.
+        max_leaves: Most leaves of the result; for methods that plan, or with ``race_steps``. Where
+            a race ends the run it keeps the limit, and what is planned before may be larger.
         keep_success: Replace the policy only by one that succeeds as often, in the same episodes.
         seed: The same seed gives the same result, byte for byte.
         evaluate_every: Episodes between two frozen evaluations.
@@ -273,14 +274,18 @@ def _episodes(episodes: int | None, steps: int | None, minutes: float | None) ->
 
 
 def _with_limit(method: Method, max_leaves: int, *, races: bool) -> Method:
-    """Return a method whose trees have at most so many leaves."""
+    """Return a method that ends with at most so many leaves, unless a race sees to that.
+
+    Where one does, a planner knows no limit: what its explorers may try decides what is stored, and
+    from that the race's models are fitted (``docs/decisions/racing.md``).
+    """
     check_integer("max_leaves", max_leaves, low=2)
     if hasattr(method, "max_leaves"):
         return cast(Method, replace(cast(Any, method), max_leaves=max_leaves))
+    if races:
+        return method
     planner = getattr(method, "planner", None)
     if planner is None:
-        if races:
-            return method
         raise InvalidArgumentError(
             f"max_leaves must be None for method {method.name!r} without race_steps, "
             f"got {max_leaves}"

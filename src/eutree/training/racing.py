@@ -59,7 +59,7 @@ class Racing:
             state.note_what_was_recorded()
 
     def _end(self, search: PolicySearch) -> None:
-        self.result, self.search = search.incumbent, None
+        self.result, self.search = search.result, None
         self._state.gathering_ends()
         tried = self._state.at.challengers + search.state.tried
         self._state.move(raced=True, evaluated_at=-1, challengers=tried)

@@ -120,6 +120,15 @@ class PolicySearch:
         return self.state.incumbent
 
     @property
+    def result(self) -> TreePolicy:
+        """The incumbent; while a too large one was not raced yet, its largest pruning allowed."""
+        policy = self.incumbent
+        if policy.n_leaves <= self._max_leaves:
+            return policy
+        smaller = self._proposals.pruned(with_locks(merged(policy), self._start))
+        return max(smaller, key=lambda tree: tree.n_leaves, default=policy)
+
+    @property
     def all_episodes(self) -> list[Episode]:
         """All episodes run, the one just taken and those yet to be taken up again included."""
         taken = [] if self._answer is None else [self._answer]
@@ -186,7 +195,7 @@ class PolicySearch:
     def _cut(self, state: SearchState) -> Running[SearchState]:
         """Take the winner of the smaller trees, whatever it earns."""
         winner = yield from self._winner(state)
-        return replace(state, stage="propose", incumbent=winner)
+        return replace(state, stage="propose", incumbent=winner, challengers=())
 
     def _propose(self, state: SearchState) -> Running[SearchState]:
         """Let each model propose, and C4.5 prune."""
