@@ -26,8 +26,8 @@ from eutree.envs._dynamics import EvasionParameters
 from eutree.envs.vector import EvasionVectorEnv
 from eutree.evaluation import Evaluation
 from eutree.experiments.experiment import FULL
+from eutree.mdp import TabularMDP, TransitionCounts
 from eutree.mdp.model import NO_ACTION, TERMINAL
-from eutree.mdp.tabular import TabularMDP
 
 ENVIRONMENT = "eutree/Evasion2-v0"
 CELLS = (30, 22, 22)  # 1 m of the main path and of each opponent's path
@@ -104,9 +104,7 @@ def plan(
     parameters = EvasionParameters(**arguments(environment, speed))
     grid = Grid(*dynamics.bounds(parameters), cells=CELLS)
     rows = sample(speed, grid, transitions, seed, environment)
-    model = TabularMDP.from_transitions(
-        *rows, n_states=int(np.prod(CELLS)), n_actions=2, discount=1.0
-    )
+    model = TabularMDP(TransitionCounts.of(*rows, n_states=int(np.prod(CELLS)), n_actions=2), 1.0)
     best = model.solve().policy
     return GridPolicy(grid, np.where(best == NO_ACTION, dynamics.STOP, best).astype(np.int64))
 

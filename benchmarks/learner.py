@@ -30,6 +30,7 @@ from eutree.data import Demonstrations, Episode
 from eutree.interaction import GuardedEnv, describe, episode_seed
 from eutree.interaction.seeding import Stream
 from eutree.learners import CORRECTED, DEFAULT, Method, Problem, Start, Step, UTree
+from eutree.learners.leaf_tests import LeafTests
 from eutree.mdp import TabularMDP
 from eutree.splitting import KolmogorovSmirnov, Maximal, Naive
 from eutree.splitting._kernels import best_of_sample
@@ -45,8 +46,8 @@ SPLITS = {
 MARKS = (10_000, 100_000, 1_000_000)
 CLOCKED = (
     (UTree, "start_episode"), (UTree, "act"), (UTree, "observe"), (UTree, "end_episode"),
-    (UTree, "update"), (UTree, "_due"), (UTree, "_split_of"), (KolmogorovSmirnov, "best"),
-    (Maximal, "p_value"), (Naive, "p_value"), (UTree, "_split"),
+    (UTree, "update"), (LeafTests, "due"), (UTree, "_sample"), (LeafTests, "cut"),
+    (KolmogorovSmirnov, "best"), (Maximal, "p_value"), (Naive, "p_value"), (UTree, "_split"),
     (TabularMDP, "solve"),
 )  # fmt: skip
 PLANNED = 10_000  # steps with planning
@@ -94,7 +95,8 @@ def learner_cost(
         spent -= time.thread_time() - start
         total += len(actions)
         if left and total >= left[0]:
-            memory, cost = learner.history.n_bytes_per_transition, 1e6 * spent / total
+            stored = learner.history
+            memory, cost = stored.columns.nbytes / stored.size, 1e6 * spent / total
             rows.append((left.pop(0), cost, learner.tree.n_leaves, memory, Counter(parts or {})))
     return rows
 

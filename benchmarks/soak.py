@@ -61,7 +61,7 @@ def main() -> None:
         history = run.learner.history
         print(
             f"| {run.at.steps:,} | {run.episode:,} | {1e6 * per_step:.0f} | {spent:.0f} "
-            f"| {memory():.0f} | {history.size:,} | {history.n_bytes_per_transition:.0f} "
+            f"| {memory():.0f} | {history.size:,} | {history.columns.nbytes / history.size:.0f} "
             f"| {run.policy().n_leaves} |",
             flush=True,
         )

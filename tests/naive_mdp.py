@@ -120,8 +120,8 @@ def sweep(mdp, queue, back_up, budget, threshold):
         backups += 1
         if change <= threshold:
             continue
-        for before, action, count in zip(*mdp.predecessors(state), strict=True):
-            value = count / mdp.visits[before, action] * change
+        for before, action, count in zip(*mdp.counts.predecessors(state), strict=True):
+            value = count / mdp.counts.visits[before, action] * change
             if before != state and value > threshold:
                 queue.push(int(before), value)
     return backups

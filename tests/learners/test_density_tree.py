@@ -41,5 +41,5 @@ def test_no_leaf_is_left_with_more_after_enough_updates():
     assert isinstance(learner, UTree)
     for _ in range(8):
         learner.update(np.random.default_rng(0))
-    assert learner.history.counts_leaving()[: learner.tree.n_leaves].max() <= 40
+    assert learner.history.leaving.counts[: learner.tree.n_leaves].max() <= 40
     assert learner.tree.n_leaves >= learner.history.size / 40

@@ -11,10 +11,10 @@ from scipy.stats import chisquare
 
 from eutree.data import Episode
 from eutree.learners import CORRECTED, DEFAULT, PAPER, LambdaReturn, Problem, Start, Step
-from eutree.learners.forgetting import WHOLE, LeafReservoirs, RecentEpisodes, fair_shares
+from eutree.learners.forgetting import RANKS, LeafReservoirs, RecentEpisodes, fair_shares
 from eutree.learners.history import History
 from eutree.learners.model_planning import transitions_of
-from eutree.mdp import TabularMDP
+from eutree.mdp import TabularMDP, TransitionCounts
 from eutree.schema import Schema
 from eutree.splitting import Naive, Split
 from eutree.trees import DecisionTree
@@ -59,7 +59,7 @@ class Cells:
         self.tree = DecisionTree.single_leaf(2)
         self.history = History(2, 1, LeafReservoirs(max_transitions, 1, 2))
         self.naive = naive_forgetting.LeafReservoirs(max_transitions)
-        self.lots = np.random.default_rng(seed + 1)  # draws what the history draws
+        self.ranks = np.random.default_rng(seed + 1)  # draws what the history draws
         self.generator = np.random.default_rng(seed)
         self.number = 0
 
@@ -70,7 +70,7 @@ class Cells:
         )
         actions = (self.generator.random(steps) < 0.2).astype(np.int64)
         leaves = self.tree.leaf_index(observations)
-        lots = np.random.default_rng(self.number).integers(WHOLE, size=steps, dtype=np.uint32)
+        ranks = np.random.default_rng(self.number).integers(RANKS, size=steps, dtype=np.uint32)
         self.history.append_episode(
             observations,
             actions,
@@ -82,7 +82,7 @@ class Cells:
         self.history.forget()
         names = [tuple(row) for row in observations[:-1].tolist()]
         self.naive.add(
-            zip(names, leaves[:-1].tolist(), actions.tolist(), lots.tolist(), strict=True)
+            zip(names, leaves[:-1].tolist(), actions.tolist(), ranks.tolist(), strict=True)
         )
         self.naive.forget()
         self.number += steps + 1
@@ -108,15 +108,15 @@ def test_what_is_stored_is_what_the_naive_twin_stores(seed, n_operations, max_tr
         history = cells.history
         assert history.size <= max_transitions
         assert history.observations.tolist() == [list(row[0]) for row in cells.naive.stored()]
-        assert history._view("lots").tolist() == [row[3] for row in cells.naive.stored()]
+        assert history.columns["ranks"].tolist() == [row[3] for row in cells.naive.stored()]
         assert_consistent(cells.tree, history)
         numbers = history.observations[:, 0]
         follows = np.append(False, np.diff(numbers) == 1)[: numbers.size]
         assert history.continues.tolist() == follows.tolist()
     for leaf in range(cells.tree.n_leaves):
-        stored = history.actions[history.rows_leaving(leaf)]
+        stored = history.actions[history.leaving.of(leaf)]
         seen = sum(
-            (stored == action).sum() * WHOLE / cells.naive.bound(leaf, action) for action in (0, 1)
+            (stored == action).sum() * RANKS / cells.naive.bound(leaf, action) for action in (0, 1)
         )
         assert history.seen_leaving()[leaf] == pytest.approx(seen, abs=1)
 
@@ -131,7 +131,7 @@ def test_whole_episodes_are_kept_as_the_naive_twin_keeps_them(seed, n_episodes, 
     generator = np.random.default_rng(seed)
     rule = RecentEpisodes(max_transitions)
     history, tree = History(1, 1, rule), DecisionTree.single_leaf(1)
-    lengths, lots, names, bound = [], [], [], WHOLE
+    lengths, ranks, names, bound = [], [], [], RANKS
     for name in range(n_episodes):
         steps = int(generator.integers(1, 20))
         observations = np.full((steps + 1, 1), float(name))
@@ -144,12 +144,12 @@ def test_whole_episodes_are_kept_as_the_naive_twin_keeps_them(seed, n_episodes, 
             generator=np.random.default_rng(name),
         )
         lengths.append(steps)
-        lots.append(int(np.random.default_rng(name).integers(WHOLE, dtype=np.uint32)))
+        ranks.append(int(np.random.default_rng(name).integers(RANKS, dtype=np.uint32)))
         names.append(name)
         before = len(names)
         if sum(lengths) > max_transitions:
-            stay, bound = naive_forgetting.kept_episodes(lengths, lots, bound, max_transitions)
-            lengths, lots, names = ([x[k] for k in stay] for x in (lengths, lots, names))
+            stay, bound = naive_forgetting.kept_episodes(lengths, ranks, bound, max_transitions)
+            lengths, ranks, names = ([x[k] for k in stay] for x in (lengths, ranks, names))
             assert history.forget().tolist() == stay
             assert len(stay) < before
         else:
@@ -175,13 +175,13 @@ def kept_counts(run, n, n_runs):
 def fill_cell(seed, *, spoiled=False):
     """Return the numbers of those that a cell keeps of 600, while another fills too."""
     rule, tree = LeafReservoirs(120, 1, 2), DecisionTree.single_leaf(1)
-    if spoiled:  # lots drawn again each time: whatever is old has to win many times
+    if spoiled:  # ranks drawn again each time: whatever is old has to win many times
         keeps, chance = rule.keeps, np.random.default_rng(seed)
 
         def draw_again(*columns):
-            rule.begin_anew(1)
+            rule.reset(1)
             stay = keeps(*columns[:3], rule.draw(columns[3].size, chance))
-            rule.begin_anew(1)
+            rule.reset(1)
             return stay
 
         rule.keeps = draw_again
@@ -207,7 +207,7 @@ def test_a_cell_keeps_a_uniform_sample_of_what_it_has_seen():
     assert uniformity(counts) > 0.01
 
 
-def test_the_chi_square_catches_lots_that_are_drawn_again():
+def test_the_chi_square_catches_ranks_that_are_drawn_again():
     counts = kept_counts(lambda seed: fill_cell(seed, spoiled=True), 600, 300)
     assert uniformity(counts) < 1e-6
 
@@ -242,15 +242,15 @@ def test_labels_and_counts_equal_a_rebuild_from_what_is_stored(name, seed):
     def check(learner):
         history, most = learner.history, learner.method.max_transitions
         assert history.size <= most
-        assert len(history._columns["rewards"]) <= most + 41  # and one episode
-        rebuilt = TabularMDP(learner.tree.n_leaves, 2, learner.method.discount)
-        rebuilt.observe_batch(history.left, history.actions, history.rewards, history.entered)
-        assert learner.mdp.visits.tolist() == rebuilt.visits.tolist()
-        assert learner.mdp.reward_sums.tobytes() == rebuilt.reward_sums.tobytes()
+        assert len(history.columns.whole["rewards"]) <= most + 41  # and one episode
+        rebuilt = TabularMDP(TransitionCounts(learner.tree.n_leaves, 2), learner.method.discount)
+        rebuilt.counts.observe(history.left, history.actions, history.rewards, history.entered)
+        assert learner.mdp.counts.visits.tolist() == rebuilt.counts.visits.tolist()
+        assert learner.mdp.counts.reward_sums.tobytes() == rebuilt.counts.reward_sums.tobytes()
         for leaf in range(learner.tree.n_leaves):
             for action in range(2):
-                mine = learner.mdp.successors(leaf, action)
-                theirs = rebuilt.successors(leaf, action)
+                mine = learner.mdp.counts.successors(leaf, action)
+                theirs = rebuilt.counts.successors(leaf, action)
                 assert [a.tolist() for a in mine] == [a.tolist() for a in theirs]
 
     learner = learned(BOUNDED[name], seed, phases=4, check=check)
@@ -281,7 +281,7 @@ def test_a_bound_that_is_never_reached_changes_nothing(name):
     free = learned(replace(BOUNDED[name], max_transitions=None), episodes=3)
     bounded = learned(replace(BOUNDED[name], max_transitions=10**6), episodes=3)
     mine, theirs = free.state(), bounded.state()
-    assert mine.keys() == theirs.keys() - {"history_lots", "history_bounds"}
+    assert mine.keys() == theirs.keys() - {"history_ranks", "history_bounds"}
     assert all(mine[k].tobytes() == theirs[k].tobytes() for k in mine)
 
 
@@ -320,9 +320,9 @@ def test_a_planner_sees_what_a_gap_divides_as_two_episodes():
 def test_the_halves_of_a_split_take_in_everything_again():
     learner = learned(replace(BOUNDED["paper"], significance=Naive(alpha=1e-300)))
     rule = learner.history._forgetting
-    assert rule.bounds.min() < WHOLE
+    assert rule.bounds.min() < RANKS
     learner._split(0, Split(0, 5.0, 1.0, 1.0, 1, 1))
-    assert (rule.bounds == WHOLE).all()
+    assert (rule.bounds == RANKS).all()
 
 
 def test_demonstrations_beyond_the_bound_are_a_sample():
@@ -342,7 +342,7 @@ def test_demonstrations_beyond_the_bound_are_a_sample():
         assert learner.history.size <= method.max_transitions
         assert learner.history.n_seen == 1500
         if method is BOUNDED["paper"]:
-            assert learner.mdp.visits.sum() == learner.history.size
+            assert learner.mdp.counts.visits.sum() == learner.history.size
     assert learner.plan.demonstrations == learner.history.n_episodes
 
 

@@ -94,7 +94,7 @@ def test_a_refused_leaf_is_looked_at_again():
     world = Sorting(2)
     world.run(learner)
     learner.update(world.generator)
-    assert learner._tested_at.tolist() == [0]
+    assert learner._tests.tested_at.tolist() == [0]
 
 
 class Sorting:

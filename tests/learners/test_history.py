@@ -44,9 +44,9 @@ def assert_consistent(tree, history):
     assert history.left.tolist() == left
     assert history.entered.tolist() == entered
     for leaf in range(tree.n_leaves):
-        assert history.rows_leaving(leaf).tolist() == naive_learning.rows_of(left, leaf)
-        assert history.rows_entering(leaf).tolist() == naive_learning.rows_of(entered, leaf)
-        assert history.counts_leaving()[leaf] == left.count(leaf)
+        assert history.leaving.of(leaf).tolist() == naive_learning.rows_of(left, leaf)
+        assert history.entering.of(leaf).tolist() == naive_learning.rows_of(entered, leaf)
+        assert history.leaving.counts[leaf] == left.count(leaf)
 
 
 @settings(max_examples=60, deadline=None)
@@ -106,4 +106,4 @@ def test_memory_of_a_transition_stays_below_120_bytes():
             terminated=True,
         )
         if history.size > 1000:
-            assert history.n_bytes_per_transition <= 120
+            assert history.columns.nbytes / history.size <= 120

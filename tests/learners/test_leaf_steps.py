@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from eutree.errors import InvalidArgumentError
 from eutree.learners import Step
 from eutree.learners.leaf_steps import LeafSteps
-from eutree.mdp import TERMINAL, TabularMDP
+from eutree.mdp import TERMINAL, TabularMDP, TransitionCounts
 from eutree.trees import DecisionTree
 
 N_LEAVES, N_ACTIONS = 40, 3
@@ -36,15 +36,17 @@ def test_it_equals_its_naive_twin(untried, seed, backups):
     """150 steps: more than there is room for at first, in the episode and in the MDP's pool."""
     generator = np.random.default_rng(seed)
     tree, prior = grown(generator), generator.integers(N_ACTIONS, size=N_LEAVES)
-    mine, twin = (TabularMDP(N_LEAVES, N_ACTIONS, 0.9, untried=untried) for _ in range(2))
-    steps = LeafSteps(2)
+    mine, twin = (
+        TabularMDP(TransitionCounts(N_LEAVES, N_ACTIONS), 0.9, untried=untried) for _ in range(2)
+    )
+    steps = LeafSteps()
     for length in (150, 1):
         observations = generator.random((length + 1, 2))
         observations[generator.random(observations.shape) < 0.05] = np.nan
         actions = generator.integers(N_ACTIONS, size=length)
         rewards, shown = generator.normal(size=length), generator.random(length) < 0.5
         leaves = [tree.leaf_of(o) for o in observations.tolist()]
-        steps.start(tree, mine, observations[0])
+        steps.start(tree, mine, observations[0], generator)
         assert steps.leaf == leaves[0]
         assert steps.greedy(prior) == naive_choice(twin, leaves[0], prior)
         for t in range(length):
@@ -67,23 +69,23 @@ def test_it_equals_its_naive_twin(untried, seed, backups):
         assert len(steps) == 0
     states = mine.state(), twin.state()
     assert all(states[0][name].tobytes() == states[1][name].tobytes() for name in states[0])
-    assert mine.visits.tolist() == twin.visits.tolist()
+    assert mine.counts.visits.tolist() == twin.counts.visits.tolist()
 
 
 @pytest.mark.parametrize(("action", "reward"), [(2, 0.0), (-1, 0.0), (0, np.inf), (0, np.nan)])
 def test_a_bad_step_is_refused_and_counts_nothing(action, reward):
-    mdp = TabularMDP(1, 2, 0.9)
-    steps = LeafSteps(1)
-    steps.start(DecisionTree.single_leaf(1), mdp, np.zeros(1))
+    mdp = TabularMDP(TransitionCounts(1, 2), 0.9)
+    steps = LeafSteps()
+    steps.start(DecisionTree.single_leaf(1), mdp, np.zeros(1), np.random.default_rng(0))
     with pytest.raises(InvalidArgumentError, match=r"a transition must have states in 0\.\.0"):
         steps.add(Step(action, reward, np.zeros(1), False, False), 1)
     assert len(steps) == 0
-    assert not mdp.visits.any()
+    assert not mdp.counts.visits.any()
 
 
 def test_whole_numbers_are_rewards_too():
-    mdp = TabularMDP(1, 2, 0.9)
-    steps = LeafSteps(1)
-    steps.start(DecisionTree.single_leaf(1), mdp, np.zeros(1))
+    mdp = TabularMDP(TransitionCounts(1, 2), 0.9)
+    steps = LeafSteps()
+    steps.start(DecisionTree.single_leaf(1), mdp, np.zeros(1), np.random.default_rng(0))
     steps.add(Step(np.int64(1), 3, np.zeros(1, dtype=np.float32), np.False_, True), 0)
-    assert mdp.reward_sums.tolist() == [[0.0, 3.0]]
+    assert mdp.counts.reward_sums.tolist() == [[0.0, 3.0]]

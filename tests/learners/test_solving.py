@@ -86,7 +86,7 @@ def test_halves_of_split_leaves_are_backed_up_without_an_exact_solution(solved):
     go_on(learner, 12)
     assert len(solved) == 1
     assert learner.tree.n_leaves > 5
-    tried = learner.mdp.visits > 0
+    tried = learner.mdp.counts.visits > 0
     assert np.isfinite(learner.mdp.action_values[tried]).all()
     swept = learner.mdp.values.copy()
     learner.mdp.queue()

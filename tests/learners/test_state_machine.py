@@ -20,7 +20,7 @@ from hypothesis.stateful import (
 from eutree.files import read_arrays, write_arrays
 from eutree.learners import PAPER, Step, UTree
 from eutree.learners.history import TERMINAL
-from eutree.mdp import TabularMDP
+from eutree.mdp import TransitionCounts
 from eutree.splitting import Split
 from eutree.trees import DecisionTree
 from tests import naive_learning
@@ -116,8 +116,8 @@ class Learner(RuleBasedStateMachine):
         assert history.left.tolist() == left
         assert history.entered.tolist() == entered
         for leaf in range(tree.n_leaves):
-            assert history.rows_leaving(leaf).tolist() == naive_learning.rows_of(left, leaf)
-            assert history.rows_entering(leaf).tolist() == naive_learning.rows_of(entered, leaf)
+            assert history.leaving.of(leaf).tolist() == naive_learning.rows_of(left, leaf)
+            assert history.entering.of(leaf).tolist() == naive_learning.rows_of(entered, leaf)
 
     @invariant()
     def counts_equal_a_recount(self):
@@ -130,11 +130,11 @@ class Learner(RuleBasedStateMachine):
             visits[leaf, action] += 1
             sums[leaf, action] += reward
             successors[leaf, action, entered] += 1
-        assert mine.visits.tolist() == visits.tolist()
-        np.testing.assert_allclose(mine.reward_sums, sums, rtol=1e-12, atol=1e-12)
+        assert mine.counts.visits.tolist() == visits.tolist()
+        np.testing.assert_allclose(mine.counts.reward_sums, sums, rtol=1e-12, atol=1e-12)
         for leaf in range(n_leaves):
             for action in range(2):
-                found = mine.successors(leaf, action)
+                found = mine.counts.successors(leaf, action)
                 counted = {k[2]: n for k, n in successors.items() if k[:2] == (leaf, action)}
                 assert dict(zip(found[0].tolist(), found[1].tolist(), strict=True)) == counted
 
@@ -156,7 +156,7 @@ TestForgetful = Forgetful.TestCase
 
 def test_the_machine_catches_a_split_that_forgets_to_relabel(monkeypatch):
     """The control: counts that a split leaves as they were are found."""
-    monkeypatch.setattr(TabularMDP, "relabel", lambda *_, **__: None)
+    monkeypatch.setattr(TransitionCounts, "relabel", lambda *_, **__: None)
     quick = settings(
         Learner.TestCase.settings,
         database=None,

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
 from eutree.learners import PAPER, PAPER_D, Step, UTree
-from eutree.mdp import TabularMDP
+from eutree.mdp import TabularMDP, TransitionCounts
 from eutree.trees import DecisionTree
 from tests import naive_learning
 from tests.worlds import FEW_DRAWS, Walk, learned_to_walk, take
@@ -28,13 +28,16 @@ def test_labels_and_counts_equal_a_rebuild_from_the_tuples(preset, seed):
     left, entered = naive_learning.labels_of(learner.tree, history)
     assert history.left.tolist() == left
     assert history.entered.tolist() == entered
-    rebuilt = TabularMDP(learner.tree.n_leaves, 2, learner.method.discount)
-    rebuilt.observe_batch(history.left, history.actions, history.rewards, history.entered)
-    assert learner.mdp.visits.tolist() == rebuilt.visits.tolist()
-    assert learner.mdp.reward_sums.tobytes() == rebuilt.reward_sums.tobytes()
+    rebuilt = TabularMDP(TransitionCounts(learner.tree.n_leaves, 2), learner.method.discount)
+    rebuilt.counts.observe(history.left, history.actions, history.rewards, history.entered)
+    assert learner.mdp.counts.visits.tolist() == rebuilt.counts.visits.tolist()
+    assert learner.mdp.counts.reward_sums.tobytes() == rebuilt.counts.reward_sums.tobytes()
     for leaf in range(learner.tree.n_leaves):
         for action in range(2):
-            mine, theirs = learner.mdp.successors(leaf, action), rebuilt.successors(leaf, action)
+            mine, theirs = (
+                learner.mdp.counts.successors(leaf, action),
+                rebuilt.counts.successors(leaf, action),
+            )
             assert [a.tolist() for a in mine] == [a.tolist() for a in theirs]
 
 
@@ -94,7 +97,7 @@ def test_a_truncated_episode_is_not_terminal_and_a_terminated_one_is():
         learner.start_episode(np.zeros(1), np.random.default_rng(0))
         take(learner, (1, 5.0, np.ones(1), terminated, not terminated))
         assert learner.history.entered.tolist() == [last]
-        assert learner.mdp.successors(0, 1)[0].tolist() == [last]
+        assert learner.mdp.counts.successors(0, 1)[0].tolist() == [last]
 
 
 def test_only_leaves_that_exist_at_the_start_are_split_in_one_expansion():
@@ -114,4 +117,4 @@ def test_demonstrations_fill_the_first_q_table():
     learner = UTree(tree, 2, replace(PAPER, discount=1.0))
     learner.add_demonstrations([episode])
     np.testing.assert_allclose(learner.mdp.values, [98.0, 98.0, 100.0], atol=1e-5)
-    assert learner.mdp.visits.tolist() == [[0, 1], [1, 0], [0, 1]]
+    assert learner.mdp.counts.visits.tolist() == [[0, 1], [1, 0], [0, 1]]

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eutree.errors import InvalidArgumentError
-from eutree.mdp import TERMINAL, Sweeping, TabularMDP
+from eutree.mdp import TERMINAL, Sweeping, TabularMDP, TransitionCounts
 from eutree.mdp import _kernels_sweeping as kernels
 from tests.naive_mdp import NaiveQueue
 
@@ -59,13 +59,13 @@ def test_a_queued_state_keeps_the_larger_priority():
 @pytest.mark.parametrize("untried", [None, 0.0])
 def test_it_converges_to_the_exact_solution(discount, untried):
     rows = rows_of(np.random.default_rng(0), 400, 30, 3)
-    swept = TabularMDP(30, 3, discount, untried=untried, sweeping=EXACT)
+    swept = TabularMDP(TransitionCounts(30, 3), discount, untried=untried, sweeping=EXACT)
     for row in zip(*rows, strict=True):
         swept.observe(*row, 3)
     swept.queue()
     assert swept.sweep(10**6) < 10**6
-    exact = TabularMDP.from_transitions(
-        *rows, n_states=30, n_actions=3, discount=discount, untried=untried
+    exact = TabularMDP(
+        TransitionCounts.of(*rows, n_states=30, n_actions=3), discount, untried=untried
     )
     exact.solve(tolerance=1e-11)
     np.testing.assert_allclose(swept.values, exact.values, atol=1e-9)
@@ -74,7 +74,7 @@ def test_it_converges_to_the_exact_solution(discount, untried):
 
 @pytest.mark.promise(18)
 def test_it_converges_without_discount():
-    mdp = TabularMDP(3, 2, 1.0, sweeping=EXACT)
+    mdp = TabularMDP(TransitionCounts(3, 2), 1.0, sweeping=EXACT)
     for state in range(3):
         mdp.observe(state, 0, -2.0, state)  # stop: a loop
         mdp.observe(state, 1, -1.0, state + 1 if state < 2 else TERMINAL)
@@ -90,7 +90,7 @@ def test_it_converges_without_discount():
 )
 def test_an_endless_loop_is_worth_the_same_as_to_the_solver(stop, go, value):
     """It pays, or nothing else was tried: the horizon; else it is left, however bad the end."""
-    mdp = TabularMDP(1, 2, 1.0)
+    mdp = TabularMDP(TransitionCounts(1, 2), 1.0)
     mdp.observe(0, 0, stop, 0, 5)
     if go is not None:
         mdp.observe(0, 1, go, TERMINAL, 5)
@@ -100,7 +100,7 @@ def test_an_endless_loop_is_worth_the_same_as_to_the_solver(stop, go, value):
 
 
 def test_the_first_backup_is_of_the_state_just_left():
-    mdp = TabularMDP(3, 1, 1.0)
+    mdp = TabularMDP(TransitionCounts(3, 1), 1.0)
     mdp.observe(0, 0, 0.0, 1)
     mdp.observe(1, 0, 0.0, 2)
     mdp.observe(2, 0, 8.0, TERMINAL, 1)
@@ -108,7 +108,7 @@ def test_the_first_backup_is_of_the_state_just_left():
 
 
 def test_a_change_travels_backwards_within_the_budget():
-    mdp = TabularMDP(4, 1, 1.0)
+    mdp = TabularMDP(TransitionCounts(4, 1), 1.0)
     for state in range(3):
         mdp.observe(state, 0, 0.0, state + 1, 10)
     mdp.observe(3, 0, 8.0, TERMINAL, 3)
@@ -118,7 +118,7 @@ def test_a_change_travels_backwards_within_the_budget():
 
 
 def test_small_changes_rest_below_the_threshold():
-    mdp = TabularMDP(2, 1, 0.9, sweeping=Sweeping(precision=1.0))
+    mdp = TabularMDP(TransitionCounts(2, 1), 0.9, sweeping=Sweeping(precision=1.0))
     assert Sweeping(1.0).threshold(0.9) == pytest.approx(0.1)
     mdp.observe(0, 0, 0.0, 1, 10)
     mdp.observe(1, 0, 0.05, TERMINAL, 10)
@@ -128,7 +128,7 @@ def test_small_changes_rest_below_the_threshold():
 
 
 def test_the_solution_empties_the_queue():
-    mdp = TabularMDP(2, 1, 0.9)
+    mdp = TabularMDP(TransitionCounts(2, 1), 0.9)
     mdp.observe(0, 0, 1.0, 1)
     mdp.solve()
     assert mdp.sweep(10) == 0
@@ -138,4 +138,4 @@ def test_what_cannot_be_swept_is_refused():
     with pytest.raises(InvalidArgumentError, match="precision must be a number"):
         Sweeping(precision=-1.0)
     with pytest.raises(InvalidArgumentError, match=r"states must be an integer from 0 to 1"):
-        TabularMDP(2, 1, 0.9).queue([2])
+        TabularMDP(TransitionCounts(2, 1), 0.9).queue([2])

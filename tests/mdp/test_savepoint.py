@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eutree.errors import InvalidArgumentError
-from eutree.mdp import TERMINAL, TabularMDP
+from eutree.mdp import TERMINAL, TabularMDP, TransitionCounts
 from eutree.mdp import _kernels_sweeping as kernels
 from tests import naive_mdp
 
@@ -24,7 +24,7 @@ def bits(mdp):
 
 
 def observed(rows, backups=2):
-    mdp = TabularMDP(6, 2, 0.9)
+    mdp = TabularMDP(TransitionCounts(6, 2), 0.9)
     for row in rows:
         mdp.observe(*row, backups)
     return mdp
@@ -33,7 +33,7 @@ def observed(rows, backups=2):
 def take_back(mdp, rows):
     if rows:
         states, actions, rewards, ends = zip(*rows, strict=True)
-        mdp.forget_batch(states, actions, rewards, ends)
+        mdp.counts.forget(states, actions, rewards, ends)
     mdp.rollback()
 
 
@@ -72,9 +72,9 @@ CHANGES = {
     "add_state": lambda mdp: mdp.add_state(),
     "queue": lambda mdp: mdp.queue([0]),
     "values": lambda mdp: setattr(mdp, "values", np.ones(6)),
-    "observe_batch": lambda mdp: mdp.observe_batch([0], [0], [1.0], [1]),
-    "set_rewards": lambda mdp: mdp.set_rewards([3], [3], [0], [1.0]),
-    "relabel": lambda mdp: mdp.relabel(
+    "observe_batch": lambda mdp: mdp.counts.observe([0], [0], [1.0], [1]),
+    "set_rewards": lambda mdp: mdp.counts.set_rewards([3], [3], [0], [1.0]),
+    "relabel": lambda mdp: mdp.counts.relabel(
         [0], states=[0], next_states=[1], new_states=[2], new_next_states=[1]
     ),
     "rollback": lambda mdp: mdp.rollback(),
@@ -108,7 +108,7 @@ def test_the_sweep_equals_its_naive_twin(rows, budget):
     def back_up(state):
         return kernels.back_up(twin.arrays, state)
 
-    done = naive_mdp.sweep(twin, queue, back_up, budget, twin._settings[kernels.THRESHOLD])
+    done = naive_mdp.sweep(twin, queue, back_up, budget, twin.arrays.settings[kernels.THRESHOLD])
     assert mdp.sweep(budget) == done
     assert mdp.values.tobytes() == twin.values.tobytes()
     assert mdp.action_values.tobytes() == twin.action_values.tobytes()

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from eutree import compiled
 from eutree.errors import InvalidArgumentError
-from eutree.mdp import NO_ACTION, TERMINAL, Model, TabularMDP, solve
+from eutree.mdp import NO_ACTION, TERMINAL, Model, TabularMDP, TransitionCounts, solve
 from tests import naive_mdp
 
 
@@ -88,7 +88,7 @@ def test_the_true_error_is_within_the_bound(seed, discount, episodic):
 @pytest.mark.parametrize("discount", [0.9, 1.0])
 def test_a_chain_solved_by_hand(discount):
     """Start 0 -> 1 -> 2 -> goal worth 100, where each step but the last costs 2."""
-    mdp = TabularMDP(3, 1, discount)
+    mdp = TabularMDP(TransitionCounts(3, 1), discount)
     for state in range(2):
         mdp.observe(state, 0, -2.0, state + 1)
     mdp.observe(2, 0, 100.0, TERMINAL)
@@ -111,7 +111,7 @@ def test_the_two_state_example_of_the_textbook():
 
 def waiting(n_waits, go):
     """Return an MDP in which one waits (costs 2, stays) or goes (ends)."""
-    mdp = TabularMDP(1, 2, 1.0)
+    mdp = TabularMDP(TransitionCounts(1, 2), 1.0)
     for _ in range(n_waits):
         mdp.observe(0, 0, -2.0, 0)
     for reward in go:
@@ -142,7 +142,7 @@ def test_a_trapped_state_gets_the_floor():
 
 
 def test_a_trap_is_avoided_and_its_floor_reaches_those_before_it():
-    mdp = TabularMDP(3, 2, 1.0, horizon=100.0)
+    mdp = TabularMDP(TransitionCounts(3, 2), 1.0, horizon=100.0)
     mdp.observe(2, 0, -2.0, 2)  # the trap
     mdp.observe(0, 0, 0.0, 2)
     mdp.observe(0, 0, 0.0, TERMINAL)
@@ -155,7 +155,7 @@ def test_a_trap_is_avoided_and_its_floor_reaches_those_before_it():
 
 
 def test_a_cycle_that_costs_nothing_is_not_taken_for_an_answer():
-    mdp = TabularMDP(2, 2, 1.0)
+    mdp = TabularMDP(TransitionCounts(2, 2), 1.0)
     for state in range(2):
         mdp.observe(state, 0, 0.0, 1 - state)
         mdp.observe(state, 1, 7.0 + state, TERMINAL)
@@ -166,7 +166,7 @@ def test_a_cycle_that_costs_nothing_is_not_taken_for_an_answer():
 
 def test_a_cycle_that_pays_is_cut_at_the_horizon():
     """Balancing: every step earns 1 and one may go on for ever."""
-    mdp = TabularMDP(2, 2, 1.0, horizon=500.0)
+    mdp = TabularMDP(TransitionCounts(2, 2), 1.0, horizon=500.0)
     for state in range(2):
         mdp.observe(state, 0, 1.0, 1 - state)
         mdp.observe(state, 1, 1.0, TERMINAL)
@@ -207,14 +207,14 @@ def test_an_end_that_is_as_good_as_none_is_treated_as_none():
 
 
 def test_untried_actions_are_left_out_or_count_what_they_are_told_to():
-    mdp = TabularMDP(2, 2, 0.5)
+    mdp = TabularMDP(TransitionCounts(2, 2), 0.5)
     mdp.observe(0, 0, -3.0, 1)
     mdp.observe(1, 0, -4.0, TERMINAL)
     assert mdp.solve().values.tolist() == [-5.0, -4.0]
-    paper = TabularMDP.from_transitions(
-        [0, 1], [0, 0], [-3.0, -4.0], [1, TERMINAL], n_states=2, n_actions=2, discount=0.5,
-        untried=0.0,
-    )  # fmt: skip
+    counts = TransitionCounts.of(
+        [0, 1], [0, 0], [-3.0, -4.0], [1, TERMINAL], n_states=2, n_actions=2
+    )
+    paper = TabularMDP(counts, 0.5, untried=0.0)
     solution = paper.solve()
     assert solution.values.tolist() == [0.0, 0.0]
     assert solution.policy.tolist() == [1, 1]
@@ -222,7 +222,7 @@ def test_untried_actions_are_left_out_or_count_what_they_are_told_to():
 
 
 def test_a_state_in_which_nothing_was_tried_keeps_its_value():
-    mdp = TabularMDP(2, 2, 0.5)
+    mdp = TabularMDP(TransitionCounts(2, 2), 0.5)
     mdp.observe(0, 0, 1.0, 1)
     mdp.values = [0.0, 40.0]
     solution = mdp.solve(tolerance=1e-9)
@@ -254,7 +254,7 @@ def test_a_warm_start_needs_fewer_rounds():
         generator.integers(0, 200, 20_000), generator.integers(0, 2, 20_000),
         generator.normal(size=20_000), generator.integers(-1, 200, 20_000),
     )  # fmt: skip
-    mdp = TabularMDP.from_transitions(*rows, n_states=200, n_actions=2, discount=0.99)
+    mdp = TabularMDP(TransitionCounts.of(*rows, n_states=200, n_actions=2), 0.99)
     cold = mdp.solve()
     assert mdp.solve().n_iterations == 1 < cold.n_iterations
 
@@ -266,13 +266,13 @@ def test_a_random_walk_of_many_steps_without_discount():
     ends = np.clip(states + generator.integers(-3, 4, 12_000), TERMINAL, 149)
     rewards = generator.normal(-1.0, 1.0, 12_000)
     actions = generator.integers(0, 2, 12_000)
-    mdp = TabularMDP.from_transitions(
-        states, actions, rewards, ends, n_states=150, n_actions=2, discount=1.0
+    mdp = TabularMDP(
+        TransitionCounts.of(states, actions, rewards, ends, n_states=150, n_actions=2), 1.0
     )
     solution = mdp.solve(tolerance=1e-8)
     assert solution.converged
     assert solution.discount == 1.0
-    model = mdp.model()
+    model = mdp.counts.model()
     q = model.reward + model.dense() @ solution.values
     np.testing.assert_allclose(q.max(axis=1), solution.values, atol=1e-9)
 

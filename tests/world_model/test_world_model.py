@@ -162,7 +162,9 @@ def test_the_best_cut_leaves_the_least_squared_error(data, min_leaf):
     edges, n_edges = np.zeros((2, 256)), np.zeros(2, dtype=np.int64)
     bins = np.zeros((2, len(table)), dtype=np.int64)
     regression.bin_columns(X, 256, edges, n_edges, bins)
-    feature, cut = regression.best_cut(X, y, rows, edges, n_edges, bins, min_leaf)
+    feature, cut = regression.best_cut(
+        regression.Design(X, edges, n_edges, bins), y, rows, min_leaf
+    )
     expected = naive_world_model.best_cut(X, y, rows, min_leaf)
     before = ((y - y.mean()) ** 2).sum()
     if feature < 0:

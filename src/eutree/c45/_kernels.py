@@ -7,6 +7,7 @@ so nothing is sorted twice. Unknown values are NaN and stand last.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,31 +18,104 @@ from eutree.compiled import compiled
 KNOWN_NONE = -1  # branch of a case whose value no branch stands for
 
 
+class Lists(NamedTuple):
+    """The cases of a level in the order of each continuous attribute, those of a node together."""
+
+    starts: Int32s  # [n + 1] segments of the nodes
+    values: Floats  # [lists, E] sorted within each node; NaN last
+    order: Int32s  # [lists, E] the cases they belong to
+
+
+class Cases(NamedTuple):
+    """Rows, or parts of rows."""
+
+    row: Int32s  # [cases]
+    label: Int16s  # [cases]
+    weight: Floats  # [cases]; empty if every weight is 1
+
+
+class Attributes(NamedTuple):
+    """What is tested."""
+
+    codes: Floats  # [N, d] numbers, and codes of nominal values
+    n_values: Int32s  # [d] values of a nominal attribute, 0 for a continuous one
+    counted: Booleans  # [d] whether its gain counts in the average
+    list_of: Int32s  # [d] the list of each attribute
+
+
+class Rules(NamedTuple):
+    """What makes a test good enough; numbers, so that all settings are compiled once."""
+
+    min_objects: float
+    gap: float  # between two values that a cut can separate
+    tolerance: float
+    epsilon: float  # least split information
+    start_value: float  # gain ratio to be exceeded
+    use_min_split: float
+    use_penalty: float
+    use_filter: float
+    greedy: float  # accept the best cut even if it gains nothing
+    least: float  # least weight of a side even if min_split is capped below it
+
+
+class Chosen(NamedTuple):
+    """The test of each node."""
+
+    feature: Int32s  # [n] attribute tested, -1 for a leaf
+    cut: Floats  # [n, 2] the values on both sides of the best cut
+    forks: Int32s  # [n] branches of a nominal test
+    blocks: Int32s  # [n, V] branch of each value; [0, V] if values are not grouped
+
+
+class Tests(NamedTuple):
+    """The tests of a level as cases meet them."""
+
+    feature: Int32s  # [n] -1 for a leaf
+    threshold: Floats  # [n]
+    offset: Int32s  # [n] first child of each node, counted within the level
+    value_start: Int32s  # [n] where the branches of a nominal test begin, -1 if continuous
+    value_branch: Int32s  # [V]
+
+
+class Branches(NamedTuple):
+    """How the cases of a level part."""
+
+    branch: Int32s  # [cases] -1 if unknown
+    sizes: Int32s  # [children] cases with a known value
+    distribution: Floats  # [children, A] their classes
+    unknown_sizes: Int32s  # [n] cases with unknown value
+    unknown: Floats  # [n, A] their classes
+
+
+class Children(NamedTuple):
+    """Where the cases of a level go."""
+
+    forks: Int32s  # [n] branches of each node
+    copy: Int32s  # [cases] first of the new cases of a case with unknown value
+    opened: Booleans  # [children] whether the child may be divided again
+    shared: Booleans  # [children] whether it takes part of the cases with unknown value
+    starts: Int32s  # [children] where each open child's segment begins
+
+
 @compiled
 def best_cut(
-    values: Floats,  # [E] of one attribute, sorted within each node
-    cases: Int32s,  # [E] the cases they belong to
-    start: int,
-    stop: int,
-    label: Int16s,  # [cases]
-    weight: Floats,  # [cases]; empty if every weight is 1
+    values: Floats,  # [E] of one attribute and node, sorted
+    order: Int32s,  # [E] the cases they belong to
+    cases: Cases,
     table: Floats,
     counts: Floats,  # [4, A] scratch: left, right, and x log x of both
     total: float,
-    min_objects: float,
-    use_min_split: bool,
-    gap: float,
-    tolerance: float,
-    greedy: bool,  # accept the best cut even if it gains nothing
-    least: float,  # least weight of a side even if min_split is capped below it
+    rules: Rules,
 ) -> tuple[int, float, float, float, int]:
     """Return (position, reduction, weight on the left, known weight, tries) of the best cut.
 
     The cut is between ``position`` and ``position + 1``; -1 if there is none. The reduction is
     the known weight times the decrease of entropy. Of equal cuts the first wins.
     """
-    end = stop
-    while end > start and math.isnan(values[end - 1]):
+    label, weight = cases.label, cases.weight
+    tolerance = rules.tolerance
+    end = values.size
+    while end > 0 and math.isnan(values[end - 1]):
         end -= 1
     n_classes = counts.shape[1]
     unit = weight.size == 0
@@ -50,8 +124,8 @@ def best_cut(
         left[c] = 0.0
         left_term[c] = 0.0
         right[c] = 0.0
-    for i in range(start, end):
-        case = cases[i]
+    for i in range(end):
+        case = order[i]
         right[label[case]] += 1.0 if unit else weight[case]
     known = 0.0
     terms = 0.0  # sum over classes and sides of x log x
@@ -60,19 +134,21 @@ def best_cut(
         right_term[c] = xlogx(right[c], table)
         terms += right_term[c]
     base = xlogx(known, table) - terms
-    minimum = min_objects
-    if use_min_split:
+    minimum = rules.min_objects
+    if rules.use_min_split > 0:
         share = 0.1 * known / n_classes
-        if share > min_objects:
+        if share > rules.min_objects:
             minimum = 25.0 if share > 25.0 else share
     margin = tolerance * total
-    best = -math.inf if greedy else 0.0
+    best = -math.inf if rules.greedy > 0 else 0.0
     position = -1
     best_low = 0.0
     tries = 0
     low = 0.0
-    for i in range(start, end - 1):
-        case = cases[i]
+    # left and right are the classes of the cases before i and from i on, terms the sum of their
+    # x log x, low the weight on the left.
+    for i in range(end - 1):
+        case = order[i]
         c = label[case]
         w = 1.0 if unit else weight[case]
         left[c] += w
@@ -87,11 +163,11 @@ def best_cut(
             continue
         if low > known - minimum + tolerance:
             break
-        if values[i] < values[i + 1] - gap:
+        if values[i] < values[i + 1] - rules.gap:
             tries += 1
             high = known - low
             reduction = base - (xlogx(low, table) + xlogx(high, table) - terms)
-            if reduction > best + margin and min(low, high) >= least - tolerance:
+            if reduction > best + margin and min(low, high) >= rules.least - tolerance:
                 best = reduction
                 position = i
                 best_low = low
@@ -100,29 +176,20 @@ def best_cut(
 
 @compiled
 def choose_tests(
-    starts: Int32s,  # [n + 1] segments of the nodes of this level
+    lists: Lists,
     weights: Floats,  # [n] of the nodes
-    values: Floats,  # [lists, E]
-    order: Int32s,  # [lists, E]
-    list_of: Int32s,  # [d] the list of each attribute
-    n_values: Int32s,  # [d] values of a nominal attribute, 0 for a continuous one
-    counted: Booleans,  # [d] whether its gain counts in the average
-    codes: Floats,  # [N, d]
-    row: Int32s,
-    label: Int16s,
-    weight: Floats,
+    attributes: Attributes,
+    cases: Cases,
     table: Floats,
     n_classes: int,
-    options: Floats,  # see growing.options
-    feature: Int32s,  # [n] out: attribute tested, -1 for a leaf
-    cut: Floats,  # [n, 2] out: the values on both sides of the best cut
-    forks: Int32s,  # [n] out: branches of a nominal test
-    blocks: Int32s,  # [n, V] out: branch of each value; [0, V] if values are not grouped
+    rules: Rules,
+    out: Chosen,
 ) -> None:
     """Choose the test of each node: the best gain ratio among those of at least average gain."""
-    min_objects, gap, tolerance = options[0], options[1], options[2]
-    epsilon, start_value, use_min_split = options[3], options[4], options[5]
-    use_penalty, use_filter, greedy, least = options[6], options[7], options[8], options[9]
+    starts, values, order = lists
+    codes, n_values, counted, list_of = attributes
+    feature, cut, forks, blocks = out
+    tolerance, greedy = rules.tolerance, rules.greedy
     d = n_values.size
     gain = np.empty(d)
     split = np.empty(d)
@@ -142,30 +209,30 @@ def choose_tests(
             valid[j] = False
             if n_values[j] == 0:
                 position, reduction, low, known, tries = best_cut(
-                    values[at], order[at], start, stop, label, weight, table, counts, total,
-                    min_objects, use_min_split > 0, gap, tolerance, greedy > 0, least,
+                    values[at, start:stop], order[at, start:stop], cases, table, counts, total,
+                    rules,
                 )  # fmt: skip
                 if position < 0:
                     continue
                 gain[j] = reduction / total
-                if use_penalty > 0:
+                if rules.use_penalty > 0:
                     gain[j] -= math.log2(tries) / total
                 if greedy == 0 and gain[j] <= tolerance:
                     continue
                 terms = xlogx(low, table) + xlogx(known - low, table)
                 terms += xlogx(total - known, table)
                 split[j] = (xlogx(total, table) - terms) / total
-                cuts[j, 0] = values[at, position]
-                cuts[j, 1] = values[at, position + 1]
+                cuts[j, 0] = values[at, start + position]
+                cuts[j, 1] = values[at, start + position + 1]
             else:
                 known = count_values(
-                    frequency, codes, j, order[at], start, stop, row, label, weight
+                    frequency, codes, j, order[at, start:stop], cases.row, cases.label, cases.weight
                 )
                 if known <= 0.0:
                     continue
                 if blocks.size > 0 and n_values[j] > 2:
                     n_blocks[j], reasonable, gain[j], split[j] = merge_values(
-                        frequency, block[j], n_values[j], known, total, min_objects, table,
+                        frequency, block[j], n_values[j], known, total, rules.min_objects, table,
                         tolerance,
                     )  # fmt: skip
                 else:
@@ -173,7 +240,7 @@ def choose_tests(
                         block[j, v] = v
                     n_blocks[j] = n_values[j]
                     reasonable, gain[j], split[j] = nominal_gain(
-                        frequency, n_values[j], known, total, min_objects, table
+                        frequency, n_values[j], known, total, rules.min_objects, table
                     )
                 if not reasonable:
                     continue
@@ -182,12 +249,12 @@ def choose_tests(
                 sum_of_gains += gain[j]
                 n_counted += 1
         average = -math.inf
-        if use_filter > 0:
+        if rules.use_filter > 0:
             average = sum_of_gains / n_counted if n_counted > 0 else math.inf
         feature[node] = -1
-        best = start_value
+        best = rules.start_value
         for j in range(d):
-            if valid[j] and gain[j] >= average - 1e-3 and split[j] > epsilon:
+            if valid[j] and gain[j] >= average - 1e-3 and split[j] > rules.epsilon:
                 ratio = gain[j] / split[j]
                 if ratio > best + tolerance:
                     best = ratio
@@ -201,43 +268,30 @@ def choose_tests(
 
 @compiled
 def assign_branches(
-    starts: Int32s,  # [n + 1]
-    feature: Int32s,  # [n]
-    threshold: Floats,  # [n]
-    offset: Int32s,  # [n] first child of each node, counted within the level
-    value_start: Int32s,  # [n] where the branches of a nominal test begin, -1 if continuous
-    value_branch: Int32s,
-    values: Floats,  # [lists, E]
-    order: Int32s,  # [lists, E]
-    list_of: Int32s,
-    codes: Floats,
-    row: Int32s,
-    label: Int16s,
-    weight: Floats,
-    branch: Int32s,  # [cases] out; -1 if unknown
-    sizes: Int32s,  # [children] out: cases with a known value
-    distribution: Floats,  # [children, A] out: their classes
-    unknown_sizes: Int32s,  # [n] out
-    unknown: Floats,  # [n, A] out: classes of the cases with unknown value
+    lists: Lists, tests: Tests, attributes: Attributes, cases: Cases, out: Branches
 ) -> None:
     """Find the branch of each case, and count the cases and classes of each branch."""
+    starts, values, order = lists
+    feature, threshold, offset, value_start, value_branch = tests
     for node in range(starts.size - 1):
         j = feature[node]
         if j < 0:
             continue
-        at = list_of[j]
+        at = attributes.list_of[j]
         for i in range(starts[node], starts[node + 1]):
             case = order[at, i]
-            w = 1.0 if weight.size == 0 else weight[case]
-            value = values[at, i] if value_start[node] < 0 else codes[row[case], j]
+            w = 1.0 if cases.weight.size == 0 else cases.weight[case]
+            value = values[at, i]
+            if value_start[node] >= 0:
+                value = attributes.codes[cases.row[case], j]
             b = branch_of(value, threshold[node], value_start[node], value_branch)
-            branch[case] = b
+            out.branch[case] = b
             if b < 0:
-                unknown_sizes[node] += 1
-                unknown[node, label[case]] += w
+                out.unknown_sizes[node] += 1
+                out.unknown[node, cases.label[case]] += w
             else:
-                sizes[offset[node] + b] += 1
-                distribution[offset[node] + b, label[case]] += w
+                out.sizes[offset[node] + b] += 1
+                out.distribution[offset[node] + b, cases.label[case]] += w
 
 
 @compiled
@@ -252,26 +306,21 @@ def branch_of(value: float, threshold: float, value_start: int, value_branch: In
 
 @compiled
 def divide(
-    starts: Int32s,  # [n + 1]
-    feature: Int32s,  # [n]
-    offset: Int32s,  # [n]
-    forks: Int32s,  # [n]
+    lists: Lists,
+    tests: Tests,
     branch: Int32s,  # [cases]
-    copy: Int32s,  # [cases] first of the new cases of a case with unknown value
-    open_child: Booleans,  # [children] whether the child may be divided again
-    shared: Booleans,  # [children] whether it takes part of the cases with unknown value
-    child_starts: Int32s,  # [children] where each open child's segment begins
-    values: Floats,  # [lists, E]
-    order: Int32s,
+    children: Children,
     new_values: Floats,  # [lists, E'] out
-    new_order: Int32s,
+    new_order: Int32s,  # [lists, E'] out
 ) -> None:
     """Hand every sorted list down to the children by stable partition."""
-    cursor = np.empty(forks.max(), np.int32)
+    starts, values, order = lists
+    forks, copy, opened, shared, child_starts = children
+    cursor = np.empty(forks.max(), np.int32)  # where the next case of each branch goes
     for node in range(starts.size - 1):  # node by node: the branches of its cases stay in cache
-        if feature[node] < 0:
+        if tests.feature[node] < 0:
             continue
-        first = offset[node]
+        first = tests.offset[node]
         for at in range(order.shape[0]):
             for fork in range(forks[node]):
                 cursor[fork] = child_starts[first + fork]
@@ -279,13 +328,13 @@ def divide(
                 case = order[at, i]
                 b = branch[case]
                 if b >= 0:
-                    if open_child[first + b]:
+                    if opened[first + b]:
                         new_order[at, cursor[b]] = case
                         new_values[at, cursor[b]] = values[at, i]
                         cursor[b] += 1
                 else:
                     for fork in range(forks[node]):
-                        if open_child[first + fork] and shared[first + fork]:
+                        if opened[first + fork] and shared[first + fork]:
                             new_order[at, cursor[fork]] = copy[case] + fork
                             new_values[at, cursor[fork]] = values[at, i]
                             cursor[fork] += 1

@@ -35,9 +35,7 @@ def count_values(
     frequency: Floats,  # [V, A] out
     codes: Floats,  # [N, d]
     feature: int,
-    cases: Int32s,  # [E]
-    start: int,
-    stop: int,
+    cases: Int32s,  # [E] of the node
     row: Int32s,  # [cases]
     label: Int16s,  # [cases]
     weight: Floats,  # [cases]
@@ -47,7 +45,7 @@ def count_values(
         for c in range(frequency.shape[1]):
             frequency[v, c] = 0.0
     known = 0.0
-    for i in range(start, stop):
+    for i in range(cases.size):
         case = cases[i]
         code = codes[row[case], feature]
         if not math.isnan(code):

@@ -5,7 +5,7 @@ branch, with its weight shared out.
 """
 
 import math
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,58 @@ from eutree.c45._kernels_entropy import Int16s
 from eutree.compiled import compiled
 
 _Number = TypeVar("_Number", np.int32, np.float64)
+
+
+class TreeArrays(NamedTuple):
+    """The nodes of a tree; they are changed in place."""
+
+    feature: Int32s  # [M] -1 at a leaf
+    threshold: Floats  # [M]
+    first_child: Int32s  # [M]
+    n_children: Int32s  # [M]
+    value_start: Int32s  # [M]
+    value_branch: Int32s  # [V]
+
+
+class Rows(NamedTuple):
+    """The training set."""
+
+    observations: Floats  # [N, d]
+    label: Int16s  # [N]
+    weight: Floats  # [N]
+
+
+class Estimate(NamedTuple):
+    """How errors beyond those seen are estimated."""
+
+    confidence: float
+    z: float
+    normal: bool  # J48's variant
+
+
+class Arena(NamedTuple):
+    """Where the cases of the nodes under work stand, one node's after the other's."""
+
+    rows: Int32s  # [room]
+    weights: Floats  # [room]
+    scratch_rows: Int32s  # [room of one node]
+    scratch_weights: Floats  # [room of one node]
+
+
+class Place(NamedTuple):
+    """The cases of a node in the arena, and where it is free from on."""
+
+    start: int
+    stop: int
+    top: int
+
+
+class Scratch(NamedTuple):
+    """What the walk through a branch works on."""
+
+    bounds: Int32s  # [forks + 1]
+    stack: Integers  # [M + 1, 3]
+    counts: Floats  # [A]
 
 
 @compiled
@@ -48,20 +100,15 @@ def add_errors_from_one(n: float, e: float, z: float, normal: bool) -> float:
 
 
 @compiled
-def estimated_errors(
-    distribution: Floats,  # [A]
-    confidence: float,
-    z: float,
-    normal: bool,
-) -> float:
-    """Return the pessimistic number of errors of a leaf."""
+def estimated_errors(distribution: Floats, estimate: Estimate) -> float:
+    """Return the pessimistic number of errors of a leaf with these classes [A]."""
     total = float(distribution.sum())
     e = total - float(distribution.max())
     if total <= 1e-9:
         return 0.0
     if e < 1e-9:
         e = 0.0
-    return e + add_errors(total, e, confidence, z, normal)
+    return e + add_errors(total, e, estimate.confidence, estimate.z, estimate.normal)
 
 
 @compiled
@@ -76,30 +123,34 @@ def room(array: NDArray[_Number], needed: int) -> NDArray[_Number]:
 
 
 @compiled
+def with_room(arena: Arena, size: int, own: int) -> Arena:
+    """Return the arena with room for ``size`` cases in all, and ``own`` of one node."""
+    return Arena(
+        room(arena.rows, size),
+        room(arena.weights, size),
+        room(arena.scratch_rows, own),
+        room(arena.scratch_weights, own),
+    )
+
+
+@compiled
 def hand_down(
     node: int,
-    start: int,
-    stop: int,
-    top: int,
-    rows: Int32s,  # arena of cases; rows[start:stop] are those of the node
-    weights: Floats,  # arena
-    feature: Int32s,
-    threshold: Floats,
-    n_children: Int32s,
-    value_start: Int32s,
-    value_branch: Int32s,
-    observations: Floats,
+    place: Place,
+    arena: Arena,
+    tree: TreeArrays,
+    observations: Floats,  # [N, d]
     bounds: Int32s,  # [forks + 1] out, relative to the returned place
-    scratch_rows: Int32s,
-    scratch_weights: Floats,
 ) -> tuple[int, int]:
     """Divide the cases of a node; return where its first branch begins and the new arena top.
 
     Without unknown values the cases are permuted in place. Otherwise the branches are written
     to the arena from ``top`` on, which must have room for ``forks`` copies of the cases.
     """
-    forks, j = n_children[node], feature[node]
-    t, at = threshold[node], value_start[node]
+    start, stop, top = place
+    rows, weights, scratch_rows, scratch_weights = arena
+    forks, j, value_branch = tree.n_children[node], tree.feature[node], tree.value_branch
+    t, at = tree.threshold[node], tree.value_start[node]
     bounds[: forks + 1] = 0
     unknown = 0
     known_weight = 0.0
@@ -113,7 +164,7 @@ def hand_down(
     if unknown == 0:
         for b in range(forks):
             bounds[b + 1] += bounds[b]
-        cursor = bounds[:forks].copy()
+        cursor = bounds[:forks].copy()  # where the next case of each branch goes
         for i in range(start, stop):
             b = branch_of(observations[rows[i], j], t, at, value_branch)
             scratch_rows[cursor[b]] = rows[i]
@@ -133,7 +184,7 @@ def hand_down(
     else:
         share[:] = 1.0 / forks
     out = top
-    for b in range(forks):
+    for b in range(forks):  # the cases of the branches before stand from top to out
         bounds[b] = out - top
         for i in range(start, stop):
             where = branch_of(observations[rows[i], j], t, at, value_branch)
@@ -147,19 +198,10 @@ def hand_down(
 
 @compiled
 def prune(
-    feature: Int32s,  # [M] changed in place, as are all arrays of the nodes
-    threshold: Floats,
-    first_child: Int32s,
-    n_children: Int32s,
-    value_start: Int32s,
-    value_branch: Int32s,
-    distribution: Floats,  # [M, A]
-    observations: Floats,  # [N, d]
-    label: Int16s,  # [N]
-    weight: Floats,  # [N]
-    confidence: float,
-    z: float,
-    normal: bool,
+    tree: TreeArrays,
+    distribution: Floats,  # [M, A] out: classes of the cases of each node
+    training: Rows,
+    estimate: Estimate,
     raising: bool,
 ) -> None:
     """Prune by estimated errors: a node may become a leaf or be replaced by its largest branch.
@@ -168,17 +210,21 @@ def prune(
     cases handed down, in phase 1 its branches are finished and the node is decided on. A raised
     branch is counted and pruned again with all cases of the node.
     """
-    n_rows, n_nodes = observations.shape[0], feature.size
+    feature, threshold, first_child = tree.feature, tree.threshold, tree.first_child
+    n_children, value_start = tree.n_children, tree.value_start
+    label = training.label
+    n_rows, n_nodes = training.observations.shape[0], feature.size
     rows = np.arange(n_rows).astype(np.int32)
-    weights = weight.copy()
-    scratch_rows, scratch_weights = rows.copy(), weights.copy()
+    weights = training.weight.copy()
+    arena = Arena(rows, weights, rows.copy(), weights.copy())
     error = np.zeros(n_nodes)
     bounds = np.zeros(n_children.max() + 1, np.int32)
     stack = np.zeros((2 * n_nodes + 2, 5), np.int64)
     stack[0, 2] = n_rows
     stack[0, 4] = n_rows
     depth = 1
-    inner_stack = np.zeros((n_nodes + 1, 3), np.int64)
+    counts = np.zeros(distribution.shape[1])
+    scratch = Scratch(bounds, np.zeros((n_nodes + 1, 3), np.int64), counts)
     while depth > 0:
         depth -= 1
         node, start, stop = stack[depth, 0], stack[depth, 1], stack[depth, 2]
@@ -186,19 +232,15 @@ def prune(
         if phase == 0:
             distribution[node, :] = 0.0
             for i in range(start, stop):
-                distribution[node, label[rows[i]]] += weights[i]
+                distribution[node, label[arena.rows[i]]] += arena.weights[i]
             if feature[node] < 0:
-                error[node] = estimated_errors(distribution[node], confidence, z, normal)
+                error[node] = estimated_errors(distribution[node], estimate)
                 continue
             forks = n_children[node]
-            rows = room(rows, top + forks * (stop - start))
-            weights = room(weights, top + forks * (stop - start))
-            scratch_rows = room(scratch_rows, stop - start)
-            scratch_weights = room(scratch_weights, stop - start)
+            arena = with_room(arena, top + forks * (stop - start), stop - start)
             place, new_top = hand_down(
-                node, start, stop, top, rows, weights, feature, threshold, n_children,
-                value_start, value_branch, observations, bounds, scratch_rows, scratch_weights,
-            )  # fmt: skip
+                node, Place(start, stop, top), arena, tree, training.observations, bounds
+            )
             stack[depth, 3] = 1
             depth += 1
             for b in range(forks):
@@ -219,15 +261,13 @@ def prune(
                 largest = first + b
                 most = size
             tree_error += error[first + b]
-        leaf_error = estimated_errors(distribution[node], confidence, z, normal)
+        leaf_error = estimated_errors(distribution[node], estimate)
         branch_error = math.inf
         if raising:
-            branch_error, rows, weights, scratch_rows, scratch_weights = errors_of_branch(
-                largest, start, stop, top, max(leaf_error, tree_error) + 0.1, rows, weights,
-                feature, threshold, first_child, n_children, value_start, value_branch,
-                observations, label, distribution.shape[1], confidence, z, normal, bounds,
-                inner_stack, scratch_rows, scratch_weights,
-            )  # fmt: skip
+            limit = max(leaf_error, tree_error) + 0.1
+            branch_error, arena = errors_of_branch(
+                largest, Place(start, stop, top), limit, arena, tree, training, estimate, scratch
+            )
         if leaf_error <= branch_error + 0.1 + 1e-9 and leaf_error <= tree_error + 0.1 + 1e-9:
             feature[node] = -1
             n_children[node] = 0
@@ -247,59 +287,41 @@ def prune(
 @compiled
 def errors_of_branch(
     branch: int,
-    start: int,
-    stop: int,
-    top: int,
+    place: Place,
     limit: float,
-    rows: Int32s,
-    weights: Floats,
-    feature: Int32s,
-    threshold: Floats,
-    first_child: Int32s,
-    n_children: Int32s,
-    value_start: Int32s,
-    value_branch: Int32s,
-    observations: Floats,
-    label: Int16s,
-    n_classes: int,
-    confidence: float,
-    z: float,
-    normal: bool,
-    bounds: Int32s,
-    stack: Integers,
-    scratch_rows: Int32s,
-    scratch_weights: Floats,
-) -> tuple[float, Int32s, Floats, Int32s, Floats]:
-    """Return the estimated errors of a branch on all cases of its parent, and the arenas.
+    arena: Arena,
+    tree: TreeArrays,
+    training: Rows,
+    estimate: Estimate,
+    scratch: Scratch,
+) -> tuple[float, Arena]:
+    """Return the estimated errors of a branch on all cases of its parent, and the arena.
 
     Stops early once the sum exceeds ``limit``, where it no longer changes any decision.
     """
-    counts = np.zeros(n_classes)
-    stack[0, 0], stack[0, 1], stack[0, 2] = branch, start, stop
+    bounds, stack, counts = scratch
+    stack[0, 0], stack[0, 1], stack[0, 2] = branch, place.start, place.stop
     depth = 1
     errors = 0.0
+    # The leaves met so far make ``errors``; the nodes on the stack are those still to be met.
     while depth > 0 and errors <= limit + 1e-6:
         depth -= 1
         node, first, last = stack[depth, 0], stack[depth, 1], stack[depth, 2]
-        if feature[node] < 0:
+        if tree.feature[node] < 0:
             counts[:] = 0.0
             for i in range(first, last):
-                counts[label[rows[i]]] += weights[i]
-            errors += estimated_errors(counts, confidence, z, normal)
+                counts[training.label[arena.rows[i]]] += arena.weights[i]
+            errors += estimated_errors(counts, estimate)
             continue
-        forks = n_children[node]
-        here = max(top, last)  # what lies above belongs to branches already counted
-        rows = room(rows, here + forks * (last - first))
-        weights = room(weights, here + forks * (last - first))
-        scratch_rows = room(scratch_rows, last - first)
-        scratch_weights = room(scratch_weights, last - first)
-        place, _ = hand_down(
-            node, first, last, here, rows, weights, feature, threshold, n_children,
-            value_start, value_branch, observations, bounds, scratch_rows, scratch_weights,
-        )  # fmt: skip
+        forks = tree.n_children[node]
+        here = max(place.top, last)  # what lies above belongs to branches already counted
+        arena = with_room(arena, here + forks * (last - first), last - first)
+        begin, _ = hand_down(
+            node, Place(first, last, here), arena, tree, training.observations, bounds
+        )
         for b in range(forks):
-            stack[depth, 0] = first_child[node] + b
-            stack[depth, 1] = place + bounds[b]
-            stack[depth, 2] = place + bounds[b + 1]
+            stack[depth, 0] = tree.first_child[node] + b
+            stack[depth, 1] = begin + bounds[b]
+            stack[depth, 2] = begin + bounds[b + 1]
             depth += 1
-    return errors, rows, weights, scratch_rows, scratch_weights
+    return errors, arena

@@ -40,6 +40,16 @@ class _Cases:
     label: Int16s  # [cases]
     weight: Floats  # [cases]; empty if every weight is 1
 
+    @property
+    def lists(self) -> _kernels.Lists:
+        """The sorted lists, as the kernels take them."""
+        return _kernels.Lists(self.starts, self.values, self.order)
+
+    @property
+    def parts(self) -> _kernels.Cases:
+        """Rows, classes and weights, as the kernels take them."""
+        return _kernels.Cases(self.row, self.label, self.weight)
+
 
 @dataclass
 class Training:
@@ -99,7 +109,10 @@ class _Grower:
         nominal = training.n_values > 0
         self.list_of = (np.cumsum(~nominal) - 1).astype(np.int32)
         self.list_of[nominal] = (~nominal).sum()  # all nominal attributes share one list
-        self.options = _options(settings)
+        self.attributes = _kernels.Attributes(
+            training.observations, training.n_values, training.counted, self.list_of
+        )
+        self.rules = _rules(settings)
         self.cases = self._sort()
         self.sorted_values = self.cases.values.copy()  # [lists, N]
         self.spare = (np.empty_like(self.cases.values), np.empty_like(self.cases.order))
@@ -168,8 +181,8 @@ class _Grower:
             n_mapped += n_values
         value_branch = np.concatenate([np.empty(0, np.int32), *maps])
         offset = (np.cumsum(forks) - forks).astype(np.int32)
-        test = (feature, threshold, offset, value_start, value_branch)
-        children = self._divide(test, forks, distribution[where])
+        tests = _kernels.Tests(feature, threshold, offset, value_start, value_branch)
+        children = self._divide(tests, forks, distribution[where])
         level.feature[where], level.threshold[where] = feature, threshold
         level.n_children[where] = forks
         level.first_child[where] = np.where(split, n_nodes + offset, -1)
@@ -178,21 +191,20 @@ class _Grower:
         self.n_value_branches += len(value_branch)
         return level, children
 
-    def _choose(self, distribution: Floats) -> tuple[Int32s, Floats, Int32s, Int32s]:
-        """Return attribute (-1: none), cut [n, 2], branches and branch of each value [n, V]."""
+    def _choose(self, distribution: Floats) -> _kernels.Chosen:
+        """Return the test of each node."""
         cases, training = self.cases, self.training
         feature = np.empty(len(distribution), dtype=np.int32)
         cut = np.full((len(distribution), 2), np.nan)
         forks = np.zeros(len(distribution), dtype=np.int32)
         n_maps = len(distribution) if self.settings.grouped else 0
         blocks = np.empty((n_maps, max(1, int(training.n_values.max()))), dtype=np.int32)
+        chosen = _kernels.Chosen(feature, cut, forks, blocks)
         _kernels.choose_tests(
-            cases.starts, distribution.sum(axis=1), cases.values, cases.order, self.list_of,
-            training.n_values, training.counted, training.observations, cases.row, cases.label,
-            cases.weight, training.table, training.n_classes, self.options, feature, cut,
-            forks, blocks,
+            cases.lists, distribution.sum(axis=1), self.attributes, cases.parts, training.table,
+            training.n_classes, self.rules, chosen,
         )  # fmt: skip
-        return feature, cut, forks, blocks
+        return chosen
 
     def _thresholds(self, feature: int, cut: Floats) -> Floats:
         """Return the greatest training value up to the midpoint of each cut [n, 2].
@@ -210,40 +222,35 @@ class _Grower:
 
     def _divide(
         self,
-        test: tuple[Int32s, Floats, Int32s, Int32s, Int32s],
+        tests: _kernels.Tests,
         forks: Int32s,
         parents: Floats,  # [n, A]
     ) -> Floats:
         """Make the cases of the next level; return the classes of all children [children, A]."""
         cases, training = self.cases, self.training
-        feature, threshold, offset, value_start, value_branch = test
         n_children = int(forks.sum())
         branch = np.empty(len(cases.row), dtype=np.int32)
         sizes = np.zeros(n_children, dtype=np.int32)
         children = np.zeros((n_children, training.n_classes))
         unknown_sizes = np.zeros(len(forks), dtype=np.int32)
         unknown = np.zeros((len(forks), training.n_classes))
-        _kernels.assign_branches(
-            cases.starts, feature, threshold, offset, value_start, value_branch, cases.values,
-            cases.order, self.list_of, training.observations, cases.row, cases.label, cases.weight,
-            branch, sizes, children, unknown_sizes, unknown,
-        )  # fmt: skip
+        branches = _kernels.Branches(branch, sizes, children, unknown_sizes, unknown)
+        _kernels.assign_branches(cases.lists, tests, self.attributes, cases.parts, branches)
         parent = np.repeat(np.arange(len(forks)), forks)
         known = (parents - unknown).sum(axis=1)
         share = children.sum(axis=1) / known[parent]
         children += share[:, np.newaxis] * unknown[parent]
         shared = share > 0
-        copy = self._copy_unknown(branch, feature, forks, share, offset)
+        old = cases.lists
+        copy = self._copy_unknown(branch, tests.feature, forks, share, tests.offset)
         sizes += np.where(shared, unknown_sizes[parent], 0).astype(np.int32)
         opened = ~is_closed(children, self.settings)
         ends = np.cumsum(np.where(opened, sizes, 0))
         child_starts = (ends - np.where(opened, sizes, 0)).astype(np.int32)
         n_cases = int(ends[-1]) if n_children else 0
         new_values, new_order = self._room(n_cases)
-        _kernels.divide(
-            cases.starts, feature, offset, forks, branch, copy, opened, shared, child_starts,
-            cases.values, cases.order, new_values, new_order,
-        )  # fmt: skip
+        into = _kernels.Children(forks, copy, opened, shared, child_starts)
+        _kernels.divide(old, tests, branch, into, new_values, new_order)
         self.spare = (cases.values, cases.order)
         cases.values, cases.order = new_values, new_order
         cases.starts = np.append(child_starts[opened], n_cases).astype(np.int32)
@@ -289,25 +296,22 @@ class _Grower:
         return copy
 
 
-def _options(settings: C45Settings) -> Floats:
-    """Return the settings as the numbers that the kernel ``choose_tests`` reads."""
+def _rules(settings: C45Settings) -> _kernels.Rules:
+    """Return the settings as the kernel ``choose_tests`` reads them."""
     normal = settings.z == "normal"
     start = 0.0 if normal else -EPSILON
     epsilon = 1e-6 if normal else EPSILON
-    return np.array(
-        [
-            settings.min_objects,
-            settings.gap,
-            settings.tolerance,
-            epsilon if settings.require_gain else -np.inf,
-            start if settings.require_gain else -np.inf,
-            settings.use_min_split,
-            settings.use_penalty,
-            settings.use_average_filter,
-            not settings.require_gain,
-            0.0 if normal else settings.min_objects,
-        ],
-        dtype=np.float64,
+    return _kernels.Rules(
+        min_objects=float(settings.min_objects),
+        gap=float(settings.gap),
+        tolerance=float(settings.tolerance),
+        epsilon=epsilon if settings.require_gain else -np.inf,
+        start_value=start if settings.require_gain else -np.inf,
+        use_min_split=float(settings.use_min_split),
+        use_penalty=float(settings.use_penalty),
+        use_filter=float(settings.use_average_filter),
+        greedy=float(not settings.require_gain),
+        least=0.0 if normal else float(settings.min_objects),
     )
 
 

@@ -2,29 +2,26 @@
 
 import numpy as np
 
-from eutree.c45 import _kernels_pruning
+from eutree.c45 import _kernels_pruning as _kernels
 from eutree.c45.growing import Nodes, Training
 from eutree.c45.settings import C45Settings
 
 
 def prune_nodes(nodes: Nodes, training: Training, settings: C45Settings) -> None:
     """Prune the tree in place; nodes that are no longer reached stay until ``compact``."""
-    _kernels_pruning.prune(
+    tree = _kernels.TreeArrays(
         nodes.feature,
         nodes.threshold,
         nodes.first_child,
         nodes.n_children,
         nodes.value_start,
         nodes.value_branch,
-        nodes.distribution,
-        training.observations,
-        training.actions,
-        training.weights,
-        float(settings.confidence),
-        settings.deviate,
-        settings.z == "normal",
-        settings.subtree_raising,
     )
+    rows = _kernels.Rows(training.observations, training.actions, training.weights)
+    estimate = _kernels.Estimate(
+        float(settings.confidence), settings.deviate, settings.z == "normal"
+    )
+    _kernels.prune(tree, nodes.distribution, rows, estimate, settings.subtree_raising)
 
 
 def compact(nodes: Nodes) -> Nodes:

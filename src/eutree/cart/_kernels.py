@@ -1,5 +1,7 @@
 """Compiled loops of CART: the best cut of a node, and growing best node first."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from eutree import thresholds
@@ -11,12 +13,28 @@ threshold_between = compiled(thresholds.threshold_between)
 SAME = 1e-12  # share of a node's impurity that counts as no gain
 
 
+class Rows(NamedTuple):
+    """What a tree is grown from."""
+
+    X: Floats  # [d, N]
+    order: Int32s  # [d, N] rows, ascending by each feature; those of a node stand together
+    labels: Integers  # [N]
+    weights: Floats  # [N]
+
+
+class Nodes(NamedTuple):
+    """A tree while it grows, with room for M nodes."""
+
+    feature: Int32s  # [M] -1 at a leaf
+    threshold: Floats  # [M]
+    left: Int32s  # [M]
+    right: Int32s  # [M]
+    counts: Floats  # [M, C] weight of each class
+
+
 @compiled
 def best_cut(
-    X: Floats,  # [d, N]
-    order: Int32s,  # [d, N] rows of the node at begin:end, ascending by each feature
-    labels: Integers,  # [N]
-    weights: Floats,  # [N]
+    rows: Rows,
     begin: int,
     end: int,
     counts: Floats,  # [C] weight of each class in the node
@@ -27,6 +45,7 @@ def best_cut(
     the sum of sum_c w_c^2 / w over both parts is largest. The position is that of the first row of
     the right part; the gain is 0 if no cut is worth it.
     """
+    X, order, labels, weights = rows
     total, squares = 0.0, 0.0
     for c in range(counts.size):
         total += counts[c]
@@ -88,20 +107,13 @@ def cut(
 
 
 @compiled
-def grow(
-    X: Floats,  # [d, N]
-    order: Int32s,  # [d, N] rows, ascending by each feature; changed
-    labels: Integers,  # [N]
-    weights: Floats,  # [N]
-    n_classes: int,
-    max_leaves: int,
-    feature: Int32s,  # [2 max_leaves - 1] out, -1 at a leaf
-    threshold: Floats,  # [2 max_leaves - 1] out
-    left: Int32s,  # [2 max_leaves - 1] out
-    right: Int32s,  # [2 max_leaves - 1] out
-    counts: Floats,  # [2 max_leaves - 1, C] out: weight of each class
-) -> int:
-    """Grow a tree, always cutting the leaf that gains most; return its number of nodes."""
+def grow(rows: Rows, out: Nodes) -> int:
+    """Grow a tree, always cutting the leaf that gains most; return its number of nodes.
+
+    The rows' order changes.
+    """
+    X, order, labels, weights = rows
+    feature, threshold, left, right, counts = out
     n_rows = labels.size
     size = feature.size
     begin, end = np.zeros(size, np.int64), np.zeros(size, np.int64)
@@ -112,7 +124,7 @@ def grow(
     for i in range(n_rows):
         counts[0, labels[i]] += weights[i]
     feature[0] = -1
-    gain[0], where[0, 0], where[0, 1] = best_cut(X, order, labels, weights, 0, n_rows, counts[0])
+    gain[0], where[0, 0], where[0, 1] = best_cut(rows, 0, n_rows, counts[0])
     n_nodes = 1
     # Each round turns the leaf of the largest gain into a node with two leaves.
     while n_nodes + 2 <= size:
@@ -137,7 +149,7 @@ def grow(
                 row = order[0, k]
                 counts[child, labels[row]] += weights[row]
             gain[child], where[child, 0], where[child, 1] = best_cut(
-                X, order, labels, weights, begin[child], end[child], counts[child]
+                rows, begin[child], end[child], counts[child]
             )
         n_nodes += 2
     return n_nodes

@@ -71,10 +71,8 @@ def append_rows(
         rows.entered[row] = TERMINAL if terminated and t == steps - 1 else episode.leaves[t + 1]
         rows.demonstrated[row] = episode.demonstrated[t]
         row += 1
-    append_to_lists(rows.left, first, row, left.head, left.tail, left.counts, rows.left_link)
-    append_to_lists(
-        rows.entered, first, row, entered.head, entered.tail, entered.counts, rows.entered_link
-    )
+    append_to_lists(rows.left, first, row, left, rows.left_link)
+    append_to_lists(rows.entered, first, row, entered, rows.entered_link)
     return row
 
 
@@ -83,13 +81,12 @@ def append_to_lists(
     labels: Int32s,  # [N]
     first: int,
     last: int,
-    head: Integers,  # [L]
-    tail: Integers,  # [L]
-    count: Integers,  # [L]
+    lists: RowLists,
     link: Integers,  # [N]
 ) -> None:
     """Append rows first..last-1 to the lists of their labels; a negative label has no list."""
-    for row in range(first, last):
+    head, tail, count = lists.head, lists.tail, lists.counts
+    for row in range(first, last):  # the rows before it are linked, each list in ascending order
         link[row] = NO_ROW
         label = labels[row]
         if label < 0:
@@ -139,15 +136,14 @@ def split_list(
     label: int,
     new_label: int,
     labels: Int32s,  # [N]
-    head: Integers,  # [L]
-    tail: Integers,  # [L]
-    count: Integers,  # [L]
+    lists: RowLists,
     link: Integers,  # [N]
 ) -> None:
     """Divide the list of ``label`` in two, keeping the ascending order of both."""
+    head, tail, count = lists.head, lists.tail, lists.counts
     count[label] = 0
     count[new_label] = 0
-    for i in range(rows.size):
+    for i in range(rows.size):  # both lists hold what they are to hold of the rows before
         row = rows[i]
         target = new_label if goes_right[i] else label
         labels[row] = target
@@ -177,15 +173,20 @@ def one_step_targets(
             out[i] += discount * values[entered[row]]
 
 
+class Chain(NamedTuple):
+    """The stored transitions as a return goes through them."""
+
+    continues: Booleans  # [N]
+    actions: Int32s  # [N]
+    rewards: Floats  # [N]
+    left: Int32s  # [N]
+    entered: Int32s  # [N]
+
+
 @compiled
 def lambda_targets(
     rows: Integers,  # [n]
-    n_rows: int,
-    continues: Booleans,  # [N]
-    actions: Int32s,  # [N]
-    rewards: Floats,  # [N]
-    left: Int32s,  # [N]
-    entered: Int32s,  # [N]
+    chain: Chain,
     values: Floats,  # [L]
     greedy: Int32s,  # [L]
     discount: float,
@@ -198,15 +199,17 @@ def lambda_targets(
     only while that row's action is the greedy one of its leaf (Watkins's Q(lambda)); there it
     bootstraps with the value of the leaf entered.
     """
+    actions, rewards, left, entered = chain.actions, chain.rewards, chain.left, chain.entered
+    n_rows = rewards.size
     for i in range(rows.size):
         row = rows[i]
         total = 0.0
         weight = 1.0
-        while True:
+        while True:  # total holds the terms of the rows before; weight = (discount decay)^their no.
             total += weight * rewards[row]
             if entered[row] < 0:
                 break
-            follows = row + 1 < n_rows and continues[row + 1]
+            follows = row + 1 < n_rows and chain.continues[row + 1]
             if not follows or actions[row + 1] != greedy[left[row + 1]]:
                 total += weight * discount * values[entered[row]]
                 break

@@ -280,7 +280,7 @@ class AdaptiveQ:
 
     def _cut_of(self, leaf: int) -> tuple[int, float] | None:
         """Return feature and threshold of a leaf's cut; None where all its observations agree."""
-        seen = self.history.observations[self.history.rows_leaving(leaf)]
+        seen = self.history.observations[self.history.leaving.of(leaf)]
         if not len(seen):
             return None
         scale = step_scale(self.history.observations, self.history.next_observations)

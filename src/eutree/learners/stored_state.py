@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eutree.errors import EutreeError, FormatError
-from eutree.learners.forgetting import WHOLE
+from eutree.learners.forgetting import RANKS
 from eutree.learners.learner import Problem
 from eutree.trees import DecisionTree
 from eutree.world_model import ActionTree
@@ -91,7 +91,7 @@ class StateCheck:
         expected = TREE_ARRAYS | HISTORY_ARRAYS | expected
         expected |= {name: what for name, what in WHERE_IT_IS_SO.items() if name in state}
         if bounds:
-            expected |= {"history_lots": ("u", "N"), "history_bounds": ("u", bounds)}
+            expected |= {"history_ranks": ("u", "N"), "history_bounds": ("u", bounds)}
         self._check_shapes(expected)
         self.n_leaves = self._leaves_of_tree()
         self._check_history()
@@ -165,7 +165,7 @@ class StateCheck:
             "history_n_episodes": (0, 2**31 - 1),
             "history_episodes": (0, self.n_episodes - 1),
             "history_n_seen": (len(self._state["history_rewards"]), MOST),
-            "history_bounds": (1, WHOLE),
+            "history_bounds": (1, RANKS),
             "locked": (0, self.n_leaves - 1),
         })  # fmt: skip
         if (np.diff(self._state["history_episodes"]) < 0).any():

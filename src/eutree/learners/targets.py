@@ -59,20 +59,10 @@ class LambdaReturn(msgspec.Struct, frozen=True, tag=True):
     ) -> Floats:
         """Return q of each of the rows, shape [n]."""
         out = np.empty(rows.size)
-        _kernels.lambda_targets(
-            rows,
-            history.size,
-            history.continues,
-            history.actions,
-            history.rewards,
-            history.left,
-            history.entered,
-            values,
-            greedy(),
-            discount,
-            self.decay,
-            out,
+        chain = _kernels.Chain(
+            history.continues, history.actions, history.rewards, history.left, history.entered
         )
+        _kernels.lambda_targets(rows, chain, values, greedy(), discount, self.decay, out)
         return out
 
 

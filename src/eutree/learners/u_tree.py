@@ -15,15 +15,17 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from eutree.arrays import Booleans, Floats, Int32s, Integers
+from eutree.arrays import Floats, Int32s, Integers
 from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
 from eutree.learners.confidence import Confidence, doubt
 from eutree.learners.discretizer import Discretizer
 from eutree.learners.forgetting import LeafReservoirs
-from eutree.learners.gates import AnyGain, SplitGate, expected_gain
+from eutree.learners.gates import AnyGain, SplitGate
 from eutree.learners.history import History
+from eutree.learners.leaf_counts import counted, counted_again, uncount
 from eutree.learners.leaf_steps import LeafSteps
+from eutree.learners.leaf_tests import LeafTests
 from eutree.learners.learner import (
     Arrays,
     Decisions,
@@ -39,7 +41,6 @@ from eutree.learners.statistics import leaf_statistics
 from eutree.learners.stored_state import TREE, check_u_tree, part, prefixed
 from eutree.learners.targets import OneStep, Target
 from eutree.learners.teaching import Lessons
-from eutree.mdp import TabularMDP
 from eutree.splitting import KolmogorovSmirnov, LeafSample, Naive, SignificanceTest, Split
 from eutree.trees import DecisionTree
 from eutree.validation import check_integer, check_number
@@ -160,18 +161,17 @@ class UTree:
         self.tree = tree
         self.n_actions = n_actions
         self.method = method
-        self.history = History(tree.n_features, tree.n_leaves, self._reservoirs())
-        self.mdp = TabularMDP(
-            tree.n_leaves, n_actions, method.discount, untried=method.untried_value
+        self.history = History(
+            tree.n_features, tree.n_leaves, reservoirs_of(method, tree.n_leaves, n_actions)
         )
+        self.mdp = counted(self.history, tree.n_leaves, n_actions, method)
         self._solving = Solving(method.solve_growth)
         none = np.zeros(tree.n_leaves, dtype=np.int64)
         self._prior = np.array(none if prior is None else prior)  # [L]
-        self._tested_at = np.zeros(tree.n_leaves, dtype=np.int64)  # [L] seen at the last test
-        self._split_at = 0  # transitions ever seen at the last split
+        self._tests = LeafTests(method, tree.n_leaves)
         self._locked = frozenset(locked)
         self._lessons = Lessons(tree.n_features)
-        self._steps = LeafSteps(tree.n_features)
+        self._steps = LeafSteps()
 
     @classmethod
     def begun(cls, problem: Problem, start: Start, method: Discretizer) -> Self:
@@ -194,7 +194,7 @@ class UTree:
                 demonstrated=True,
             )
             self.history.forget()
-        self._count_again()
+        self.mdp = counted_again(self.mdp, self.history, self.method)
         self._solving.solve(self.mdp, self.history)
 
     # Data gathering phase (Table 1) -------------------------------------------------------------
@@ -203,17 +203,16 @@ class UTree:
         """Begin an episode at its first observation, shape [d]; all its chance is ``generator``."""
         self.mdp.savepoint()
         if self.method.max_transitions is not None:
-            self._rewards_before = self.mdp.reward_sums.copy()
-        self._generator = generator
-        self._steps.start(self.tree, self.mdp, observation)
+            self._rewards_before = self.mdp.counts.reward_sums.copy()
+        self._steps.start(self.tree, self.mdp, observation, generator)
 
     def act(self) -> int:
         """Choose the action for the present observation: greedy (Eq. 1), random with epsilon."""
-        leaf = self._steps.leaf
+        leaf, generator = self._steps.leaf, self._steps.generator
         if leaf in self._locked:
             return int(self._prior[leaf])
-        if self._generator.random() < self.method.exploration:
-            return int(self._generator.integers(self.n_actions))
+        if generator.random() < self.method.exploration:
+            return int(generator.integers(self.n_actions))
         return self._steps.greedy(self._prior)
 
     def observe(self, step: Step) -> None:
@@ -222,28 +221,31 @@ class UTree:
 
     def end_episode(self) -> None:
         """Store the transitions (o, a, r, o') of the episode, each in leaf L(o)."""
-        episode, leaves, entered = self._steps.finish()
+        one = self._steps.finish()
+        episode = one.steps
         stored = self.history.append_episode(
             episode.observations,
             episode.actions,
             episode.rewards,
-            leaves,
+            one.leaves,
             terminated=episode.terminated,
-            generator=self._generator,
+            generator=self._steps.generator,
             demonstrated=episode.shown,
         )
-        self._lessons.add(episode.observations[:-1][episode.shown])
-        if not stored.all():
-            self._uncount(leaves[:-1], episode.actions, episode.rewards, entered, stored)
-        if self.history.forget() is not None:
-            self._count_again()
+        if episode.shown.any():
+            self._lessons.add(episode.observations[:-1][episode.shown])
+        if self.method.max_transitions is not None:
+            if not stored.all():
+                uncount(self.mdp, self._rewards_before, one, stored)
+            if self.history.forget() is not None:
+                self.mdp = counted_again(self.mdp, self.history, self.method)
 
     def discard_episode(self) -> None:
         """Be as before ``start_episode``, to the bit; do nothing between two episodes."""
         if not len(self._steps):
             return
         episode, leaves, entered = self._steps.finish()
-        self.mdp.forget_batch(leaves[:-1], episode.actions, episode.rewards, entered)
+        self.mdp.counts.forget(leaves[:-1], episode.actions, episode.rewards, entered)
         self.mdp.rollback()
 
     # Expansion phase (Table 1) ------------------------------------------------------------------
@@ -256,10 +258,16 @@ class UTree:
         """
         if len(self._steps):
             raise InvalidArgumentError("update must be called between episodes, not within one")
-        self._learn_from_lessons()
+        greedy = self.greedy_actions().astype(np.int64)
+        refined = self._lessons.refine(
+            self.tree, greedy, self.history, self.n_actions, self._locked
+        )
+        if refined is not None:
+            self._replace_tree(*refined)
         made = []
-        for leaf in self._due():
-            split = self._split_of(leaf, generator)
+        for leaf in self._tests.due(self.history, self._locked):
+            sample = self._sample(leaf)
+            split = self._tests.cut(leaf, sample, self.history, self._greedy(leaf), generator)
             if split is not None:
                 made.append(self._split(leaf, split))
                 if self.method.solve_each_split:
@@ -269,39 +277,15 @@ class UTree:
         self._solving.after_splits(self.mdp, self.history, halves)
         return Update(tuple(made))
 
-    def _due(self) -> list[int]:
-        """Return the leaves to test now: those that have grown enough since they were tested."""
-        sizes = self.history.seen_leaving()[: self.tree.n_leaves]
-        growth = self.method.retest_growth
-        due = (sizes >= self._tested_at * growth) | (growth == 1.0)  # an estimate may fall
-        due[list(self._locked)] = False
-        self._tested_at[due] = sizes[due]
-        leaves: list[int] = np.flatnonzero(due).tolist()
-        return leaves
-
-    def _split_of(self, leaf: int, generator: np.random.Generator) -> Split | None:
-        """Return the cut that ``leaf`` deserves by what left it, or None."""
-        rows = self.history.rows_leaving(leaf)
-        sample = LeafSample(
+    def _sample(self, leaf: int) -> LeafSample:
+        """Return what left ``leaf``, T(s, a) of all actions."""
+        rows = self.history.leaving.of(leaf)
+        return LeafSample(
             observations=self.history.observations[rows],
             returns=self.targets(rows),
             actions=self.history.actions[rows].astype(np.int64),
             episodes=self.history.episodes[rows].astype(np.int64),
         )
-        split = self.method.cut(sample, generator)
-        return split if split is None or self._admits(split, leaf, sample) else None
-
-    def _admits(self, split: Split, leaf: int, sample: LeafSample) -> bool:
-        """Return whether a cut passes the gate; if not, the leaf is tested again next time."""
-
-        def gain() -> float:
-            share = self.history.seen_leaving()[leaf] / self.history.n_seen
-            return expected_gain(split, sample, self._greedy(leaf), float(share))
-
-        if self.method.gate.admits(gain, self.history.n_seen - self._split_at):
-            return True
-        self._tested_at[leaf] = 0
-        return False
 
     def _split(self, leaf: int, split: Split) -> LeafSplit:
         """Split ``leaf`` in all but the tree; relabel its transitions and recount just those."""
@@ -309,7 +293,7 @@ class UTree:
         new_leaf = self.mdp.add_state(float(self.mdp.values[leaf]))
         moved = self.history.split(leaf, new_leaf, split.feature, split.threshold)
         actions = self.history.actions
-        self.mdp.relabel(
+        self.mdp.counts.relabel(
             actions[moved.rows],
             states=moved.old_left,
             next_states=moved.old_entered,
@@ -317,14 +301,12 @@ class UTree:
             new_next_states=moved.new_entered,
         )
         rows = moved.leaving
-        self.mdp.set_rewards(
+        self.mdp.counts.set_rewards(
             [leaf, new_leaf], self.history.left[rows], actions[rows], self.history.rewards[rows]
         )
         self._prior[leaf] = greedy
         self._prior = np.append(self._prior, greedy)
-        self._tested_at = np.append(self._tested_at, 0)
-        self._tested_at[leaf] = 0
-        self._split_at = self.history.n_seen
+        self._tests.split(leaf, self.history.n_seen)
         return LeafSplit(leaf, new_leaf, int(split.feature), float(split.threshold))
 
     # What it knows ------------------------------------------------------------------------------
@@ -358,7 +340,7 @@ class UTree:
                 self.history.left,
                 self.history.actions,
                 targets,
-                visits=self.mdp.visits,
+                visits=self.mdp.counts.visits,
                 values=self.mdp.action_values,
             ),
             tuple(sorted(self._locked)),
@@ -372,7 +354,7 @@ class UTree:
         leaf = self.tree.leaf_of(observation.tolist())
         if leaf in self._locked:
             return ""
-        rows = self.history.rows_leaving(leaf)
+        rows = self.history.leaving.of(leaf)
         actions = self.history.actions[rows].astype(np.int64)
         best = self._greedy(leaf)
         return doubt(self.targets(rows), actions, best, self.n_actions, confidence)
@@ -386,11 +368,11 @@ class UTree:
         state: Arrays = {name: getattr(self.tree, name) for name in TREE}
         state |= prefixed("history_", self.history.state())
         state |= prefixed("mdp_", self.mdp.state())
-        state |= {"tested_at": self._tested_at, "prior": self._prior}
+        state |= {"tested_at": self._tests.tested_at, "prior": self._prior}
         if self._locked:
             state["locked"] = np.array(sorted(self._locked))
         if self.method.gate != ALWAYS:
-            state["split_at"] = np.array([self._split_at])
+            state["split_at"] = np.array([self._tests.split_at])
         return state | self._lessons.state() | self._solving.state()
 
     @classmethod
@@ -402,15 +384,14 @@ class UTree:
         tree = DecisionTree(n_features, **{name: state[name] for name in TREE})
         locked = state["locked"].tolist() if "locked" in state else ()
         learner = cls(tree, n_actions, method, prior=state["prior"], locked=locked)
-        stored = part(state, "history_")
-        learner.history = History.from_state(stored, tree, learner._reservoirs())
-        history = learner.history
-        learner.mdp.observe_batch(history.left, history.actions, history.rewards, history.entered)
+        rule = reservoirs_of(method, tree.n_leaves, n_actions)
+        learner.history = History.from_state(part(state, "history_"), tree, rule)
+        learner.mdp = counted(learner.history, tree.n_leaves, n_actions, method)
         learner.mdp.restore(part(state, "mdp_"))
-        learner._tested_at = np.array(state["tested_at"])
+        learner._tests.tested_at = np.array(state["tested_at"])
         learner._lessons.restore(state)
         if "split_at" in state:
-            learner._split_at = int(state["split_at"][0])
+            learner._tests.split_at = int(state["split_at"][0])
         if "solved_at" in state:
             learner._solving.solved_at = int(state["solved_at"][0])
         return learner
@@ -423,53 +404,16 @@ class UTree:
                 best, best_value = action, value
         return best if best >= 0 else int(self._prior[leaf])
 
-    def _learn_from_lessons(self) -> None:
-        """Refine the leaves in which something was shown since the last expansion."""
-        refined = self._lessons.refine(
-            self.tree,
-            self.greedy_actions().astype(np.int64),
-            self.history,
-            self.n_actions,
-            self._locked,
-        )
-        if refined is not None:
-            self._replace_tree(*refined)
-
     def _replace_tree(self, tree: DecisionTree, prior: Integers) -> None:
         """Take another state tree; label all transitions and count them (Eqs. 3, 4)."""
         self.tree, self._prior = tree, prior
-        self._tested_at = np.zeros(self.tree.n_leaves, dtype=np.int64)
-        self.history.relabel(self.tree)
-        self.mdp = self._counted()
+        self._tests.reset(tree.n_leaves)
+        self.history.relabel(tree)
+        self.mdp = counted(self.history, tree.n_leaves, self.n_actions, self.method)
         self._solving.solve(self.mdp, self.history)
 
-    def _reservoirs(self) -> LeafReservoirs | None:
-        """Return what the history forgets by."""
-        room = self.method.max_transitions
-        return None if room is None else LeafReservoirs(room, self.tree.n_leaves, self.n_actions)
 
-    def _uncount(
-        self, left: Int32s, actions: Integers, rewards: Floats, entered: Int32s, stored: Booleans
-    ) -> None:
-        """Take back the counts of those transitions of the last episode that were not stored."""
-        out = ~stored
-        self.mdp.forget_batch(left[out], actions[out], rewards[out], entered[out])
-        state = self.mdp.state()
-        state["reward_sums"] = self._rewards_before  # to the bit: as if never added
-        np.add.at(state["reward_sums"], (left[stored], actions[stored]), rewards[stored])
-        self.mdp.restore(state)
-
-    def _count_again(self) -> None:
-        """Count the stored transitions (Eqs. 3, 4); V, Q and the queue stay."""
-        state = self.mdp.state()
-        self.mdp = self._counted()
-        self.mdp.restore(state | {"reward_sums": self.mdp.reward_sums.copy()})
-
-    def _counted(self) -> TabularMDP:
-        """Return the MDP of the stored transitions (Eqs. 3, 4), not solved."""
-        history, method = self.history, self.method
-        mdp = TabularMDP(
-            self.tree.n_leaves, self.n_actions, method.discount, untried=method.untried_value
-        )
-        mdp.observe_batch(history.left, history.actions, history.rewards, history.entered)
-        return mdp
+def reservoirs_of(method: Discretizer, n_leaves: int, n_actions: int) -> LeafReservoirs | None:
+    """Return what the history forgets by; None if it is not bounded."""
+    room = method.max_transitions
+    return None if room is None else LeafReservoirs(room, n_leaves, n_actions)

@@ -41,7 +41,7 @@ from eutree.learners.stored_state import (
     prefixed,
 )
 from eutree.learners.trial import Trial
-from eutree.mdp import TabularMDP
+from eutree.mdp import TabularMDP, TransitionCounts
 from eutree.trees import DecisionTree
 from eutree.validation import check_choice, check_integer, check_number
 from eutree.world_model import leaf_node
@@ -379,10 +379,12 @@ class VectorQuantization:
 
     def _solve(self, left: Integers, actions: Integers, entered: Integers) -> None:
         """Let Q be that of the MDP of the regions (Eqs. 3 to 6)."""
-        mdp = TabularMDP(self.book.n_regions, self.n_actions, self.method.discount)
-        mdp.observe_batch(left, actions, self.history.rewards, entered)
+        mdp = TabularMDP(
+            TransitionCounts(self.book.n_regions, self.n_actions), self.method.discount
+        )
+        mdp.counts.observe(left, actions, self.history.rewards, entered)
         mdp.solve()
-        self.values, self._tried = np.array(mdp.action_values), np.array(mdp.visits)
+        self.values, self._tried = np.array(mdp.action_values), np.array(mdp.counts.visits)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,8 @@ the transitions came. A row that is full moves to the end of the pool with twice
 caller repacks the pool when a kernel answers ``NO_ROOM``, before which nothing has been changed.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from eutree.arrays import Floats, Int32s, Integers
@@ -14,7 +16,7 @@ from eutree.compiled import compiled
 
 START, SIZE, CAPACITY = 0, 1, 2  # columns of the table of rows
 KEY, COUNT = 0, 1  # columns of the pool
-USED = 0  # entry of the counters
+USED, STATES = 0, 1  # entries of the counters
 
 TERMINAL = -1
 FIRST_CAPACITY = 4
@@ -22,6 +24,42 @@ FIRST_CAPACITY = 4
 DONE = 0
 NO_ROOM = -1
 NO_TRANSITION = -2
+
+
+class CountArrays(NamedTuple):
+    """The counts of transitions; S is how many states there is room for.
+
+    Attributes:
+        table: Where each row of counts begins, its size and its capacity.
+        pool: The entries of all rows: key and count.
+        counters: What is used of the pool, and how many states there are.
+        visits: N(s, a).
+        reward_sums: Sum of the rewards of each state and action.
+    """
+
+    table: Int32s  # [S (A + 1), 3]
+    pool: Int32s  # [K, 2]
+    counters: Integers  # [2]
+    visits: Integers  # [S, A]
+    reward_sums: Floats  # [S, A]
+
+
+class Transitions(NamedTuple):
+    """Transitions (s, a, r, s')."""
+
+    states: Int32s  # [N]
+    actions: Int32s  # [N]
+    rewards: Floats  # [N]
+    next_states: Int32s  # [N]
+
+
+class Successors(NamedTuple):
+    """The distinct successors of each pair p, ascending, from place ``offsets[p]`` on."""
+
+    offsets: Integers  # [S A + 1]
+    keys: Int32s  # [N]
+    counts: Int32s  # [N]
+    sizes: Int32s  # [S A] how many each pair has
 
 
 @compiled
@@ -124,82 +162,59 @@ def _unlink(table: Int32s, pool: Int32s, n_actions: int, pair: int, next_state: 
 
 
 @compiled
-def observe_rows(
-    table: Int32s,  # [S (A + 1), 3]
-    pool: Int32s,  # [K, 2]
-    counters: Integers,  # [2]
-    visits: Integers,  # [S, A]
-    reward_sums: Floats,  # [S, A]
-    states: Int32s,  # [N]
-    actions: Int32s,  # [N]
-    rewards: Floats,  # [N]
-    next_states: Int32s,  # [N]
-    first: int,
-) -> int:
+def observe_rows(counts: CountArrays, rows: Transitions, first: int) -> int:
     """Count the transitions from row ``first`` on; return the row at which room ran out, or N."""
-    n_actions = visits.shape[1]
-    for i in range(first, states.shape[0]):
-        pair = states[i] * n_actions + actions[i]
-        if not has_room(table, pool, counters, n_actions, pair, next_states[i]):
+    table, pool, counters = counts.table, counts.pool, counts.counters
+    n_actions = counts.visits.shape[1]
+    for i in range(first, rows.states.shape[0]):  # the rows first..i - 1 are counted
+        s, a = rows.states[i], rows.actions[i]
+        pair = s * n_actions + a
+        if not has_room(table, pool, counters, n_actions, pair, rows.next_states[i]):
             return i
-        link(table, pool, counters, n_actions, pair, next_states[i])
-        visits[states[i], actions[i]] += 1
-        reward_sums[states[i], actions[i]] += rewards[i]
-    return int(states.shape[0])
+        link(table, pool, counters, n_actions, pair, rows.next_states[i])
+        counts.visits[s, a] += 1
+        counts.reward_sums[s, a] += rows.rewards[i]
+    return int(rows.states.shape[0])
 
 
 @compiled
-def forget_rows(
-    table: Int32s,  # [S (A + 1), 3]
-    pool: Int32s,  # [K, 2]
-    visits: Integers,  # [S, A]
-    reward_sums: Floats,  # [S, A]
-    states: Int32s,  # [N]
-    actions: Int32s,  # [N]
-    rewards: Floats,  # [N]
-    next_states: Int32s,  # [N]
-) -> int:
+def forget_rows(counts: CountArrays, rows: Transitions) -> int:
     """Take the transitions back; return the row that was never counted, or N."""
+    visits, reward_sums = counts.visits, counts.reward_sums
     n_actions = visits.shape[1]
-    for i in range(states.shape[0]):
-        s, a = states[i], actions[i]
-        if not _unlink(table, pool, n_actions, s * n_actions + a, next_states[i]):
+    for i in range(rows.states.shape[0]):  # the rows before i are taken back
+        s, a = rows.states[i], rows.actions[i]
+        pair = s * n_actions + a
+        if not _unlink(counts.table, counts.pool, n_actions, pair, rows.next_states[i]):
             return i
         visits[s, a] -= 1
-        reward_sums[s, a] -= rewards[i]
-        if visits[s, a] == 0:
+        reward_sums[s, a] -= rows.rewards[i]
+        if visits[s, a] == 0:  # the differences of rounded sums leave no trace
             reward_sums[s, a] = 0.0
-    return int(states.shape[0])
+    return int(rows.states.shape[0])
 
 
 @compiled
 def relabel_rows(
-    table: Int32s,  # [S (A + 1), 3]
-    pool: Int32s,  # [K, 2]
-    counters: Integers,  # [2]
-    visits: Integers,  # [S, A]
-    actions: Int32s,  # [N]
-    states: Int32s,  # [N]
-    next_states: Int32s,  # [N]
-    new_states: Int32s,  # [N]
-    new_next_states: Int32s,  # [N]
-    first: int,
+    counts: CountArrays, old: Transitions, new: Transitions, first: int
 ) -> tuple[int, int]:
     """Move counts from old to new labels; return the row where it stopped (or N) and why."""
-    n_actions = visits.shape[1]
-    for i in range(first, actions.shape[0]):
-        old = states[i] * n_actions + actions[i]
-        new = new_states[i] * n_actions + actions[i]
-        if new == old and new_next_states[i] == next_states[i]:
+    table, pool, counters = counts.table, counts.pool, counts.counters
+    n_actions = counts.visits.shape[1]
+    for i in range(first, old.actions.shape[0]):  # the rows first..i - 1 have their new labels
+        a = old.actions[i]
+        before = old.states[i] * n_actions + a
+        after = new.states[i] * n_actions + a
+        if after == before and new.next_states[i] == old.next_states[i]:
             continue
-        if not has_room(table, pool, counters, n_actions, new, new_next_states[i]):
+        if not has_room(table, pool, counters, n_actions, after, new.next_states[i]):
             return i, NO_ROOM
-        if not _unlink(table, pool, n_actions, old, next_states[i]):
+        if not _unlink(table, pool, n_actions, before, old.next_states[i]):
             return i, NO_TRANSITION
-        link(table, pool, counters, n_actions, new, new_next_states[i])
-        visits[states[i], actions[i]] -= 1
-        visits[new_states[i], actions[i]] += 1
-    return int(actions.shape[0]), DONE
+        link(table, pool, counters, n_actions, after, new.next_states[i])
+        counts.visits[old.states[i], a] -= 1
+        counts.visits[new.states[i], a] += 1
+    return int(old.actions.shape[0]), DONE
 
 
 @compiled
@@ -223,38 +238,29 @@ def repack(
 
 @compiled
 def count_successors(
-    states: Int32s,  # [N]
-    actions: Int32s,  # [N]
-    rewards: Floats,  # [N]
-    next_states: Int32s,  # [N]
+    rows: Transitions,
     visits: Integers,  # [S, A]
     reward_sums: Floats,  # [S, A]
-    offsets: Integers,  # [S A + 1]
-    keys: Int32s,  # [N]
-    counts: Int32s,  # [N]
-    sizes: Int32s,  # [S A]
+    out: Successors,
 ) -> None:
-    """Count all transitions in linear time.
-
-    The distinct successors of pair p, ascending, go to ``keys[offsets[p]:]``, their counts to
-    ``counts[offsets[p]:]`` and their number to ``sizes[p]``.
-    """
+    """Count all transitions in linear time, the successors of each pair apart."""
     n_states, n_actions = visits.shape
-    for i in range(states.shape[0]):
-        visits[states[i], actions[i]] += 1
-        reward_sums[states[i], actions[i]] += rewards[i]
-    for pair in range(n_states * n_actions):
+    offsets, keys = out.offsets, out.keys
+    for i in range(rows.states.shape[0]):
+        visits[rows.states[i], rows.actions[i]] += 1
+        reward_sums[rows.states[i], rows.actions[i]] += rows.rewards[i]
+    for pair in range(n_states * n_actions):  # each pair has the places of all its visits
         offsets[pair + 1] = offsets[pair] + visits[pair // n_actions, pair % n_actions]
     filled = offsets[:-1].copy()
-    for i in range(states.shape[0]):
-        pair = states[i] * n_actions + actions[i]
-        keys[filled[pair]] = next_states[i]
+    for i in range(rows.states.shape[0]):  # keys[offsets[p]:filled[p]] are those of rows before i
+        pair = rows.states[i] * n_actions + rows.actions[i]
+        keys[filled[pair]] = rows.next_states[i]
         filled[pair] += 1
     seen = np.zeros(n_states + 1, np.int32)  # [S + 1] how often each key + 1 was met in the pair
-    for pair in range(n_states * n_actions):
+    for pair in range(n_states * n_actions):  # seen is 0 everywhere
         start, stop = offsets[pair], offsets[pair + 1]
         size = 0
-        for i in range(start, stop):
+        for i in range(start, stop):  # keys[start:start + size] are the distinct ones before i
             key = keys[i]
             seen[key + 1] += 1
             if seen[key + 1] == 1:
@@ -262,22 +268,17 @@ def count_successors(
                 size += 1
         keys[start : start + size].sort()
         for i in range(start, start + size):
-            counts[i] = seen[keys[i] + 1]
+            out.counts[i] = seen[keys[i] + 1]
             seen[keys[i] + 1] = 0
-        sizes[pair] = size
+        out.sizes[pair] = size
 
 
 @compiled
-def fill_rows(
-    offsets: Integers,  # [S A + 1]
-    keys: Int32s,  # [N]
-    counts: Int32s,  # [N]
-    sizes: Int32s,  # [S A]
-    n_actions: int,
-    table: Int32s,  # [S (A + 1), 3]
-    pool: Int32s,  # [K, 2]
-) -> int:
+def fill_rows(found: Successors, counts: CountArrays) -> int:
     """Write rows of successors and predecessors from ``count_successors``; return the used size."""
+    table, pool = counts.table, counts.pool
+    offsets, keys, sizes = found.offsets, found.keys, found.sizes
+    n_actions = counts.visits.shape[1]
     n_states = sizes.shape[0] // n_actions
     incoming = np.zeros(n_states, np.int32)  # [S] size of each row of predecessors
     for pair in range(sizes.shape[0]):
@@ -285,7 +286,7 @@ def fill_rows(
             if keys[i] != TERMINAL:
                 incoming[keys[i]] += 1
     used = 0
-    for row in range(table.shape[0]):
+    for row in range(table.shape[0]):  # the rows before this one have their places below used
         state, action = row // (n_actions + 1), row % (n_actions + 1)
         table[row, START] = used
         if action == n_actions:
@@ -293,12 +294,13 @@ def fill_rows(
         else:
             table[row, CAPACITY] = sizes[state * n_actions + action]
         used += table[row, CAPACITY]
-    for pair in range(sizes.shape[0]):
+    for pair in range(sizes.shape[0]):  # pairs ascend, so rows of predecessors ascend too
         row = pair // n_actions * (n_actions + 1) + pair % n_actions
         for i in range(offsets[pair], offsets[pair] + sizes[pair]):
-            _append(table, pool, row, keys[i], counts[i])
+            _append(table, pool, row, keys[i], found.counts[i])
             if keys[i] != TERMINAL:
-                _append(table, pool, keys[i] * (n_actions + 1) + n_actions, pair, counts[i])
+                back = keys[i] * (n_actions + 1) + n_actions
+                _append(table, pool, back, pair, found.counts[i])
     return used
 
 
@@ -311,29 +313,31 @@ def _append(table: Int32s, pool: Int32s, row: int, key: int, count: int) -> None
     table[row, SIZE] += 1
 
 
+class ModelArrays(NamedTuple):
+    """The arrays of a model, with their meaning there."""
+
+    indptr: Integers  # [S A + 1]
+    successor: Int32s  # [K]
+    probability: Floats  # [K]
+    termination: Floats  # [S, A]
+
+
 @compiled
-def fill_model(
-    table: Int32s,  # [S (A + 1), 3]
-    pool: Int32s,  # [K, 2]
-    visits: Integers,  # [S, A]
-    indptr: Integers,  # [S A + 1]
-    successor: Int32s,  # [K]
-    probability: Floats,  # [K]
-    termination: Floats,  # [S, A]
-) -> int:
+def fill_model(counts: CountArrays, out: ModelArrays) -> int:
     """Write Pr (Eq. 3) row by row; return the number of entries."""
-    n_states, n_actions = visits.shape
+    table, pool, visits = counts.table, counts.pool, counts.visits
+    n_states, n_actions = out.termination.shape
     filled = 0
     for s in range(n_states):
-        for a in range(n_actions):
+        for a in range(n_actions):  # the entries of the pairs before this one are written
             row = s * (n_actions + 1) + a
             for k in range(table[row, START], table[row, START] + table[row, SIZE]):
                 share = pool[k, COUNT] / visits[s, a]
                 if pool[k, KEY] == TERMINAL:
-                    termination[s, a] = share
+                    out.termination[s, a] = share
                 else:
-                    successor[filled] = pool[k, KEY]
-                    probability[filled] = share
+                    out.successor[filled] = pool[k, KEY]
+                    out.probability[filled] = share
                     filled += 1
-            indptr[s * n_actions + a + 1] = filled
+            out.indptr[s * n_actions + a + 1] = filled
     return filled

@@ -6,6 +6,8 @@ states to themselves: (I - M) V = r / D, where M holds the rest of discount * Pr
 columns ascending.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from eutree.arrays import Booleans, Floats, Int32s, Integers
@@ -19,6 +21,35 @@ KRYLOV_LIMIT = 300
 ROUNDS = 200
 FORCING = 0.03  # residual of an evaluation, as a share of the Bellman residual before it
 TIGHT = 1e-6  # share from which on an evaluation counts as exact
+
+
+class Pairs(NamedTuple):
+    """The model, pair by pair."""
+
+    indptr: Integers  # [S A + 1]
+    successor: Int32s  # [K]
+    probability: Floats  # [K]
+    worth: Floats  # [S A]
+    usable: Booleans  # [S A]
+
+
+class Greedy(NamedTuple):
+    """What an improvement writes: the greedy policy, and the values by one backup of all states."""
+
+    policy: Int32s  # [S]
+    action_values: Floats  # [S A]
+    backed_up: Floats  # [S]
+
+
+class System(NamedTuple):
+    """The linear system of one policy: M by rows and D; and room to solve it in."""
+
+    starts: Integers  # [S + 1] first entry of each row
+    middles: Integers  # [S] first entry above the diagonal
+    column: Int32s  # [K]
+    entry: Floats  # [K]
+    diagonal: Floats  # [S] D
+    work: Floats  # [8, S]
 
 
 @compiled
@@ -69,27 +100,23 @@ def find_ways_out(
 
 @compiled
 def improve(
-    indptr: Integers,  # [S A + 1]
-    successor: Int32s,  # [K]
-    probability: Floats,  # [K]
-    worth: Floats,  # [S A]
-    usable: Booleans,  # [S A]
+    pairs: Pairs,
     discounts: Floats,  # [S]
     tie: float,
     values: Floats,  # [S]
-    policy: Int32s,  # [S]
-    action_values: Floats,  # [S A]
-    backed_up: Floats,  # [S]
+    out: Greedy,
 ) -> int:
     """Back up every state at once (Eqs. 5, 6), make the policy greedy; return its changes.
 
     The old action stays unless another is better by more than ``tie`` times the size of the value:
     else rounding could turn the policy round for ever.
     """
+    indptr, successor, probability, worth, usable = pairs
+    policy, action_values, backed_up = out
     n_states = values.shape[0]
     n_actions = usable.shape[0] // n_states
     changes = 0
-    for s in range(n_states):
+    for s in range(n_states):  # the states before it are backed up from the old values
         best, choice = -np.inf, NO_ACTION
         for p in range(s * n_actions, (s + 1) * n_actions):
             if not usable[p]:
@@ -112,22 +139,18 @@ def improve(
 
 @compiled
 def fill_system(
-    indptr: Integers,  # [S A + 1]
-    successor: Int32s,  # [K]
-    probability: Floats,  # [K]
+    pairs: Pairs,
     discounts: Floats,  # [S]
     policy: Int32s,  # [S]
-    starts: Integers,  # [S + 1]
-    middles: Integers,  # [S]
-    column: Int32s,  # [K]
-    entry: Floats,  # [K]
-    diagonal: Floats,  # [S]
+    out: System,
 ) -> None:
-    """Write D and M of one policy; ``middles`` is where columns above the diagonal begin."""
+    """Write D and M of one policy."""
+    indptr, successor, probability = pairs.indptr, pairs.successor, pairs.probability
+    starts, middles, column, entry = out.starts, out.middles, out.column, out.entry
     n_states = policy.shape[0]
     n_actions = (indptr.shape[0] - 1) // n_states
     size = 0
-    for s in range(n_states):
+    for s in range(n_states):  # the rows before s take up the first ``size`` entries
         p = s * n_actions + policy[s]
         middles[s] = starts[s]
         loops = 0.0
@@ -141,22 +164,21 @@ def fill_system(
             entry[size] = probability[k]
             size += 1
         starts[s + 1] = size
-        diagonal[s] = max(1.0 - discounts[s] * loops, SMALLEST)
-        scale = discounts[s] / diagonal[s]
+        out.diagonal[s] = max(1.0 - discounts[s] * loops, SMALLEST)
+        scale = discounts[s] / out.diagonal[s]
         for k in range(starts[s], size):
             entry[k] *= scale
 
 
 @compiled
 def _residual(
-    starts: Integers,  # [S + 1]
-    column: Int32s,  # [K]
-    entry: Floats,  # [K]
+    system: System,
     right: Floats,  # [S]
     values: Floats,  # [S]
     out: Floats,  # [S]
 ) -> float:
     """Write right - (I - M) values to ``out``; return the size of its largest entry."""
+    starts, column, entry = system.starts, system.column, system.entry
     largest = 0.0
     for s in range(values.shape[0]):
         total = right[s] - values[s]
@@ -170,21 +192,19 @@ def _residual(
 
 @compiled
 def _precondition(
-    starts: Integers,  # [S + 1]
-    middles: Integers,  # [S]
-    column: Int32s,  # [K]
-    entry: Floats,  # [K]
+    system: System,
     right: Floats,  # [S]
     out: Floats,  # [S]
 ) -> None:
     """Write what one symmetric Gauss-Seidel sweep from 0 makes of ``right``."""
+    starts, middles, column, entry = system.starts, system.middles, system.column, system.entry
     n_states = right.shape[0]
-    for s in range(n_states):
+    for s in range(n_states):  # forwards: out holds the lower triangle's solution up to s
         total = right[s]
         for k in range(starts[s], middles[s]):
             total += entry[k] * out[column[k]]
         out[s] = total
-    for s in range(n_states - 1, -1, -1):
+    for s in range(n_states - 1, -1, -1):  # backwards: out is final from s + 1 on
         total = 0.0
         for k in range(middles[s], starts[s + 1]):
             total += entry[k] * out[column[k]]
@@ -193,13 +213,12 @@ def _precondition(
 
 @compiled
 def _relax(
-    starts: Integers,  # [S + 1]
-    column: Int32s,  # [K]
-    entry: Floats,  # [K]
+    system: System,
     right: Floats,  # [S]
     values: Floats,  # [S]
 ) -> None:
     """Improve the values by Gauss-Seidel sweeps there and back; they converge always."""
+    starts, column, entry = system.starts, system.column, system.entry
     n_states = right.shape[0]
     for sweep in range(2 * SWEEPS):
         for i in range(n_states):
@@ -237,40 +256,38 @@ def _advance(target: Floats, residual: Floats, step: float, direction: Floats,
 
 @compiled
 def _krylov(
-    starts: Integers,  # [S + 1]
-    middles: Integers,  # [S]
-    column: Int32s,  # [K]
-    entry: Floats,  # [K]
+    system: System,
     right: Floats,  # [S]
     values: Floats,  # [S]
     tolerance: float,
     limit: int,
-    work: Floats,  # [8, S]
 ) -> int:
     """Solve (I - M) V = right by BiCGSTAB (van der Vorst 1992); return the iterations.
 
     The images below are those of -(I - M), which is what ``_residual`` with a zero right side
     gives. A breakdown (a divisor of 0) ends the iteration where it is.
     """
+    work = system.work
     residual, shadow, direction, image = work[0], work[1], work[2], work[3]
     smooth, second, zero = work[4], work[5], work[6]
     zero[:] = 0.0
-    if _residual(starts, column, entry, right, values, residual) <= tolerance:
+    if _residual(system, right, values, residual) <= tolerance:
         return 0
     shadow[:] = residual
     direction[:] = residual
     rho = _dot(shadow, residual)
+    # residual = right - (I - M) values up to rounding; rho = shadow . residual, both at the top.
     for iteration in range(1, limit + 1):
-        _precondition(starts, middles, column, entry, direction, smooth)
-        _residual(starts, column, entry, zero, smooth, image)
+        _precondition(system, direction, smooth)
+        _residual(system, zero, smooth, image)
         divisor = -_dot(shadow, image)
         if divisor == 0.0:
             return iteration
         alpha = rho / divisor
         if not _advance(values, residual, alpha, smooth, image) > tolerance:
             return iteration
-        _precondition(starts, middles, column, entry, residual, smooth)
-        _residual(starts, column, entry, zero, smooth, second)
+        _precondition(system, residual, smooth)
+        _residual(system, zero, smooth, second)
         divisor = _dot(second, second)
         if divisor == 0.0:
             return iteration
@@ -289,34 +306,30 @@ def _krylov(
 
 @compiled
 def evaluate(
-    starts: Integers,  # [S + 1]
-    middles: Integers,  # [S]
-    column: Int32s,  # [K]
-    entry: Floats,  # [K]
+    system: System,
     right: Floats,  # [S]
     values: Floats,  # [S]
     tolerance: float,
     limit: int,
-    work: Floats,  # [8, S]
 ) -> float:
     """Solve (I - M) V = right from the given values; return the size of the true residual.
 
     The true residual never ends larger than it began: where the Krylov iteration makes it worse,
     Gauss-Seidel sweeps take its place.
     """
-    kept = work[7]
-    size = _residual(starts, column, entry, right, values, work[0])
-    for _ in range(RESTARTS):
+    work, kept = system.work, system.work[7]
+    size = _residual(system, right, values, work[0])
+    for _ in range(RESTARTS):  # size is the true residual of the values, never larger than before
         if size <= tolerance:
             return size
         kept[:] = values
-        _krylov(starts, middles, column, entry, right, values, tolerance, limit, work)
-        new = _residual(starts, column, entry, right, values, work[0])
+        _krylov(system, right, values, tolerance, limit)
+        new = _residual(system, right, values, work[0])
         if not new < 0.5 * size:
             if not new < size:
                 values[:] = kept
-            _relax(starts, column, entry, right, values)
-            new = _residual(starts, column, entry, right, values, work[0])
+            _relax(system, right, values)
+            new = _residual(system, right, values, work[0])
             if not new < size:
                 values[:] = kept
                 return size
@@ -338,43 +351,31 @@ def _range(before: Floats, after: Floats, episodic: bool) -> tuple[float, float]
 
 @compiled
 def iterate_discounted(
-    indptr: Integers,  # [S A + 1]
-    successor: Int32s,  # [K]
-    probability: Floats,  # [K]
-    worth: Floats,  # [S A]
-    usable: Booleans,  # [S A]
+    pairs: Pairs,
+    system: System,
     discount: float,
     tie: float,
     episodic: bool,
     tolerance: float,
     values: Floats,  # [S]
-    policy: Int32s,  # [S]
-    action_values: Floats,  # [S A]
-    backed_up: Floats,  # [S]
-    starts: Integers,  # [S + 1]
-    middles: Integers,  # [S]
-    column: Int32s,  # [K]
-    entry: Floats,  # [K]
-    diagonal: Floats,  # [S]
-    work: Floats,  # [8, S]
+    out: Greedy,
 ) -> tuple[int, float, float]:
     """Improve the policy until the values are certain; return rounds, bound and shift.
 
     The answer is what ``backed_up`` and ``action_values`` hold, plus the shift.
     """
+    backed_up = out.backed_up
     n_states = values.shape[0]
-    n_actions = usable.shape[0] // n_states
+    n_actions = pairs.usable.shape[0] // n_states
     discounts = np.full(n_states, discount)
     right, kept = np.empty(n_states), values.copy()
     scale, forcing, aim = discount / (1.0 - discount), FORCING, 0.3 * tolerance * (1.0 - discount)
     narrowest, bound, stalled, rounds = np.inf, np.inf, 0, 0
     low, high = 0.0, 0.0
+    # kept are the values before the backup of the narrowest bound so far.
     while rounds < ROUNDS and stalled < 3:
         rounds += 1
-        changes = improve(
-            indptr, successor, probability, worth, usable, discounts, tie, values, policy,
-            action_values, backed_up,
-        )  # fmt: skip
+        changes = improve(pairs, discounts, tie, values, out)
         low, high = _range(values, backed_up, episodic)
         bound = scale * (high - low) / 2
         if bound < narrowest:
@@ -383,10 +384,7 @@ def iterate_discounted(
         elif forcing > TIGHT:
             # Far horizons magnify what an evaluation leaves: go back, and evaluate more closely.
             forcing *= 0.01
-            improve(
-                indptr, successor, probability, worth, usable, discounts, tie, kept, policy,
-                action_values, backed_up,
-            )  # fmt: skip
+            improve(pairs, discounts, tie, kept, out)
             low, high = _range(kept, backed_up, episodic)
             bound = narrowest
         elif changes == 0:
@@ -395,18 +393,12 @@ def iterate_discounted(
             break
         for s in range(n_states):
             values[s] = backed_up[s] + scale * (high + low) / 2
-        fill_system(
-            indptr, successor, probability, discounts, policy, starts, middles, column, entry,
-            diagonal,
-        )  # fmt: skip
+        fill_system(pairs, discounts, out.policy, system)
         for s in range(n_states):
-            right[s] = worth[s * n_actions + policy[s]] / diagonal[s]
+            right[s] = pairs.worth[s * n_actions + out.policy[s]] / system.diagonal[s]
         target = max(forcing * (high - low) / 2, aim)
-        evaluate(starts, middles, column, entry, right, values, target, KRYLOV_LIMIT, work)
+        evaluate(system, right, values, target, KRYLOV_LIMIT)
     if bound > narrowest:
-        improve(
-            indptr, successor, probability, worth, usable, discounts, tie, kept, policy,
-            action_values, backed_up,
-        )  # fmt: skip
+        improve(pairs, discounts, tie, kept, out)
         low, high = _range(kept, backed_up, episodic)
     return rounds, narrowest, scale * (high + low) / 2

@@ -17,13 +17,15 @@ from eutree.mdp._kernels import (
     NO_ROOM,
     SIZE,
     START,
+    STATES,
     TERMINAL,
+    CountArrays,
     count_of,
     has_room,
     link,
 )
 
-QUEUED, TOUCHED, STATES = 1, 2, 3  # entries of the counters behind USED
+QUEUED, TOUCHED = 0, 1  # entries of the counters
 ORDER, PLACE = 0, 1  # rows of the heap: state in each slot, slot of each state
 LIST, LISTED = 0, 1  # rows of the touched states: each of them, and whether a state is one
 DISCOUNT, THRESHOLD, UNTRIED, HORIZON = 0, 1, 2, 3  # entries of the settings
@@ -38,12 +40,9 @@ class MDPArrays(NamedTuple):
     """All that an MDP over leaves holds; S counts the states there is room for.
 
     Attributes:
-        table: Where each row of counts begins, its size and its capacity.
-        pool: The entries of all rows: key and count.
-        counters: What is used of the pool, how many states are queued, how many were touched since
-            the savepoint (``NO_SAVEPOINT`` without one), how many states there are.
-        visits: N(s, a).
-        reward_sums: Sum of the rewards of each state and action.
+        counts: The counts of transitions.
+        counters: How many states are queued, and how many were touched since the savepoint
+            (``NO_SAVEPOINT`` without one).
         values: V(s).
         action_values: Q(s, a).
         heap: State in each slot of the queue, and slot of each state.
@@ -53,11 +52,8 @@ class MDPArrays(NamedTuple):
         settings: Discount, threshold, value of the untried, horizon.
     """
 
-    table: Int32s  # [S (A + 1), 3]
-    pool: Int32s  # [K, 2]
-    counters: Integers  # [4]
-    visits: Integers  # [S, A]
-    reward_sums: Floats  # [S, A]
+    counts: CountArrays
+    counters: Integers  # [2]
     values: Floats  # [S]
     action_values: Floats  # [S, A]
     heap: Int32s  # [2, S]
@@ -135,8 +131,8 @@ def back_up(mdp: MDPArrays, state: int) -> float:
     With r the summed rewards, n the visits and l the loops of an action, staying with it until it
     leaves is worth (r + discount * sum over the other successors) / (n - discount l).
     """
-    table, pool, visits, settings = mdp.table, mdp.pool, mdp.visits, mdp.settings
-    values, action_values = mdp.values, mdp.action_values
+    table, pool, visits = mdp.counts.table, mdp.counts.pool, mdp.counts.visits
+    values, action_values, settings = mdp.values, mdp.action_values, mdp.settings
     n_actions = visits.shape[1]
     discount = settings[DISCOUNT]
     best, endless = -np.inf, -np.inf
@@ -155,7 +151,7 @@ def back_up(mdp: MDPArrays, state: int) -> float:
                 loops = pool[k, COUNT]
             elif key != TERMINAL:
                 total += pool[k, COUNT] * values[key]
-        worth = mdp.reward_sums[state, a] + discount * total
+        worth = mdp.counts.reward_sums[state, a] + discount * total
         action_values[state, a] = worth
         leaving = visits[state, a] - discount * loops
         if leaving > 0.0:
@@ -190,7 +186,7 @@ def _save(mdp: MDPArrays, state: int) -> None:
     mdp.saved[state, 1] = mdp.priority[state]
     for a in range(n_actions):
         mdp.saved[state, 2 + a] = mdp.action_values[state, a]
-        mdp.saved[state, 2 + n_actions + a] = mdp.reward_sums[state, a]
+        mdp.saved[state, 2 + n_actions + a] = mdp.counts.reward_sums[state, a]
 
 
 @compiled
@@ -207,7 +203,7 @@ def roll_back(mdp: MDPArrays, queue: Int32s) -> None:
         mdp.priority[state] = saved[state, 1]
         for a in range(n_actions):
             mdp.action_values[state, a] = saved[state, 2 + a]
-            mdp.reward_sums[state, a] = saved[state, 2 + n_actions + a]
+            mdp.counts.reward_sums[state, a] = saved[state, 2 + n_actions + a]
     for slot in range(counters[QUEUED]):
         heap[PLACE, heap[ORDER, slot]] = NO_PLACE
     for slot in range(queue.size):
@@ -219,10 +215,11 @@ def roll_back(mdp: MDPArrays, queue: Int32s) -> None:
 @compiled
 def sweep(mdp: MDPArrays, budget: int) -> int:
     """Back up the states of highest priority; return how many backups were done."""
-    table, pool, visits, counters = mdp.table, mdp.pool, mdp.visits, mdp.counters
+    table, pool, counters = mdp.counts.table, mdp.counts.pool, mdp.counters
     heap, priority, touched = mdp.heap, mdp.priority, mdp.touched
     threshold = mdp.settings[THRESHOLD]
-    n_actions = visits.shape[1]
+    n_actions = mdp.counts.visits.shape[1]
+    visits = mdp.counts.visits.reshape(-1)  # [S A] of each pair
     saving = counters[TOUCHED] != NO_SAVEPOINT
     backups = 0
     # Every change of V above the threshold has gone on to the priorities of the states before it.
@@ -236,9 +233,12 @@ def sweep(mdp: MDPArrays, budget: int) -> int:
             continue
         row = state * (n_actions + 1) + n_actions
         for k in range(table[row, START], table[row, START] + table[row, SIZE]):
-            before, action = pool[k, KEY] // n_actions, pool[k, KEY] % n_actions
-            value = pool[k, COUNT] / visits[before, action] * change
-            if before == state or not value > threshold:
+            pair = pool[k, KEY]
+            value = pool[k, COUNT] / visits[pair] * change
+            if not value > threshold:
+                continue
+            before = pair // n_actions  # an integer division, so after what most fail
+            if before == state:
                 continue
             if heap[PLACE, before] != NO_PLACE and not value > priority[before]:
                 continue  # as push would find, without the cost of the call
@@ -256,7 +256,8 @@ def observe(
 
     Nothing has been changed where the status is not ``DONE``.
     """
-    n_states, n_actions = mdp.counters[STATES], mdp.visits.shape[1]
+    counts = mdp.counts
+    n_states, n_actions = counts.counters[STATES], counts.visits.shape[1]
     if not (
         0 <= state < n_states
         and 0 <= action < n_actions
@@ -265,13 +266,13 @@ def observe(
     ):
         return BAD_TRANSITION
     pair = state * n_actions + action
-    if not has_room(mdp.table, mdp.pool, mdp.counters, n_actions, pair, next_state):
+    if not has_room(counts.table, counts.pool, counts.counters, n_actions, pair, next_state):
         return NO_ROOM
-    link(mdp.table, mdp.pool, mdp.counters, n_actions, pair, next_state)
+    link(counts.table, counts.pool, counts.counters, n_actions, pair, next_state)
     if mdp.counters[TOUCHED] != NO_SAVEPOINT and not mdp.touched[LISTED, state]:
         _save(mdp, state)
-    mdp.visits[state, action] += 1
-    mdp.reward_sums[state, action] += reward
+    counts.visits[state, action] += 1
+    counts.reward_sums[state, action] += reward
     push(mdp.heap, mdp.priority, mdp.counters, state, np.inf if budget > 0 else SOON)
     sweep(mdp, budget)
     return DONE

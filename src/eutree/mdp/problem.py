@@ -52,18 +52,12 @@ class Problem:
     """A model with its choices made definite, and the arrays that the iteration works on."""
 
     model: Model
-    worth: Floats  # [S A]
-    usable: Booleans  # [S A]
+    pairs: _kernels.Pairs
     ends: Booleans  # [S A] pairs after which the process may stop
     untouched: Booleans  # [S] states in which nothing was tried
     policy: Int32s  # [S]
     action_values: Floats  # [S A]
-    starts: Integers  # [S + 1]
-    middles: Integers  # [S]
-    column: Int32s  # [K]
-    entry: Floats  # [K]
-    diagonal: Floats  # [S]
-    work: Floats = field(repr=False)  # [8, S]
+    system: _kernels.System = field(repr=False)
 
     @classmethod
     def of(cls, model: Model, values: Floats, untried: float | None) -> "Problem":
@@ -80,18 +74,28 @@ class Problem:
         usable[untouched, 0] = True
         size = model.n_triples
         return cls(
-            model, worth.ravel(), usable.ravel(), ends.ravel(), np.asarray(untouched),
-            np.full(n_states, NO_ACTION, np.int32),
-            np.full(n_states * n_actions, np.nan),
-            np.zeros(n_states + 1, np.int64), np.zeros(n_states, np.int64),
-            np.empty(size, np.int32), np.empty(size), np.empty(n_states),
-            np.empty((8, n_states)),
-        )  # fmt: skip
+            model,
+            _kernels.Pairs(
+                model.indptr, model.successor, model.probability, worth.ravel(), usable.ravel()
+            ),
+            ends.ravel(),
+            np.asarray(untouched),
+            policy=np.full(n_states, NO_ACTION, np.int32),
+            action_values=np.full(n_states * n_actions, np.nan),
+            system=_kernels.System(
+                starts=np.zeros(n_states + 1, np.int64),
+                middles=np.zeros(n_states, np.int64),
+                column=np.empty(size, np.int32),
+                entry=np.empty(size),
+                diagonal=np.empty(n_states),
+                work=np.empty((8, n_states)),
+            ),
+        )
 
     @property
     def episodic(self) -> bool:
         """Whether the process can stop anywhere."""
-        return bool((self.ends & self.usable).any())
+        return bool((self.ends & self.pairs.usable).any())
 
     def keep(self, policy: ArrayLike | None) -> None:
         """Begin with these actions, where they may be chosen."""
@@ -105,33 +109,28 @@ class Problem:
                 f"shape {actions.shape}"
             )
         chosen = np.clip(actions, 0, None).astype(np.int64)
-        fine = self.usable.reshape(n_states, n_actions)[np.arange(n_states), chosen]
+        fine = self.pairs.usable.reshape(n_states, n_actions)[np.arange(n_states), chosen]
         self.policy[:] = np.where(fine & (actions >= 0), actions, NO_ACTION)
 
     def improve(self, values: Floats, discounts: Floats, backed_up: Floats) -> int:
         """Back up all states; make the policy greedy and return how many actions changed."""
-        model = self.model
-        return _kernels.improve(
-            model.indptr, model.successor, model.probability, self.worth, self.usable, discounts,
-            _TIE, values, self.policy, self.action_values, backed_up,
-        )  # fmt: skip
+        out = _kernels.Greedy(self.policy, self.action_values, backed_up)
+        return _kernels.improve(self.pairs, discounts, _TIE, values, out)
 
     def iterate_discounted(
         self, values: Floats, backed_up: Floats, discount: float, tolerance: float
     ) -> tuple[int, float, float]:
         """Improve the policy until the values are certain; return rounds, bound and shift."""
-        model = self.model
+        out = _kernels.Greedy(self.policy, self.action_values, backed_up)
         return _kernels.iterate_discounted(
-            model.indptr, model.successor, model.probability, self.worth, self.usable, discount,
-            _TIE, self.episodic, tolerance, values, self.policy, self.action_values, backed_up,
-            self.starts, self.middles, self.column, self.entry, self.diagonal, self.work,
-        )  # fmt: skip
+            self.pairs, self.system, discount, _TIE, self.episodic, tolerance, values, out
+        )
 
     def evaluate(self, values: Floats, discounts: Floats, residual: float) -> float:
         """Set the values to those of the policy, up to a residual; return the one reached."""
         self._fill(discounts)
         pairs = np.arange(len(values)) * self.model.n_actions + self.policy
-        return self._solve_system(self.worth[pairs], values, residual)
+        return self._solve_system(self.pairs.worth[pairs], values, residual)
 
     def steps(self, discounts: Floats) -> float:
         """Return the largest expected (discounted) number of steps; infinite where it is lost."""
@@ -170,14 +169,8 @@ class Problem:
         return Solution(final, shown, policy, rounds, bound, bound <= tolerance, discount, trapped)
 
     def _fill(self, discounts: Floats) -> None:
-        model = self.model
-        _kernels.fill_system(
-            model.indptr, model.successor, model.probability, discounts, self.policy,
-            self.starts, self.middles, self.column, self.entry, self.diagonal,
-        )  # fmt: skip
+        _kernels.fill_system(self.pairs, discounts, self.policy, self.system)
 
     def _solve_system(self, right: Floats, values: Floats, residual: float) -> float:
-        return _kernels.evaluate(
-            self.starts, self.middles, self.column, self.entry, right / self.diagonal,
-            values, residual, _kernels.KRYLOV_LIMIT, self.work,
-        )  # fmt: skip
+        scaled = right / self.system.diagonal
+        return _kernels.evaluate(self.system, scaled, values, residual, _kernels.KRYLOV_LIMIT)

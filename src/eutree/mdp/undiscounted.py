@@ -19,7 +19,7 @@ def solve_undiscounted(
     problem: Problem, values: Floats, *, tolerance: float, horizon: float
 ) -> Solution:
     """Solve with discount 1, or with 1 - 1 / horizon if endless behaviour pays."""
-    ways_out = problem.ways_out(problem.usable)
+    ways_out = problem.ways_out(problem.pairs.usable)
     trapped = ways_out == NO_ACTION
     discounts = np.where(trapped, 1.0 - 1.0 / horizon, 1.0)
     longest = _PATIENCE * horizon
@@ -62,7 +62,7 @@ def _iterate(
 ) -> Solution | None:
     """Improve a policy that ends; None if endless behaviour, or values out of reach, pay."""
     trapped = discounts < 1.0
-    ceiling = longest * float(np.abs(problem.worth).max())
+    ceiling = longest * float(np.abs(problem.pairs.worth).max())
     backed_up = np.empty_like(values)
     close, narrowest, stalled = False, np.inf, 0
     residual = _RESIDUAL * (1.0 + float(np.abs(values).max()))

@@ -12,6 +12,8 @@ Larger scores win, then the lower attribute, then the lower i. All sums are inte
 are kept as float64 they stay below 2^53 for every n up to ``LARGEST`` tuples.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from eutree.arrays import Booleans, Floats, Int32s, Integers
@@ -23,6 +25,48 @@ BRUTE = 192  # from here on the blocks pay
 SAFE = 1.0 - 1e-12  # bounds this much below the best score cannot reach it in any rounding
 BLOCK_SHARE = 0.3  # of sqrt(n): tuples in a block
 SMALLEST_STRIP = 4
+
+
+class Ordered(NamedTuple):
+    """The tuples in the order of an attribute, and what is asked of a cut."""
+
+    rank: Int32s  # [n]
+    legal: Booleans  # [n] legal[i]: a threshold separates the first i tuples from the rest
+    side: int  # least number of tuples on either side
+    distance: bool  # whether the score is D, not n K^2
+
+
+class Blocks(NamedTuple):
+    """The blocks of columns, and how many tuples of each the search has consumed."""
+
+    Cl: Floats  # [n_blocks] tuples before the block; up to its end if it is a single column
+    Ch: Floats  # [n_blocks] tuples up to the end of the block
+    reached: Floats  # [n_blocks] consumed ones with a rank up to the end of the block
+    inside: Floats  # [n_blocks] those of them that lie in it; 0 if it is a single column
+    hc: Floats  # [n_blocks] rows of the strip up to the end of the block
+    mx: Floats  # [n_blocks] rows of the strip before the block; hc if it is a single column
+    bound: Floats  # [n_blocks] most that |W| can be in the strip
+
+
+class Cell(NamedTuple):
+    """A block in a strip (a, b]."""
+
+    a: int
+    b: int
+    start: int  # first column of the block
+    before: float  # consumed tuples below the block
+    Cl: float
+    Ch: float
+    hc: float
+    mx: float
+
+
+class Best(NamedTuple):
+    """The best cut so far: its score, i (0: none) and max |W_i|."""
+
+    score: float
+    cut: int
+    weight: float
 
 
 @compiled
@@ -210,6 +254,8 @@ def search_strips(
     consumed, scratch = np.zeros(m, dtype=np.int32), np.empty(m, dtype=np.int32)
     reached, inside = np.zeros(n_blocks), np.zeros(n_blocks)
     hc, mx, bound = np.empty(n_blocks), np.empty(n_blocks), np.empty(n_blocks)
+    ordered = Ordered(rank, legal, side, distance)
+    blocks = Blocks(Cl, Ch, reached, inside, hc, mx, bound)
     counts = np.zeros(n_blocks, dtype=np.int32)
     height = max(SMALLEST_STRIP, int(0.5 * np.sqrt(float(n))))
     a, last = 0, n - side  # the last row that can be a cut
@@ -229,7 +275,7 @@ def search_strips(
             while True:
                 count_strip(row_block[a:b], multiple, counts, mx, hc)
                 limit = harmless(best, n, a + 1, b, distance)
-                n_left = bound_strip(n, a, b, limit, Cl, Ch, reached, inside, hc, mx, bound)
+                n_left = bound_strip(n, a, b, limit, blocks)
                 look = n_left * (block + b - a)
                 if look <= 4 * (n_blocks + b - a) or b - a <= SMALLEST_STRIP:
                     break
@@ -243,25 +289,14 @@ def search_strips(
                     before = reached[k] - inside[k]
                     if end - start == 1:
                         before -= own[0]
-                    best, cut, weight, cell_work = search_cell(
-                        rank,
-                        legal,
-                        a,
-                        b,
-                        start,
+                    cell = Cell(a, b, start, before, Cl[k], Ch[k], hc[k], mx[k])
+                    (best, cut, weight), cell_work = search_cell(
+                        ordered,
+                        cell,
                         own,
                         columns,
                         scratch[: end - start],
-                        before,
-                        Cl[k],
-                        Ch[k],
-                        hc[k],
-                        mx[k],
-                        side,
-                        distance,
-                        best,
-                        cut,
-                        weight,
+                        Best(best, cut, weight),
                     )
                     work += cell_work
                 k += 1
@@ -328,19 +363,7 @@ def count_strip(
 
 
 @compiled
-def bound_strip(
-    n: int,
-    a: int,
-    b: int,
-    limit: float,
-    Cl: Floats,
-    Ch: Floats,
-    reached: Floats,
-    inside: Floats,
-    hc: Floats,
-    mx: Floats,
-    bound: Floats,  # [n_blocks] out
-) -> int:
+def bound_strip(n: int, a: int, b: int, limit: float, blocks: Blocks) -> int:
     """Bound |W| over the strip (a, b] and each block; return how many bounds exceed ``limit``.
 
     For every row of the strip and every column of the block,
@@ -353,6 +376,7 @@ def bound_strip(
     adds at most n - Cl to W if its rank is not beyond the block and nothing otherwise, and adds
     at most Ch to -W if its rank is not before the block and nothing otherwise.
     """
+    Cl, Ch, reached, inside, hc, mx, bound = blocks
     rows, row, end = float(n), float(a), float(b)
     n_left = 0
     for k in range(Cl.size):
@@ -365,43 +389,34 @@ def bound_strip(
 
 @compiled
 def search_cell(
-    rank: Int32s,
-    legal: Booleans,
-    a: int,
-    b: int,
-    start: int,  # first column of the block
-    consumed: Int32s,  # [L] of the block, at row a
+    ordered: Ordered,
+    cell: Cell,
+    consumed: Int32s,  # [L] of each column of the block, at row a
     cumulative: Floats,  # [L]
     scratch: Int32s,  # [L]
-    before: float,  # consumed tuples below the block
-    Cl: float,
-    Ch: float,
-    hc: float,
-    mx: float,
-    side: int,
-    distance: bool,
-    best: float,
-    cut: int,
-    weight: float,
-) -> tuple[float, int, float, int]:
-    """Search one block in one strip; return the best score, its cut and |W|, and the work done.
+    best: Best,
+) -> tuple[Best, int]:
+    """Search one block in one strip; return the best cut, and the work done.
 
     From exact extremes at row a the bounds are carried row by row: a row adds n - Cl to the bound
     of W if its rank is not beyond the block, else -Cl; it adds Ch - n to the bound of -W if its
     rank is before the block, else Ch. Only where a bound beats the best score is the block
     evaluated again. An equal score at an earlier cut replaces a later one.
     """
+    rank, legal, side, distance = ordered
+    a, b, start, before, Cl, Ch, hc, mx = cell
+    score, cut, weight = best
     n, width = rank.size, consumed.size
-    rows, limit = float(n), harmless(best, n, a + 1, b, distance)
+    rows, limit = float(n), harmless(score, n, a + 1, b, distance)
     high, low = extremes(consumed, cumulative, before, rows, float(a))
     if high + hc * (rows - Cl) <= limit and (float(b - a) - mx) * Ch - low <= limit:
-        return best, cut, weight, width
+        return best, width
     work = width + b - a
     for v in range(width):
         scratch[v] = consumed[v]
     up, down = high, -low
     exact = width == 1  # then a row in the block moves -W exactly too
-    for j in range(a, b):
+    for j in range(a, b):  # up and down bound W and -W over the block at row j
         column = rank[j] - start
         up -= Cl
         down += Ch
@@ -420,11 +435,11 @@ def search_cell(
             down = -low
             work += width
             w = up if up > down else down
-            score = score_of(w, n, i, distance)
-            if score > best or (score == best and 0 < i < cut):
-                best, cut, weight = score, i, w
-                limit = harmless(best, n, a + 1, b, distance)
-    return best, cut, weight, work
+            reached = score_of(w, n, i, distance)
+            if reached > score or (reached == score and 0 < i < cut):
+                score, cut, weight = reached, i, w
+                limit = harmless(score, n, a + 1, b, distance)
+    return Best(score, cut, weight), work
 
 
 @compiled

@@ -76,11 +76,14 @@ class KeptDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     successes: Count
 
 
+_NAMED_SINCE = {"history_lots": "history_ranks"}  # arrays of version 2
+
+
 class CheckpointDocument(Document, frozen=True, kw_only=True):
     """Where a run stood at the end of an episode; the arrays beside it are the learner's."""
 
     FORMAT: ClassVar[str] = "eutree/checkpoint"
-    VERSION: ClassVar[int] = 2
+    VERSION: ClassVar[int] = 3
 
     position: PositionDocument
     kept: KeptDocument | None = None
@@ -116,6 +119,8 @@ def restore_checkpoint(path: Path, run: Run) -> None:
         FormatError: The file is damaged, or is the checkpoint of another run.
     """
     document, arrays = read_archive(path, CheckpointDocument, limit=MAX_CHECKPOINT)
+    if document.version < 3:
+        arrays = {_NAMED_SINCE.get(name, name): array for name, array in arrays.items()}
     beginning = run.beginning
     method, problem = beginning.method, beginning.problem
     gathered, events = _gathered(path, arrays), _events(path, arrays)

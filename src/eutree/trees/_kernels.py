@@ -8,54 +8,71 @@ from eutree.arrays import Booleans, Floats, Int32s, Integers, Unsigned
 from eutree.compiled import compiled
 
 _BLOCK = 128
-_LEFT = np.uint64(0)
-_RIGHT = np.uint64(1)
 
 
-@compiled
-def locate(
-    feature: Unsigned,  # [M] 0 at a leaf
-    threshold: Floats,  # [M] NaN at a leaf
-    child: Unsigned,  # [M, 2] left and right; a leaf is its own child
-    leaf: Int32s,  # [M]
-    rounds: int,
-    observations: Floats,  # [N, d]
-    out: Int32s,  # [N]
-) -> None:
-    """Write the leaf of each observation to ``out``; NaN compares false and so goes right.
-
-    A block of observations goes down ``rounds`` levels together, without a branch that the
-    processor could guess wrong: whoever is at a leaf stays there. Then each walks on by itself,
-    as few do. Node numbers are unsigned, so no index has to be checked for its sign.
-    """
-    n = observations.shape[0]
-    nodes = np.zeros(_BLOCK, dtype=np.uint64)
-    for start in range(0, n, _BLOCK):
-        block = observations[start : min(n, start + _BLOCK)]
-        size = block.shape[0]
-        for k in range(size):
-            nodes[k] = 0
-        for _ in range(rounds):
-            for k in range(size):
-                node = nodes[k]
-                goes_right = not (block[k, feature[node]] <= threshold[node])
-                nodes[k] = child[node, np.uint64(goes_right)]
-        for k in range(size):
-            node = nodes[k]
-            while leaf[node] < 0:
-                goes_left = block[k, feature[node]] <= threshold[node]
-                node = child[node, _LEFT if goes_left else _RIGHT]
-            out[start + k] = leaf[node]
-
-
-class LabelledNodes(NamedTuple):
-    """The nodes of a tree, and the labels of its leaves."""
+class TreeNodes(NamedTuple):
+    """The arrays of a decision tree, with their meaning there."""
 
     feature: Int32s  # [M]
     threshold: Floats  # [M]
     left: Int32s  # [M]
     right: Int32s  # [M]
     leaf: Int32s  # [M]
+
+
+class LevelNodes(NamedTuple):
+    """The nodes of a tree as a walk of many rows takes them: no branch, no sign to be checked."""
+
+    feature: Unsigned  # [M] 0 at a leaf
+    child: Unsigned  # [M, 2] left and right; a leaf is its own child
+
+
+@compiled
+def descend(nodes: TreeNodes, observation: Floats, node: int) -> int:
+    """Return the leaf below ``node`` of one observation [d]; NaN compares false, so goes right."""
+    while nodes.feature[node] >= 0:  # the observation is in the box of ``node``
+        if observation[nodes.feature[node]] <= nodes.threshold[node]:
+            node = nodes.left[node]
+        else:
+            node = nodes.right[node]
+    return int(nodes.leaf[node])
+
+
+@compiled
+def locate(
+    nodes: TreeNodes,
+    levels: LevelNodes,
+    rounds: int,
+    observations: Floats,  # [N, d]
+    out: Int32s,  # [N]
+) -> None:
+    """Write the leaf of each observation to ``out``.
+
+    A block of observations goes down ``rounds`` levels together, without a branch that the
+    processor could guess wrong: whoever is at a leaf stays there. Then each walks on by itself,
+    as few do. Node numbers are unsigned, so no index has to be checked for its sign.
+    """
+    n = observations.shape[0]
+    feature, child, threshold = levels.feature, levels.child, nodes.threshold
+    at = np.zeros(_BLOCK, dtype=np.uint64)
+    for start in range(0, n, _BLOCK):
+        block = observations[start : min(n, start + _BLOCK)]
+        size = block.shape[0]
+        for k in range(size):
+            at[k] = 0
+        for _ in range(rounds):  # each row is as many levels down, or at its leaf
+            for k in range(size):
+                node = at[k]
+                goes_right = not (block[k, feature[node]] <= threshold[node])
+                at[k] = child[node, np.uint64(goes_right)]
+        for k in range(size):
+            out[start + k] = descend(nodes, block[k], int(np.int64(at[k])))
+
+
+class LabelledNodes(NamedTuple):
+    """The nodes of a tree, and the labels of its leaves."""
+
+    nodes: TreeNodes
     labels: Integers  # [L]
 
 
@@ -74,7 +91,7 @@ def disagreeing_volume(
     The second tree is walked with a stack of nodes, each with its part of the first leaf's box.
     """
     n_features = leaf_low.shape[1]
-    feature, threshold, left, right = other.feature, other.threshold, other.left, other.right
+    feature, threshold, left, right, leaf = other.nodes
     n_nodes = feature.shape[0]
     # The pieces on the stack are disjoint: with those counted they make up the first leaf's box.
     stack = np.empty(n_nodes + 1, dtype=np.int64)
@@ -91,7 +108,7 @@ def disagreeing_volume(
             node = stack[size]
             tested = feature[node]
             if tested < 0:
-                if other.labels[other.leaf[node]] != labels[i]:
+                if other.labels[leaf[node]] != labels[i]:
                     volume = 1.0
                     for j in range(n_features):
                         if high[size, j] <= low[size, j]:

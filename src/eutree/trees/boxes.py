@@ -105,14 +105,7 @@ def disagreement(
             clipped,
             np.where(high <= leaf_high, high, np.where(counts, leaf_high, -np.inf)),
             np.asarray(first_labels, dtype=np.int64),
-            _kernels.LabelledNodes(
-                second.feature,
-                second.threshold,
-                second.left,
-                second.right,
-                second.leaf,
-                np.asarray(second_labels, dtype=np.int64),
-            ),
+            _kernels.LabelledNodes(second.nodes, np.asarray(second_labels, dtype=np.int64)),
             np.where(counts, high - low, 1.0),
             counts,
         )

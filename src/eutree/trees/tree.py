@@ -16,7 +16,7 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from eutree.arrays import Floats, Int32s, Unsigned, frozen
+from eutree.arrays import Floats, Int32s, frozen
 from eutree.errors import InvalidArgumentError
 from eutree.trees import _kernels
 from eutree.validation import check_integer, check_number
@@ -111,20 +111,25 @@ class DecisionTree:
             self.leaf.tolist(),
         )
 
+    @property
+    def nodes(self) -> _kernels.TreeNodes:
+        """The arrays together, as compiled loops take them."""
+        return _kernels.TreeNodes(self.feature, self.threshold, self.left, self.right, self.leaf)
+
     @cached_property
-    def _descent(self) -> tuple[Unsigned, Unsigned, int]:
-        """Features [M] and children [M, 2] as the kernel takes them, and levels to go together."""
+    def _levels(self) -> tuple[_kernels.LevelNodes, int]:
+        """The nodes as a walk of many rows takes them, and how many levels they go together."""
         inner = self.feature != self.NO_FEATURE
         own = np.arange(self.n_nodes)
         children = np.where(
             inner[:, np.newaxis], np.stack([self.left, self.right], 1), own[:, None]
         )
         balanced = math.ceil(math.log2(self.n_leaves)) if self.n_leaves > 1 else 0
-        return (
+        levels = _kernels.LevelNodes(
             frozen(np.where(inner, self.feature, 0).astype(np.uint64)),
             frozen(children.astype(np.uint64)),
-            min(self.depth, 2 * balanced),
         )
+        return levels, min(self.depth, 2 * balanced)
 
     def leaf_of(self, observation: Sequence[float]) -> int:
         """Return L(o) of one observation, a sequence of d floats; unchecked, for inner loops."""
@@ -151,8 +156,7 @@ class DecisionTree:
                 f"observations must have shape (N, {self.n_features}), got {array.shape}"
             )
         leaves = np.empty(array.shape[0], dtype=np.int32)
-        feature, child, rounds = self._descent
-        _kernels.locate(feature, self.threshold, child, self.leaf, rounds, array, leaves)
+        _kernels.locate(self.nodes, *self._levels, array, leaves)
         return leaves
 
     def path(self, leaf: int) -> tuple[int, ...]:

@@ -3,6 +3,8 @@
 Apart from ``_kernels.py`` because these loops fit a model and those run one.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from eutree import thresholds
@@ -15,6 +17,38 @@ threshold_between = compiled(thresholds.threshold_between)
 MANY_ROWS = 256  # nodes above this look at bin edges only, nodes below at every cut
 RIDGE = 1e-5
 TINY = 1e-12
+
+
+class Design(NamedTuple):
+    """Inputs of regression trees, with their bins."""
+
+    X: Floats  # [N, p]
+    edges: Floats  # [p, B]
+    n_edges: Integers  # [p]
+    bins: Integers  # [p, N]
+
+
+class ModelNodes(NamedTuple):
+    """The nodes of a model tree."""
+
+    feature: Integers  # [M] -1 at a leaf
+    threshold: Floats  # [M]
+    left: Integers  # [M]
+    right: Integers  # [M]
+    coefficients: Floats  # [M, p + 1], the last is the constant
+    low: Floats  # [M] least y of the node
+    high: Floats  # [M] greatest y of the node
+    first: Integers  # [M] first of the rows, or residuals, of the node
+    n_rows: Integers  # [M] how many there are
+
+
+class Unrolled(NamedTuple):
+    """The trees of a world model, one after the other, with the tests of the action decided."""
+
+    tests: Uint32s  # [room, 4] feature or LEAF, left, right, line
+    thresholds: Floats  # [room]
+    lines: Floats  # [room, p + 4] coefficients, constant, what the action adds, low and high
+    noise: Integers  # [room, 2] first residual of each line and their number
 
 
 @compiled
@@ -141,15 +175,13 @@ def fit_leaf(
 
 @compiled
 def best_cut(
-    X: Floats,  # [N, p]
+    design: Design,
     y: Floats,  # [N]
     rows: Integers,  # [n]
-    edges: Floats,  # [p, B]
-    n_edges: Integers,  # [p]
-    bins: Integers,  # [p, N]
     min_leaf: int,
 ) -> tuple[int, float]:
     """Return the cut (feature, threshold) that reduces the squared error most; feature -1: none."""
+    X, edges, n_edges, bins = design
     n = rows.size
     mean = 0.0
     for i in range(n):
@@ -223,28 +255,19 @@ def move_towards_better(
 
 @compiled
 def grow(
-    X: Floats,  # [N, p]
+    design: Design,
     y: Floats,  # [N]
     rows: Integers,  # [n] rows to fit; reordered so that each leaf's rows are contiguous
-    edges: Floats,  # [p, B]
-    n_edges: Integers,  # [p]
-    bins: Integers,  # [p, N]
     min_leaf: int,
     floor: float,
-    feature: Integers,  # [M] out
-    threshold: Floats,  # [M] out
-    left: Integers,  # [M] out
-    right: Integers,  # [M] out
-    coefficients: Floats,  # [M, p + 1] out
-    low: Floats,  # [M] out: least y of the node
-    high: Floats,  # [M] out: greatest y of the node
-    first: Integers,  # [M] out: first row of the node in ``rows``
-    count: Integers,  # [M] out
+    out: ModelNodes,
 ) -> int:
     """Grow breadth first while there is room for two more nodes, then prune; return the nodes.
 
     A node is pruned when its own fit predicts as well as its subtree (M5).
     """
+    X = design.X
+    feature, threshold, left, right, coefficients, low, high, first, n_rows = out
     n = rows.size
     scale = np.zeros(X.shape[1])
     for j in range(X.shape[1]):
@@ -256,17 +279,17 @@ def grow(
         variation += (y[rows[i]] - mean) ** 2
     errors = np.zeros(feature.size)
     buffer = np.empty(n, dtype=np.int64)
-    first[0], count[0] = 0, n
+    first[0], n_rows[0] = 0, n
     n_nodes, node = 1, 0
-    while node < n_nodes:
+    while node < n_nodes:  # the nodes before it are fitted, those behind it have their rows
         feature[node] = -1
-        start, size = first[node], count[node]
+        start, size = first[node], n_rows[node]
         mine = rows[start : start + size]
         errors[node] = fit_leaf(X, y, mine, scale, coefficients[node])
         low[node], high[node] = y[mine].min(), y[mine].max()
         worth = high[node] > low[node] and errors[node] > floor * variation * size / n
         if worth and size >= 2 * min_leaf and n_nodes + 2 <= feature.size:
-            j, cut = best_cut(X, y, mine, edges, n_edges, bins, min_leaf)
+            j, cut = best_cut(design, y, mine, min_leaf)
             if j >= 0:
                 n_left, n_right = 0, 0
                 for i in range(size):
@@ -281,11 +304,11 @@ def grow(
                     mine[n_left + i] = buffer[i]
                 feature[node], threshold[node] = j, cut
                 left[node], right[node] = n_nodes, n_nodes + 1
-                first[n_nodes], count[n_nodes] = start, n_left
-                first[n_nodes + 1], count[n_nodes + 1] = start + n_left, n_right
+                first[n_nodes], n_rows[n_nodes] = start, n_left
+                first[n_nodes + 1], n_rows[n_nodes + 1] = start + n_left, n_right
                 n_nodes += 2
         node += 1
-    for node in range(n_nodes - 1, -1, -1):
+    for node in range(n_nodes - 1, -1, -1):  # the subtrees below it are pruned, with their errors
         if feature[node] >= 0:
             below = errors[left[node]] + errors[right[node]]
             if errors[node] <= below * 1.0001:
@@ -300,20 +323,18 @@ def write_residuals(
     X: Floats,  # [N, p]
     y: Floats,  # [N]
     rows: Integers,  # [n]
-    feature: Integers,  # [M]
-    coefficients: Floats,  # [M, p + 1]
-    first: Integers,  # [M]
-    count: Integers,  # [M]
+    nodes: ModelNodes,
     covered: Booleans,  # [n] scratch
     out: Floats,  # [n]
 ) -> None:
     """Write what the fit of each row's leaf leaves over; parents come before their children."""
     p = X.shape[1]
+    coefficients, first = nodes.coefficients, nodes.first
     covered[:] = False
-    for node in range(feature.size):
-        if feature[node] >= 0 or covered[first[node]]:
+    for node in range(nodes.feature.size):  # covered are the rows of the leaves before
+        if nodes.feature[node] >= 0 or covered[first[node]]:
             continue
-        for i in range(first[node], first[node] + count[node]):
+        for i in range(first[node], first[node] + nodes.n_rows[node]):
             covered[i] = True
             value = coefficients[node, p]
             for j in range(p):
@@ -328,26 +349,17 @@ def unroll(
     first_residual: int,
     n_nodes: int,
     n_lines: int,
-    tests: Uint32s,  # [room, 4] out, from n_nodes
-    thresholds: Floats,  # [room] out, from n_nodes
-    lines: Floats,  # [room, p + 4] out, from n_lines
-    noise: Integers,  # [room, 2] out, from n_lines
-    feature: Integers,  # [M]
-    threshold: Floats,  # [M]
-    left: Integers,  # [M]
-    right: Integers,  # [M]
-    coefficients: Floats,  # [M, p + A + 1]
-    low: Floats,  # [M]
-    high: Floats,  # [M]
-    first: Integers,  # [M]
-    n_rows: Integers,  # [M]
+    tree: ModelNodes,  # with p + A inputs
+    out: Unrolled,  # written to from n_nodes and n_lines on
 ) -> tuple[int, int]:
     """Write one tree as it is for one action; return the numbers of nodes and lines so far."""
+    feature, threshold, left, right, coefficients, low, high, first, n_rows = tree
+    tests, thresholds, lines, noise = out
     begin = n_nodes
     source = np.zeros(feature.size, dtype=np.int64)  # of each node written
     n_nodes += 1
     node = begin
-    while node < n_nodes:
+    while node < n_nodes:  # the nodes before it are written, those behind it have their source
         at = source[node - begin]
         while feature[at] >= p:
             value = 1.0 if feature[at] == p + action else 0.0

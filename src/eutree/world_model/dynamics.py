@@ -26,17 +26,6 @@ N_BINS = 256
 MAX_LEAVES = 64
 MIN_LEAF = 8
 GOOD_ENOUGH = 1e-4  # share of the variation that need not be explained
-_SHARED = (
-    "feature",
-    "threshold",
-    "left",
-    "right",
-    "coefficients",
-    "low",
-    "high",
-    "first",
-    "n_rows",
-)
 
 
 class ModelTree(NamedTuple):
@@ -99,25 +88,6 @@ class WorldModel:
         return replace(self, world=self.world._replace(residuals=0.0 * self.world.residuals))
 
 
-@dataclass(frozen=True, eq=False)
-class _Design:
-    """Inputs of regression trees, with their bins."""
-
-    X: Floats  # [N, p]
-    edges: Floats  # [p, B]
-    n_edges: Integers  # [p]
-    bins: Integers  # [p, N]
-
-    @classmethod
-    def of(cls, *columns: Floats) -> "_Design":
-        X = np.ascontiguousarray(np.concatenate(columns, axis=1))
-        p = X.shape[1]
-        edges, n_edges = np.zeros((p, N_BINS)), np.zeros(p, dtype=np.int64)
-        bins = np.zeros((p, X.shape[0]), dtype=np.int64)
-        kernels.bin_columns(X, N_BINS, edges, n_edges, bins)
-        return cls(X, edges, n_edges, bins)
-
-
 @dataclass(frozen=True)
 class _Growth:
     """How far a tree grows."""
@@ -143,8 +113,8 @@ def fit_world_models(
     """
     growth = replace(_MOVES, max_leaves=max_leaves)
     chosen = np.eye(data.n_actions)[data.actions]  # [N, A]
-    before = _Design.of(data.observations, data.previous_displacements, chosen)
-    after = _Design.of(data.next_observations, data.displacements, chosen)
+    before = _design(data.observations, data.previous_displacements, chosen)
+    after = _design(data.next_observations, data.displacements, chosen)
     everything = np.arange(data.rewards.size)
     moves = [
         _grow(before, data.displacements[:, i], everything, growth)
@@ -178,7 +148,7 @@ def fit_model_tree(X: Floats, y: Floats, *, max_leaves: int, min_leaf: int) -> M
         min_leaf: Fewest rows of a leaf.
     """
     growth = _Growth(min_leaf=min_leaf, max_leaves=max_leaves, floor=GOOD_ENOUGH)
-    return _grow(_Design.of(X), y, np.arange(y.size), growth)
+    return _grow(_design(X), y, np.arange(y.size), growth)
 
 
 def _as_tree(ends: TerminationTree, n_actions: int) -> ModelTree:
@@ -206,8 +176,18 @@ def _rows(mask: Booleans) -> Integers:
     return np.flatnonzero(mask) if mask.any() else np.zeros(1, dtype=np.int64)
 
 
+def _design(*columns: Floats) -> kernels.Design:
+    """Return the inputs of regression trees, cut into bins."""
+    X = np.ascontiguousarray(np.concatenate(columns, axis=1))
+    p = X.shape[1]
+    edges, n_edges = np.zeros((p, N_BINS)), np.zeros(p, dtype=np.int64)
+    bins = np.zeros((p, X.shape[0]), dtype=np.int64)
+    kernels.bin_columns(X, N_BINS, edges, n_edges, bins)
+    return kernels.Design(X, edges, n_edges, bins)
+
+
 def _grow(
-    design: _Design,
+    design: kernels.Design,
     y: Floats,  # [N]
     rows: Integers,  # [n]
     growth: _Growth,
@@ -216,35 +196,22 @@ def _grow(
     y = np.ascontiguousarray(y)
     rows = rows.copy()
     m, p = 2 * growth.max_leaves - 1, design.X.shape[1]
-    integers = {name: np.zeros(m, dtype=np.int64) for name in ("feature", "left", "right")}
-    counts = {name: np.zeros(m, dtype=np.int64) for name in ("first", "n_rows")}
-    floats = {name: np.zeros(m) for name in ("threshold", "low", "high")}
-    out = {**integers, **counts, **floats, "coefficients": np.zeros((m, p + 1))}
-    n_nodes = kernels.grow(
-        design.X,
-        y,
-        rows,
-        design.edges,
-        design.n_edges,
-        design.bins,
-        growth.min_leaf,
-        growth.floor,
-        *(out[name] for name in _SHARED),
+    out = kernels.ModelNodes(
+        feature=np.zeros(m, dtype=np.int64),
+        threshold=np.zeros(m),
+        left=np.zeros(m, dtype=np.int64),
+        right=np.zeros(m, dtype=np.int64),
+        coefficients=np.zeros((m, p + 1)),
+        low=np.zeros(m),
+        high=np.zeros(m),
+        first=np.zeros(m, dtype=np.int64),
+        n_rows=np.zeros(m, dtype=np.int64),
     )
-    out = {name: array[:n_nodes] for name, array in out.items()}
-    residuals = np.zeros(rows.size)
-    kernels.write_residuals(
-        design.X,
-        y,
-        rows,
-        out["feature"],
-        out["coefficients"],
-        out["first"],
-        out["n_rows"],
-        np.zeros(rows.size, dtype=np.bool_),
-        residuals,
-    )
-    return ModelTree(residuals=residuals, **out)
+    n_nodes = kernels.grow(design, y, rows, growth.min_leaf, growth.floor, out)
+    nodes = kernels.ModelNodes._make(array[:n_nodes] for array in out)
+    residuals, covered = np.zeros(rows.size), np.zeros(rows.size, dtype=np.bool_)
+    kernels.write_residuals(design.X, y, rows, nodes, covered, residuals)
+    return ModelTree(*nodes, residuals)
 
 
 def _unrolled(trees: Sequence[ModelTree], n_actions: int) -> World:
@@ -252,27 +219,21 @@ def _unrolled(trees: Sequence[ModelTree], n_actions: int) -> World:
     room = n_actions * sum(tree.feature.size for tree in trees)
     p = trees[0].coefficients.shape[1] - 1 - n_actions
     roots = np.zeros((n_actions, len(trees)), dtype=np.uint32)
-    tests, thresholds = np.zeros((room, 4), dtype=np.uint32), np.zeros(room)
-    lines, noise = np.zeros((room, p + 4)), np.zeros((room, 2), dtype=np.int64)
+    out = kernels.Unrolled(
+        tests=np.zeros((room, 4), dtype=np.uint32),
+        thresholds=np.zeros(room),
+        lines=np.zeros((room, p + 4)),
+        noise=np.zeros((room, 2), dtype=np.int64),
+    )
     n_nodes, n_lines, n_residuals = 0, 0, 0
     for i, tree in enumerate(trees):
+        nodes = kernels.ModelNodes._make(tree[:-1])  # all but the residuals
         for action in range(n_actions):
             roots[action, i] = n_nodes
-            n_nodes, n_lines = kernels.unroll(
-                p,
-                action,
-                n_residuals,
-                n_nodes,
-                n_lines,
-                tests,
-                thresholds,
-                lines,
-                noise,
-                *(getattr(tree, name) for name in _SHARED),
-            )
+            n_nodes, n_lines = kernels.unroll(p, action, n_residuals, n_nodes, n_lines, nodes, out)
         n_residuals += tree.residuals.size
     residuals = np.concatenate([tree.residuals for tree in trees])
-    tests, thresholds = tests[:n_nodes], thresholds[:n_nodes]
-    lines, noise = lines[:n_lines], noise[:n_lines]
+    tests, thresholds = out.tests[:n_nodes], out.thresholds[:n_nodes]
+    lines, noise = out.lines[:n_lines], out.noise[:n_lines]
     tally = np.zeros(1, dtype=np.int64)
     return World(roots, tests, thresholds, lines, noise, residuals, tally)
