@@ -135,13 +135,19 @@ def draw_4a(axes: "Axes", records: Records) -> None:
 def draw_4b(axes: "Axes", records: Records) -> None:
     """Draw the episodes to learn at every speed."""
     speeds = by_speed(by_learner(records)["eu-tree"])
+    times = [_trials(runs) for runs in speeds.values()]
     axes.bar(
         list(speeds),
-        [_trials(runs) for runs in speeds.values()],
+        times,
         width=0.07,
         color=["#e0a070" if v == DEMONSTRATED_SPEED else "#a8480c" for v in speeds],
         label=f"EU-Tree to {LEVEL:.0%}",
     )
+    if not any(times):  # nothing can be seen of bars without a height
+        said = f"0 at every speed: each expert tree\nis at {LEVEL:.0%} before it learns"
+        axes.text(0.5, 0.5, said, transform=axes.transAxes, ha="center", va="center")
+        drawing.label(axes, "Opponent speed (m/s)", "Episodes", limits=(0.0, 100.0))
+        return
     drawing.label(axes, "Opponent speed (m/s)", "Episodes")
 
 
