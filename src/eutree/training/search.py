@@ -204,7 +204,7 @@ class PolicySearch:
             rivals += self._proposals.pruned(state.incumbent)
         yield from ()
         proposed = self._with_challengers(state, "race", rivals, ROUND_SHARE)
-        return proposed if proposed.challengers else self._before_varying(state)
+        return self._before_varying(state) if proposed is state else proposed
 
     def _race(self, state: SearchState) -> Running[SearchState]:
         """Find the best of the proposed."""
