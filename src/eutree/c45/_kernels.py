@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from eutree.arrays import Booleans, Floats, Int32s
-from eutree.c45._kernels_entropy import Int16s, count_values, merge_values, nominal_gain, xlogx
+from eutree.arrays import Booleans, Floats, Int16s, Int32s
+from eutree.c45._kernels_entropy import count_values, merge_values, nominal_gain, xlogx
 from eutree.compiled import compiled
 
 KNOWN_NONE = -1  # branch of a case whose value no branch stands for

@@ -3,12 +3,10 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from eutree.arrays import Floats, Int32s
+from eutree.arrays import Floats, Int16s, Int32s
 from eutree.compiled import compiled
 
-Int16s = NDArray[np.int16]  # labels: small, because they are read in random order
 
 
 @compiled

@@ -10,9 +10,8 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from eutree.arrays import Floats, Int32s, Integers
+from eutree.arrays import Floats, Int16s, Int32s, Integers
 from eutree.c45._kernels import branch_of
-from eutree.c45._kernels_entropy import Int16s
 from eutree.compiled import compiled
 
 _Number = TypeVar("_Number", np.int32, np.float64)

@@ -7,9 +7,8 @@ from dataclasses import dataclass, field, fields
 
 import numpy as np
 
-from eutree.arrays import Booleans, Floats, Int32s
+from eutree.arrays import Booleans, Floats, Int16s, Int32s
 from eutree.c45 import _kernels, _kernels_entropy
-from eutree.c45._kernels_entropy import Int16s
 from eutree.c45.settings import C45Settings
 from eutree.thresholds import threshold_between
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from eutree import thresholds
-from eutree.arrays import Booleans, Floats, Integers, Uint32s
+from eutree.arrays import Booleans, Floats, Int16s, Integers, Uint32s
 from eutree.compiled import compiled
 from eutree.world_model._kernels import LEAF, overwrite
 
@@ -25,7 +25,7 @@ class Design(NamedTuple):
     X: Floats  # [N, p]
     edges: Floats  # [p, B]
     n_edges: Integers  # [p]
-    bins: Integers  # [p, N]
+    bins: Int16s  # [p, N] small, because they are read in random order
 
 
 class ModelNodes(NamedTuple):
@@ -57,7 +57,7 @@ def bin_columns(
     n_bins: int,
     edges: Floats,  # [p, n_bins]
     n_edges: Integers,  # [p]
-    bins: Integers,  # [p, N]
+    bins: Int16s,  # [p, N]
 ) -> None:
     """Cut each column at its quantiles, between distinct values; a value at an edge is below it."""
     n, p = X.shape
@@ -190,13 +190,16 @@ def best_cut(
     best, feature, threshold = 0.0, -1, 0.0
     if n > MANY_ROWS:
         count, total = np.zeros(edges.shape[1] + 1), np.zeros(edges.shape[1] + 1)
+        beyond = np.empty(n)  # each row's y beyond the mean, read in order for every feature
+        for i in range(n):
+            beyond[i] = y[rows[i]] - mean
         for j in range(X.shape[1]):
             count[:] = 0.0
             total[:] = 0.0
             for i in range(n):
-                row = rows[i]
-                count[bins[j, row]] += 1.0
-                total[bins[j, row]] += y[row] - mean
+                b = bins[j, rows[i]]
+                count[b] += 1.0
+                total[b] += beyond[i]
             below, residual = 0.0, 0.0
             for b in range(n_edges[j]):
                 below += count[b]

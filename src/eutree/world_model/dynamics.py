@@ -181,7 +181,7 @@ def _design(*columns: Floats) -> kernels.Design:
     X = np.ascontiguousarray(np.concatenate(columns, axis=1))
     p = X.shape[1]
     edges, n_edges = np.zeros((p, N_BINS)), np.zeros(p, dtype=np.int64)
-    bins = np.zeros((p, X.shape[0]), dtype=np.int64)
+    bins = np.zeros((p, X.shape[0]), dtype=np.int16)
     kernels.bin_columns(X, N_BINS, edges, n_edges, bins)
     return kernels.Design(X, edges, n_edges, bins)
 

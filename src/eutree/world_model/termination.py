@@ -18,6 +18,7 @@ from eutree.world_model._kernels_regression import move_towards_better
 PRICE = 4.0  # of a parameter or a test, in units of deviance
 SURE = 14.0  # log-odds of a leaf all of whose rows agree
 FEW = 3  # rows of either kind below which no boundary is fitted
+SLACK = 1e-6  # more than rounding does to a sum of costs
 MOST_TESTS = 40
 MOST_ROWS = 8000
 
@@ -98,8 +99,11 @@ def _thinned(y: Booleans) -> Integers:
     return np.sort(np.concatenate([np.flatnonzero(y)[-MOST_ROWS:], some]))
 
 
-def _described(X: Floats, y: Booleans, rows: Integers) -> _Leaf:
-    """Return the best description of some rows without a test."""
+def _described(X: Floats, y: Booleans, rows: Integers, limit: float = np.inf) -> _Leaf:
+    """Return the best description of some rows without a test.
+
+    Above ``limit`` it need not be the best: a boundary whose price alone is above it is not fitted.
+    """
     d = X.shape[1]
     mine = y[rows]
     n, n_ends = rows.size, int(mine.sum())
@@ -114,7 +118,7 @@ def _described(X: Floats, y: Booleans, rows: Integers) -> _Leaf:
         places = np.ascontiguousarray(X[rows])
         for squares in (False, True):
             price = PRICE * (2 * d + 1 if squares else d + 1)
-            if price >= cost:
+            if price >= cost or price > limit:
                 break
             fit = np.empty(2 * d + 1)
             deviance = _kernels_termination.fit_log_odds(places, mine, squares, fit)
@@ -133,10 +137,10 @@ def _best_test(X: Floats, y: Booleans, leaf: _Leaf) -> tuple[int, float, _Leaf, 
             continue
         sides = leaf.rows[below], leaf.rows[~below]
         first = int(sides[1].size < sides[0].size)  # the smaller one is described at less cost
-        near = _described(X, y, sides[first])
+        near = _described(X, y, sides[first], least - PRICE + SLACK)
         if near.cost + PRICE >= least:  # no description is shorter than a constant's price
             continue
-        far = _described(X, y, sides[1 - first])
+        far = _described(X, y, sides[1 - first], least - near.cost + SLACK)
         if near.cost + far.cost < least:
             least = near.cost + far.cost
             found = (feature, threshold, *((far, near) if first else (near, far)))
