@@ -8,7 +8,6 @@ from eutree.arrays import Floats, Int16s, Int32s
 from eutree.compiled import compiled
 
 
-
 @compiled
 def xlogx_table(size: int) -> Floats:
     """Return x log2 x for x = 0, 1, ..., size - 1."""

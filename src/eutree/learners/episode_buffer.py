@@ -1,7 +1,7 @@
 """The episode under way: what a learner keeps of it until it has ended."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,11 +10,8 @@ from eutree.data import Episode
 from eutree.learners.history import History
 from eutree.learners.learner import Step
 
-_FIRST_ROOM = 64  # steps
 
-
-@dataclass(frozen=True, eq=False)
-class FinishedEpisode:
+class FinishedEpisode(NamedTuple):
     """An episode as arrays.
 
     Attributes:
@@ -36,61 +33,44 @@ class EpisodeBuffer:
     """Collects the steps of an episode.
 
     Attributes:
-        observations: Observations with spare room, shape [C + 1, d]; another array after growing.
         present: The present observation, shape [d].
         generator: Source of all chance of the episode.
     """
 
     def __init__(self) -> None:
-        self._size = 0
-        self._terminated = False
-        self.observations = np.empty((0, 0))
-        self._actions: list[int] = []
-        self._rewards: list[float] = []
-        self._shown: list[int] = []
+        self._steps: list[Step] = []
 
     def __len__(self) -> int:
         """Return the number of steps so far."""
-        return self._size
+        return len(self._steps)
 
     def start(self, observation: Floats, generator: np.random.Generator) -> None:
         """Begin an episode at its first observation, shape [d]."""
-        self.clear()
-        if self.observations.shape[1] != observation.size:
-            self.observations = np.empty((_FIRST_ROOM + 1, observation.size))
-        self.observations[0] = self.present = observation
+        self._steps.clear()
+        self._first = self.present = observation
         self.generator = generator
 
     def add(self, step: Step) -> None:
         """Take a step."""
-        self._actions.append(step.action)
-        self._rewards.append(step.reward)
-        if step.shown:
-            self._shown.append(self._size)
-        self._terminated = step.terminated
-        self._size += 1
-        if self._size == len(self.observations):
-            self.observations = np.concatenate([self.observations, self.observations])
-        self.observations[self._size] = self.present = step.observation
+        self._steps.append(step)
+        self.present = step.observation
 
     def clear(self) -> None:
         """Forget the episode."""
-        self._size = 0
-        self._actions, self._rewards, self._shown = [], [], []
+        self._steps.clear()
 
     def finish(self) -> FinishedEpisode:
         """Return the episode, which has ended, and forget it."""
-        shown = np.zeros(self._size, dtype=np.bool_)
-        if self._shown:
-            shown[self._shown] = True
+        columns = Step(*zip(*self._steps, strict=True))
+        observations = np.concatenate([self._first, *columns.observation])
         episode = FinishedEpisode(
-            observations=self.observations[: self._size + 1].copy(),
-            actions=np.array(self._actions, dtype=np.int64),
-            rewards=np.array(self._rewards, dtype=np.float64),
-            shown=shown,
-            terminated=bool(self._terminated),
+            observations=observations.reshape(len(self._steps) + 1, -1),
+            actions=np.array(columns.action, dtype=np.int64),
+            rewards=np.array(columns.reward),
+            shown=np.array(columns.shown, dtype=np.bool_),
+            terminated=self._steps[-1].terminated,
         )
-        self.clear()
+        self._steps.clear()
         return episode
 
 

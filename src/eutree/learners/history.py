@@ -187,18 +187,20 @@ class History:
             Which of the transitions are stored, shape [T].
         """
         steps = len(actions)
-        shown = demonstrated if np.ndim(demonstrated) else np.full(steps, demonstrated)
+        if isinstance(demonstrated, bool):
+            demonstrated = np.full(steps, demonstrated)
         episode = _kernels.EpisodeRows(
             np.ascontiguousarray(observations, dtype=np.float64),
             np.ascontiguousarray(actions, dtype=np.int64),
             np.ascontiguousarray(rewards, dtype=np.float64),
             np.ascontiguousarray(leaves, dtype=np.int32),
-            np.ascontiguousarray(shown, dtype=np.bool_),
+            np.ascontiguousarray(demonstrated, dtype=np.bool_),
         )
-        if [len(column) for column in episode] != [steps + 1, steps, steps, steps + 1, steps]:
+        sizes = tuple(map(len, episode))
+        if sizes != (steps + 1, steps, steps, steps + 1, steps):
             raise InvalidArgumentError(
                 f"an episode of {steps} actions must have as many rewards and one more "
-                f"observation and leaf, got {[len(column) for column in episode]}"
+                f"observation and leaf, got {list(sizes)}"
             )
         columns, rule = self.columns, self._forgetting
         first, last, stored = columns.size, columns.size + steps, np.ones(steps, dtype=np.bool_)

@@ -53,10 +53,11 @@ class LeafSteps:
 
         Neither may be another one before the episode has ended.
         """
+        observation = np.ascontiguousarray(observation, dtype=np.float64)
         self._buffer.start(observation, generator)
         self.generator = generator
         self._nodes, self._mdp, self._arrays = tree.nodes, mdp, mdp.arrays
-        place = (self._nodes, self._arrays, self._buffer.observations[0])
+        place = (self._nodes, self._arrays, observation)
         if not self._bound:
             self._arrive = machine_code(_kernels_step.arrive, *place)
             self._step = machine_code(_kernels_step.step, *place, 0, 0, 0.0, False, 0)

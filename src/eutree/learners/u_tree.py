@@ -232,7 +232,7 @@ class UTree:
             generator=self._steps.generator,
             demonstrated=episode.shown,
         )
-        if episode.shown.any():
+        if np.count_nonzero(episode.shown):  # hardly ever, so spare the rest
             self._lessons.add(episode.observations[:-1][episode.shown])
         if self.method.max_transitions is not None:
             if not stored.all():
