@@ -20,7 +20,6 @@ from eutree.errors import InvalidArgumentError
 from eutree.evaluation.batch import run_batch
 from eutree.evaluation.evaluation import Evaluation
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
-from eutree.interaction.making import make
 from eutree.interaction.recipe import Recipe, made
 from eutree.parallel import Workers
 from eutree.policies import Policy
@@ -67,13 +66,12 @@ def evaluate(
                 f"got {dict(environment_arguments)}"
             )
         return _evaluate(policy, made(environment, n_jobs)[0], seeds)
-    spec = _spec(environment, environment_arguments)
-    if workers.count > 1:
+    env, spec = made(_spec(environment, environment_arguments), n_jobs)
+    try:
+        if spec is None:
+            return _evaluate(policy, env, seeds)
         task = _Block(policy, Recipe.of(spec), seeds)
         return Evaluation.join(workers.map(task, workers.blocks(episodes, MAX_COPIES)))
-    env = make(spec)
-    try:
-        return _evaluate(policy, env, seeds)
     finally:
         env.close()
 

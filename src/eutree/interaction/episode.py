@@ -1,9 +1,12 @@
 """One episode of a policy in an environment."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from eutree.arrays import Floats
 from eutree.data import Episode
 from eutree.interaction.acting import Actor
 from eutree.interaction.guard import GuardedEnv
@@ -27,15 +30,45 @@ def run_episode(env: GuardedEnv, policy: Policy, seed: int | None = None) -> Epi
         rewards.append(reward)
         if terminated or truncated:
             break
+    end = End(terminated, truncated, info)
+    return ended_episode(observations, actions, rewards, end, seed=seed)
+
+
+@dataclass(frozen=True)
+class End:
+    """What the environment says with the last step of an episode."""
+
+    terminated: bool
+    truncated: bool
+    info: dict[str, Any]
+
+
+def ended_episode(
+    observations: Sequence[Floats],
+    actions: Sequence[int],
+    rewards: Sequence[float],
+    end: End,
+    *,
+    seed: int | None = None,
+) -> Episode:
+    """Return an episode that the task or a limit has ended.
+
+    Args:
+        observations: T + 1 observations.
+        actions: T actions.
+        rewards: T rewards.
+        end: What was said with the last step.
+        seed: Seed of its reset.
+    """
     return Episode(
         observations=np.array(observations),
         actions=np.array(actions),
         rewards=np.array(rewards),
-        terminated=terminated,
-        truncated=truncated and not terminated,
+        terminated=end.terminated,
+        truncated=end.truncated and not end.terminated,
         seed=seed,
-        ending=ending_of(info, terminated=terminated),
-        is_success=success_of(info),
+        ending=ending_of(end.info, terminated=end.terminated),
+        is_success=success_of(end.info),
     )
 
 

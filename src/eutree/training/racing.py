@@ -2,11 +2,9 @@
 
 from typing import Any
 
-import numpy as np
-
 from eutree.data import Episode
 from eutree.interaction import GuardedEnv, episode_seed
-from eutree.interaction.episode import ending_of, success_of
+from eutree.interaction.episode import End, ended_episode
 from eutree.interaction.seeding import Stream
 from eutree.learners import Step
 from eutree.policies import TreePolicy
@@ -90,12 +88,4 @@ class Racing:
                 state.step_taken(Step(action, reward, observation, terminated, truncated, info))
         finally:
             state.steps_of_episode = 0
-        return Episode(
-            observations=np.array(observations),
-            actions=np.array(actions),
-            rewards=np.array(rewards),
-            terminated=terminated,
-            truncated=truncated and not terminated,
-            ending=ending_of(info, terminated=terminated),
-            is_success=success_of(info),
-        )
+        return ended_episode(observations, actions, rewards, End(terminated, truncated, info))
