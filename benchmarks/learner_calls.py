@@ -13,8 +13,8 @@ import time
 from dataclasses import replace
 
 import numpy as np
-
 from benchmarks.learner import many_episodes
+
 from eutree.learners import CORRECTED, Problem, Start, Step
 from eutree.splitting import Maximal
 
