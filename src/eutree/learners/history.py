@@ -196,7 +196,7 @@ class History:
             np.ascontiguousarray(leaves, dtype=np.int32),
             np.ascontiguousarray(demonstrated, dtype=np.bool_),
         )
-        sizes = tuple(map(len, episode))
+        sizes = tuple(len(column) for column in episode)
         if sizes != (steps + 1, steps, steps, steps + 1, steps):
             raise InvalidArgumentError(
                 f"an episode of {steps} actions must have as many rewards and one more "
