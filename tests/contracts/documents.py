@@ -66,7 +66,13 @@ def blocks(page: Path) -> list[Block]:
 
 
 def run_block(
-    block: Block, namespace: dict[str, Any], *, page: Path, folder: Path, printed: str = ""
+    block: Block,
+    namespace: dict[str, Any],
+    *,
+    page: Path,
+    folder: Path,
+    printed: str = "",
+    quickly: bool = False,
 ) -> str:
     """Run one block; raises what it raises, or AssertionError. Return what it printed."""
     if block.mark == "file":
@@ -86,16 +92,28 @@ def run_block(
         if block.mark == "needs":
             need(block.value)
         lines = [line[2:] for line in block.code.splitlines() if line.startswith("$ ")]
-        return "".join(run_command(line, folder) for line in lines)
+        return "".join(run_command(line, folder, quickly=quickly) for line in lines)
     return ""
 
 
-def run_command(line: str, folder: Path) -> str:
+# `fit` plays thousands of episodes to choose and to judge a tree; that a line works can be seen
+# with fewer. A page that shows what is printed (`output`) is run as it stands.
+FEWER = ["--episodes", "20"]
+
+
+def run_command(line: str, folder: Path, *, quickly: bool = False) -> str:
     """Run one command line in ``folder``, the current one; return its standard output.
 
     ``eutree`` is run in this process, which spares the time of starting another for each line.
+
+    Args:
+        line: The command line.
+        folder: Where.
+        quickly: Play fewer episodes where the line does not say how many.
     """
     words = shlex.split(line, comments=True)
+    if quickly and words[:2] == ["eutree", "fit"] and "--episodes" not in words:
+        words += FEWER
     if words[0] == "eutree" and not {"|", ">", "<", "&&"} & set(words):
         output = io.StringIO()
         with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):

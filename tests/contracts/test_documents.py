@@ -58,8 +58,12 @@ def _lies_in(module: object, folder: Path) -> bool:
 @pytest.mark.parametrize("page", pages(), ids=name)
 def test_blocks_run(page: Path, folder: Path) -> None:
     namespace, printed = {"__name__": "__main__"}, ""
-    for block in blocks(page):
-        shown = run_block(block, namespace, page=page, folder=folder, printed=printed)
+    found = blocks(page)
+    quickly = "output" not in {block.mark for block in found}
+    for block in found:
+        shown = run_block(
+            block, namespace, page=page, folder=folder, printed=printed, quickly=quickly
+        )
         if block.language in ("python", "console"):
             printed = shown
 

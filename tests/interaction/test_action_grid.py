@@ -133,7 +133,7 @@ def test_from_demonstrations_to_c(tmp_path, monkeypatch, capsys):
     record = ("record", "Pendulum-v1", "--expert", "swing", "--episodes", "3")
     line(*record, *grid, "--out", "demos")
     assert line("demos", "check", "demos")["equal"] == 3
-    line("fit", "demos", "--out", "expert.json")
+    line("fit", "demos", "--out", "expert.json", "--episodes", "4")
     policy = eutree.TreePolicy.load("expert.json")
     assert policy.schema.controls == (Control("torque", "N m", (-2.0, -1.0, 0.0, 1.0, 2.0)),)
     assert "torque 2 N m" in str(policy)

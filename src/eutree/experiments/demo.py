@@ -107,7 +107,11 @@ def run_demo(settings: DemoSettings, out: Path, *, say: Say, follow: Follow) -> 
     _export(small, folder)
     policies = {EXPERT: expert, LEARNED: learned.policy, COMPRESSED: small}
     say(f"judging each tree on {settings.story.final_episodes} fresh episodes")
-    evaluations = {name: _judge(settings, policy) for name, policy in policies.items()}
+    evaluations = {
+        EXPERT: _judge(settings, expert),
+        LEARNED: runs.judged,
+        COMPRESSED: _judge(settings, small),
+    }
     at_home = _judge(settings, expert, at=settings.environment) if settings.story.change else None
     judgement = judged(evaluations[EXPERT], evaluations[COMPRESSED], challengers=0)
     played = Played.of(expert, small, settings.changed, seed=settings.seed)
@@ -218,12 +222,13 @@ def _learn(
 def _judge(
     settings: DemoSettings, policy: TreePolicy, *, at: EnvironmentSpec | None = None
 ) -> Evaluation:
-    """Evaluate on the episodes that all policies share and that chose nothing."""
+    """Evaluate on the episodes on which the best run was judged: they chose nothing."""
     return evaluate(
         policy,
         at or settings.changed,
         episodes=settings.story.final_episodes,
-        seed=episode_seed(settings.seed, 0, Stream.JUDGING),
+        seed=episode_seed(settings.seed, 0, Stream.WINNER),
+        n_jobs=settings.n_jobs,
     )
 
 

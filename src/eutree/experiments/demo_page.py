@@ -11,6 +11,7 @@ from eutree.data import Demonstrations, Episode
 from eutree.evaluation import CurvePoint, Evaluation
 from eutree.experiments.stories import DemoSettings
 from eutree.inspection import PolicyDiff
+from eutree.parallel import Workers
 from eutree.policies import TreePolicy
 from eutree.report import CHANGES_ID, RunReport, Stage, Table, WatchedEpisode, WatchedTree, watch
 from eutree.report.changes import changed_leaves
@@ -236,7 +237,12 @@ def _filmed(facts: DemoFacts) -> list[WatchedEpisode]:
         (changed, facts.played.before[at], "Before, from the same start"),
         (facts.settings.environment, facts.demonstrations.episodes[0], "As it was shown"),
     ]
-    return [film_if_possible(spec, episode, by=by) for spec, episode, by in played]
+    return Workers(facts.settings.n_jobs).map(_film, played)
+
+
+def _film(played: tuple[EnvironmentSpec, Episode, str]) -> WatchedEpisode:
+    spec, episode, by = played
+    return film_if_possible(spec, episode, by=by)
 
 
 def _curves(facts: DemoFacts) -> dict[str, Series]:
