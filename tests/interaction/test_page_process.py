@@ -16,14 +16,10 @@ from websockets.sync.client import connect
 import eutree  # noqa: F401 - registers the environments
 from eutree.data import Demonstrations
 from eutree.interaction.replay import replay
+from tests.training.processes import heed_interrupts
 
 ROOT = Path(__file__).parents[2]
 ENOUGH = 60.0
-
-
-def heed_interrupts() -> None:
-    """Undo what a shell does to a job in the background: let it ignore SIGINT."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 class Recording:

@@ -75,6 +75,11 @@ atomic.write_bytes = torn
 """
 
 
+def heed_interrupts():
+    """Undo what a shell does to a job in the background: let it ignore SIGINT."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def start(*arguments, code=COMMAND, **environment):
     """Start a command line in a process of its own."""
     return subprocess.Popen(
@@ -83,6 +88,7 @@ def start(*arguments, code=COMMAND, **environment):
         stderr=subprocess.PIPE,
         text=True,
         env={**os.environ, "PYTHONPATH": str(SOURCE), **environment},
+        preexec_fn=heed_interrupts,
     )
 
 

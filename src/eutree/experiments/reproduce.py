@@ -18,7 +18,7 @@ from dataclasses import asdict, dataclass, replace
 from html import escape
 from pathlib import Path
 
-from eutree.experiments.claims import Claim
+from eutree.experiments.claims import FAILS, HOLDS, OPEN, Claim
 from eutree.experiments.drawing import side_by_side, svg_and_png
 from eutree.experiments.experiment import Experiment, Records, Scale
 from eutree.experiments.results import Results
@@ -193,10 +193,16 @@ def _page(
 def _verdict(claims: Sequence[Claim]) -> str:
     """Return how many claims hold, and what becomes of the others."""
     counts = Counter(claim.holds for claim in claims)
-    held = counts.pop("holds", 0)
-    rest = ", ".join(f"{verdict}: {count}" for verdict, count in counts.most_common())
-    others = f"; {rest}" if rest else ""
-    return f"{held} of {counted(len(claims), 'verdict')} on the paper's claims hold{others}."
+    found = ", ".join(
+        f"{counts[verdict]} {one if counts[verdict] == 1 else many}"
+        for verdict, one, many in (
+            (HOLDS, "holds", "hold"),
+            (FAILS, "does not", "do not"),
+            (OPEN, "cannot be told", "cannot be told"),
+        )
+        if counts[verdict] or verdict == HOLDS
+    )
+    return f"Of {counted(len(claims), 'verdict')} on the paper's claims {found}."
 
 
 def _figure(svg: str, title: str) -> str:
@@ -206,17 +212,23 @@ def _figure(svg: str, title: str) -> str:
 
 
 def _table(claims: Sequence[Claim]) -> str:
-    head = "".join(
-        f'<th scope="col">{title}</th>'
-        for title in ("The paper says", "Paper", "Preset", "Ours [95 %]", "Verdict", "Rule")
+    head = "".join(f'<th scope="col">{title}</th>' for title in _COLUMNS)
+    rows = "".join(_row(claim) for claim in claims)
+    return f'<table class="claims"><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>'
+
+
+_COLUMNS = ("The paper says", "Verdict", "Paper", "Ours [95 %]", "Preset", "Rule")
+# What a verdict looks like; the word says it, too.
+_LOOKS = {HOLDS: "good", FAILS: "bad", OPEN: "open"}
+
+
+def _row(claim: Claim) -> str:
+    """Return a claim as a row; on a phone it becomes a card, which needs each column's title."""
+    verdict = f'<strong class="{_LOOKS[claim.holds]}">{escape(claim.holds)}</strong>'
+    rule = escape(claim.rule).replace(" %", "&nbsp;%")
+    cells = (verdict, escape(claim.paper), escape(number_text(claim)), escape(claim.preset), rule)
+    row = "".join(
+        f'<td data-title="{title}">{cell}</td>'
+        for title, cell in zip(_COLUMNS[1:], cells, strict=True)
     )
-    rows = "".join(
-        f'<tr><th scope="row">{escape(c.sentence)}</th><td>{escape(c.paper)}</td>'
-        f'<td>{escape(c.preset)}</td><td class="number">{escape(number_text(c))}</td>'
-        f"<td><strong>{escape(c.holds)}</strong></td><td>{escape(c.rule)}</td></tr>"
-        for c in claims
-    )
-    return (
-        '<div class="scrolls"><table class="claims">'
-        f"<thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
-    )
+    return f'<tr><th scope="row">{escape(claim.sentence)}</th>{row}</tr>'

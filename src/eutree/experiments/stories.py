@@ -39,13 +39,13 @@ _FASTER = Story(
     learning=_PLANNING,
     margin=2.0,
 )
-_RACED = {"episodes": 20, "evaluate_every": 5, "evaluation_episodes": 20, "race_steps": 20_000}
+_RACED = {"episodes": 20, "evaluate_every": 10, "evaluation_episodes": 20, "race_steps": 20_000}
 
 _STORIES = {
     "eutree/Evasion-v0": _FASTER,
     "eutree/Evasion2-v0": _FASTER,
     "eutree/Evasion3-v0": _FASTER,
-    "CartPole-v1": Story(learning=_RACED, final_episodes=200),
+    "CartPole-v1": Story(learning=_RACED, final_episodes=100),
     "LunarLander-v3": Story(
         learning={
             "method": "distilled-dqn",

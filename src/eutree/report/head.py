@@ -32,12 +32,17 @@ def head(title: str, verdict: Verdict, facts: Sequence[str] = (), *, beside: str
     """
     sentence = "".join(map(_part, verdict))
     said = f'<p class="verdict">{sentence}</p>' if sentence else ""
-    lines = "".join(f'<p class="facts">{escape(fact)}</p>' for fact in facts)
+    lines = "".join(f'<p class="facts">{_words(fact)}</p>' for fact in facts)
     words = f'<div class="heading"><h1>{escape(title)}</h1>{said}{lines}</div>'
     return f'<header class="head">{words}{beside}</header>'
 
 
 def _part(part: str | Pointer) -> str:
     if isinstance(part, str):
-        return escape(part)
-    return f'<a href="#{escape(part.target)}">{escape(part.words)}</a>'
+        return _words(part)
+    return f'<a href="#{escape(part.target)}">{_words(part.words)}</a>'
+
+
+def _words(text: str) -> str:
+    """Return a text for a page, with no line that begins with a percent sign."""
+    return escape(text).replace(" %", "&nbsp;%")
