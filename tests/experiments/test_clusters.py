@@ -62,12 +62,10 @@ def dask_cluster(tmp_path_factory):
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     dask = [sys.executable, "-m", "dask"]
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": environment}
+    alone = ["--nthreads", "1", "--no-nanny", "--no-dashboard"]
     commands = [
         [*dask, "scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", *there],
-        *[
-            [*dask, "worker", "--host", "127.0.0.1", "--nthreads", "1", "--no-dashboard", *there]
-            for _ in range(2)
-        ],
+        *[[*dask, "worker", "--host", "127.0.0.1", *alone, *there] for _ in range(2)],
     ]
     processes = [subprocess.Popen(command, **quiet) for command in commands]
     try:
