@@ -129,9 +129,7 @@ def in_words(result: "LearningResult", out: Path, *, recorded: int | None) -> st
     racing = result.environment_steps.racing
     raced = f" and {racing} of racing" if racing else ""
     words = f"{result.method.name} from {result.start}: {experience}{raced}; {last}"
-    if result.against_start is not None:
-        start = STARTS.get(result.start, "the tree that it started from")
-        words += f"; {result.against_start.describe(start)}"
+    words += _against_start(result)
     if result.against_fit is not None:
         words += f"; {result.against_fit.describe()}"
     if result.model_trust is not None:
@@ -142,6 +140,14 @@ def in_words(result: "LearningResult", out: Path, *, recorded: int | None) -> st
             "as declared, which are not among these"
         )
     return f"{words}; written to {out}"
+
+
+def _against_start(result: "LearningResult") -> str:
+    """Return what was gained, to follow other words; nothing if that is not known."""
+    if result.against_start is None:
+        return ""
+    start = STARTS.get(result.start, "the tree that it started from")
+    return f"; {result.against_start.describe(start)}"
 
 
 def run_many(
@@ -195,8 +201,9 @@ def many_results(learned: "LearningRuns", out: Path) -> "tuple[dict[str, Any], T
     table = Table(
         "", "seed", "return [95 %]", "success [95 %]", "leaves",
         caption=f"The best of {counted(len(learned.runs), 'run')} on "
-        f"{counted(best.selection.episodes, 'episode')} of their own is that of seed {best.seed}; "
-        f"on others it reaches {judged}; written to {out / 'policy.json'}",
+        f"{counted(best.selection.episodes, 'episode')} of their own is that of seed {best.seed}"
+        f"{_against_start(result)}. On {judged}. Written to {out / 'policy.json'}.",
+        caption_justify="left",
     )  # fmt: skip
     for number, run in enumerate(learned.runs):
         low, high = run.selection.return_interval

@@ -124,6 +124,8 @@ class CsvReader:
                     "or columns named by --episode-column and --action-column "
                     "(in Python columns={'episode': ..., 'action': ...})"
                 )
+                if name == "episode":
+                    reason += "; a log in one piece is one episode: give it a column of zeros"
                 if len(found) == 1 and any(mark in found[0] for mark in ";\t|"):
                     reason += "; and what separates the values by --delimiter"
                 raise FormatError(self._path, "line 1", reason)

@@ -13,6 +13,7 @@ from eutree.policies import TreePolicy
 from eutree.trees.boxes import leaf_boxes, meetings
 from eutree.trees.text import condition, printable
 from eutree.validation import check_observations
+from eutree.wording import counted
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,8 @@ class PolicyDiff(Displayed):
         before, after = self.n_leaves
         steps = "" if self.visited is None else f" and {self.visited:.1%} of the recorded steps"
         lines = [
-            f"{before} leaves, then {after}; another action on {self.share:.4%} of the box{steps}"
+            f"{counted(before, 'leaf')}, then {after}; another action on {self.share:.4%} of the "
+            f"box{steps}"
         ]
         lines += [f"  {_share(box)}: {box.words}" for box in self.boxes[:10]]
         if len(self.boxes) > 10:
