@@ -185,7 +185,7 @@ class Planner:
 
     def plan(self, plan: Plan, data: Transitions, generator: np.random.Generator) -> Plan:
         """Return the next plan: adopt the challenger or not, then plan both trees."""
-        plan = _without_invalid(plan, data.episode_returns)
+        plan = self._without_invalid(plan, data, generator)
         known = data.since(plan.valid_from).recent(self.max_transitions)
         pessimistic, optimistic = self._rollouts(known, generator)
         scale = known.typical_return
@@ -200,11 +200,32 @@ class Planner:
             )
         base = plan.corrected or plan.explorer or plan.incumbent
         explorer = self.improvement.improve(optimistic, base, scale, begin=_knows_nothing(plan))
-        challenger = self._challenger(plan, pessimistic, scale)
+        challenger = self._challenger(replace(plan, explorer=explorer), pessimistic, scale)
         taken = pessimistic.n_steps_taken + optimistic.n_steps_taken
         return replace(
             plan, challenger=challenger, explorer=explorer, corrected=None, model_steps=taken
         )
+
+    def _without_invalid(
+        self, plan: Plan, data: Transitions, generator: np.random.Generator
+    ) -> Plan:
+        """Return the plan without the demonstrations if the dynamics have changed since.
+
+        Then the incumbent earns much less than was shown. A poor tree does so too, but in the world
+        as it was shown as well: imagined there, its return is nearer to what it has earned.
+        """
+        n, own, returns = plan.demonstrations, plan.own_episodes, data.episode_returns
+        shown, earned = returns[:n], returns[list(own)]
+        if not n or len(own) < _FEW_OWN or not _clearly_better(shown, earned):
+            return plan
+        as_shown = data.until(int(np.searchsorted(data.episodes, n)))
+        (world,) = fit_world_models(as_shown, (self.optimism,))
+        imagined = PairedRollouts(world, self.n_explorer_episodes, 1.0, generator)
+        imagined.redraw()
+        imagined.run(plan.incumbent)
+        if imagined.mean_return <= (shown.mean() + earned.mean()) / 2.0:
+            return plan
+        return replace(plan, incumbent_episodes=own, demonstrations=0, valid_from=n)
 
     def _rollouts(
         self, known: Transitions, generator: np.random.Generator
@@ -250,13 +271,15 @@ class Planner:
         return gain.mean > gain.error
 
     def _challenger(self, plan: Plan, pessimistic: Rollouts, scale: float) -> ActionTree | None:
-        """Return the best of incumbent, last challenger and corrected incumbent, each improved.
+        """Return the best of incumbent, last challenger, corrected incumbent and explorer.
 
+        Each is improved before. The explorer was planned with hope, and so it is past what single
+        changes of the incumbent have to cross; the pessimist takes back what was only hoped for.
         None if none of them is better than the incumbent.
         """
         begin = _knows_nothing(plan)
         best = self.improvement.improve(pessimistic, plan.incumbent, scale, begin=begin)
-        for base in (plan.challenger, plan.corrected):
+        for base in (plan.challenger, plan.corrected, plan.explorer):
             if base is None:
                 continue
             rival = self.improvement.improve(pessimistic, base, scale, begin=begin)
@@ -273,16 +296,6 @@ class Planner:
 def _knows_nothing(plan: Plan) -> bool:
     """Return whether the policy is a single action still, and nobody has shown another."""
     return n_leaves(plan.incumbent) == 1 and not plan.demonstrations
-
-
-def _without_invalid(plan: Plan, returns: Floats) -> Plan:
-    """Return the plan without the demonstrations if the incumbent is much worse than they."""
-    n = plan.demonstrations
-    own = [episode for episode in plan.incumbent_episodes if episode >= n]
-    shown, earned = returns[:n], returns[own]
-    if not n or len(own) < _FEW_OWN or not _clearly_better(shown, earned):
-        return plan
-    return replace(plan, incumbent_episodes=tuple(own), demonstrations=0, valid_from=n)
 
 
 def _others(plan: Plan, n_episodes: int) -> tuple[int, ...]:
