@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import gymnasium
 import numpy as np
 import pytest
 from benchmarks.people import TASKS, folder
@@ -72,6 +73,38 @@ def test_what_was_shown_is_where_the_first_planning_begins_too():
     decided = [tree.action[leaf_node(tree, 0, seen)] for seen in demonstrations.observations]
     assert np.mean(decided == demonstrations.actions) > 0.97
     assert np.mean(demonstrations.actions == 1) < 0.9  # what the single leaf decides alike
+
+
+def test_what_was_shown_is_kept_when_the_tree_made_of_it_always_fails():
+    """Its failure was taken for another world, and all that the person had shown was forgotten."""
+    demonstrations = folder("evasion", 111)
+    learner = after(20, demonstrations, TASKS["evasion"].make())
+    assert learner.plan.demonstrations == demonstrations.n_episodes
+    assert learner.plan.valid_from == 0
+
+
+def test_what_was_shown_is_forgotten_when_the_opponents_have_become_faster():
+    env = gymnasium.make("eutree/Evasion2-v0")
+    shown = eutree.record(env, eutree.experts.wait_at_crossing, episodes=15, seed=1000)
+    learner = after(20, shown, gymnasium.make("eutree/Evasion2-v0", opponent_speed=4.2))
+    assert learner.plan.demonstrations == 0
+    assert learner.plan.valid_from == 15
+
+
+def after(episodes, demonstrations, env):
+    """Return the learner after its first planning, from the tree of release 8."""
+    learners = []
+    eutree.learn(
+        env,
+        demonstrations=demonstrations,
+        expert=eutree.fit_expert_tree(demonstrations),
+        episodes=episodes,
+        evaluate_every=episodes,
+        evaluation_episodes=1,
+        seed=0,
+        on_progress=lambda run: learners.append(run.learner),
+    )
+    return learners[-1]
 
 
 @pytest.mark.slow
