@@ -79,7 +79,7 @@ def test_what_was_shown_is_kept_when_the_tree_made_of_it_always_fails():
     """Its failure was taken for another world, and all that the person had shown was forgotten."""
     demonstrations = folder("evasion", 111)
     learner = after(20, demonstrations, TASKS["evasion"].make())
-    assert learner.plan.demonstrations == demonstrations.n_episodes
+    assert learner.plan.demonstrations == len(demonstrations.kept) == 15
     assert learner.plan.valid_from == 0
 
 
@@ -92,7 +92,7 @@ def test_what_was_shown_is_forgotten_when_the_opponents_have_become_faster():
 
 
 def after(episodes, demonstrations, env):
-    """Return the learner after its first planning, from the tree of release 8."""
+    """Return the learner after so many episodes, from the tree of release 8."""
     learners = []
     eutree.learn(
         env,

@@ -372,6 +372,22 @@ def test_a_challenger_is_adopted_if_its_evaluation_went_well(good):
     assert (nested(after.incumbent) == nested(plan.challenger)) == good
 
 
+class Unimproved(Improvement):
+    """Leaves each policy as it is, so that it can be told which one was begun from."""
+
+    def improve(self, rollouts, policy, scale, *, begin=False):
+        return policy
+
+
+def test_the_explorer_is_one_more_start_of_the_challenger():
+    """Single changes of the incumbent may never get to where the explorer is."""
+    data = walks(200, 7)
+    good = planned(Plan(single_action(STAY)), data).challenger
+    plan = Plan(single_action(STAY), explorer=good)
+    after = Planner(improvement=Unimproved()).plan(plan, data, np.random.default_rng(0))
+    assert nested(after.challenger) == nested(good)
+
+
 @pytest.mark.parametrize("good", [True, False])
 def test_an_untested_policy_is_compared_with_chance(good):
     data = walks(200, 7)
