@@ -146,7 +146,7 @@ class Search:
         self._inherit(read)
         near = self._race(rungs["3-Evasion"], self._race(rungs["2-Evasion"], read))
         for count, spaces in zip(self.plan.neighbours, (COARSE, FINE), strict=True):
-            changed = self._neighbours(near, count, spaces)
+            changed = self._changed(near, count, spaces, self._generator)
             if spaces is FINE:
                 changed = [*self.plan.asked, *changed]
             self._inherit(changed)
@@ -173,10 +173,6 @@ class Search:
         while len(found) < self.plan.domains:
             found[drawn(generator, COARSE)] = None
         return list(found)
-
-    def _neighbours(self, near: Sequence[Setting], count: int, spaces: Spaces) -> list[Setting]:
-        """Return settings that differ from a near one by one or two choices."""
-        return self._changed(near, count, spaces, self._generator)
 
     def _changed(
         self,
@@ -320,17 +316,6 @@ class Search:
             ]
         )
 
-    def _shorter(self, setting: Setting) -> dict[int, Distance]:
-        """Return how near a setting is if its runs are shorter, a quarter of them or more."""
-        if setting.reading is None:
-            return {}
-        whole = self.plan.scale.episodes
-        shares = (whole // 4, whole // 2, 3 * whole // 4)
-        return {
-            episodes: nearest([shortened(record, episodes) for record in self._of(setting)])[1]
-            for episodes in shares
-        }
-
     def _of(self, setting: Setting) -> list[RunRecord]:
         return list(self._records[setting].values())
 
@@ -345,7 +330,7 @@ class Search:
                 stage,
                 len(self._records[s]),
                 *nearest(self._of(s)),
-                shorter=self._shorter(s),
+                shorter=_shorter(self._of(s), self.plan.scale.episodes) if s.reading else {},
                 under={rule: distance(self._of(s), rule) for rule in FINALS},
                 changed_from=self._changed_from.get(s),
             )
@@ -388,3 +373,12 @@ def _kept(ranked: Sequence[Setting], keep: int, rung: Rung) -> list[Setting]:
         if counts[key] <= limit:
             kept.append(setting)
     return kept[:keep]
+
+
+def _shorter(records: Sequence[RunRecord], whole: int) -> dict[int, Distance]:
+    """Return how near a setting is if its runs of ``whole`` episodes are shorter by quarters."""
+    shares = (whole // 4, whole // 2, 3 * whole // 4)
+    return {
+        episodes: nearest([shortened(record, episodes) for record in records])[1]
+        for episodes in shares
+    }
