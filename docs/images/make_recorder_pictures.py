@@ -49,8 +49,9 @@ class Page:
         return self
 
     def cross(self, *, wait: float = 0.0) -> "Page":
-        """Record an episode: wait, then go."""
-        self.press("Enter").until("playing").rest(wait)
+        """Record an episode when the last one is over: wait, then go."""
+        self.page.locator("body[data-state=opening], body[data-state=review]").wait_for()
+        self.rest(0.9).press("Enter").until("playing").rest(wait)
         self.page.keyboard.down("Space")
         self.until("review").page.keyboard.up("Space")
         return self.rest(0.9)
