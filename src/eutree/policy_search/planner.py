@@ -223,7 +223,8 @@ class Planner:
         imagined = PairedRollouts(world, self.n_explorer_episodes, 1.0, generator)
         imagined.redraw()
         imagined.run(plan.incumbent)
-        if imagined.mean_return <= (shown.mean() + earned.mean()) / 2.0:
+        return_there = imagined.mean_return
+        if abs(return_there - earned.mean()) <= abs(return_there - shown.mean()):
             return plan
         return replace(plan, incumbent_episodes=own, demonstrations=0, valid_from=n)
 
