@@ -36,6 +36,7 @@ import numpy as np
 from examples.two_tanks import FloatSwitch, method_for
 
 import eutree
+from eutree.compression import ImaginedEpisodes
 from eutree.distillation import DistillationSettings
 from eutree.envs.experts import EXPERTS
 from eutree.evaluation import mean_interval
@@ -355,8 +356,7 @@ def cut(task: Task, folder: Path, leaves: int) -> Row:
         policy,
         known.observations,
         max_leaves=leaves,
-        experience=known,
-        world_model=task.method(leaves).world_model,
+        imagined=ImaginedEpisodes(known, task.method(leaves).world_model),
         seed=seed,
     )
     seconds = time.process_time() - begin
