@@ -11,11 +11,9 @@ from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
-from eutree.experiments.figure_2_3 import LEARNERS
 from eutree.experiments.objective import NUMBERS, nearest
 from eutree.experiments.results import Results
-from eutree.experiments.runs import RunSpec
-from eutree.experiments.search import FIRST_SEED, PRESET, THREE, TWO, Scored, Search
+from eutree.experiments.search import FIRST_SEED, Scored, Search, specs_of
 from eutree.experiments.search_plan import PLAN
 from eutree.experiments.search_table import to_markdown, write_tables
 from eutree.experiments.settings import Demonstrator, Domain, Reading, Setting
@@ -118,7 +116,11 @@ def afterwards(folder: Path) -> str:
     results = Results(folder / "afterwards")
     text = LOOKED_AT.format(seeds=SEEDS_AFTERWARDS)
     for setting in AFTERWARDS:
-        specs = [spec for seed in range(SEEDS_AFTERWARDS) for spec in runs_of(setting, seed)]
+        specs = [
+            spec
+            for number in range(SEEDS_AFTERWARDS)
+            for spec in specs_of(PLAN, "speeds", setting, number)
+        ]
         results.complete(specs)
         final, found = nearest(results.load(specs))
         apart = [
@@ -134,16 +136,6 @@ def afterwards(folder: Path) -> str:
             f"{'; '.join(apart)} |\n"
         )
     return text
-
-
-def runs_of(setting: Setting, number: int) -> list[RunSpec]:
-    """Return the runs that tell every number of a setting, on one seed."""
-    scale = replace(PLAN.scale, first_seed=FIRST_SEED + number, setting=setting)
-    plain = replace(scale, setting=replace(setting, reading=None))
-    expert = [plain.spec(TWO, "expert", "", 0, speed) for speed in (3.2, *PLAN.speeds)]
-    expert.append(plain.spec(THREE, "expert", "", 0))
-    learned = [scale.spec(env, name, PRESET, 0) for env in (TWO, THREE) for name in LEARNERS]
-    return expert + learned + [scale.spec(TWO, "eu-tree", PRESET, 0, v) for v in PLAN.far]
 
 
 if __name__ == "__main__":

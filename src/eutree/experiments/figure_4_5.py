@@ -143,12 +143,12 @@ def draw_4b(axes: "Axes", records: Records) -> None:
         color=["#e0a070" if v == DEMONSTRATED_SPEED else "#a8480c" for v in speeds],
         label=f"EU-Tree to {LEVEL:.0%}",
     )
+    limits = None
     if not any(times):  # nothing can be seen of bars without a height
+        limits = (0.0, 100.0)
         said = f"0 at every speed: each expert tree\nis at {LEVEL:.0%} before it learns"
         axes.text(0.5, 0.5, said, transform=axes.transAxes, ha="center", va="center")
-        drawing.label(axes, "Opponent speed (m/s)", "Episodes", limits=(0.0, 100.0))
-        return
-    drawing.label(axes, "Opponent speed (m/s)", "Episodes")
+    drawing.label(axes, "Opponent speed (m/s)", "Episodes", limits=limits)
 
 
 def draw_5(axes: "Axes", records: Records) -> None:

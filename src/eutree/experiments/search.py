@@ -260,7 +260,7 @@ class Search:
 
     def _run(self, stage: str, settings: Sequence[Setting], number: int) -> None:
         """Do the runs of a stage on one seed."""
-        wanted = {s: self._specs(stage, s, number) for s in settings}
+        wanted = {s: specs_of(self.plan, stage, s, number) for s in settings}
         every = [spec for specs in wanted.values() for spec in specs]
         total = len(set(every))
         self._results.complete(
@@ -271,25 +271,6 @@ class Search:
             new = [spec for spec in specs if spec not in known]
             known.update(zip(new, self._results.load(new), strict=True))
             self._stages[setting] = stage
-
-    def _specs(self, stage: str, setting: Setting, number: int) -> list[RunSpec]:
-        """Return the runs of a setting in a stage, with those of the stages before it."""
-        scale = replace(self.plan.scale, first_seed=FIRST_SEED + number, setting=setting)
-        plain = replace(scale, setting=replace(setting, reading=None))
-        is_person = bool(setting.demonstrator.folder)  # who showed 2-Evasion alone
-        specs = [plain.spec(TWO, "expert", "", 0, v) for v in (3.2, *self.plan.speeds)]
-        if not is_person:
-            specs.append(plain.spec(THREE, "expert", "", 0))
-        learned = LEARNED[stage]
-        if learned == NOTHING:
-            return specs
-        specs += [scale.spec(TWO, learner, PRESET, 0) for learner in LEARNERS]
-        if learned == IN_TWO or is_person:
-            return specs
-        specs += [scale.spec(THREE, learner, PRESET, 0) for learner in LEARNERS]
-        if learned == AT_SPEEDS:
-            specs += [scale.spec(TWO, "eu-tree", PRESET, 0, v) for v in self.plan.far]
-        return specs
 
     def _not_clearly_worse(self, settings: Sequence[Setting], last_seed: int) -> list[Setting]:
         """Drop those whose distance is above the leader's by two standard errors, seed by seed."""
@@ -357,6 +338,26 @@ def recorded_setting(folder: str | Path) -> Setting:
     known = {field.name for field in fields(Domain)}
     domain = Domain(**{name: value for name, value in stated.items() if name in known})
     return Setting(domain=domain, demonstrator=Demonstrator.recorded(folder))
+
+
+def specs_of(plan: SearchPlan, stage: str, setting: Setting, number: int) -> list[RunSpec]:
+    """Return the runs of a setting in a stage, with those of the stages before it, on one seed."""
+    scale = replace(plan.scale, first_seed=FIRST_SEED + number, setting=setting)
+    plain = replace(scale, setting=replace(setting, reading=None))
+    is_person = bool(setting.demonstrator.folder)  # who showed 2-Evasion alone
+    specs = [plain.spec(TWO, "expert", "", 0, v) for v in (3.2, *plan.speeds)]
+    if not is_person:
+        specs.append(plain.spec(THREE, "expert", "", 0))
+    learned = LEARNED[stage]
+    if learned == NOTHING:
+        return specs
+    specs += [scale.spec(TWO, learner, PRESET, 0) for learner in LEARNERS]
+    if learned == IN_TWO or is_person:
+        return specs
+    specs += [scale.spec(THREE, learner, PRESET, 0) for learner in LEARNERS]
+    if learned == AT_SPEEDS:
+        specs += [scale.spec(TWO, "eu-tree", PRESET, 0, v) for v in plan.far]
+    return specs
 
 
 def _kept(ranked: Sequence[Setting], keep: int, rung: Rung) -> list[Setting]:

@@ -14,9 +14,8 @@ from eutree.mdp import TabularMDP, TransitionCounts
 
 def counted(history: History, n_leaves: int, n_actions: int, method: Discretizer) -> TabularMDP:
     """Return the MDP of the stored transitions, not solved."""
-    counts = TransitionCounts(n_leaves, n_actions)
-    if history.size:
-        counts.observe(history.left, history.actions, history.rewards, history.entered)
+    rows = history.left, history.actions, history.rewards, history.entered
+    counts = TransitionCounts.of(*rows, n_states=n_leaves, n_actions=n_actions)
     return TabularMDP(counts, method.discount, untried=method.untried_value)
 
 

@@ -379,12 +379,11 @@ class VectorQuantization:
 
     def _solve(self, left: Integers, actions: Integers, entered: Integers) -> None:
         """Let Q be that of the MDP of the regions (Eqs. 3 to 6)."""
-        mdp = TabularMDP(
-            TransitionCounts(self.book.n_regions, self.n_actions), self.method.discount
-        )
-        mdp.counts.observe(left, actions, self.history.rewards, entered)
+        rows = left, actions, self.history.rewards, entered
+        counts = TransitionCounts.of(*rows, n_states=self.book.n_regions, n_actions=self.n_actions)
+        mdp = TabularMDP(counts, self.method.discount)
         mdp.solve()
-        self.values, self._tried = np.array(mdp.action_values), np.array(mdp.counts.visits)
+        self.values, self._tried = np.array(mdp.action_values), np.array(counts.visits)
 
 
 @dataclass(frozen=True, eq=False)
