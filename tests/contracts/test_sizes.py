@@ -1,15 +1,20 @@
 """No class has over 20 methods, no function over 10 parameters; who may is listed, with a reason.
 
 Properties count as methods, keyword-only arguments as parameters. An exception that is not needed
-any more fails too.
+any more fails too. Kernels have at most eight parameters, without exceptions, and a comment for
+each sixteenth line.
 """
 
 import ast
+import io
+import tokenize
 from collections.abc import Iterator
 from pathlib import Path
 
 SOURCE = Path(__file__).parents[2] / "src" / "eutree"
 MOST_METHODS, MOST_PARAMETERS = 20, 10
+MOST_KERNEL_PARAMETERS = 8  # what is more is state, and goes into a named tuple
+LEAST_COMMENTS = 60  # per 1,000 lines of all kernels together
 
 # scikit-learn's conventions ask for these methods, or for one argument of ``__init__`` a setting.
 LARGE_CLASSES = {
@@ -77,6 +82,44 @@ def test_no_function_has_too_many_parameters() -> None:
     assert long == set(LONG_SIGNATURES)
 
 
+def is_compiled(node: Function) -> bool:
+    return any(ast.unparse(one) == "compiled" for one in node.decorator_list)
+
+
+def explaining(source: str) -> int:
+    """Count the comments that say more than a shape; each line of one counts."""
+    tokens = tokenize.generate_tokens(io.StringIO(source).readline)
+    comments = (one.string for one in tokens if one.type == tokenize.COMMENT)
+    return sum(not one.startswith(("# [", "# fmt:", "# type:", "# noqa")) for one in comments)
+
+
+def test_no_kernel_has_too_many_parameters() -> None:
+    kernels = [
+        (name, node)
+        for name, node in definitions()
+        if isinstance(node, Function) and is_compiled(node)
+    ]
+    assert len(kernels) > 100
+    assert not [name for name, node in kernels if len(parameters(node)) > MOST_KERNEL_PARAMETERS]
+
+
+def test_kernels_are_commented() -> None:
+    sources = [path.read_text() for path in sorted(SOURCE.rglob("_kernels*.py"))]
+    n_lines = sum(len(source.splitlines()) for source in sources)
+    assert 1000 * sum(map(explaining, sources)) / n_lines >= LEAST_COMMENTS
+
+
+def test_which_comments_explain() -> None:
+    text = """
+# Why it is so,
+# in two lines.
+x = y  # [N, d] out
+z = "# no comment"  # type: ignore
+w = x  # a reason
+"""
+    assert explaining(text) == 3
+
+
 def test_what_is_counted() -> None:
     text = """
 class A:
@@ -101,3 +144,4 @@ def go(a): ...
     assert not is_command(y)
     assert isinstance(go, Function)
     assert is_command(go)
+    assert not is_compiled(go)

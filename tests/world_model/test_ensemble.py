@@ -200,7 +200,7 @@ def test_a_deviation_is_the_naive_deviation(ensemble):
         for t in range(k - int(episodes.first[e]), ensemble.horizon):
             at = e * EPISODE_STRIDE + t * (d + 1)
             reward, ends = kernels.step(
-                rollouts._world, rollouts._draws, at, e % 2, action, state, scratch
+                rollouts._world, rollouts._conditions.draws, at, e % 2, action, state, scratch
             )
             total += reward
             if ends:

@@ -217,7 +217,7 @@ def test_what_is_imagined_is_what_happens():
 
 
 def naive_episodes(rollouts, tree):
-    draws, stride = rollouts._draws, _kernels.EPISODE_STRIDE
+    draws, stride = rollouts._conditions.draws, _kernels.EPISODE_STRIDE
     d = rollouts.observations.shape[1]
     starts = rollouts.observations[rollouts._episodes.first[:-1]]
     return [

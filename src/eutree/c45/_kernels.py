@@ -118,6 +118,8 @@ def best_cut(
     while end > 0 and math.isnan(values[end - 1]):
         end -= 1
     n_classes = counts.shape[1]
+    # Unit weights are not stored: sums of them are whole numbers, at which the table of x log x is
+    # read.
     unit = weight.size == 0
     left, right, left_term, right_term = counts[0], counts[1], counts[2], counts[3]
     for c in range(n_classes):
@@ -133,12 +135,19 @@ def best_cut(
         known += right[c]
         right_term[c] = xlogx(right[c], table)
         terms += right_term[c]
+    # Weight times entropy of a part is T(weight) - sum over classes of T(class), T(x) = x log2 x.
+    # base is that of the node, so base minus that of both sides is the reduction (Quinlan 1993,
+    # 2.2).
     base = xlogx(known, table) - terms
+    # A side needs a tenth of the mean weight of a class, at least min_objects and at most 25
+    # (release 8).
     minimum = rules.min_objects
     if rules.use_min_split > 0:
         share = 0.1 * known / n_classes
         if share > rules.min_objects:
             minimum = 25.0 if share > 25.0 else share
+    # Reductions are sums of rounded terms. A later cut has to be better by more than their error,
+    # or the winner among equal cuts would be rounding.
     margin = tolerance * total
     best = -math.inf if rules.greedy > 0 else 0.0
     position = -1
@@ -156,11 +165,14 @@ def best_cut(
         low += w
         new_left = xlogx(left[c], table)
         new_right = xlogx(right[c], table)
+        # Only class c has changed: its two terms are exchanged. The order of these operations
+        # decides the last bits of the reduction, so it is part of the result.
         terms += (new_left - left_term[c]) + (new_right - right_term[c])
         left_term[c] = new_left
         right_term[c] = new_right
         if low < minimum - tolerance:
             continue
+        # The weight on the right can only shrink from here on.
         if low > known - minimum + tolerance:
             break
         if values[i] < values[i + 1] - rules.gap:
@@ -216,9 +228,12 @@ def choose_tests(
                     continue
                 gain[j] = reduction / total
                 if rules.use_penalty > 0:
+                    # Which of the cuts tried was chosen has to be said as well (Quinlan 1996).
                     gain[j] -= math.log2(tries) / total
                 if greedy == 0 and gain[j] <= tolerance:
                     continue
+                # The cases of unknown value count as a branch of their own in the split
+                # information.
                 terms = xlogx(low, table) + xlogx(known - low, table)
                 terms += xlogx(total - known, table)
                 split[j] = (xlogx(total, table) - terms) / total
@@ -248,6 +263,8 @@ def choose_tests(
             if counted[j]:
                 sum_of_gains += gain[j]
                 n_counted += 1
+        # The gain ratio favours lopsided tests of little gain, so attributes below the average gain
+        # are no candidates; 1e-3 is the slack that C4.5 and J48 leave.
         average = -math.inf
         if rules.use_filter > 0:
             average = sum_of_gains / n_counted if n_counted > 0 else math.inf
@@ -255,6 +272,7 @@ def choose_tests(
         best = rules.start_value
         for j in range(d):
             if valid[j] and gain[j] >= average - 1e-3 and split[j] > rules.epsilon:
+                # best is the largest ratio of the attributes before j; equal ones leave the first.
                 ratio = gain[j] / split[j]
                 if ratio > best + tolerance:
                     best = ratio
@@ -277,6 +295,7 @@ def assign_branches(
         j = feature[node]
         if j < 0:
             continue
+        # A nominal attribute may be read in any list: every list holds all cases of the node.
         at = attributes.list_of[j]
         for i in range(starts[node], starts[node + 1]):
             case = order[at, i]
@@ -324,6 +343,8 @@ def divide(
         for at in range(order.shape[0]):
             for fork in range(forks[node]):
                 cursor[fork] = child_starts[first + fork]
+            # Cases are taken in the order of the parent, so the list of each child is sorted as
+            # well.
             for i in range(starts[node], starts[node + 1]):
                 case = order[at, i]
                 b = branch[case]

@@ -12,6 +12,7 @@ from eutree.compiled import compiled
 def xlogx_table(size: int) -> Floats:
     """Return x log2 x for x = 0, 1, ..., size - 1."""
     table = np.zeros(size)
+    # The limit of x log x at 0 is 0, and so is 1 log 1: both stand there already.
     for x in range(2, size):
         table[x] = x * math.log2(x)
     return table
@@ -22,6 +23,7 @@ def xlogx(x: float, table: Floats) -> float:
     """Return x log2 x, from the table if there is one (then x must be a whole number)."""
     if table.size > 0:
         return float(table[int(x + 0.5)])
+    # A weight from which all was subtracted again is 0 up to rounding, and may be negative.
     if x <= 1e-9:
         return 0.0
     return x * math.log2(x)
@@ -62,6 +64,8 @@ def nominal_gain(
     table: Floats,
 ) -> tuple[bool, float, float]:
     """Return (whether two blocks are large enough, gain, split information) of the blocks."""
+    # base becomes the node's weight times entropy, T(known) - sum over classes of T(class) with
+    # T(x) = x log2 x.
     base = xlogx(known, table)
     for c in range(frequency.shape[1]):
         count = 0.0
@@ -69,8 +73,10 @@ def nominal_gain(
             count += frequency[v, c]
         base -= xlogx(count, table)
     info = 0.0
+    # Cases of unknown value are one more branch of the split information.
     split = xlogx(total, table) - xlogx(total - known, table)
     reasonable = 0
+    # info: weight times entropy within the blocks before v; split: T(total) less their T(size).
     for v in range(n_blocks):
         size = 0.0
         for c in range(frequency.shape[1]):
@@ -78,6 +84,7 @@ def nominal_gain(
             info -= xlogx(frequency[v, c], table)
         info += xlogx(size, table)
         split -= xlogx(size, table)
+        # C4.5 asks for two branches at least that are no exceptions.
         if size >= min_objects - 1e-9 and size > 0.0:
             reasonable += 1
     return reasonable >= 2, (base - info) / total, split / total
@@ -101,6 +108,7 @@ def merge_values(
     than two blocks are large enough) and more than two blocks are left.
     """
     n_blocks = 0
+    # n_blocks <= v: rows move to the front and never onto one that is still to be read.
     for v in range(n_values):
         block[v] = -1
         if frequency[v].sum() > 0.0:
@@ -109,6 +117,8 @@ def merge_values(
                 frequency[n_blocks, c] = frequency[v, c]
             n_blocks += 1
     a = 0
+    # No block before a shares a pure class with a later one, nor a with those between a and b.
+    # Joining blocks of one class loses no information.
     while a < n_blocks - 1 and n_blocks > 2:
         b = a + 1
         while b < n_blocks and n_blocks > 2:
@@ -123,6 +133,7 @@ def merge_values(
                 b += 1
         a += 1
     reasonable, gain, split = nominal_gain(frequency, n_blocks, known, total, min_objects, table)
+    # reasonable, gain and split are those of the present blocks, one fewer in every round.
     while n_blocks > 2:
         best = -1.0
         best_a, best_b = 0, 1
@@ -130,6 +141,8 @@ def merge_values(
             for b in range(a + 1, n_blocks):
                 size_a, size_b = frequency[a].sum(), frequency[b].sum()
                 joined = xlogx(size_a + size_b, table)
+                # Joining changes the terms of these two blocks only: ``lost`` is what it takes from
+                # the split information, ``info`` what it takes from the gain.
                 lost = joined - xlogx(size_a, table) - xlogx(size_b, table)
                 info = lost
                 for c in range(frequency.shape[1]):
@@ -158,6 +171,7 @@ def join_blocks(
         frequency[a, c] += frequency[b, c]
         for later in range(b + 1, n_blocks):
             frequency[later - 1, c] = frequency[later, c]
+    # The numbers of blocks stay dense, so those above b go down by one.
     for v in range(n_values):
         if block[v] == b:
             block[v] = a

@@ -37,6 +37,7 @@ def find_leaves(
         while j >= 0:
             value = observations[i, j]
             if value_start[node] < 0:
+                # Both comparisons are false for NaN, so an unknown value needs no test of its own.
                 if value <= threshold[node]:
                     node = first_child[node]
                 elif value > threshold[node]:
@@ -71,6 +72,7 @@ def share_out(
     feature, threshold, first_child = tree.feature, tree.threshold, tree.first_child
     value_start, value_branch = tree.value_start, tree.value_branch
     # The stack holds what is left to visit: its parts and those of the leaves seen add up to 1.
+    # A row meets a node once at most, so M places are enough.
     stack = np.empty(feature.size, np.int32)
     parts = np.empty(feature.size)
     for k in range(rows.size):
@@ -85,6 +87,7 @@ def share_out(
             if feature[node] < 0:
                 for c in range(out.shape[1]):
                     out[k, c] += part * probability[node, c]
+                # Branches are visited in order, so of equal shares the first leaf wins.
                 if part > largest:
                     largest = part
                     leaf[k] = node
@@ -100,6 +103,8 @@ def share_out(
             total = 0.0
             for fork in range(tree.n_children[node]):
                 total += size[first + fork]
+            # In reverse, because the stack turns the order round: sums over leaves go from the
+            # first branch to the last, which fixes their last bits.
             for fork in range(tree.n_children[node] - 1, -1, -1):
                 if size[first + fork] > 0.0:
                     stack[depth] = first + fork

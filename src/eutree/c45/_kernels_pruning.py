@@ -78,6 +78,8 @@ def add_errors(n: float, e: float, confidence: float, z: float, normal: bool) ->
     """
     if normal and confidence > 0.5:
         return 0.0
+    # Between no error and one the addition is interpolated. Without errors it is n times the rate
+    # at which n cases go without one with probability ``confidence``: (1 - p)^n.
     if e < (1.0 if normal else 0.9999):
         base: float = n * (1.0 - confidence ** (1.0 / n))
         if e < (1e-300 if normal else 1e-6):
@@ -92,6 +94,7 @@ def add_errors_from_one(n: float, e: float, z: float, normal: bool) -> float:
     if e + 0.5 >= n:
         rest = n - e if normal else 0.67 * (n - e)
         return float(rest) if rest > 0.0 else 0.0
+    # Upper end of Wilson's interval of a binomial rate, with half an error for continuity.
     e += 0.5
     z2 = z * z
     rate = (e + z2 / 2.0 + math.sqrt(z2 * (e * (1.0 - e / n) + z2 / 4.0))) / (n + z2)
@@ -105,6 +108,7 @@ def estimated_errors(distribution: Floats, estimate: Estimate) -> float:
     e = total - float(distribution.max())
     if total <= 1e-9:
         return 0.0
+    # Fractional weights leave rounding behind: a pure leaf has no errors.
     if e < 1e-9:
         e = 0.0
     return e + add_errors(total, e, estimate.confidence, estimate.z, estimate.normal)
@@ -115,6 +119,7 @@ def room(array: NDArray[_Number], needed: int) -> NDArray[_Number]:
     """Return the array, or a longer copy if it has fewer than ``needed`` entries."""
     if array.size >= needed:
         return array
+    # Doubling: however often it grows, an entry is copied about once on average.
     longer = np.empty(max(needed, 2 * array.size), array.dtype)
     for i in range(array.size):
         longer[i] = array[i]
@@ -153,6 +158,7 @@ def hand_down(
     bounds[: forks + 1] = 0
     unknown = 0
     known_weight = 0.0
+    # bounds[b + 1] counts the known cases of branch b; summed up, bounds[b] is where b begins.
     for i in range(start, stop):
         b = branch_of(observations[rows[i], j], t, at, value_branch)
         if b < 0:
@@ -169,6 +175,7 @@ def hand_down(
             scratch_rows[cursor[b]] = rows[i]
             scratch_weights[cursor[b]] = weights[i]
             cursor[b] += 1
+        # Back in place, in the order of the branches and within each in that of before.
         for i in range(stop - start):
             rows[start + i] = scratch_rows[i]
             weights[start + i] = scratch_weights[i]
@@ -178,6 +185,7 @@ def hand_down(
         b = branch_of(observations[rows[i], j], t, at, value_branch)
         if b >= 0:
             share[b] += weights[i]
+    # Cases of unknown value are shared out as the known weight is; evenly if nothing is known.
     if known_weight > 0.0:
         share /= known_weight
     else:
@@ -218,6 +226,8 @@ def prune(
     arena = Arena(rows, weights, rows.copy(), weights.copy())
     error = np.zeros(n_nodes)
     bounds = np.zeros(n_children.max() + 1, np.int32)
+    # Columns: node, first and last of its cases in the arena, phase, where the arena is free. Nodes
+    # below a node in phase 1 are finished when it comes up: their classes and errors are final.
     stack = np.zeros((2 * n_nodes + 2, 5), np.int64)
     stack[0, 2] = n_rows
     stack[0, 4] = n_rows
@@ -256,6 +266,7 @@ def prune(
         tree_error = 0.0
         for b in range(forks):
             size = distribution[first + b].sum()
+            # Of equally heavy branches the last is kept; 1e-9 is for sums of fractional weights.
             if size >= most - 1e-9:
                 largest = first + b
                 most = size
@@ -263,15 +274,18 @@ def prune(
         leaf_error = estimated_errors(distribution[node], estimate)
         branch_error = math.inf
         if raising:
+            # A branch with more errors than this is raised in no case, and errors only add up.
             limit = max(leaf_error, tree_error) + 0.1
             branch_error, arena = errors_of_branch(
                 largest, Place(start, stop, top), limit, arena, tree, training, estimate, scratch
             )
+        # The smaller tree wins unless it costs more than 0.1 error, as in release 8.
         if leaf_error <= branch_error + 0.1 + 1e-9 and leaf_error <= tree_error + 0.1 + 1e-9:
             feature[node] = -1
             n_children[node] = 0
             error[node] = leaf_error
         elif branch_error <= tree_error + 0.1 + 1e-9:
+            # The node becomes a copy of its largest branch, and begins again at phase 0.
             feature[node] = feature[largest]
             threshold[node] = threshold[largest]
             first_child[node] = first_child[largest]

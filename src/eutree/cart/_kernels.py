@@ -64,15 +64,19 @@ def best_cut(
         for k in range(begin, end - 1):
             row = order[j, k]
             c, w = labels[row], weights[row]
+            # (b + w)^2 - b^2 = w (2 b + w): only one class changes, so the sums of squares need no
+            # loop.
             left_squares += w * (2.0 * below[c] + w)
             right_squares += w * (w - 2.0 * above[c])
             below[c] += w
             above[c] -= w
             left += w
             right -= w
+            # No threshold separates equal values, and a part without weight has no impurity.
             if X[j, row] == X[j, order[j, k + 1]] or left <= 0.0 or right <= 0.0:
                 continue
             gain = left_squares / left + right_squares / right - own
+            # Rounding does not choose between equal cuts: the first feature and position win.
             if gain > most + SAME * total:
                 most, feature, position = gain, j, k + 1
     return most, feature, position
@@ -89,6 +93,7 @@ def cut(
     scratch: Int32s,  # [N]
 ) -> None:
     """Sort the node's rows into a left and a right part, in every feature's order."""
+    # Indexed by row: the same answer serves the order of every feature.
     for k in range(begin, end):
         goes_left[order[feature, k]] = k < position
     for j in range(order.shape[0]):
@@ -124,6 +129,7 @@ def grow(rows: Rows, out: Nodes) -> int:
     for i in range(n_rows):
         counts[0, labels[i]] += weights[i]
     feature[0] = -1
+    # A leaf's best cut (feature, position) is found once, when the leaf is made.
     gain[0], where[0, 0], where[0, 1] = best_cut(rows, 0, n_rows, counts[0])
     n_nodes = 1
     # Each round turns the leaf of the largest gain into a node with two leaves.

@@ -46,6 +46,7 @@ def minimax(
     the first aim of a cell that is complete is its best. An outcome need not be a neighbour.
     """
     n_aims, n_nodes = start.shape[0], cost.shape[0]
+    # Reverse hyper-arcs: aims[first[c]:first[c + 1]] may end in node c.
     first = np.zeros(n_nodes + 1, np.int64)  # [L + 2] aims that may end in each node
     for k in range(outcome.shape[0]):
         if outcome[k] >= 0:
@@ -71,6 +72,7 @@ def minimax(
         for k in range(first[node], first[node + 1]):
             aim = aims[k]
             waiting[aim] -= 1
+            # The aim's last outcome is its dearest. A cell with a cost has a better aim already.
             if waiting[aim] == 0 and cost[start[aim]] == UNKNOWN:
                 cost[start[aim]] = cost[node] + 1.0
                 queue[n_queued] = start[aim]

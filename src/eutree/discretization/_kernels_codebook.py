@@ -16,12 +16,15 @@ def nearest(
     A sum of squares only grows, so a codeword is left as soon as it is no nearer than the best.
     """
     for i in range(points.shape[0]):
+        # best is the smallest square of the codewords before r, owner the first that has it; -1
+        # says that none was measured yet.
         best, owner = -1.0, 0
         for r in range(codewords.shape[0]):
             square = 0.0
             for j in range(points.shape[1]):
                 offset = points[i, j] - codewords[r, j]
                 square += offset * offset
+                # Equal ones are left as well: the lower number keeps the point.
                 if 0.0 <= best <= square:
                     break
             if best < 0.0 or square < best:
@@ -39,6 +42,7 @@ def nearest_in_leaf(
 ) -> None:
     """Write the nearest codeword of each point among those of its leaf."""
     for i in range(points.shape[0]):
+        # As in ``nearest``, among the codewords of one leaf.
         best, region = -1.0, first[leaves[i]]
         for r in range(first[leaves[i]], first[leaves[i] + 1]):
             square = 0.0
@@ -66,6 +70,7 @@ def centroids(
         counts[owners[i]] += 1.0
         for j in range(points.shape[1]):
             codewords[owners[i], j] += points[i, j]
+    # Every codeword owns a point, so no count is 0.
     for r in range(codewords.shape[0]):
         for j in range(codewords.shape[1]):
             codewords[r, j] /= counts[r]

@@ -31,6 +31,7 @@ def interpolate(
     for n in range(points.shape[0]):
         box = leaf[n]
         for i in range(d):
+            # An axis without extent has position 0: its upper corner gets no weight.
             side = high[box, i] - low[box, i]
             share = (points[n, i] - low[box, i]) / side if side > 0.0 else 0.0
             z[i] = min(max(share, 0.0), 1.0)
@@ -45,6 +46,7 @@ def interpolate(
             successor[n, k] = corner_of[box, corner]
             weight[n, k] = above - z[order[k]]
             above = z[order[k]]
+            # The next vertex is the upper end of one more axis.
             corner |= 1 << order[k]
         successor[n, d] = corner_of[box, corner]
         weight[n, d] = above
@@ -66,9 +68,11 @@ def influence(
     """
     flow, after = source.copy(), np.empty(source.shape[0])
     total[:] = source
+    # flow is (P^T)^n source and total the sum of the flows up to it.
     for n in range(most):
         after[:] = 0.0
         for x in range(successor.shape[0]):
+            # In the first rounds the flow of most corners is still 0.
             if flow[x] != 0.0:
                 for k in range(successor.shape[1]):
                     after[successor[x, k]] += weight[x, k] * flow[x]
@@ -96,6 +100,8 @@ def variance(
     for n in range(most):
         change = 0.0
         for x in range(successor.shape[0]):
+            # total holds this sweep's values before x and the last one's from x on. Discounts below
+            # 1 make every sweep a contraction, from any first guess.
             mean = 0.0
             for k in range(successor.shape[1]):
                 mean += weight[x, k] * total[successor[x, k]]

@@ -28,6 +28,7 @@ def tile(tiles: Tiles, observation: Floats, level: int, first: int) -> int:
     """Return the tile of a level that holds an observation; ``first`` is the level's first tile."""
     n, number = tiles.levels[level], 0
     for i in range(observation.size):
+        # Row by row, the last axis fastest; outside of the box the tiles at its border answer.
         share = (observation[i] - tiles.low[i]) / tiles.span[i]
         number = number * n + min(max(int(share * n), 0), n - 1)
     return first + number
@@ -41,12 +42,14 @@ def learn(tiles: Tiles, observation: Floats, action: int, left: Floats) -> None:
         square += left[i] * left[i]
     tiles.size[0] += square
     tiles.size[1] += 1.0
+    # Mean squared displacement so far: errors measured by it compare between tasks.
     typical = max(tiles.size[0] / tiles.size[1], 1e-12)
     first = 0
     for level in range(tiles.levels.size):
         at = tile(tiles, observation, level, first)
         first += tiles.levels[level] ** observation.size
         tiles.visits[action, at] += 1
+        # 1 / n averages the first 1 / RATE values exactly; later ones replace older ones slowly.
         rate = max(RATE, 1.0 / tiles.visits[action, at])
         error = 0.0
         for i in range(left.size):  # what this level leaves over is the next one's to learn
@@ -72,6 +75,7 @@ def predict(tiles: Tiles, observation: Floats, moves: Floats) -> float:
         first += tiles.levels[level] ** observation.size
         n_seen = 0
         for action in range(n_actions):
+            # errors[a]: of the finest level seen so far, 1 as long as there is none.
             if tiles.visits[action, at] > 0:
                 errors[action] = tiles.errors[action, at]
             n_seen += tiles.visits[action, at]

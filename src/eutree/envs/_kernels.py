@@ -53,6 +53,7 @@ def begin(
     positions[e] = 0.0
     steps[e] = 0
     for i in range(count):
+        # uniforms[e] holds a place on the path for each opponent, then a direction for each.
         opponents[e, i] = (2.0 * uniforms[e, i] - 1.0) * half_path
         directions[e, i] = -1.0 if uniforms[e, count + i] < 0.5 else 1.0
         if start != 0:  # at an end, heading inwards: either one, or the upper for all
@@ -74,7 +75,9 @@ def move(
     """Move copy ``e`` one step, operation by operation as ``_dynamics.advance``."""
     share, half_path = constants[0], constants[3]
     path = 2.0 * half_path
+    # The draws of this step: the agent's first, then those of the opponents in their order.
     row = noise[e, steps[e]]
+    # A factor below 0 would be a step backwards.
     factor = max(1.0 + share * row[0], 0.0)
     positions[e] = min(positions[e] + action * (constants[1] * factor), constants[4])
     for i in range(opponents.shape[1]):
@@ -83,12 +86,15 @@ def move(
         beyond = target + half_path
         if not 0.0 <= beyond < path:  # else no end is passed and the lines below change nothing
             if constants[10] == 0:
+                # Folded back into the path: it turns at each end passed, so an odd number of them
+                # reverses it. The parity is taken by floor, for passes may be negative.
                 passes = np.floor(beyond / path)
                 turns = 1.0 - 2.0 * (passes - 2.0 * np.floor(passes / 2.0))
                 target = turns * (target - path * passes)
                 directions[e, i] *= turns
             elif target < -half_path or target >= half_path:  # as _dynamics.turn compares
                 directions[e, i] *= -1.0
+        # Folding rounds, and the other rule has passed the end: neither leaves the path.
         opponents[e, i] = min(max(target, -half_path), half_path)
     steps[e] += 1
 
@@ -104,6 +110,8 @@ def judge(
     steps: Integers,  # [E]
 ) -> int:
     """Return how the episode of copy ``e`` has ended, as ``_dynamics.ending``."""
+    # Squares are compared as in the single environment: a root could round to the other side. A
+    # collision comes first, where both happen in one step.
     for i in range(opponents.shape[1]):
         along = positions[e] - crossing[i]
         if along * along + opponents[e, i] * opponents[e, i] <= constants[5]:
@@ -167,6 +175,7 @@ def advance_all(
         else:
             move(e, actions[e], constants, noise, positions, opponents, directions, steps)
             how = judge(e, max_steps, constants, crossing, positions, opponents, steps)
+            # Added in the order of the single environment, so that rewards are equal to the bit.
             price = constants[8] if actions[e] == STOP else 0.0
             if how == GOAL:
                 price += constants[6]

@@ -66,11 +66,14 @@ def append_rows(
         rows.actions[row] = episode.actions[t]
         rows.rewards[row] = episode.rewards[t]
         rows.episodes[row] = number
+        # A return goes on from one row into the next only if they were steps in succession.
         rows.continues[row] = t > 0 and stored[t - 1]
         rows.left[row] = episode.leaves[t]
+        # Only a true end has no leaf behind it: after a truncation values still bootstrap.
         rows.entered[row] = TERMINAL if terminated and t == steps - 1 else episode.leaves[t + 1]
         rows.demonstrated[row] = episode.demonstrated[t]
         row += 1
+    # The caller has made room for all T rows, so no write above is checked.
     append_to_lists(rows.left, first, row, left, rows.left_link)
     append_to_lists(rows.entered, first, row, entered, rows.entered_link)
     return row
@@ -91,6 +94,7 @@ def append_to_lists(
         label = labels[row]
         if label < 0:
             continue
+        # An empty list has a head and a tail left over from before: only its count tells.
         if count[label] == 0:
             head[label] = row
         else:
@@ -103,6 +107,7 @@ def append_to_lists(
 def walk_list(start: int, link: Integers, out: Integers) -> None:
     """Write the rows of one list to ``out``, in ascending order."""
     row = start
+    # The caller knows how many there are, so the end of the list is not looked for.
     for i in range(out.size):
         out[i] = row
         row = link[row]
@@ -115,6 +120,7 @@ def merge(
     out: Integers,  # [n + m]
 ) -> int:
     """Write the union of two lists of rows, ascending; return its size."""
+    # out[:size] is the union of one[:i] and other[:j]; a row of both moves both on.
     i, j, size = 0, 0, 0
     while i < one.size or j < other.size:
         if j == other.size or (i < one.size and one[i] <= other[j]):
@@ -141,6 +147,7 @@ def split_list(
 ) -> None:
     """Divide the list of ``label`` in two, keeping the ascending order of both."""
     head, tail, count = lists.head, lists.tail, lists.counts
+    # Counted from 0 again: the first row that a list gets then sets its head.
     count[label] = 0
     count[new_label] = 0
     for i in range(rows.size):  # both lists hold what they are to hold of the rows before
@@ -209,10 +216,12 @@ def lambda_targets(
             total += weight * rewards[row]
             if entered[row] < 0:
                 break
+            # The action of the row itself counts whatever it was; those after it only while greedy.
             follows = row + 1 < n_rows and chain.continues[row + 1]
             if not follows or actions[row + 1] != greedy[left[row + 1]]:
                 total += weight * discount * values[entered[row]]
                 break
+            # The share 1 - decay ends here with the value of the leaf, the rest goes on.
             total += weight * discount * (1.0 - decay) * values[entered[row]]
             weight *= discount * decay
             row += 1

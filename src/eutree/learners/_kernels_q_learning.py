@@ -21,6 +21,7 @@ def q_learning(
     stood there. Actions never tried are left out of the maximum; a state without any has value 0.
     """
     for i in range(states.shape[0]):
+        # values and tried hold the updates of the transitions before i.
         target = rewards[i]
         if next_states[i] >= 0:
             best, known = 0.0, False
@@ -35,5 +36,6 @@ def q_learning(
         old = values[s, a]
         if old != old:
             old = 0.0
+        # For 1/2 < rate <= 1 the rates sum to infinity and their squares do not.
         alpha = tried[s, a] ** -rate
         values[s, a] = old + alpha * (target - old)

@@ -49,6 +49,7 @@ def step(
         The leaf of the observation, and its greedy action after the backups, ``UNKNOWN``, or
         ``REFUSED`` with the MDP unchanged.
     """
+    # The leaf is looked up before anything changes, and its action after: backups change Q.
     led_to = descend(nodes, observation, 0)
     entered = TERMINAL if terminated else led_to
     if observe(mdp, leaf, action, reward, entered, backups) != DONE:

@@ -66,6 +66,7 @@ class Successors(NamedTuple):
 def _search(pool: Int32s, start: int, size: int, key: int) -> int:
     """Return the first place in the row whose key is not below ``key``."""
     low, high = start, start + size
+    # Keys before low are below ``key``, those from high on are not.
     while low < high:
         middle = (low + high) // 2
         if pool[middle, KEY] < key:
@@ -93,6 +94,7 @@ def _increment(table: Int32s, pool: Int32s, counters: Integers, row: int, key: i
     if at < start + size and pool[at, KEY] == key:
         pool[at, COUNT] += 1
         return
+    # The row moves to the end of the pool; its old places are lost until the pool is repacked.
     if size == capacity:
         moved = counters[USED]
         for k in range(size):
@@ -100,10 +102,12 @@ def _increment(table: Int32s, pool: Int32s, counters: Integers, row: int, key: i
             pool[moved + k, COUNT] = pool[start + k, COUNT]
         at += moved - start
         start = moved
+        # Doubling: over its life a row moves each entry about once.
         capacity = max(FIRST_CAPACITY, 2 * capacity)
         counters[USED] += capacity
         table[row, START] = start
         table[row, CAPACITY] = capacity
+    # From the end, so that no entry is overwritten before it has moved.
     for k in range(start + size, at, -1):
         pool[k, KEY] = pool[k - 1, KEY]
         pool[k, COUNT] = pool[k - 1, COUNT]
@@ -130,6 +134,8 @@ def has_room(
     table: Int32s, pool: Int32s, counters: Integers, n_actions: int, pair: int, next_state: int
 ) -> bool:
     """Return whether both rows of a transition could move to the end of the pool."""
+    # At worst both rows move. Asked for both at once, so that a transition is counted in both of
+    # its rows or in neither.
     row = pair // n_actions * (n_actions + 1) + pair % n_actions
     needed = max(FIRST_CAPACITY, 2 * table[row, CAPACITY])
     if next_state != TERMINAL:
@@ -155,6 +161,7 @@ def _unlink(table: Int32s, pool: Int32s, n_actions: int, pair: int, next_state: 
     row = pair // n_actions * (n_actions + 1) + pair % n_actions
     if count_of(table, pool, row, next_state) == 0:
         return False
+    # Both rows were counted together, so the other one has it too.
     _decrement(table, pool, row, next_state)
     if next_state != TERMINAL:
         _decrement(table, pool, next_state * (n_actions + 1) + n_actions, pair)
@@ -231,6 +238,7 @@ def repack(
             larger[used + k, KEY] = pool[start + k, KEY]
             larger[used + k, COUNT] = pool[start + k, COUNT]
         table[row, START] = used
+        # A quarter more, so that the rows in use do not all move again with the next steps.
         table[row, CAPACITY] = size + size // 4
         used += size + size // 4
     return used
@@ -266,6 +274,7 @@ def count_successors(
             if seen[key + 1] == 1:
                 keys[start + size] = key
                 size += 1
+        # Only distinct keys are sorted: few, however many transitions there are.
         keys[start : start + size].sort()
         for i in range(start, start + size):
             out.counts[i] = seen[keys[i] + 1]
@@ -332,6 +341,8 @@ def fill_model(counts: CountArrays, out: ModelArrays) -> int:
         for a in range(n_actions):  # the entries of the pairs before this one are written
             row = s * (n_actions + 1) + a
             for k in range(table[row, START], table[row, START] + table[row, SIZE]):
+                # Pr(s, a, s') = n(s, a, s') / n(s, a); each row ascends, so sums over it have one
+                # order.
                 share = pool[k, COUNT] / visits[s, a]
                 if pool[k, KEY] == TERMINAL:
                     out.termination[s, a] = share

@@ -75,6 +75,7 @@ def _precedes(priority: Floats, one: int, other: int) -> bool:
 def _sift_up(heap: Int32s, priority: Floats, slot: int) -> None:
     """Restore the heap after the state in ``slot`` rose."""
     state = heap[ORDER, slot]
+    # The slot is a hole: all else is in order, and ``state`` precedes all below the hole.
     while slot > 0:
         above = (slot - 1) // 2
         if not _precedes(priority, state, heap[ORDER, above]):
@@ -110,6 +111,7 @@ def pop(heap: Int32s, priority: Floats, counters: Integers) -> int:
         return int(top)
     state = heap[ORDER, size]
     slot = 0
+    # The hole at the top sinks until the queue's last state, which fills it, precedes both below.
     while 2 * slot + 1 < size:
         below = 2 * slot + 1
         if below + 1 < size and _precedes(priority, heap[ORDER, below + 1], heap[ORDER, below]):
@@ -145,6 +147,7 @@ def back_up(mdp: MDPArrays, state: int) -> float:
             continue
         row = state * (n_actions + 1) + a
         total, loops = 0.0, 0
+        # Keys ascend, so the last bit of the sum depends on the counts alone, not on their history.
         for k in range(table[row, START], table[row, START] + table[row, SIZE]):
             key = pool[k, KEY]
             if key == state:
@@ -234,6 +237,7 @@ def sweep(mdp: MDPArrays, budget: int) -> int:
         row = state * (n_actions + 1) + n_actions
         for k in range(table[row, START], table[row, START] + table[row, SIZE]):
             pair = pool[k, KEY]
+            # Pr times the change: as much as Q of the pair can change (Moore and Atkeson 1993).
             value = pool[k, COUNT] / visits[pair] * change
             if not value > threshold:
                 continue
@@ -258,6 +262,7 @@ def observe(
     """
     counts = mdp.counts
     n_states, n_actions = counts.counters[STATES], counts.visits.shape[1]
+    # Compiled code checks no index, and these come from outside; all later ones derive from them.
     if not (
         0 <= state < n_states
         and 0 <= action < n_actions

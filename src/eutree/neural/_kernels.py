@@ -48,6 +48,7 @@ def add_product(a: Float32s, b: Float32s, out: Float32s) -> None:
     """
     n, p = a.shape
     q = b.shape[1]
+    # One more than p: the place behind the last is written to before it is known to count.
     active = np.empty(p + 1, np.int64)
     for i in range(n):
         # active[:m] holds, ascending, the columns k <= the present one with a[i, k] != 0.
@@ -57,6 +58,8 @@ def add_product(a: Float32s, b: Float32s, out: Float32s) -> None:
             m += a[i, k] != 0
         row = out[i]
         t = 0
+        # row holds the products of active[:t]. The parentheses fix the order of four additions, so
+        # the sum is the same at any width of vectors.
         while t + 4 <= m:
             k0, k1, k2, k3 = active[t], active[t + 1], active[t + 2], active[t + 3]
             x0, x1, x2, x3 = a[i, k0], a[i, k1], a[i, k2], a[i, k3]
@@ -76,6 +79,7 @@ def add_product(a: Float32s, b: Float32s, out: Float32s) -> None:
 def layer(x: Float32s, w: Float32s, b: Float32s, rectified: bool, out: Float32s) -> None:
     """Write x w + b, and 0 in place of what is negative if it is rectified."""
     for i in range(x.shape[0]):
+        # The constants first, the products after: this order is part of the result.
         out[i] = b
     add_product(x, w, out)
     if rectified:
@@ -101,6 +105,7 @@ def layer_gradient(
 ) -> None:
     """Write the derivatives of the loss by a layer's weights: x^T error and its column sums."""
     of_w[:] = 0
+    # Transposed copies, so that the inner loop of the product runs along memory.
     add_product(np.ascontiguousarray(x.T), error, of_w)
     of_b[:] = 0
     for i in range(error.shape[0]):
@@ -119,6 +124,7 @@ def passed_back(error: Float32s, w: Float32s, hidden: Float32s) -> Float32s:
     """
     back = np.zeros_like(hidden)
     add_product(error, np.ascontiguousarray(w.T), back)
+    # The rectifier has slope 1 above 0 and, by convention, 0 at it.
     for i in range(back.shape[0]):
         for j in range(back.shape[1]):
             if hidden[i, j] <= 0:
@@ -139,6 +145,7 @@ def backward(
         error: Derivative of the loss by each output, [n, q].
         gradient: Out, laid out like the network.
     """
+    # From the last layer to the first; errors are those before the rectifier.
     layer_gradient(at.hidden2, error, gradient.w3, gradient.b3)
     error2 = passed_back(error, network.w3, at.hidden2)
     layer_gradient(at.hidden1, error2, gradient.w2, gradient.b2)
@@ -160,6 +167,8 @@ def adam_step(
     ``mean`` and ``square`` are decaying averages of the gradient and of its squares. Both start at
     0 and are too small by 1 - beta^number, which is divided out.
     """
+    # Both corrections in one factor, computed in 64 bits and rounded once. Constants are cast to
+    # the width of the weights: a single 64-bit factor would widen every line of the loop.
     scale = rate * np.sqrt(1.0 - DECAY_OF_SQUARE**number) / (1.0 - DECAY_OF_MEAN**number)
     scale32 = weights.dtype.type(scale)
     keep1, keep2 = weights.dtype.type(DECAY_OF_MEAN), weights.dtype.type(DECAY_OF_SQUARE)
@@ -177,6 +186,7 @@ def limit_norm(gradient: Float32s, limit: float) -> None:
     """Scale a gradient down, in place, to a Euclidean norm of at most ``limit``."""
     total = 0.0
     for i in range(gradient.size):
+        # In 64 bits: a long sum of small squares would lose them in 32.
         total += float(gradient[i]) * float(gradient[i])
     norm = np.sqrt(total)
     if norm > limit:
@@ -188,6 +198,7 @@ def move_towards(weights: Float32s, goal: Float32s, share: float) -> None:
     """Move weights a share of the way to others, in place."""
     part = weights.dtype.type(share)
     for i in range(weights.size):
+        # As a difference, so that weights which are at the goal stay there to the bit.
         weights[i] += part * (goal[i] - weights[i])
 
 

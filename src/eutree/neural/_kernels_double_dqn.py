@@ -92,6 +92,8 @@ def update(
     for u in range(rows.shape[0]):
         take_batch(experience, rows[u], x, later)
         forward(learning.online, later, at)
+        # Chosen by one network and valued by the other: no action is valued by the noise that chose
+        # it. Where the task ended the discount is 0.
         for i in range(n):
             chosen[i] = best(at.out[i])
         forward(learning.target, later, at_target)
@@ -99,7 +101,9 @@ def update(
             row = rows[u, i]
             value = at_target.out[i, chosen[i]]
             goal[i] = experience.earned[row] + experience.discounts[row] * value
+        # Last of the forward passes, for ``backward`` needs what the layers put out for x.
         forward(learning.online, x, at)
+        # Only the action that was taken has a target.
         error[:] = 0
         for i in range(n):
             action = experience.actions[rows[u, i]]

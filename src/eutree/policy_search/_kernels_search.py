@@ -29,11 +29,14 @@ def best_interval(
     above ends at the last. Kadane's scan, with a delay that keeps ``min_rows`` rows inside.
     """
     n = values.size
+    # sums[i]: gains of the first i values, so an interval's gain is a difference of two.
     sums = np.zeros(n + 1)
     for i in range(n):
         sums[i + 1] = sums[i] + gains[order[i]]
     best, begin, end = -np.inf, 0, -1
     least, least_at = np.inf, -1
+    # least is the smallest sums[i] of an interval that may start at i and hold min_rows up to j:
+    # the best interval that ends at j starts there.
     for j in range(n):
         i = j - min_rows + 1
         starts = i == 0 or (i > 0 and not open_below and values[order[i - 1]] < values[order[i]])
@@ -67,6 +70,7 @@ def best_box(
     for i in range(inside.size):
         total += gains[inside[i]]
     cuts = 0
+    # inside are the rows in the box so far, in their old order, and total their gains.
     while cuts < MAX_CUTS and inside.size >= 2 * min_rows:
         n = inside.size
         best, feature, low, high, n_cuts = 1e-12, -1, -np.inf, np.inf, 0
@@ -75,6 +79,7 @@ def best_box(
             for i in range(n):
                 values[i] = observations[inside[i], j]
             order = np.argsort(values)
+            # Open below, open above, or cut on both sides: each cut has its price.
             for shape in range(3):
                 sum_inside, begin, end = best_interval(
                     values, mine, order, min_rows, shape == 0, shape == 1
@@ -92,6 +97,7 @@ def best_box(
                         high = threshold_between(values[order[end]], values[order[end + 1]])
         if feature < 0:
             break
+        # A feature may be cut twice; the box only ever narrows.
         box[feature, 0] = max(box[feature, 0], low)
         box[feature, 1] = min(box[feature, 1], high)
         cuts += n_cuts

@@ -93,6 +93,7 @@ def best_of_sample(
         column[j] = returns[rows[j]]
     by_return = sorted_labels(column, label, label.copy(), keys, spare, differs).copy()
     rank_at, cumulative = dense_ranks(differs)  # by place: position in the order of the returns
+    # All returns are equal: no cut has a distance.
     if cumulative.size == 1:
         return found, cut, weight, best, left, right
     for p in range(n):
@@ -103,6 +104,7 @@ def best_of_sample(
         places = sorted_labels(column, label, by_return, keys, spare, differs)
         for i in range(n):
             rank[i] = rank_at[places[i]]
+        # The best score so far is the floor of the next attribute, so ties keep the lower one.
         i, w, score = best_cut(rank, differs, cumulative, side, distance, best, block, brute)
         if i > 0:
             found, cut, weight, best = feature, i, w, score
@@ -150,6 +152,7 @@ def brute_force(
         falls[v] = np.int32(cumulative[v])
         rises[v] = np.int32(n - cumulative[v])
     best, cut, weight = floor, 0, 0.0
+    # W[v] = n c_i(v) - i C(v): tuple i adds n - C(v) from its rank on and takes C(v) before.
     for i in range(1, n - side + 1):
         start = rank[i - 1]
         below, above = W[:start], W[start:]  # slices keep the loops free of index checks
@@ -161,6 +164,7 @@ def brute_force(
         if i < side or not legal[i]:
             continue
         largest = np.int32(0)
+        # Without branches, so that the compiler takes several columns at once.
         for v in range(m):
             size = W[v] if W[v] > 0 else -W[v]
             largest = size if size > largest else largest
@@ -173,6 +177,7 @@ def brute_force(
 @compiled
 def score_of(weight: float, n: int, i: int, distance: bool) -> float:
     """Return D_i or n K_i^2 of the largest |W_i|."""
+    # Rounding is monotone: of two cuts at one i, a larger |W| never has a smaller score.
     product = float(i) * float(n - i)
     return weight / product if distance else weight * weight / product
 
@@ -183,6 +188,7 @@ def harmless(best: float, n: int, first: int, last: int, distance: bool) -> floa
 
     i (n - i) is concave in i, so its minimum is at an end.
     """
+    # The score inverted for |W|, less a margin for the rounding of it all.
     product = min(float(first) * float(n - first), float(last) * float(n - last))
     return best * product * SAFE if distance else np.sqrt(best * product) * SAFE
 
@@ -197,6 +203,7 @@ def cut_into_blocks(cumulative: Floats, block: int) -> Integers:
     first = np.empty(m + 1, dtype=np.int64)
     n_blocks, mass, before = 0, 0.0, 0.0
     for v in range(m):
+        # mass: tuples of the block under way, before column v.
         own = cumulative[v] - before
         before = cumulative[v]
         if v == 0 or mass >= block or own >= block:
@@ -257,6 +264,7 @@ def search_strips(
     ordered = Ordered(rank, legal, side, distance)
     blocks = Blocks(Cl, Ch, reached, inside, hc, mx, bound)
     counts = np.zeros(n_blocks, dtype=np.int32)
+    # A first guess: doubled or halved below, as the work of searching compares with bounding.
     height = max(SMALLEST_STRIP, int(0.5 * np.sqrt(float(n))))
     a, last = 0, n - side  # the last row that can be a cut
     while a < last:
@@ -286,6 +294,8 @@ def search_strips(
                     n_left -= 1
                     start, end = first[k], first[k + 1]
                     own, columns = consumed[start:end], cumulative[start:end]
+                    # Consumed tuples below the block. A single column has none ``inside``; its own
+                    # are taken out.
                     before = reached[k] - inside[k]
                     if end - start == 1:
                         before -= own[0]
@@ -306,6 +316,7 @@ def search_strips(
                 height = max(SMALLEST_STRIP, height // 2)
             elif work < cheap // 2:
                 height *= 2
+        # The invariant at row b.
         for j in range(a, b):
             consumed[rank[j]] += 1
         for k in range(n_blocks):
@@ -328,6 +339,7 @@ def describe_blocks(
     block_of = np.empty(cumulative.size, dtype=np.int32)
     Cl, Ch = np.empty(n_blocks), np.empty(n_blocks)
     multiple = np.empty(n_blocks, dtype=np.bool_)
+    # before = C of the last column of the block before k.
     before = 0.0
     for k in range(n_blocks):
         for v in range(first[k], first[k + 1]):
@@ -409,6 +421,7 @@ def search_cell(
     n, width = rank.size, consumed.size
     rows, limit = float(n), harmless(score, n, a + 1, b, distance)
     high, low = extremes(consumed, cumulative, before, rows, float(a))
+    # What the whole strip can add does not reach the limit: nothing to look for.
     if high + hc * (rows - Cl) <= limit and (float(b - a) - mx) * Ch - low <= limit:
         return best, width
     work = width + b - a
@@ -462,6 +475,7 @@ def coarse_cut(
         if i < due or not legal[i]:
             continue
         due = i + step
+        # A good score early lets bounds exclude most strips; that it is the best is not needed.
         run, high, low = 0.0, 0.0, 0.0
         for k in range(n_blocks):
             run += counts[k]

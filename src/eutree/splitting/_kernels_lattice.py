@@ -24,11 +24,14 @@ def chance_of_leaving(n_left: int, n_right: int, bound: int) -> float:
             if i == 0 and j == 0:
                 here = 1.0
             if i > 0:  # inside[j] still belongs to row i - 1
+                # The next of the tuples left is of the first sample with chance (those left of it)
+                # / all left.
                 remaining = float(n_left + n_right - i - j + 1)
                 here += inside[j] * (float(n_left - i + 1) / remaining)
             if j > 0:
                 remaining = float(n_left + n_right - i - j + 1)
                 here += inside[j - 1] * (float(n_right - j + 1) / remaining)
+            # Paths that have left are not followed: each is counted once, where it first leaves.
             if abs(i * n_right - j * n_left) >= bound:
                 left += here
                 here = 0.0

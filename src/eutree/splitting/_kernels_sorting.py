@@ -25,6 +25,7 @@ def sorted_labels(
     it loses too much (far outliers) the values themselves are radix sorted.
     """
     n = column.size
+    # Two passes of 8 bits for small samples: 2^11 counters would cost more than they sort.
     digit = 8 if n <= 2000 else 11
     n_digits = 2 if n <= 200_000 else 3
     low = high = column[0]
@@ -36,6 +37,7 @@ def sorted_labels(
     if low < high:
         if not 1e-290 < 0.5 * high - 0.5 * low < 1e290:
             return sorted_exactly(column, label, keys, spare, differs)
+        # Two less than all values of the image, so that rounding up stays inside.
         scale = (float(1 << n_bits) - 2.0) / (high - low)
     for j in range(n):  # differences, products and truncation are monotone: so is the image
         keys[j] = (int((column[j] - low) * scale) << LABEL_BITS) | label[j]
@@ -53,6 +55,7 @@ def radix_sorted(keys: Integers, spare: Integers, digit: int, n_digits: int) -> 
     n, size = keys.size, 1 << digit
     mask = size - 1
     starts = np.zeros((n_digits, size), dtype=np.int64)
+    # All digits are counted in one pass: sorting by one does not change the counts of another.
     for j in range(n):
         for k in range(n_digits):
             starts[k, (keys[j] >> (LABEL_BITS + k * digit)) & mask] += 1
@@ -60,6 +63,8 @@ def radix_sorted(keys: Integers, spare: Integers, digit: int, n_digits: int) -> 
     for k in range(n_digits):
         start = starts[k]
         total = 0
+        # Counts become places: the next key with this digit goes to start[value]. Stable, so the
+        # order by lower digits stays within equal ones.
         for value in range(size):
             count = start[value]
             start[value] = total
@@ -77,6 +82,7 @@ def radix_sorted(keys: Integers, spare: Integers, digit: int, n_digits: int) -> 
 def repaired(order: Integers, column: Floats, entry: Integers, differs: Booleans) -> bool:
     """Sort runs of equal images by value, by insertion; return False if that is too much work."""
     n = order.size
+    # Insertion is quadratic in a run; beyond this the exact sort costs less.
     budget = 4 * n
     known, before = -1, 0.0  # the value at place ``known``: loads are what long runs of ties cost
     differs[0] = False
@@ -134,6 +140,7 @@ def sorted_exactly(
         elif bits[j] < 0:
             values[j] = bits[j] ^ 0x7FFFFFFFFFFFFFFF
     source, target = keys, spare
+    # Six digits of 11 bits, the lowest first.
     for shift in range(0, 66, 11):
         start = np.zeros(2049, dtype=np.int64)
         offset = 1024 if shift == 55 else 0  # the last digit carries the sign

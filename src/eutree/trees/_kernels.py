@@ -63,6 +63,7 @@ def locate(
         for _ in range(rounds):  # each row is as many levels down, or at its leaf
             for k in range(size):
                 node = at[k]
+                # Not "above": NaN compares false and goes right, as in ``descend``.
                 goes_right = not (block[k, feature[node]] <= threshold[node])
                 at[k] = child[node, np.uint64(goes_right)]
         for k in range(size):
@@ -94,6 +95,8 @@ def disagreeing_volume(
     feature, threshold, left, right, leaf = other.nodes
     n_nodes = feature.shape[0]
     # The pieces on the stack are disjoint: with those counted they make up the first leaf's box.
+    # A node is on the stack once at most; popped, its place takes the left child, the next one the
+    # right.
     stack = np.empty(n_nodes + 1, dtype=np.int64)
     low = np.empty((n_nodes + 1, n_features))
     high = np.empty((n_nodes + 1, n_features))
@@ -118,6 +121,7 @@ def disagreeing_volume(
                     total += volume
                 continue
             cut = threshold[node]
+            # Boxes are open below and closed above, as tests are: a value at the cut goes left.
             goes_right = high[size, tested] > cut
             goes_left = low[size, tested] < cut if counts[tested] else not goes_right
             if goes_left and goes_right:

@@ -12,7 +12,9 @@ import numpy as np
 from eutree.arrays import Floats, Integers, Uint32s
 from eutree.compiled import compiled
 
+# A prime, so that episodes begin at places of the table that do not line up; the table wraps.
 EPISODE_STRIDE = 7919
+# Episodes compared before a hopeless rival may be given up.
 FIRST_LOOK = 8
 LEAF = np.uint32(0xFFFFFFFF)
 
@@ -25,6 +27,7 @@ class World(NamedTuple):
     a good end. All look at a state: an observation and the displacement that led to it.
     """
 
+    # Numbers of nodes are unsigned: numba then leaves out the test for negative ones.
     roots: Uint32s  # [A, d + 5]
     tests: Uint32s  # [M, 4] feature or LEAF, node below, node above, row of the leaf
     thresholds: Floats  # [M]
@@ -32,6 +35,15 @@ class World(NamedTuple):
     noise: Integers  # [L, 2] first residual, number of residuals
     residuals: Floats  # [K]
     tally: Integers  # [1] steps taken in it so far
+
+
+class Conditions(NamedTuple):
+    """What all policies meet alike: a world, its chance, and how their episodes are counted."""
+
+    world: World
+    draws: Floats  # [size], a power of two
+    horizon: int  # most steps of an episode
+    discount: float
 
 
 class ActionTree(NamedTuple):
@@ -69,6 +81,7 @@ def overwrite(target: Floats, source: Floats) -> None:
 def leaf_node(policy: ActionTree, root: int, x: Floats) -> int:
     """Return the leaf node below ``root`` that x falls into."""
     node = root
+    # x is in the box of ``node``. NaN compares false and goes right, as in every tree here.
     while policy.feature[node] >= 0:
         below = x[policy.feature[node]] <= policy.threshold[node]
         node = policy.left[node] if below else policy.right[node]
@@ -94,10 +107,13 @@ def model_leaf(tests: Uint32s, thresholds: Floats, root: int, state: Floats) -> 
 def fitted(lines: Floats, row: int, state: Floats) -> float:
     """Return the leaf's fit at a state, within the range of what the leaf has seen."""
     p = state.size
+    # The sum begins with the constant and ends with what the action adds: unrolled trees give the
+    # bits that the fitted ones gave.
     value = lines[row, p]
     for j in range(p):
         value += lines[row, j] * state[j]
     value += lines[row, p + 1]
+    # A line is no model beyond the data that it was fitted to.
     clipped: float = min(max(value, lines[row, p + 2]), lines[row, p + 3])
     return clipped
 
@@ -130,15 +146,21 @@ def model_step(
     """Move one step; return the reward and whether it was the last."""
     world.tally[0] += 1
     d = move.size
+    # A power of two: the remainder is an "and", not a division.
     mask = draws.size - 1
     for i in range(d):
         row = model_leaf(world.tests, world.thresholds, world.roots[action, i], state)
+        # A residual of the leaf, drawn evenly: the noise has the shape that the data had there.
+        # draws < 1, so pick stays below the number of residuals.
         pick = int(draws[(at + i) & mask] * world.noise[row, 1])
         noise = world.residuals[world.noise[row, 0] + pick]
         move[i] = fitted(world.lines, row, state) + noise
+    # Only now: all displacements were asked of the state before the step.
     for i in range(d):
         state[i] += move[i]
         state[d + i] = move[i]
+    # One draw decides both ends, a bad one from below and a good one from above: as the two chances
+    # shrink, fewer draws end at all, whatever the policy.
     draw = draws[(at + d) & mask]
     kind = 0
     if draw < chance(world, world.roots[action, d + 3], state, draw):
@@ -151,24 +173,25 @@ def model_step(
 
 @compiled
 def go_on(
-    world: World,
-    draws: Floats,
+    conditions: Conditions,
     episode: int,
     step: int,
-    horizon: int,
-    discount: float,
     policy: ActionTree,
     first_action: int,
     state: Floats,  # [2 d], changed
     move: Floats,  # [d] scratch
 ) -> float:
     """Return what the policy earns from here to the end; a first action >= 0 is taken instead."""
+    world, draws, horizon, discount = conditions
     total = 0.0
     weight = discount**step
     action = first_action
+    # total is what was earned from the first step on, weight = discount^step; state is the state
+    # before ``step``.
     while step < horizon:
         if action < 0:
             action = policy.action[leaf_node(policy, 0, state)]
+        # The entries of the table that this step reads: d residuals and one for the end.
         at = episode * EPISODE_STRIDE + step * (move.size + 1)
         reward, ends = model_step(world, draws, at, action, state, move)
         total += weight * reward
@@ -190,6 +213,7 @@ def assign_starts(
     for e in range(out.returns.size):
         for i in range(d):
             out.states[e, i] = starts[e % starts.shape[0], i]
+            # Nothing has led to a first observation.
             out.states[e, d + i] = 0.0
         out.earned[e] = 0.0
         out.node[e] = 0
@@ -199,20 +223,19 @@ def assign_starts(
 
 @compiled
 def record(
-    world: World,
-    draws: Floats,
+    conditions: Conditions,
     before: Episodes,
     departs: Integers,  # [E] first step of each episode to run again, -1 where there is none
     within: Integers,  # [M] node of the policy that holds all steps of a node before
     policy: ActionTree,
-    horizon: int,
-    discount: float,
     out: Episodes,
 ) -> None:
     """Run the policy's episodes: those of ``before`` as far as it acts alike, then its own."""
+    world, draws, horizon, discount = conditions
     d = before.states.shape[1] // 2
     state, move = np.zeros(2 * d), np.zeros(d)
     k = 0
+    # The first k steps are written: those of the episodes before e, whose returns are final.
     for e in range(out.returns.size):
         begin, end = before.first[e], before.first[e + 1]
         same = end if departs[e] < 0 else departs[e]
@@ -221,6 +244,7 @@ def record(
             for j in range(2 * d):
                 out.states[k, j] = before.states[i, j]
             out.earned[k] = before.earned[i]
+            # The search begins at the node that holds the whole old leaf, mostly a leaf itself.
             out.node[k] = leaf_node(policy, within[before.node[i]], before.states[i])
             out.owner[k] = e
             k += 1
@@ -229,6 +253,8 @@ def record(
             continue
         overwrite(state, before.states[same])
         total = before.earned[same]
+        # As a power, not carried on from the copied steps: go_on begins in the same way, and paired
+        # returns must agree to the bit where actions do.
         weight = discount ** (same - begin)
         for t in range(same - begin, horizon):
             node = leaf_node(policy, 0, state)
@@ -250,13 +276,10 @@ def record(
 
 @compiled
 def difference(
-    world: World,
-    draws: Floats,
+    conditions: Conditions,
     episodes: Episodes,
     departs: Integers,  # [E] step from which on the rival acts on its own, -1 where it never does
     rival: ActionTree,
-    horizon: int,
-    discount: float,
     hopeless: float,
 ) -> tuple[int, float, float, bool]:
     """Compare a rival with the recorded policy, in the episodes in which it acts on its own.
@@ -269,6 +292,7 @@ def difference(
     """
     d = episodes.states.shape[1] // 2
     state, move = np.zeros(2 * d), np.zeros(d)
+    # enough: the sum of differences that a mean of ``hopeless`` over all episodes takes.
     spread = episodes.returns.max() - episodes.returns.min()
     enough = hopeless * episodes.returns.size
     n_departing = 0
@@ -281,14 +305,17 @@ def difference(
             continue
         overwrite(state, episodes.states[k])
         step = k - episodes.first[e]
-        rest = go_on(world, draws, e, step, horizon, discount, rival, -1, state, move)
+        rest = go_on(conditions, e, step, rival, -1, state, move)
+        # Up to the step at which it departs, the rival has earned what the policy had.
         gain = episodes.earned[k] + rest - episodes.returns[e]
         n += 1
         total += gain
         squares += gain * gain
         if n == look and n < n_departing:
+            # Looks grow by half, so there are few of them: each is a chance to be wrong.
             look += look // 2
             mean = total / n
+            # Share of the departing episodes that is still to be compared.
             unknown = 1.0 - n / n_departing
             error = np.sqrt(max(squares / n - mean * mean, 0.0) * unknown / n)
             bound = mean + 2.0 * error + 0.5 * spread * unknown / n
@@ -299,13 +326,10 @@ def difference(
 
 @compiled
 def deviations(
-    world: World,
-    draws: Floats,
+    conditions: Conditions,
     episodes: Episodes,
     policy: ActionTree,
     steps: Integers,  # [n]
-    horizon: int,
-    discount: float,
     out: Floats,  # [n, A]
 ) -> None:
     """Write what one other action at a step, and the policy after it, earn more than the policy."""
@@ -321,5 +345,5 @@ def deviations(
             if action == taken:
                 continue
             overwrite(state, episodes.states[k])
-            rest = go_on(world, draws, e, step, horizon, discount, policy, action, state, move)
+            rest = go_on(conditions, e, step, policy, action, state, move)
             out[i, action] = episodes.earned[k] + rest - episodes.returns[e]

@@ -72,9 +72,18 @@ class Draws(NamedTuple):
     normal: Floats  # [K]
 
 
+class Conditions(NamedTuple):
+    """What all policies meet alike: the members, their chance, and the most steps of an episode."""
+
+    world: EnsembleWorld
+    draws: Draws
+    horizon: int
+
+
 @compiled
 def logistic(odds: float) -> float:
     """Return the probability of log-odds, without overflow."""
+    # The other side needs no bound: exp of a large negative number is 0.
     return 1.0 / (1.0 + math.exp(min(-odds, 40.0)))
 
 
@@ -104,19 +113,24 @@ def write_error(
             if steps.binary[j]:
                 error[i, j] = (logistic(out[i, j]) - steps.targets[row, j]) / n
                 continue
+            # The derivative of Huber's loss: the difference, cut where errors count linearly.
             difference = out[i, j] - steps.targets[row, j]
             error[i, j] = min(max(difference, -FAR), FAR) / n
             spread = out[i, d + j]
+            # Of (square exp(-v) + v) / 2 with v = log variance, the derivative by v. The same cut
+            # keeps one far displacement from widening the noise of all.
             square = min(difference * difference, FAR * FAR)
             if LEAST_LOG_VARIANCE < spread < MOST_LOG_VARIANCE:
                 error[i, d + j] = 0.5 * (1.0 - square * math.exp(-spread)) / n
             else:  # back towards what can be drawn
                 error[i, d + j] = 0.1 * spread / n
         kind = steps.kind[row]
+        # The heads of the other kinds keep an error of 0: a step says nothing about them.
         difference = out[i, 2 * d + kind] - steps.rewards[row]
         error[i, 2 * d + kind] = min(max(difference, -FAR), FAR) / n
         counts = weight if kind != GOES_ON else 1.0
         for end in (BAD, GOOD):
+            # Derivative of the cross-entropy by the log-odds: probability minus what happened.
             probability = logistic(out[i, 2 * d + 2 + end])
             error[i, 2 * d + 2 + end] = counts * (probability - (kind == end)) / n
 
@@ -146,6 +160,7 @@ def fit(
             fitting.gradient.weights,
             fitting.mean,
             fitting.square,
+            # Adam's corrections go by the number of all updates, this one included.
             number + u + 1,
             rates[u],
         )
@@ -155,6 +170,8 @@ def fit(
 def add_rows(w: Float32s, x: Float32s, n: int, active: Integers, out: Float32s) -> None:
     """Add x[k] times row k of w to out, for the first n entries k of ``active``."""
     t = 0
+    # out holds the products of active[:t]; the parentheses fix the order of the additions, which is
+    # that of ``add_product``: one row gives the bits that a batch gives.
     while t + 4 <= n:
         k0, k1, k2, k3 = active[t], active[t + 1], active[t + 2], active[t + 3]
         x0, x1, x2, x3 = x[k0], x[k1], x[k2], x[k3]
@@ -176,6 +193,8 @@ def rectify(x: Float32s, active: Integers) -> int:
     n = 0
     for k in range(x.size):
         x[k] = max(x[k], 0)
+        # Written always and counted only where it is positive: no branch to be guessed wrong.
+        # active has a place more than x for the last one.
         active[n] = k
         n += x[k] > 0
     return n
@@ -211,6 +230,7 @@ def look(world: EnsembleWorld, member: int, action: int, state: Floats, at: Scra
     for k in range(n_seen):
         at.x[k] = (state[k] - world.centre[k]) / world.spread[k]
         at.active[k] = k
+    # Actions are one-hot: of their rows in w1 only one is added.
     at.x[n_seen + action] = 1
     at.active[n_seen] = n_seen + action
     at.hidden1[:] = world.b1[member]
@@ -244,45 +264,50 @@ def step(
     out, d, mask = scratch.out, world.move.size, draws.uniform.size - 1
     for i in range(d):
         before = state[i]
+        # Its log-odds give the chance of the upper value; nothing lies between the two.
         if world.binary[i]:
             above = draws.uniform[(at + i) & mask] < logistic(out[i])
             state[i] = world.high[i] if above else world.low[i]
         else:
+            # The range within which ``write_error`` pulls at it; exp(spread / 2) is the deviation.
             spread = min(max(out[d + i], LEAST_LOG_VARIANCE), MOST_LOG_VARIANCE)
             noise = draws.normal[(at + i) & mask] * math.exp(0.5 * spread)
             move = world.move[i] * (out[i] + noise)
             move = min(max(move, world.moves[i, 0]), world.moves[i, 1])
             state[i] = min(max(before + move, world.low[i]), world.high[i])
+        # The displacement after clipping: what is seen next, not what was drawn.
         state[d + i] = state[i] - before
+    # One draw for both ends, from either side, as in the model of trees.
     draw = draws.uniform[(at + d) & mask]
     kind = GOES_ON
     if draw < logistic(out[2 * d + 2 + BAD]):
         kind = BAD
     elif 1.0 - draw <= logistic(out[2 * d + 2 + GOOD]):
         kind = GOOD
+    # Back to the unit of rewards: mean and unit are those of the kind of step.
     reward = world.earned[kind, 0] + world.earned[kind, 1] * out[2 * d + kind]
     return min(max(reward, world.earned[kind, 2]), world.earned[kind, 3]), kind != GOES_ON
 
 
 @compiled
 def record(
-    world: EnsembleWorld,
-    draws: Draws,
+    conditions: Conditions,
     before: Episodes,
     departs: Integers,  # [E] first step of each episode to run again, -1 where there is none
     within: Integers,  # [M] node of the policy that holds all steps of a node before
     policy: ActionTree,
-    horizon: int,
     out: Episodes,
 ) -> None:
     """Imagine the policy's episodes: those of ``before`` as far as it acts alike, then its own.
 
     Episode e runs in member e modulo the number of members.
     """
+    world, draws, horizon = conditions
     d = world.move.size
     n_members = world.w1.shape[0]
     state, scratch = np.zeros(2 * d), scratch_of(world)
     k = 0
+    # The first k steps are written: those of the episodes before e, whose returns are final.
     for e in range(out.returns.size):
         begin, end = before.first[e], before.first[e + 1]
         same = end if departs[e] < 0 else departs[e]
@@ -290,6 +315,7 @@ def record(
         for i in range(begin, same):
             out.states[k] = before.states[i]
             out.earned[k] = before.earned[i]
+            # Copied steps keep their states; only the leaf that holds them may be another.
             out.node[k] = leaf_node(policy, within[before.node[i]], before.states[i])
             out.owner[k] = e
             k += 1
@@ -298,6 +324,8 @@ def record(
             continue
         state[:] = before.states[same]
         total = before.earned[same]
+        # Returns are sums without discount here; t is the step within the episode, which picks the
+        # draws.
         for t in range(same - begin, horizon):
             node = leaf_node(policy, 0, state)
             out.states[k] = state
@@ -318,17 +346,16 @@ def record(
 
 @compiled
 def rival_returns(
-    world: EnsembleWorld,
-    draws: Draws,
+    conditions: Conditions,
     episodes: Episodes,
     departs: Integers,  # [E] step from which on the rival acts on its own, -1 where it never does
     rival: ActionTree,
-    horizon: int,
     first: int,
     last: int,
     out: Floats,  # [E]
 ) -> None:
     """Write what a rival earns with the same chance in the episodes ``first`` to ``last`` - 1."""
+    world, draws, horizon = conditions
     d = world.move.size
     n_members = world.w1.shape[0]
     state, scratch = np.zeros(2 * d), scratch_of(world)
@@ -338,6 +365,7 @@ def rival_returns(
             continue
         state[:] = episodes.states[departs[e]]
         total = episodes.earned[departs[e]]
+        # Up to the step at which it departs, the rival has earned what the policy had.
         for t in range(departs[e] - episodes.first[e], horizon):
             action = rival.action[leaf_node(rival, 0, state)]
             at = e * EPISODE_STRIDE + t * (d + 1)
@@ -350,15 +378,14 @@ def rival_returns(
 
 @compiled
 def deviations(
-    world: EnsembleWorld,
-    draws: Draws,
+    conditions: Conditions,
     episodes: Episodes,
     policy: ActionTree,
     steps: Integers,  # [n]
-    horizon: int,
     out: Floats,  # [n, A]
 ) -> None:
     """Write what one other action at a step, and the policy after it, earn more than the policy."""
+    world, draws, horizon = conditions
     d = world.move.size
     n_members = world.w1.shape[0]
     state, scratch = np.zeros(2 * d), scratch_of(world)
@@ -372,6 +399,7 @@ def deviations(
                 continue
             state[:] = episodes.states[k]
             total, action = episodes.earned[k], other
+            # Only the first action is another; then the policy decides again.
             for t in range(k - episodes.first[e], horizon):
                 at = e * EPISODE_STRIDE + t * (d + 1)
                 reward, ends = step(world, draws, at, e % n_members, action, state, scratch)

@@ -21,6 +21,16 @@ class Boxes(NamedTuple):
     high: Floats  # [d]
 
 
+class Held(NamedTuple):
+    """Actions that are held, and what comes of each; written in place but for the actions."""
+
+    actions: Integers  # [N]
+    places: Floats  # [N, d] where it starts; then where it ended
+    weights: Floats  # [N] discount^tau times the chance to go on
+    rewards: Floats  # [N] discounted sum of the expected rewards
+    entered: Integers  # [N] the box it ended in
+
+
 @compiled
 def expected_step(world: World, action: int, state: Floats, move: Floats) -> tuple[float, float]:
     """Move as expected; return the expected reward and the chance that the episode goes on.
@@ -33,6 +43,7 @@ def expected_step(world: World, action: int, state: Floats, move: Floats) -> tup
     for i in range(d):
         row = model_leaf(world.tests, world.thresholds, world.roots[action, i], state)
         move[i] = fitted(world.lines, row, state)
+    # Only now: all displacements were asked of the state before the step.
     for i in range(d):
         state[i] += move[i]
         state[d + i] = 0.0  # held actions start from places, not from movements
@@ -51,31 +62,34 @@ def expected_step(world: World, action: int, state: Floats, move: Floats) -> tup
 def hold(
     world: World,
     boxes: Boxes,
-    actions: Integers,  # [N]
     discount: float,
     longest: int,
-    places: Floats,  # [N, d] in and out
-    weight: Floats,  # [N] out: discount^tau times the chance to go on
-    reward: Floats,  # [N] out
-    entered: Integers,  # [N] out: the box it ended in
+    out: Held,
 ) -> None:
     """Hold each action until the trajectory leaves the box it first entered."""
+    actions, places, weight, reward, entered = out
     d = places.shape[1]
     state, move = np.zeros(2 * d), np.zeros(d)
     for n in range(places.shape[0]):
         state[:d], state[d:] = places[n], 0.0
         weight[n], reward[n], first = 1.0, 0.0, -1
+        # weight = discount^tau times the chance that the episode still goes on after tau steps;
+        # reward is the expected discounted sum of those tau steps.
         for _ in range(longest):
             earned, goes_on = expected_step(world, actions[n], state, move)
             reward[n] += weight[n] * earned
             weight[n] *= discount * goes_on
             node = 0
+            # The box is finite, a model need not stay in it; the nearest place inside stands for
+            # it.
             for i in range(d):
                 state[i] = min(max(state[i], boxes.low[i]), boxes.high[i])
             while boxes.feature[node] >= 0:
                 below = state[boxes.feature[node]] <= boxes.threshold[node]
                 node = boxes.left[node] if below else boxes.right[node]
             entered[n] = boxes.leaf[node]
+            # A start may lie at the edge of its box: the box of the first step is the one to be
+            # left.
             if first < 0:
                 first = entered[n]
             if entered[n] != first or weight[n] <= 1e-12:

@@ -16,6 +16,7 @@ def overlay(policy: ActionTree, rival: ActionTree, n_features: int, out: Integer
     n_nodes = policy.feature.size
     low = np.full((n_nodes, n_features), -np.inf)
     high = np.full((n_nodes, n_features), np.inf)
+    # Preorder: the box of a node, low < x <= high, is known before its children get theirs.
     for node in range(n_nodes):
         feature = policy.feature[node]
         if feature >= 0:
@@ -26,6 +27,7 @@ def overlay(policy: ActionTree, rival: ActionTree, n_features: int, out: Integer
             low[right, feature] = max(low[node, feature], policy.threshold[node])
             continue
         at = 0
+        # The box of the leaf lies in that of ``at``; it stops where the rival would divide the box.
         while rival.feature[at] >= 0:
             if high[node, rival.feature[at]] <= rival.threshold[at]:
                 at = rival.left[at]
@@ -44,6 +46,7 @@ def bucket(
 ) -> None:
     """Sort the steps by node, keeping their order; those of node m start at ``begin[m]``."""
     begin[:] = 0
+    # A counting sort, stable because steps are taken in order.
     for k in range(node.size):
         begin[node[k] + 1] += 1
     for m in range(1, begin.size):
@@ -73,11 +76,13 @@ def departures(
         if policy.feature[leaf] >= 0:
             continue
         root, taken = within[leaf], policy.action[leaf]
+        # One leaf of the rival holds the box and acts alike there: none of its steps can differ.
         if rival.feature[root] < 0 and rival.action[root] == taken:
             continue
         for i in range(begin[leaf], begin[leaf + 1]):
             k = steps[i]
             known = out[episodes.owner[k]]
+            # Steps are numbered in time, so the smallest k of an episode is its first departure.
             if known >= 0 and known < k:
                 continue
             if rival.action[leaf_node(rival, root, episodes.states[k])] != taken:
@@ -98,11 +103,13 @@ def replace_by_child(
     """
     feature, left, right = tree.feature.copy(), tree.left.copy(), tree.right.copy()
     action = tree.action.copy()
+    # Preorder: a parent comes before its children.
     for parent in range(node):
         if feature[parent] >= 0 and left[parent] == node:
             left[parent] = child
         if feature[parent] >= 0 and right[parent] == node:
             right[parent] = child
+    # Backwards, so that children are merged before their parent looks at them.
     for parent in range(feature.size - 1, -1, -1):
         if feature[parent] < 0:
             continue
@@ -113,6 +120,8 @@ def replace_by_child(
     waiting, parents = np.empty(feature.size, np.int64), np.empty(feature.size, np.int64)
     waiting[0], parents[0] = child if node == 0 else 0, -1
     n_waiting, n_nodes = 1, 0
+    # Depth first with the left child on top: nodes come out in preorder, and one that follows its
+    # parent directly is the left child.
     while n_waiting > 0:
         n_waiting -= 1
         at, parent = waiting[n_waiting], parents[n_waiting]

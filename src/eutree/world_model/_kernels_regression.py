@@ -15,6 +15,8 @@ from eutree.world_model._kernels import LEAF, overwrite
 threshold_between = compiled(thresholds.threshold_between)
 
 MANY_ROWS = 256  # nodes above this look at bin edges only, nodes below at every cut
+# Ridge on standardised inputs, as a share of the rows: too small to be seen in a fit, large enough
+# for inputs that depend on each other.
 RIDGE = 1e-5
 TINY = 1e-12
 
@@ -66,6 +68,7 @@ def bin_columns(
         count = 0
         for b in range(1, n_bins):
             i = b * n // n_bins
+            # An edge between equal values would separate nothing: go on to the next distinct one.
             while i > 0 and i < n and ordered[i] == ordered[i - 1]:
                 i += 1
             if i < 1 or i >= n:
@@ -82,6 +85,8 @@ def bin_columns(
 @compiled
 def solve_positive(A: Floats, b: Floats, p: int) -> None:
     """Solve A x = b in place for a symmetric positive definite A (lower triangle, Cholesky)."""
+    # A = L L^T, row by row, over A; rows before i are done. TINY keeps the root of what rounding
+    # made negative.
     for i in range(p):
         for j in range(i + 1):
             total = A[i, j]
@@ -91,10 +96,12 @@ def solve_positive(A: Floats, b: Floats, p: int) -> None:
                 A[i, i] = np.sqrt(max(total, TINY))
             else:
                 A[i, j] = total / A[j, j]
+    # Forwards, L z = b.
     for i in range(p):
         for k in range(i):
             b[i] -= A[i, k] * b[k]
         b[i] /= A[i, i]
+    # Backwards, L^T x = z.
     for i in range(p - 1, -1, -1):
         for k in range(i + 1, p):
             b[i] -= A[k, i] * b[k]
@@ -114,6 +121,8 @@ def fit_leaf(
     The correction (n + parameters) / (n - parameters) is Quinlan's for M5.
     """
     n, p = rows.size, X.shape[1]
+    # Two passes, mean and then deviations: the sum of squares minus the square of the sum would
+    # lose its digits where the spread is small beside the mean.
     mean = 0.0
     for i in range(n):
         mean += y[rows[i]]
@@ -138,12 +147,15 @@ def fit_leaf(
     q = 0
     for j in range(p):
         spread[j] = np.sqrt(spread[j] / n)
+        # An input that hardly varies in the leaf would get a slope from noise.
         if spread[j] > 1e-6 * scale[j]:
             used[q] = j
             q += 1
+    # No input varies, or there are too few rows for the correction below to mean anything.
     if q == 0 or n < q + 3:
         return constant_error
     A, b, x = np.zeros((q, q)), np.zeros(q), np.zeros(q)
+    # Normal equations of standardised inputs; the lower triangle is all that is read.
     for i in range(n):
         row = rows[i]
         for k in range(q):
@@ -155,6 +167,7 @@ def fit_leaf(
     for k in range(q):
         A[k, k] += RIDGE * n + 1e-3
     solve_positive(A, b, q)
+    # Back to the units of the inputs.
     line = np.zeros(p + 1)
     line[p] = mean
     for k in range(q):
@@ -188,6 +201,8 @@ def best_cut(
         mean += y[rows[i]]
     mean /= n
     best, feature, threshold = 0.0, -1, 0.0
+    # With r the sum of (y - mean) on one side, of n1 rows, cutting lowers the squared error by r^2
+    # n / (n1 (n - n1)): one running sum is enough, the other side is its negative.
     if n > MANY_ROWS:
         count, total = np.zeros(edges.shape[1] + 1), np.zeros(edges.shape[1] + 1)
         beyond = np.empty(n)  # each row's y beyond the mean, read in order for every feature
@@ -200,6 +215,8 @@ def best_cut(
                 b = bins[j, rows[i]]
                 count[b] += 1.0
                 total[b] += beyond[i]
+            # below and residual: rows and r of the bins up to b. An empty bin has the cut of the
+            # one before it.
             below, residual = 0.0, 0.0
             for b in range(n_edges[j]):
                 below += count[b]
@@ -207,6 +224,7 @@ def best_cut(
                 if below < min_leaf or n - below < min_leaf or count[b] == 0.0:
                     continue
                 gain = residual * residual * n / (below * (n - below))
+                # Better by more than rounding, so that the first of equal cuts wins.
                 if gain > best * (1.0 + TINY):
                     best, feature, threshold = gain, j, edges[j, b]
         return feature, threshold
@@ -216,6 +234,7 @@ def best_cut(
             values[i] = X[rows[i], j]
         order = np.argsort(values)
         residual = 0.0
+        # residual is r of the rows up to the i-th by this input.
         for i in range(n - 1):
             residual += y[rows[order[i]]] - mean
             low, high = values[order[i]], values[order[i + 1]]
@@ -249,10 +268,12 @@ def move_towards_better(
             high = min(high, value)
     if n_below == 0 or n_below == rows.size:
         return threshold
+    # low and high are the values next to the threshold: any cut between them parts the rows alike.
     below /= n_below
     above /= rows.size - n_below
     part = share if below > above else (1.0 - share if below < above else 0.5)
     moved = low + part * (high - low)
+    # Rounding must not put the threshold on the value above it.
     return moved if moved < high else low
 
 
@@ -290,11 +311,14 @@ def grow(
         mine = rows[start : start + size]
         errors[node] = fit_leaf(X, y, mine, scale, coefficients[node])
         low[node], high[node] = y[mine].min(), y[mine].max()
+        # A node whose own fit leaves less than ``floor`` of the variation, by its share of rows,
+        # has nothing left to explain.
         worth = high[node] > low[node] and errors[node] > floor * variation * size / n
         if worth and size >= 2 * min_leaf and n_nodes + 2 <= feature.size:
             j, cut = best_cut(design, y, mine, min_leaf)
             if j >= 0:
                 n_left, n_right = 0, 0
+                # A stable partition: the rows that go left close up, n_left <= i, the others wait.
                 for i in range(size):
                     row = mine[i]
                     if X[row, j] <= cut:
@@ -364,6 +388,7 @@ def unroll(
     node = begin
     while node < n_nodes:  # the nodes before it are written, those behind it have their source
         at = source[node - begin]
+        # A test of the action is decided already: go on to the node that it leads to.
         while feature[at] >= p:
             value = 1.0 if feature[at] == p + action else 0.0
             at = left[at] if value <= threshold[at] else right[at]
@@ -378,6 +403,7 @@ def unroll(
             for j in range(p):
                 lines[n_lines, j] = coefficients[at, j]
             lines[n_lines, p] = coefficients[at, coefficients.shape[1] - 1]
+            # The action's input is 1: its coefficient is all that it adds.
             lines[n_lines, p + 1] = coefficients[at, p + action]
             lines[n_lines, p + 2], lines[n_lines, p + 3] = low[at], high[at]
             noise[n_lines, 0], noise[n_lines, 1] = first_residual + first[at], n_rows[at]

@@ -39,9 +39,12 @@ def newton_step(
         eta = 0.0
         for k in range(q):
             eta += weights[k] * Z[i, k]
+        # Log-odds against what happened: the row adds log(1 + exp(against)) to the loss.
         against = -eta if y[i] else eta
         if against < -CERTAIN:
             continue
+        # exp of a negative number in either case. The products of 1 + small are collected, because
+        # one logarithm of a product is cheaper than many.
         small = math.exp(-abs(eta))
         if against > 0.0:
             total += against
@@ -50,6 +53,7 @@ def newton_step(
             total += math.log(odds)
             odds = 1.0
         p = (1.0 if eta > 0.0 else small) / (1.0 + small)
+        # First and second derivative of that by the row's log-odds.
         pull, curvature = p - y[i], p * (1.0 - p)
         for k in range(q):
             step[k] += pull * Z[i, k]
@@ -57,6 +61,7 @@ def newton_step(
             for m in range(k + 1):
                 H[k, m] += scaled * Z[i, m]
     total += math.log(odds)
+    # The constant is not penalised, but must not make H singular.
     H[0, 0] += TINY
     for k in range(1, q):
         H[k, k] += RIDGE
@@ -95,10 +100,13 @@ def fit_log_odds(
                 Z[i, 1 + d + j] = z * z
     weights, rival = np.zeros(q), np.zeros(q)
     step, ahead, H = np.zeros(q), np.zeros(q), np.zeros((q, q))
+    # Log-odds of the share: the best fit without features.
     weights[0] = math.log(n_true / (n - n_true))
     now = newton_step(Z, y, weights, H, step)
     for _ in range(MOST_STEPS):
         share, before = 1.0, now
+        # Halve the step until the deviance falls: it is convex, so a short enough step succeeds but
+        # for rounding.
         while share > 1e-3:
             for k in range(q):
                 rival[k] = weights[k] - share * step[k]
@@ -113,6 +121,7 @@ def fit_log_odds(
         overwrite(step, ahead)
         if before - now < DECREASE:
             break
+    # Back to the units of the features: z = (x - centre) / spread, multiplied out.
     out[:] = 0.0
     out[2 * d] = weights[0]
     for j in range(d):

@@ -6,7 +6,7 @@ from eutree.arrays import Floats, Integers
 from eutree.world_model import _kernels
 from eutree.world_model import _kernels_ensemble as kernels
 from eutree.world_model._kernels import ActionTree
-from eutree.world_model._kernels_ensemble import Draws
+from eutree.world_model._kernels_ensemble import Conditions, Draws
 from eutree.world_model.common_chance import DRAWS, Gain, Rollouts
 from eutree.world_model.ensemble import Ensemble
 
@@ -93,25 +93,15 @@ class EnsembleRollouts(Rollouts):
     def deviations(self, steps: Integers) -> Floats:
         """Return what one other action at each of the steps earns more, shape [n, A]."""
         out = np.zeros((steps.size, self._n_actions))
-        kernels.deviations(
-            self._world,
-            self._draws,
-            self._episodes,
-            self.policy,
-            steps,
-            self._horizon,
-            out,
-        )
+        kernels.deviations(self._conditions, self._episodes, self.policy, steps, out)
         return out
 
     def _write_returns(self, rival: ActionTree, first: int, last: int, out: Floats) -> None:
         kernels.rival_returns(
-            self._world,
-            self._draws,
+            self._conditions,
             self._episodes,
             self._departs,
             rival,
-            self._horizon,
             first,
             last,
             out,
@@ -123,19 +113,18 @@ class EnsembleRollouts(Rollouts):
 
     def _draw(self) -> None:
         generator = self.generator
-        self._draws = Draws(generator.random(DRAWS), generator.standard_normal(DRAWS))
+        draws = Draws(generator.random(DRAWS), generator.standard_normal(DRAWS))
+        self._conditions = Conditions(self._world, draws, self._horizon)
         chosen = generator.integers(len(self._starts), size=self._n_starts)
         starts = np.repeat(self._starts[chosen], self.n_members, axis=0)
         _kernels.assign_starts(starts, self._episodes)
 
     def _record(self, policy: ActionTree) -> None:
         kernels.record(
-            self._world,
-            self._draws,
+            self._conditions,
             self._episodes,
             self._departs,
             self._within,
             policy,
-            self._horizon,
             self._spare,
         )

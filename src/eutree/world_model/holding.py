@@ -35,10 +35,10 @@ def hold(
     """
     places = np.array(places, dtype=np.float64, order="C")
     n = len(places)
-    weight, reward, entered = np.empty(n), np.empty(n), np.empty(n, np.int64)
     boxes = kernels.Boxes(
         tree.feature, tree.threshold, tree.left, tree.right, tree.leaf, box[0], box[1]
     )
     actions = np.ascontiguousarray(actions, dtype=np.int64)
-    kernels.hold(model.world, boxes, actions, discount, longest, places, weight, reward, entered)
-    return places, reward, weight, entered
+    held = kernels.Held(actions, places, np.empty(n), np.empty(n), np.empty(n, np.int64))
+    kernels.hold(model.world, boxes, discount, longest, held)
+    return held.places, held.rewards, held.weights, held.entered

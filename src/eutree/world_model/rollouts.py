@@ -4,7 +4,7 @@ import numpy as np
 
 from eutree.arrays import Floats, Integers
 from eutree.world_model import _kernels
-from eutree.world_model._kernels import ActionTree
+from eutree.world_model._kernels import ActionTree, Conditions
 from eutree.world_model.common_chance import DRAWS, Gain, Rollouts
 from eutree.world_model.dynamics import WorldModel
 
@@ -43,13 +43,10 @@ class PairedRollouts(Rollouts):
         """
         self._compare(rival)
         n, total, squares, complete = _kernels.difference(
-            self.model.world,
-            self._draws,
+            self._conditions,
             self._episodes,
             self._departs,
             rival,
-            self.model.horizon,
-            self._discount,
             hopeless,
         )
         if n == 0:
@@ -62,32 +59,21 @@ class PairedRollouts(Rollouts):
     def deviations(self, steps: Integers) -> Floats:
         """Return what one other action at each of the steps earns more, shape [n, A]."""
         out = np.zeros((steps.size, self.model.n_actions))
-        _kernels.deviations(
-            self.model.world,
-            self._draws,
-            self._episodes,
-            self.policy,
-            steps,
-            self.model.horizon,
-            self._discount,
-            out,
-        )
+        _kernels.deviations(self._conditions, self._episodes, self.policy, steps, out)
         return out
 
     def _draw(self) -> None:
-        self._draws = self.generator.random(DRAWS)
+        draws = self.generator.random(DRAWS)
+        self._conditions = Conditions(self.model.world, draws, self.model.horizon, self._discount)
         starts = self.model.starts
         _kernels.assign_starts(starts[self.generator.permutation(starts.shape[0])], self._episodes)
 
     def _record(self, policy: ActionTree) -> None:
         _kernels.record(
-            self.model.world,
-            self._draws,
+            self._conditions,
             self._episodes,
             self._departs,
             self._within,
             policy,
-            self.model.horizon,
-            self._discount,
             self._spare,
         )
