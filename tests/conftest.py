@@ -7,6 +7,8 @@ from typing import Any
 import hypothesis
 import pytest
 
+from tests.order import parted
+
 # Compiling a kernel takes seconds on its first call, and test machines are busy: no deadlines. In
 # CI the same examples every time; elsewhere fresh ones, printed when they fail.
 hypothesis.settings.register_profile(
@@ -23,6 +25,13 @@ os.environ.setdefault("MPLBACKEND", "Agg")
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 os.environ.setdefault("SDL_AUDIODRIVER", "dummy")
 os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+
+
+@pytest.hookimpl(trylast=True)  # after those that take tests away
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Let the processes of xdist begin with tests that compile different kernels."""
+    n_processes = getattr(config, "workerinput", {}).get("workercount", 1)
+    items[:] = parted(items, lambda item: item.path.parent.name, n_processes)
 
 
 @pytest.fixture(scope="module")

@@ -6,23 +6,30 @@ Each rule is a function from the sources to what breaks it; each is also given a
 import ast
 import re
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
 
 SOURCE = Path(__file__).parents[2] / "src"
-MODULES = {
-    ".".join(path.relative_to(SOURCE).with_suffix("").parts).removesuffix(".__init__"): ast.parse(
-        path.read_text()
-    )
-    for path in sorted(SOURCE.rglob("*.py"))
-}
 PACKAGES = {
     ".".join(path.parent.relative_to(SOURCE).parts)
     for path in SOURCE.rglob("__init__.py")
     if path.parent.name != "eutree"
 }
 Sources = dict[str, ast.Module]
+
+
+@cache  # every test process reads this file, and one of them needs the trees
+def modules() -> Sources:
+    """Return the syntax tree of each module by its name."""
+    return {
+        ".".join(path.relative_to(SOURCE).with_suffix("").parts).removesuffix(".__init__"): (
+            ast.parse(path.read_text())
+        )
+        for path in sorted(SOURCE.rglob("*.py"))
+    }
+
 
 # Who may load a module by its name, and what: the root its own public names and the pages that
 # notebooks show (nothing below knows them), the command line its commands and the modules of its
@@ -133,7 +140,7 @@ def round_the_facade(sources: Sources) -> set[tuple[str, str]]:
     offered = {
         package: {
             name
-            for node in MODULES[package].body
+            for node in modules()[package].body
             if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__"
             for name in ast.literal_eval(node.value)
         }
@@ -209,7 +216,7 @@ RULES: dict[Callable[[Sources], set[tuple[str, str]]], list[str]] = {
 
 @pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.__name__)
 def test_the_sources_keep_the_rule(rule: Callable[[Sources], set[tuple[str, str]]]) -> None:
-    assert rule(MODULES) == set()
+    assert rule(modules()) == set()
 
 
 @pytest.mark.parametrize(
@@ -225,9 +232,9 @@ def test_the_rule_sees_who_breaks_it(
 
 def test_what_is_excepted_is_there() -> None:
     """An exception that nobody needs any more would hide the next one."""
-    without = {module: tree for module, tree in MODULES.items() if module in MIDDLES}
+    without = {module: tree for module, tree in modules().items() if module in MIDDLES}
     needed = {module for module, _ in middles({f"{m} as it is": t for m, t in without.items()})}
     assert {module.removesuffix(" as it is") for module in needed} == set(MIDDLES)
     for module, names in BY_NAME.items():
-        text = ast.unparse(MODULES[module])
+        text = ast.unparse(modules()[module])
         assert all(f"import_module({name})" in text for name in names), module
