@@ -38,6 +38,23 @@ def test_histogram_counts_by_bin_and_action():
     assert (found.low, found.high) == (0, GRID_BINS)
 
 
+@pytest.mark.parametrize(
+    ("values", "ends"),
+    [
+        ([-1.0, 3.0], (-1.0, 3.0)),  # a fifth of the bounds: the values seen
+        ([-6.0, 6.0], (-10.0, 10.0)),  # most of them: the bounds
+        ([2.0, 2.0], (-10.0, 10.0)),  # never moved
+        ([-0.0, 3.0], (0.0, 3.0)),
+    ],
+)
+def test_bins_lie_where_something_was_seen(values, ends):
+    schema = Schema((Feature("x", low=-10, high=10),), ("a", "b"))
+    (found,) = histograms(demos_of([[value] for value in values], [0, 1], schema))
+    assert (found.low, found.high) == ends
+    assert str(found.low) == str(ends[0])  # 0 and not -0
+    assert found.counts.sum() == 2
+
+
 def test_map_takes_the_features_that_tell_most_together():
     """The action is the exclusive or of features 1 and 3; 1 is also a little biased."""
     rng = np.random.default_rng(0)

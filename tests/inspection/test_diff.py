@@ -75,6 +75,16 @@ def test_a_moved_threshold_in_words():
     assert "another action on 10.0000% of the box" in str(found)
 
 
+def test_a_change_in_brief_has_bounds_that_can_be_read():
+    schema = Schema((Feature("speed", "m/s", 0.0, 10.0),), ("brake", "go"))
+    tree = DecisionTree.single_leaf(1).split(0, 0, 4.123456789)
+    policy = TreePolicy(tree, np.array([1, 0]), schema)
+    moved = replace(policy, tree=replace(tree, threshold=np.array([5.98765, np.nan, np.nan])))
+    (box,) = diff(policy, moved).boxes
+    assert box.words == "brake became go where 4.123456789 < speed <= 5.98765 m/s"
+    assert box.brief(schema) == "brake became go where 4.123 < speed <= 5.988 m/s"
+
+
 def test_changed_actions_and_replaced_subtrees_in_words():
     schema = Schema.anonymous(2, 2)
     tree = DecisionTree.single_leaf(2).split(0, 0, 1.0)

@@ -113,3 +113,41 @@ def test_quiet_and_whole_in_a_browser(
     grave = grave_violations(page, axe)
     context.close()
     assert grave == []
+
+
+def flying() -> Demonstrations:
+    """Eight features, some of which might reach far and do not; places with several actions."""
+    rng = np.random.default_rng(5)
+    schema = Schema(
+        tuple(Feature(f"quantity {i}", "", -10.0, 10.0) for i in range(8)),
+        ("main engine", "left engine", "nothing"),
+    )
+    rows = rng.normal(scale=0.4, size=(40, 8))
+    rows[20:] = rows[:20] + 0.001
+    actions = np.arange(39) % 3
+    one = Episode(rows, actions, np.zeros(39), True, False)
+    return Demonstrations((one, replace(one, actions=(actions + 1) % 3)), schema)
+
+
+def test_what_was_seen_fills_its_drawings() -> None:
+    text = Outline(demonstrations_page(flying())).text
+    assert "of -10 to 10" in text
+    assert "9% of the cells" not in text
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_no_label_leaves_its_chart(chromium: Any, tmp_path: Path, width: int) -> None:
+    path = tmp_path / "demos.html"
+    path.write_text(demonstrations_page(flying()), encoding="utf-8")
+    opened = open_page(chromium, path, width=width)
+    outside = opened.page.evaluate(
+        """() => [...document.querySelectorAll("svg.chart text")].filter((text) => {
+          const [inner, outer] = [text, text.closest("svg")].map((e) => e.getBoundingClientRect());
+          return inner.left < outer.left - 1 || inner.right > outer.right + 1;
+        }).map((text) => text.textContent)"""
+    )
+    assert outside == []
+    cell = opened.page.locator(".places tbody td:first-child").first.bounding_box()
+    row = opened.page.locator(".places tbody tr").first.bounding_box()
+    assert (cell["width"] > 0.9 * row["width"]) == (width == 390)
+    opened.page.close()

@@ -283,6 +283,58 @@ def test_the_verdict_points_at_the_leaf_that_matters(chromium: Any, tmp_path: Pa
     opened.page.close()
 
 
+def boxes(opened: Opened, *selectors: str) -> list[dict[str, float]]:
+    """Return where elements lie."""
+    return [opened.page.locator(selector).first.bounding_box() for selector in selectors]
+
+
+def test_on_a_phone_nothing_lies_over_the_tree(
+    chromium: Any, tmp_path: Path, policy: TreePolicy, watched: list[WatchedEpisode]
+) -> None:
+    (tmp_path / "page.html").write_text(policy_page(policy, episodes=watched), encoding="utf-8")
+    opened = open_page(chromium, tmp_path / "page.html", width=390, height=844)
+    opened.page.wait_for_selector("body[data-ready]", timeout=ENOUGH)
+    key, drawing, tools = boxes(opened, "#key", "#canvas", ".tools")
+    assert key["y"] + key["height"] <= drawing["y"] + 1
+    assert drawing["y"] + drawing["height"] <= tools["y"] + 1
+    assert drawing["height"] > 250
+    (live,) = boxes(opened, ".node.leaf.live .box")  # the first step's leaf is in sight
+    assert drawing["y"] <= live["y"]
+    assert live["y"] + live["height"] <= drawing["y"] + drawing["height"]
+    opened.assert_quiet()
+    opened.page.close()
+
+
+def test_the_leaf_of_the_verdict_is_marked_in_the_tree(
+    chromium: Any, tmp_path: Path, policy: TreePolicy, watched: list[WatchedEpisode]
+) -> None:
+    (tmp_path / "page.html").write_text(policy_page(policy, episodes=watched), encoding="utf-8")
+    opened = open_page(chromium, tmp_path / "page.html")
+    opened.page.wait_for_selector("body[data-ready]", timeout=ENOUGH)
+    marked = opened.page.locator(".node:has(.pointed)")
+    assert marked.count() == 1
+    target = opened.page.locator(".verdict a").get_attribute("href")
+    assert target == f"#node-{marked.get_attribute('data-node')}"
+    assert "named in the headline" in opened.page.locator("#key").inner_text()
+    opened.page.close()
+
+
+def test_on_paper_the_leaf_stands_beside_the_episode(
+    chromium: Any, tmp_path: Path, policy: TreePolicy, watched: list[WatchedEpisode]
+) -> None:
+    (tmp_path / "page.html").write_text(policy_page(policy, episodes=watched), encoding="utf-8")
+    opened = open_page(chromium, tmp_path / "page.html", width=690)  # A4 within its margins
+    opened.page.wait_for_selector("body[data-ready]", timeout=ENOUGH)
+    opened.page.emulate_media(media="print")
+    opened.page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    player, leaf = boxes(opened, "#episode-panel", "#details")
+    assert player["x"] + player["width"] <= leaf["x"]
+    assert abs(player["y"] - leaf["y"]) < 5
+    for hidden in (".knob", "#slices", "#play"):
+        assert not opened.page.locator(hidden).first.is_visible()
+    opened.page.close()
+
+
 def test_without_failures_the_verdict_names_the_leaf_of_most_steps() -> None:
     policy = policy_of(tree(2, 1), Schema.anonymous(1, 2))
     cut = float(policy.tree.threshold[0])

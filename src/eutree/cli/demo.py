@@ -109,7 +109,7 @@ def _story(result: "DemoResult") -> "Group":
         table.add_row(*row)
     small = tuple(result.policies.values())[-1]
     changes = [
-        f"  {box.visited:.0%} of the steps: {box.words}"
+        f"  {box.visited:.0%} of the steps: {box.brief(small.schema)}"
         for box in result.changes.boxes[:3]
         if box.visited
     ]

@@ -1,9 +1,11 @@
 """Where in observation space demonstrations were, and which actions were taken there.
 
 Each feature's range, between the schema's bounds where both are finite and else between the values
-seen, is cut into ``GRID_BINS`` equal bins. The two features of the map are chosen by mutual
-information of bins and actions: the feature that tells most about the action alone, then the one
-that adds most to it. So d features take O(d n) and no pair is left to chance.
+seen, is cut into ``GRID_BINS`` equal bins. Where the values seen fill less than half of the bounds,
+as where velocities might be ten and never are, bins lie between the values seen: else a drawing
+would be void and all that happened would fall in two bins. The two features of the map are chosen
+by mutual information of bins and actions: the feature that tells most about the action alone, then
+the one that adds most to it. So d features take O(d n) and no pair is left to chance.
 """
 
 from dataclasses import dataclass
@@ -14,6 +16,7 @@ from eutree.arrays import Floats, Integers, frozen
 from eutree.data.demonstrations import Demonstrations
 
 GRID_BINS = 20
+FILLED = 0.5  # share of a feature's bounds below which the values seen bound its bins
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +58,7 @@ class CoverageMap:
 
 def histograms(demonstrations: Demonstrations) -> tuple[Histogram, ...]:
     """Return one histogram for each feature, of the kept episodes."""
-    low, high = bounds_of(demonstrations)
+    low, high = drawn_bounds(demonstrations)
     bins = bins_of(demonstrations.observations, low, high, GRID_BINS)
     return tuple(
         Histogram(
@@ -74,7 +77,7 @@ def coverage_map(demonstrations: Demonstrations) -> CoverageMap | None:
     if n_features < 2:
         return None
     actions = demonstrations.actions
-    bins = bins_of(demonstrations.observations, *bounds_of(demonstrations), GRID_BINS)
+    bins = bins_of(demonstrations.observations, *drawn_bounds(demonstrations), GRID_BINS)
     alone = [_counts(bins[:, j], actions, GRID_BINS, demonstrations) for j in range(n_features)]
     first = int(np.argmax([mutual_information(counts) for counts in alone]))
     others = [j for j in range(n_features) if j != first]
@@ -132,6 +135,23 @@ def bounds_of(demonstrations: Demonstrations) -> tuple[Floats, Floats]:
         np.where(bounded, low, observations.min(axis=0)),
         np.where(bounded, high, observations.max(axis=0)),
     )
+
+
+def drawn_bounds(demonstrations: Demonstrations) -> tuple[Floats, Floats]:
+    """Return between which values each feature is drawn and cut into bins; each of shape [d].
+
+    These are its bounds or, where the values seen fill less than half of them, the values seen.
+    """
+    low, high = bounds_of(demonstrations)
+    observations = demonstrations.observations
+    if not len(observations):
+        return low, high
+    seen = observations.min(axis=0), observations.max(axis=0)
+    # Halves, because high - low may overflow. A feature that never moved keeps its bounds.
+    width, reach = high / 2 - low / 2, seen[1] / 2 - seen[0] / 2
+    narrow = (reach > 0) & (reach < FILLED * width)
+    # Adding 0 makes a -0 that was recorded, or is a bound, a 0.
+    return np.where(narrow, seen[0], low) + 0.0, np.where(narrow, seen[1], high) + 0.0
 
 
 def _counts(

@@ -10,6 +10,7 @@ from eutree.arrays import Floats, Integers
 from eutree.display import Displayed
 from eutree.inspection.regions import Region, domain, finite_box, volumes
 from eutree.policies import TreePolicy
+from eutree.schema import Schema
 from eutree.trees.boxes import leaf_boxes, meetings
 from eutree.trees.text import condition, printable
 from eutree.validation import check_observations
@@ -35,6 +36,18 @@ class Disagreement:
     second: int
     words: str
     visited: float | None = None
+
+    def brief(self, schema: Schema) -> str:
+        """Return it in words with bounds of four significant digits, as drawings of trees have."""
+        return _became(self.region, (self.first, self.second), schema, digits=4)
+
+
+def _became(
+    region: Region, actions: tuple[int, int], schema: Schema, digits: int | None = None
+) -> str:
+    """Return which action became which other one, and where."""
+    first, second = (printable(schema.actions[action]) for action in actions)
+    return f"{first} became {second} where {region.words(schema, domain(schema), digits=digits)}"
 
 
 @dataclass(frozen=True)
@@ -115,8 +128,7 @@ def diff(
     for number in order.tolist():
         region = Region(low[number], high[number])
         one, two = (int(action) for action in actions[number])
-        names = [printable(mine.actions[action]) for action in (one, two)]
-        words = f"{names[0]} became {names[1]} where {region.words(mine, inside)}"
+        words = _became(region, (one, two), mine)
         steps = None if visited is None else visited[number]
         boxes.append(Disagreement(region, float(shares[number]), one, two, words, steps))
     return PolicyDiff(

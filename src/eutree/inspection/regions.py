@@ -43,8 +43,16 @@ class Region:
             [_between(low, high) for low, high in zip(self.low, self.high, strict=True)]
         )
 
-    def words(self, schema: Schema, within: "Region | None" = None) -> str:
-        """Return the box in words; bounds that ``within`` implies are left out."""
+    def words(
+        self, schema: Schema, within: "Region | None" = None, *, digits: int | None = None
+    ) -> str:
+        """Return the box in words; bounds that ``within`` implies are left out.
+
+        Args:
+            schema: Names and units.
+            within: A box that is known to hold this one.
+            digits: Significant digits of the bounds, to be read and not relied on; all by default.
+        """
         parts = []
         for number, feature in enumerate(schema.features):
             low, high = float(self.low[number]), float(self.high[number])
@@ -52,6 +60,8 @@ class Region:
                 low = -np.inf
             if within is not None and high >= within.high[number]:
                 high = np.inf
+            if digits is not None:
+                low, high = (float(f"{bound:.{digits}g}") for bound in (low, high))
             text = _bounds(printable(feature.name), low, high)
             if text:
                 parts.append(text + (f" {printable(feature.unit)}" if feature.unit else ""))

@@ -9,7 +9,7 @@ from eutree.schema import Feature, Schema
 
 _STYLES = 5
 _WIDTH, _HEIGHT = 420.0, 150.0
-_LEFT, _RIGHT, _TOP, _BOTTOM = 46.0, 10.0, 8.0, 24.0
+_LEFT, _RIGHT, _TOP, _BOTTOM = 56.0, 10.0, 8.0, 24.0
 _SIDE = 420.0  # of the map
 _FAINT = 0.25  # a cell visited once
 
@@ -43,8 +43,8 @@ def histogram_chart(histogram: Histogram, schema: Schema) -> str:
     bottom = _HEIGHT - _BOTTOM
     lines.append(
         f'<line class="axis" x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{bottom}" y2="{bottom}"/>'
-        f'<text x="{_LEFT}" y="{bottom + 15}">{histogram.low:.4g}</text>'
-        f'<text x="{_WIDTH - _RIGHT}" y="{bottom + 15}" text-anchor="end">{histogram.high:.4g}'
+        f'<text x="{_LEFT}" y="{bottom + 15}">{histogram.low:.3g}</text>'
+        f'<text x="{_WIDTH - _RIGHT}" y="{bottom + 15}" text-anchor="end">{histogram.high:.3g}'
         "</text>"
     )
     return "\n".join([*lines, "</svg>"])
@@ -80,12 +80,12 @@ def map_chart(coverage: CoverageMap, x: Histogram, y: Histogram, schema: Schema)
                 f'<circle class="dot" cx="{left + side / 2:.1f}" cy="{top + side / 2:.1f}" r="3"/>'
             )
     lines += [
-        f'<text x="{_LEFT}" y="{bottom + 15:.1f}">{x.low:.4g}</text>'
-        f'<text x="{_SIDE - _RIGHT}" y="{bottom + 15:.1f}" text-anchor="end">{x.high:.4g}</text>'
+        f'<text x="{_LEFT}" y="{bottom + 15:.1f}">{x.low:.3g}</text>'
+        f'<text x="{_SIDE - _RIGHT}" y="{bottom + 15:.1f}" text-anchor="end">{x.high:.3g}</text>'
         f'<text x="{(_LEFT + _SIDE - _RIGHT) / 2:.1f}" y="{bottom + 30:.1f}" '
         f'text-anchor="middle">{escape(_titled(schema.features[x.feature]))}</text>',
-        f'<text x="{_LEFT - 6}" y="{bottom:.1f}" text-anchor="end">{y.low:.4g}</text>'
-        f'<text x="{_LEFT - 6}" y="{_TOP + 10}" text-anchor="end">{y.high:.4g}</text>'
+        f'<text x="{_LEFT - 6}" y="{bottom:.1f}" text-anchor="end">{y.low:.3g}</text>'
+        f'<text x="{_LEFT - 6}" y="{_TOP + 10}" text-anchor="end">{y.high:.3g}</text>'
         f'<text transform="translate(14 {(_TOP + bottom) / 2:.1f}) rotate(-90)" '
         f'text-anchor="middle">{escape(_titled(schema.features[y.feature]))}</text>',
     ]

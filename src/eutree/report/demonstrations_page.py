@@ -8,9 +8,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 
+import numpy as np
+
 from eutree.arrays import Floats
 from eutree.data import Demonstrations, Episode
-from eutree.data.coverage import bounds_of, coverage_map, histograms
+from eutree.data.coverage import Histogram, coverage_map, drawn_bounds, histograms
 from eutree.data.neighbours import Neighbours, compare_neighbours
 from eutree.data.summary import Conflict, Summary, summarize
 from eutree.evaluation.expert_curve import ExpertCurve, expert_curve
@@ -175,6 +177,7 @@ def _differences(
                 f"{summary.n_conflicts} places; the largest",
                 ("around", "actions", "first seen at"),
                 [_conflict_row(conflict, schema, numbers) for conflict in summary.conflicts],
+                name="places",
             )
         )
     return "\n".join(lines)
@@ -202,14 +205,17 @@ def _place(numbers: Sequence[int], place: tuple[int, int]) -> str:
     return f"episode {numbers[place[0]]} step {place[1]}"
 
 
-def _table(caption: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def _table(
+    caption: str, header: Sequence[str], rows: Sequence[Sequence[str]], *, name: str = "pairs"
+) -> str:
     """Return a table in a region that scrolls by itself on a narrow screen."""
     head = "".join(f'<th scope="col">{escape(title)}</th>' for title in header)
     body = "".join(
         "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>\n" for row in rows
     )
     return (
-        f'<div class="scrolls" tabindex="0" role="region" aria-label="{escape(caption)}"><table>'
+        f'<div class="scrolls" tabindex="0" role="region" aria-label="{escape(caption)}">'
+        f'<table class="{name}">'
         f"<caption>{escape(caption)}.</caption><thead><tr>{head}</tr></thead>\n"
         f"<tbody>{body}</tbody></table></div>"
     )
@@ -233,7 +239,7 @@ def _coverage(demonstrations: Demonstrations) -> str:
         )
     singles = "".join(
         f"<figure><figcaption>{escape(schema.features[h.feature].name)} "
-        f'<span class="quiet">{escape(schema.features[h.feature].unit)}</span></figcaption>'
+        f'<span class="quiet">{escape(_unit_and_bounds(h, schema))}</span></figcaption>'
         f"{histogram_chart(h, schema)}</figure>"
         for h in drawn[:MAX_FEATURES]
     )
@@ -243,12 +249,21 @@ def _coverage(demonstrations: Demonstrations) -> str:
     return f'{action_legend(schema)}\n<div class="charts">{"".join(charts)}</div>{note}'
 
 
+def _unit_and_bounds(histogram: Histogram, schema: Schema) -> str:
+    """Return the unit of a feature, and its bounds where only a part of them is drawn."""
+    feature = schema.features[histogram.feature]
+    part = (histogram.low, histogram.high) != (feature.low, feature.high)
+    bounded = np.isfinite(feature.low) and np.isfinite(feature.high)
+    bounds = f"of {feature.low:.4g} to {feature.high:.4g}" if part and bounded else ""
+    return " ".join(filter(None, (feature.unit, bounds)))
+
+
 def _episodes(
     demonstrations: Demonstrations, figures: DemonstrationFigures, numbers: Sequence[int]
 ) -> str:
     """Return a card for each episode."""
     schema = demonstrations.schema
-    low, high = bounds_of(demonstrations)
+    low, high = drawn_bounds(demonstrations)
     marked: dict[int, list[int]] = {}
     for pair in figures.neighbours.contradictions:
         for episode, step in pair.places:

@@ -17,8 +17,10 @@ from eutree.schema import Schema
 MAX_FEATURES = 12
 _MAX_POINTS = 400  # of a line
 _STYLES = 5
-_WIDTH, _LEFT, _RIGHT = 420.0, 52.0, 8.0
-_PANEL, _GAP, _ROW = 104.0, 12.0, 16.0
+_WIDTH, _LEFT, _RIGHT = 420.0, 72.0, 8.0
+_GAP, _ROW = 12.0, 16.0
+_PANEL, _LOW_PANEL = 104.0, 56.0
+_FEW = 3  # panels; more are lower, so that an episode can be seen at a glance
 
 
 def panels(schema: Schema) -> list[list[int]]:
@@ -48,14 +50,16 @@ def time_chart(
         label: What a screen reader says.
     """
     groups = panels(schema)
-    top_of_actions = len(groups) * (_PANEL + _GAP)
+    panel = _PANEL if len(groups) <= _FEW else _LOW_PANEL
+    top_of_actions = len(groups) * (panel + _GAP)
     height = top_of_actions + schema.n_actions * _ROW + 34
     lines = [
         f'<svg class="chart time" viewBox="0 0 {_WIDTH:.0f} {height:.0f}" role="img" '
         f'aria-label="{escape(label)}">'
     ]
     for place, group in enumerate(groups):
-        lines += _panel(episode, schema, group, (low, high), place * (_PANEL + _GAP))
+        top = place * (panel + _GAP)
+        lines += _panel(episode, schema, group, (low, high), (top, panel))
     lines += _actions(episode, schema, top_of_actions)
     bottom = top_of_actions + schema.n_actions * _ROW
     for step in marked:
@@ -74,17 +78,24 @@ def time_chart(
 
 
 def _panel(
-    episode: Episode, schema: Schema, group: list[int], ends: tuple[Floats, Floats], top: float
+    episode: Episode,
+    schema: Schema,
+    group: list[int],
+    ends: tuple[Floats, Floats],
+    place: tuple[float, float],
 ) -> list[str]:
-    """Return the grid and the lines of one panel."""
+    """Return the grid and the lines of one panel; its place is its top and its height."""
+    top, high = place
     marks = ticks(
         float(min(ends[0][j] for j in group)), float(max(ends[1][j] for j in group)), about=3
     )
-    scale = (_PANEL - 16) / (marks[-1] - marks[0])
+    if high < _PANEL:
+        marks = [marks[0], marks[-1]]
+    scale = (high - 16) / (marks[-1] - marks[0])
 
     def y(value: float) -> float:
         inside = min(max(value, marks[0]), marks[-1])
-        return top + _PANEL - 4 - (inside - marks[0]) * scale
+        return top + high - 4 - (inside - marks[0]) * scale
 
     feature = schema.features[group[0]]
     title = feature.unit if len(group) > 1 else f"{feature.name} {feature.unit}".strip()

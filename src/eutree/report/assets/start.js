@@ -17,7 +17,7 @@ drawTree();
 settle();
 fit(READABLE);
 show({});
-follow(location.hash);
+follow(location);
 
 /* On paper there is nothing to drag: the whole tree, as wide as the page. */
 addEventListener("beforeprint", () => {

@@ -10,6 +10,9 @@ let places = new Map();
 let rowHeight = CLOSEST;
 let focused = 0;
 const marks = []; // what else marks nodes, each time they are drawn anew
+const POINTER = "M0 0L9 -6V6Z"; // at a node that the verdict names
+const linked = (link) => Number(/^#node-(\d+)$/.exec(link.hash)?.[1] ?? NaN);
+const pointed = new Set([...document.querySelectorAll(".verdict a")].map(linked));
 
 const measure = document.createElement("canvas").getContext("2d");
 
@@ -161,6 +164,7 @@ function drawNode(node, { x, y, width }) {
     group.setAttribute("aria-expanded", isOpen(node));
     group.append(...drawLines(node, (width - KNOB) / 2), drawKnob(node, width));
   }
+  if (pointed.has(node)) group.append(drawing("path", { class: "pointed", d: POINTER, transform: `translate(${width + 6} 0)` }));
   group.append(drawing("title", {}, leaf ? words : `${features[tree.feature[node]].name} ≤ ${tree.threshold[node]}`));
   return group;
 }
@@ -249,7 +253,7 @@ function zoom(factor, x = canvas.clientWidth / 2, y = canvas.clientHeight / 2) {
   applyView();
 }
 
-/** Move the view as little as it takes to see a node whole. */
+/** Move the view as little as it takes to see a node whole; a row out of sight comes to the middle. */
 function bringIntoView(node) {
   const { x, y, width } = places.get(node);
   const left = view.x + x * view.scale;
@@ -258,8 +262,7 @@ function bringIntoView(node) {
   const margin = Math.min(70, canvas.clientHeight / 5);
   if (right > canvas.clientWidth - 20) view.x -= right - canvas.clientWidth + 20;
   if (left < 20 || right - left > canvas.clientWidth) view.x += 20 - left;
-  if (middle < margin) view.y += margin - middle;
-  if (middle > canvas.clientHeight - margin) view.y -= middle - canvas.clientHeight + margin;
+  if (middle < margin || middle > canvas.clientHeight - margin) view.y += canvas.clientHeight / 2 - middle;
   applyView();
 }
 
@@ -387,17 +390,21 @@ function point(node) {
 }
 
 /** Follow a link to a node, such as #node-12. */
-function follow(hash) {
-  const node = Number(/^#node-(\d+)$/.exec(hash)?.[1] ?? NaN);
+function follow(link) {
+  const node = linked(link);
   if (node < nNodes) point(node);
 }
-addEventListener("hashchange", () => follow(location.hash));
+addEventListener("hashchange", () => follow(location));
 document.addEventListener("click", (event) => {
   const link = event.target.closest('a[href^="#node-"]');
-  if (link && link.hash === location.hash) follow(link.hash);
+  if (link && link.hash === location.hash) follow(link);
 });
 
+const pointer = drawing("svg", { viewBox: "0 -6 9 12", "aria-hidden": "true" }, drawing("path", { class: "pointed", d: POINTER }));
 byId("key").append(...actions.map((name, action) => element("li", {}, swatch(action), name)));
 if (Object.keys(data.changes).length) {
   byId("key").append(element("li", {}, element("span", { class: "swatch outlined" }), "decided otherwise before"));
+}
+if ([...pointed].some((node) => node < nNodes)) {
+  byId("key").append(element("li", {}, pointer, "named in the headline"));
 }
