@@ -140,8 +140,11 @@ def test_from_demonstrations_to_c(tmp_path, monkeypatch, capsys):
     assert line("evaluate", "expert.json", "--episodes", "2")["mean_length"] == 200
     again = line("evaluate", "expert.json", "Pendulum-v1", *grid, "--episodes", "2")
     assert again["mean_length"] == 200
-    line("learn", "--demos", "demos", "--out", "run", "--preset", "paper", "--episodes", "2",
-         "--evaluation-episodes", "2")  # fmt: skip
+    # By its name, too, the environment has the grid with which it was shown.
+    line("learn", "Pendulum-v1", "--demos", "demos", "--out", "run", "--preset", "paper",
+         "--episodes", "2", "--evaluation-episodes", "2")  # fmt: skip
+    kept = eutree.TreePolicy.load("run/policy.json").environment
+    assert kept == eutree.TreePolicy.load("expert.json").environment
     line("compress", "run", "--out", "small.json")
     line("export", "small.json", "--out", "swing.c", "--header")
     assert "double swing_torque(const double *observation);" in (tmp_path / "swing.h").read_text()

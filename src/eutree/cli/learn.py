@@ -248,14 +248,28 @@ def _drawing(features: str, out: Path) -> "PartitionCallback":
     return PartitionCallback(x, y, out / DRAWINGS)
 
 
+def _manner(shown: EnvironmentSpec | None, environment: str) -> dict[str, Any]:
+    """Return how an environment was observed and acted in, where it was shown."""
+    from eutree.interaction.making import MANNER
+
+    if shown is None or shown.id.rpartition(":")[2] != environment.rpartition(":")[2]:
+        return {}
+    return {name: value for name, value in shown.arguments.items() if name in MANNER}
+
+
 def _spec(
     environment: str | None, demonstrations: "Demonstrations | None", arguments: dict[str, Any]
 ) -> EnvironmentSpec:
-    """Return the environment that is named, or else that of the demonstrations."""
+    """Return the environment that is named, or else that of the demonstrations.
+
+    How the named one is observed and acted in is taken from the demonstrations of it.
+    """
+    shown = demonstrations.environment if demonstrations is not None else None
     if environment is not None:
-        return EnvironmentSpec(environment, arguments)
+        return EnvironmentSpec(environment, _manner(shown, environment) | arguments)
     if demonstrations is None or demonstrations.environment is None:
         raise InvalidArgumentError(
-            "name an environment, or with --demos demonstrations that name one"
+            "name an environment, or with --demos demonstrations that name one; from a log alone "
+            "learns --offline"
         )
     return override(demonstrations.environment, arguments)

@@ -28,8 +28,9 @@ from eutree.interaction.names import given_names
 from eutree.schema import EnvironmentSpec
 
 _IMPORT = "One of your own is known once its module is imported: --import MODULE."
+MANNER = frozenset({DECODE, ACTION_GRID})  # how it is observed and acted in, not what it is
 # Those of gymnasium.make, and ours.
-MAKE_ARGUMENTS = frozenset({"max_episode_steps", "disable_env_checker", DECODE, ACTION_GRID})
+MAKE_ARGUMENTS = MANNER | {"max_episode_steps", "disable_env_checker"}
 _NAMES_A_PLACE = re.compile(r"[.:/\\]")
 
 
@@ -54,7 +55,7 @@ def make(spec: EnvironmentSpec | str, *, render_mode: str | None = None) -> gymn
         arguments["render_mode"] = render_mode
     try:
         _check_chosen_by_file(spec)
-        ours = {DECODE, ACTION_GRID} - _own_arguments(spec.id).keys()
+        ours = MANNER - _own_arguments(spec.id).keys()
         taken = {name: arguments.pop(name) for name in ours & arguments.keys()}
         env = gymnasium.make(spec.id, **arguments)
         if taken.get(DECODE):
