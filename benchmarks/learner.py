@@ -18,6 +18,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial, wraps
 from statistics import median
@@ -78,14 +79,14 @@ def learner_cost(
     marks: tuple[int, ...],
     parts: Counter[str] | None = None,
     task: str = EVASION,
-) -> list[tuple[int, float, int, float, Counter[str]]]:
-    """Return what learning has cost at each mark.
+) -> Iterator[tuple[int, float, int, float, Counter[str]]]:
+    """Yield what learning has cost at each mark, as soon as it is reached.
 
     That is (steps, microseconds a step so far, leaves, bytes a transition, seconds by part).
     """
     env = GuardedEnv(gymnasium.make(task, disable_env_checker=True))
     learner = method.start(Problem(env.schema, env.spec), Start())
-    rows, spent, total, episode, left = [], 0.0, 0, 0, [mark for mark in marks if mark <= steps]
+    spent, total, episode, left = 0.0, 0, 0, [mark for mark in marks if mark <= steps]
     while total < steps:
         seed = episode_seed(0, episode, Stream.TRAINING)
         actions = []
@@ -112,8 +113,7 @@ def learner_cost(
         if left and total >= left[0]:
             stored = learner.history
             memory, cost = stored.columns.nbytes / stored.size, 1e6 * spent / total
-            rows.append((left.pop(0), cost, learner.tree.n_leaves, memory, Counter(parts or {})))
-    return rows
+            yield left.pop(0), cost, learner.tree.n_leaves, memory, Counter(parts or {})
 
 
 def clocked(owner: type, name: str, seconds: Counter[str]) -> None:
@@ -234,22 +234,21 @@ def many_episodes(n_transitions: int) -> Demonstrations:
 
 def print_splits(name: str, arguments: argparse.Namespace) -> None:
     settings, steps = SPLITS[name], min(arguments.steps, MOST.get(name, arguments.steps))
-    learner_cost(settings, 3_000, ())
-    rows = learner_cost(settings, steps, MARKS)
-    for mark, cost, leaves, *_ in rows:
+    list(learner_cost(settings, 3_000, ()))  # compiles
+    for mark, cost, leaves, memory, _ in learner_cost(settings, steps, MARKS):
         what = f"learner's own cost a step, {OF[name]}, {mark:,} steps, {leaves:,} leaves"
         row(what, f"{cost:.1f} us", "<= 12 us")
-    row("memory per stored transition, d = 3", f"{rows[-1][3]:.0f} bytes", "<= 120 bytes")
+        row("memory per stored transition, d = 3", f"{memory:.0f} bytes", "<= 120 bytes")
 
 
 def print_profile(name: str, arguments: argparse.Namespace) -> None:
     """Print microseconds a step of each part, between a mark and the one before it."""
     settings, seconds = SPLITS[name], Counter()
     steps = min(arguments.steps, MOST.get(name, arguments.steps))
-    learner_cost(settings, 3_000, ())
+    list(learner_cost(settings, 3_000, ()))
     for owner, method in CLOCKED:
         clocked(owner, method, seconds)
-    rows = learner_cost(settings, steps, MARKS, seconds)
+    rows = list(learner_cost(settings, steps, MARKS, seconds))
     print("| part | " + " | ".join(f"to {row[0]:,}" for row in rows) + " |")
     for owner, method in CLOCKED:
         part, cells, before = f"{owner.__name__}.{method}", [], (0, Counter())
@@ -282,7 +281,7 @@ def repeated(times: int, function, *arguments):
 
 
 def print_planning(task: str, target: str) -> None:
-    learner_cost(DEFAULT, 1_000, (), task=task)
+    list(learner_cost(DEFAULT, 1_000, (), task=task))
     (_, cost, leaves, _, _), = learner_cost(DEFAULT, PLANNED, (PLANNED,), task=task)  # fmt: skip
     row(f"learner's own cost a step, `default` preset with planning, {task}, {PLANNED:,} steps, "
         f"{leaves} leaves", f"{cost:.0f} us", target)  # fmt: skip

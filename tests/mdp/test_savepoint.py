@@ -106,7 +106,7 @@ def test_the_sweep_equals_its_naive_twin(rows, budget):
         queue.push(state, kernels.SOON)
 
     def back_up(state):
-        return kernels.back_up(twin.arrays, state)
+        return kernels.back_up(twin.arrays, state, np.empty(twin.counts.n_actions, np.int64))
 
     done = naive_mdp.sweep(twin, queue, back_up, budget, twin.arrays.settings[kernels.THRESHOLD])
     assert mdp.sweep(budget) == done

@@ -20,7 +20,6 @@ from eutree.mdp._kernels import (
     STATES,
     TERMINAL,
     CountArrays,
-    count_of,
     has_room,
     link,
 )
@@ -127,11 +126,13 @@ def pop(heap: Int32s, priority: Floats, counters: Integers) -> int:
 
 
 @compiled
-def back_up(mdp: MDPArrays, state: int) -> float:
+def back_up(mdp: MDPArrays, state: int, loops: Integers) -> float:
     """Set V (Eq. 6) and Q (Eq. 5) of one state, its loops to itself solved; return |change| of V.
 
     With r the summed rewards, n the visits and l the loops of an action, staying with it until it
     leaves is worth (r + discount * sum over the other successors) / (n - discount l).
+
+    ``loops`` is scratch, shape [A].
     """
     table, pool, visits = mdp.counts.table, mdp.counts.pool, mdp.counts.visits
     values, action_values, settings = mdp.values, mdp.action_values, mdp.settings
@@ -146,17 +147,18 @@ def back_up(mdp: MDPArrays, state: int) -> float:
                 best = settings[UNTRIED]
             continue
         row = state * (n_actions + 1) + a
-        total, loops = 0.0, 0
+        total, own = 0.0, 0
         # Keys ascend, so the last bit of the sum depends on the counts alone, not on their history.
         for k in range(table[row, START], table[row, START] + table[row, SIZE]):
             key = pool[k, KEY]
             if key == state:
-                loops = pool[k, COUNT]
+                own = pool[k, COUNT]
             elif key != TERMINAL:
                 total += pool[k, COUNT] * values[key]
+        loops[a] = own  # for the second pass: to search the row again costs a tenth of a backup
         worth = mdp.counts.reward_sums[state, a] + discount * total
         action_values[state, a] = worth
-        leaving = visits[state, a] - discount * loops
+        leaving = visits[state, a] - discount * own
         if leaving > 0.0:
             if worth / leaving > best:
                 best = worth / leaving
@@ -170,8 +172,7 @@ def back_up(mdp: MDPArrays, state: int) -> float:
     # action_values holds summed worths without the loops from action a on, and Q before it.
     for a in range(n_actions):
         if visits[state, a] > 0:
-            loops = count_of(table, pool, state * (n_actions + 1) + a, state)
-            action_values[state, a] += discount * loops * best
+            action_values[state, a] += discount * loops[a] * best
             action_values[state, a] /= visits[state, a]
     change = abs(best - values[state])
     values[state] = best
@@ -224,13 +225,14 @@ def sweep(mdp: MDPArrays, budget: int) -> int:
     n_actions = mdp.counts.visits.shape[1]
     visits = mdp.counts.visits.reshape(-1)  # [S A] of each pair
     saving = counters[TOUCHED] != NO_SAVEPOINT
+    loops = np.empty(n_actions, np.int64)
     backups = 0
     # Every change of V above the threshold has gone on to the priorities of the states before it.
     while backups < budget and counters[QUEUED] > 0:
         state = pop(heap, priority, counters)
         if saving and not touched[LISTED, state]:
             _save(mdp, state)
-        change = back_up(mdp, state)
+        change = back_up(mdp, state, loops)
         backups += 1
         if change <= threshold:
             continue
@@ -241,7 +243,7 @@ def sweep(mdp: MDPArrays, budget: int) -> int:
             value = pool[k, COUNT] / visits[pair] * change
             if not value > threshold:
                 continue
-            before = pair // n_actions  # an integer division, so after what most fail
+            before = pair // n_actions
             if before == state:
                 continue
             if heap[PLACE, before] != NO_PLACE and not value > priority[before]:
