@@ -96,9 +96,20 @@ def run_block(
     return ""
 
 
-# `fit` plays thousands of episodes to choose and to judge a tree; that a line works can be seen
-# with fewer. A page that shows what is printed (`output`) is run as it stands.
-FEWER = ["--episodes", "20"]
+# So many episodes show that a line works; the line itself is about what comes of hundreds or
+# thousands. A page that shows what is printed (`output`) is run as it stands.
+ENOUGH = {"fit": 20, "learn": 30, "evaluate": 50}
+
+
+def shortened(words: list[str]) -> list[str]:
+    """Return the words of a line of ``eutree`` with no more episodes than show that it works."""
+    most = ENOUGH.get(" ".join(words[1:2]))
+    if most is None or "--list-settings" in words:
+        return words
+    if "--episodes" not in words:
+        return [*words, "--episodes", str(most)]
+    place = words.index("--episodes") + 1
+    return [*words[:place], str(min(most, int(words[place]))), *words[place + 1 :]]
 
 
 def run_command(line: str, folder: Path, *, quickly: bool = False) -> str:
@@ -109,12 +120,11 @@ def run_command(line: str, folder: Path, *, quickly: bool = False) -> str:
     Args:
         line: The command line.
         folder: Where.
-        quickly: Play fewer episodes where the line does not say how many.
+        quickly: Play no more episodes than show that the line works.
     """
     words = shlex.split(line, comments=True)
-    if quickly and words[:2] == ["eutree", "fit"] and "--episodes" not in words:
-        words += FEWER
     if words[0] == "eutree" and not {"|", ">", "<", "&&"} & set(words):
+        words = shortened(words) if quickly else words
         output = io.StringIO()
         with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
             code = run(words[1:])

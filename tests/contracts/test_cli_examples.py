@@ -7,6 +7,7 @@ import click
 import pytest
 
 from eutree.cli.main import eutree, run
+from tests.contracts.documents import shortened
 
 # Run elsewhere, or not by a test: why.
 NOT_HERE = {
@@ -56,7 +57,7 @@ def test_examples_run_as_one_session(
     assert names.index("record") == 0
     for name in names:
         line = INSTEAD.get(name) or example(COMMANDS[name])
-        code = run(shlex.split(line)[1:])
+        code = run(shortened(shlex.split(line))[1:])
         output = capsys.readouterr()
         assert code == 0, f"$ {line}\n{output.out}{output.err}"
 

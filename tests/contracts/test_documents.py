@@ -17,6 +17,7 @@ from tests.contracts.documents import (
     rewrite,
     run_block,
     run_command,
+    shortened,
 )
 
 # Why a block may not run; any other reason is refused. Anything else in python or console runs.
@@ -94,6 +95,21 @@ def test_a_wrong_block_fails(tmp_path: Path) -> None:
 def test_a_wrong_command_fails(tmp_path: Path) -> None:
     with pytest.raises(AssertionError, match="unknown command"):
         run_command("eutree no-such-command", tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("line", "played"),
+    [
+        ("eutree fit demos", "eutree fit demos --episodes 20"),
+        ("eutree evaluate p --episodes 1000 --json", "eutree evaluate p --episodes 50 --json"),
+        ("eutree", "eutree"),
+        ("eutree learn Tank-v0 --episodes 5", "eutree learn Tank-v0 --episodes 5"),
+        ("eutree learn --list-settings", "eutree learn --list-settings"),
+        ("eutree compress r --episodes 200", "eutree compress r --episodes 200"),
+    ],
+)
+def test_a_line_is_shortened_in_its_episodes_alone(line: str, played: str) -> None:
+    assert shortened(line.split()) == played.split()
 
 
 def test_a_wrong_output_fails_and_can_be_written_anew(tmp_path: Path) -> None:
