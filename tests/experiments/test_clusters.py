@@ -154,3 +154,17 @@ def test_a_ray_instance_gives_the_same_bytes(tmp_path):
         command(*line, "--out", tmp_path / "one", "--n-jobs", "1")
         command(*line, "--out", tmp_path / "ray", "--backend", "ray", "--n-jobs", "2")
     assert files_of(tmp_path / "one") == files_of(tmp_path / "ray")
+
+
+@pytest.mark.slow
+def test_all_that_is_divided_is_the_same_on_a_ray_instance_with_an_address(tmp_path):
+    ray = pytest.importorskip("ray", reason="ray is not installed")
+    from eutree.cli._cluster import cluster
+
+    alone = everything(tmp_path / "alone")
+    own = ray.init(num_cpus=2, include_dashboard=False, _node_ip_address="127.0.0.1")
+    try:
+        with cluster("ray", own.address_info["gcs_address"]):
+            assert everything(tmp_path / "there") == alone
+    finally:
+        ray.shutdown()

@@ -14,7 +14,7 @@ from eutree.errors import InvalidArgumentError
 from eutree.fitting import Person, practice
 from eutree.fitting.candidates import RELEASE_8, SETTINGS, Candidate, candidates, promising
 from eutree.fitting.choosing import mend, race
-from eutree.fitting.diagnosis import about_doubt, about_result
+from eutree.fitting.diagnosis import about_doubt, about_result, harms, in_words
 from eutree.fitting.playing import Played, Player
 from eutree.fitting.practice import practise
 from eutree.fitting.repair import blame, repairs, shown_in
@@ -111,6 +111,40 @@ class TestDoubt:
         assert report.as_good_as_shown
         assert "may fall short" in report.warnings[0]
         assert "leaf" in report.warnings[1]
+
+
+class TestWithoutSuccess:
+    """Where only returns say how well it went, as in Acrobot, which ends where it succeeds."""
+
+    def silent(self, episodes):
+        return tuple(replace(episode, is_success=None) for episode in episodes)
+
+    def test_an_episode_below_the_mean_is_no_bad_end(self, corridor, shown):
+        tree = eutree.fit_expert_tree(shown)
+        played = Player(corridor, 0).play(tree, 40, 0)
+        played = replace(played, episodes=self.silent(played.episodes))
+        returns = played.evaluation.returns
+        assert played.evaluation.successes is None
+        one = shown.episodes[0]
+        spread = [returns.min(), returns.max() + 30.0]  # their mean is above most of the episodes
+        rewards = [np.append(np.zeros(len(one) - 1), value) for value in spread]
+        known = tuple(replace(one, rewards=r, is_success=None) for r in rewards)
+        assert (returns < np.mean(spread)).mean() > 0.05
+        assert harms(played, replace(shown, episodes=known)) == []
+
+    def test_what_earns_less_than_all_that_was_shown_is_said_so(self, corridor, shown):
+        tree = by_hand(shown.schema, door=(0, 1))
+        played = Player(corridor, 0).play(tree, 40, 0)
+        played = replace(played, episodes=self.silent(played.episodes))
+        lowest = float(played.evaluation.returns.max())
+        one = shown.episodes[0]
+        rewards = np.append(np.zeros(len(one) - 1), lowest)
+        known = replace(shown, episodes=(replace(one, rewards=rewards, is_success=None),))
+        found = harms(played, known)
+        assert found
+        said = in_words(found[0], tree, 10)
+        assert f"earn less than any episode shown ({lowest:.4g})" in said
+        assert "badly" not in said
 
 
 class TestFit:

@@ -111,6 +111,18 @@ def blind() -> Any:
     del gymnasium.registry["Blind-v0"]
 
 
+def test_an_environment_that_never_draws_is_not_asked_to(
+    blind: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Gymnasium would warn, in colours, and its constructor might not take a render mode."""
+    monkeypatch.setattr(Blind, "metadata", {"render_modes": []})
+    policy = policy_of(tree(2, 1), Schema.anonymous(1, 2))
+    watched, problem = watch_if_possible(policy, blind, episodes=1, seed=0)
+    assert len(watched) == 1
+    words = "Blind-v0 draws none: its metadata['render_modes'] must name rgb_array"
+    assert problem == f"no pictures: {words}"
+
+
 def test_an_environment_that_cannot_draw_is_watched_without_pictures(blind: Any) -> None:
     policy = policy_of(tree(2, 1), Schema.anonymous(1, 2))
     with pytest.raises(EutreeError, match="must be able to render rgb_array, it raised OSError"):

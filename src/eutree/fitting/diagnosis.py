@@ -1,6 +1,6 @@
 """What an engineer has to know before relying on a fitted tree, in sentences."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,6 +33,8 @@ class Harm:
         share_in_leaf: Share of those that end in the leaf, or pass through it.
         holds_on: Whether the leaf decides for at least half of such an episode, up to its end.
         shown: How often each action was shown there.
+        below: The lowest return of a demonstration, which these episodes do not come to; None
+            where the environment says itself what failed.
     """
 
     leaf: int
@@ -41,6 +43,7 @@ class Harm:
     share_in_leaf: float
     holds_on: bool
     shown: tuple[int, ...]
+    below: float | None = None
 
 
 def about_demonstrations(demonstrations: Demonstrations) -> list[str]:
@@ -118,15 +121,26 @@ def about_doubt(person: Person, tree: Evaluation) -> list[str]:
 
 
 def harms(played: Played, demonstrations: Demonstrations) -> list[Harm]:
-    """Return for each frequent bad ending the leaf that has most to do with it, worst first."""
-    failed = played.failed(Person.of(demonstrations).mean_return)
+    """Return for each frequent bad ending the leaf that has most to do with it, worst first.
+
+    Where nothing says what failed, bad is an episode that earns less than any demonstration: less
+    than their mean is what half of the demonstrations themselves earn.
+    """
+    below = None if played.evaluation.successes is not None else _lowest(demonstrations)
+    failed = played.failed(np.nan if below is None else below)
     endings, shown = played.evaluation.endings, shown_in(played.policy, demonstrations)
     found = []
     for ending in np.unique(endings[failed]).tolist():
         so = failed & (endings == ending)
         if so.mean() >= OFTEN:
-            found.append(_harm(played, so, ending, shown))
+            found.append(replace(_harm(played, so, ending, shown), below=below))
     return sorted(found, key=lambda harm: -harm.share)
+
+
+def _lowest(demonstrations: Demonstrations) -> float:
+    """Return the lowest return of a finished demonstration; NaN if there is none."""
+    ended = [e.undiscounted_return for e in demonstrations if e.terminated or e.truncated]
+    return min(ended, default=np.nan)
 
 
 def _harm(played: Played, so: Booleans, ending: str, shown: Integers) -> Harm:
@@ -172,8 +186,12 @@ def in_words(harm: Harm, policy: TreePolicy, n_shown: int) -> str:
     low, high = (_rounded(bounds[harm.leaf]) for bounds in leaf_boxes(policy.tree))
     region = Region(low, high).words(policy.schema, domain(policy.schema))
     how = "hold on to the end in" if harm.holds_on else "pass through"
+    bad = f"of the episodes end badly, in {harm.ending!r}"
+    if harm.below is not None:
+        least = f"less than any episode shown ({harm.below:.4g})"
+        bad = f"of the episodes earn {least} and end in {harm.ending!r}"
     return (
-        f"{harm.share:.0%} of the episodes end badly, in {harm.ending!r}; {harm.share_in_leaf:.0%} "
+        f"{harm.share:.0%} {bad}; {harm.share_in_leaf:.0%} "
         f"of these {how} leaf {harm.leaf} ({taken} where {region}). {_cause(harm, policy, n_shown)}"
     )
 

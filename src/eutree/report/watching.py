@@ -74,6 +74,8 @@ def watch(
     spec = spec or policy.environment
     if spec is None:
         raise InvalidArgumentError("spec must name an environment: the policy names none")
+    if pictures:
+        _check_draws(spec)
     env = make(spec, render_mode="rgb_array" if pictures else None)
     try:
         guarded = GuardedEnv(env)
@@ -90,6 +92,16 @@ def watch(
         return watched
     finally:
         env.close()
+
+
+def _check_draws(spec: EnvironmentSpec) -> None:
+    """Raise InvalidArgumentError if an environment says itself that it draws no pictures."""
+    env = make(spec)
+    env.close()
+    if "rgb_array" not in env.metadata.get("render_modes", ()):
+        raise InvalidArgumentError(
+            f"{spec.id} draws none: its metadata['render_modes'] must name rgb_array"
+        )
 
 
 def watch_if_possible(
