@@ -103,8 +103,8 @@ class Workers:
 
         alone = _Alone(function)
         if _active_backend() == _RAY:
-            done = dict(self._on_ray(alone, arguments))
-            return [done[number] for number in range(len(arguments))]
+            returned = dict(self._on_ray(alone, arguments))
+            return [returned[number] for number in range(len(arguments))]
         parallel = joblib.Parallel(n_jobs=self.n_jobs)
         results: list[Result] = parallel(joblib.delayed(alone)(argument) for argument in arguments)
         return results
@@ -128,12 +128,12 @@ class Workers:
                 waiting[call.remote(function, argument)] = number
             if not waiting:
                 return
-            (done, *_), _ = ray.wait(list(waiting), num_returns=1)
+            (task, *_), _ = ray.wait(list(waiting), num_returns=1)
             try:
-                result = ray.get(done)
+                result = ray.get(task)
             except ray.exceptions.RayTaskError as error:
                 raise error.cause from None  # what the call raised, without Ray's wrapping
-            yield waiting.pop(done), result
+            yield waiting.pop(task), result
 
 
 def _called(function: Callable[[Argument], Result], argument: Argument) -> Result:
