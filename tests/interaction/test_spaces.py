@@ -6,6 +6,7 @@ import pytest
 from gymnasium import spaces
 from gymnasium.wrappers import TimeLimit
 
+from eutree.interaction.keys import keys_of_environment
 from eutree.interaction.making import make
 from eutree.interaction.spaces import describe, encoder, spec_of
 from tests.interaction.sick import Healthy
@@ -108,3 +109,22 @@ def test_what_no_file_holds_is_no_spec():
         assert spec_of(gymnasium.make("Tooled-v0", tool=object())) is None
     finally:
         gymnasium.registry.pop("Tooled-v0")
+
+
+@pytest.mark.parametrize(
+    ("id_", "module", "words"),
+    [
+        ("FrozenLake-v1", "frozen_lake", ("LEFT", "DOWN", "RIGHT", "UP")),
+        (CLIFF, "cliffwalking", ("UP", "RIGHT", "DOWN", "LEFT")),
+    ],
+)
+def test_actions_of_toy_tasks_have_the_names_that_gymnasium_gives_them(id_, module, words):
+    task = pytest.importorskip(f"gymnasium.envs.toy_text.{module}")
+    env = gymnasium.make(id_)
+    names = describe(env).actions
+    keys = keys_of_environment(env, describe(env))
+    for word in words:
+        number = getattr(task, word)
+        assert names[number] == word.lower()
+        assert keys.keys_of(number)[0] == word.lower()  # the arrow of that direction
+    assert describe(env).feature_names == ("square",)

@@ -48,6 +48,9 @@ _KNOWN_FEATURES: dict[str, tuple[tuple[str, str], ...]] = {
     ),
     "Pendulum": (("cos angle", ""), ("sin angle", ""), ("turn rate", "rad/s")),
     "Taxi": (("row", ""), ("column", ""), ("passenger", ""), ("destination", "")),  # decoded
+    "FrozenLake": (("square", ""),),
+    "FrozenLake8x8": (("square", ""),),
+    "CliffWalking": (("square", ""),),
     "LunarLander": (
         ("x", ""),
         ("y", ""),
@@ -64,6 +67,10 @@ _KNOWN_ACTIONS: dict[str, tuple[str, ...]] = {
     "MountainCar": ("left", "coast", "right"),
     "Acrobot": ("clockwise", "none", "counterclockwise"),
     "Taxi": ("south", "north", "east", "west", "pick up", "drop off"),
+    "FrozenLake": ("left", "down", "right", "up"),
+    "FrozenLake8x8": ("left", "down", "right", "up"),
+    "CliffWalking": ("up", "right", "down", "left"),
+    "Blackjack": ("stick", "hit"),
     "LunarLander": ("nothing", "left engine", "main engine", "right engine"),
 }
 
