@@ -135,6 +135,9 @@ def test_a_cluster_that_is_not_there_is_a_clear_error(tmp_path, capsys, monkeypa
     for address in ("tcp://127.0.0.1:9", str(tmp_path / "scheduler.json")):
         assert run([*line, "--backend", "dask", "--address", address]) == 2
         assert "--address must be that of a running scheduler" in capsys.readouterr().err
+    for address in ("127.0.0.1:9", "ray://127.0.0.1:99999"):
+        assert run([*line, "--backend", "ray", "--address", address]) == 2
+        assert "--address must be that of a running Ray cluster" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("backend", "package"), [("dask", "distributed"), ("ray", "ray")])

@@ -1,5 +1,6 @@
 """Where independent work of a command runs: in processes here, or on a Dask or Ray cluster."""
 
+import socket
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -105,7 +106,21 @@ def _wait_for(path: Path) -> None:
         time.sleep(0.05)
 
 
+def _check_answers(address: str | None) -> None:
+    """Raise InvalidArgumentError if nobody answers at HOST:PORT; Ray itself would wait minutes."""
+    host, _, port = (address or "").removeprefix("ray://").rpartition(":")
+    if not port.isdecimal():
+        return  # auto, or none
+    try:
+        socket.create_connection((host, int(port)), timeout=PATIENCE).close()
+    except (OSError, OverflowError) as error:
+        raise InvalidArgumentError(
+            f"--address must be that of a running Ray cluster, or auto, got {address!r}: {error}"
+        ) from None
+
+
 def _start_ray(address: str | None) -> None:
+    _check_answers(address)
     try:
         import ray
         from ray.util.joblib import register_ray
