@@ -162,7 +162,7 @@ def test_halving_ends_with_the_best_of_the_round_when_the_budget_does():
 @pytest.mark.parametrize(
     ("gain", "saved", "of_many", "wins", "episodes"),
     [
-        (1.0, 0.0, False, True, 32),  # as soon as enough episodes show it
+        (1.0, 0.0, False, True, 8),  # a lead that hardly chance can be, after few episodes
         (-1.0, 0.0, False, False, 4),
         (0.0, 0.5, False, True, 64),  # smaller and as good: only after many
         (0.0, 0.0, True, False, 4),  # of many challengers a tie is not looked into
@@ -175,8 +175,34 @@ def test_a_challenger_wins_where_it_earns_clearly_more(gain, saved, of_many, win
     assert asked[-1].episodes.stop == episodes
 
 
+@pytest.mark.parametrize(("lead", "episodes"), [(2.5, 8), (1.2, 16), (0.5, 32)])
+def test_the_clearer_a_lead_the_fewer_episodes_show_it(lead, episodes):
+    spread = np.resize([-1.0, 1.0], 64)  # a standard deviation of about 1 in each block
+    asked, run = told(lambda runner, number: (lead + spread[number]) * runner)
+    assert drive(paired(0.0, of_many=False, block=0), run) is True
+    assert asked[-1].episodes.stop == episodes
+
+
+def test_few_episodes_hardly_ever_show_a_lead_where_there_is_none():
+    generator = np.random.default_rng(5)
+    n_races = 4000
+
+    def wins_early():
+        def run(heat):
+            if heat.episodes.stop > 16:
+                return None
+            return generator.normal(size=len(heat.episodes))
+
+        return drive(paired(0.0, of_many=True, block=0), run) is True
+
+    # Student's t is exceeded once in 1,000 at each of two looks; five standard errors more.
+    assert sum(wins_early() for _ in range(n_races)) <= 8 + 5 * np.sqrt(8)
+
+
 def test_a_paired_race_that_runs_out_of_budget_ahead_does_not_know():
     def run(heat):
-        return None if heat.episodes.stop > 8 else np.full(len(heat.episodes), float(heat.runner))
+        if heat.episodes.stop > 8:
+            return None
+        return np.where(np.arange(len(heat.episodes)) == 1, 2.0, 0.0) * heat.runner
 
     assert drive(paired(0.0, of_many=False, block=0), run) is None
