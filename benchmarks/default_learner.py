@@ -14,6 +14,7 @@ import sys
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -101,8 +102,8 @@ def run(case: Case, seed: int) -> dict[str, Any]:
     demonstrations = None
     if case.demonstrations:
         demonstrations = eutree.record(shown, case.expert, episodes=case.demonstrations, seed=seed)
-    start = time.thread_time()
-    result = eutree.learn(
+    learned = partial(
+        eutree.learn,
         env,
         demonstrations=demonstrations,
         start=case.start,
@@ -110,8 +111,9 @@ def run(case: Case, seed: int) -> dict[str, Any]:
         method=case.method,
         episodes=case.episodes,
         seed=seed,
-        evaluate_every=case.every,
     )
+    start = time.thread_time()
+    result = learned(evaluate_every=case.every)
     seconds = time.thread_time() - start
     small, _ = eutree.compress(result.policy, result.history.observations)
     end = eutree.evaluate(small, env, episodes=case.final, seed=1_000_000 + seed)
@@ -132,16 +134,7 @@ def run(case: Case, seed: int) -> dict[str, Any]:
         begin = eutree.evaluate(expert, env, episodes=case.final, seed=1_000_000 + seed)
         row["expert_success"], row["expert_return"] = begin.success_rate, begin.mean_return
     if case.limit:
-        raced = eutree.learn(
-            env,
-            demonstrations=demonstrations,
-            expert=result.policy,
-            episodes=1,
-            race_steps=PRUNING_STEPS,
-            max_leaves=case.limit,
-            evaluation_episodes=1,
-            seed=seed,
-        )
+        raced = learned(race_steps=PRUNING_STEPS, max_leaves=case.limit, evaluation_episodes=1)
         pruned = raced.policy
         end = eutree.evaluate(pruned, env, episodes=case.final, seed=1_000_000 + seed)
         row["pruned_success"], row["pruned_return"] = end.success_rate, end.mean_return
@@ -177,7 +170,7 @@ Every run is in the folder `default`.
 
 
 PRUNED = """
-The last tree pruned by `learn(..., race_steps=10_000, max_leaves=15)`: races on real episodes,
+The same runs ended by `learn(..., race_steps=10_000, max_leaves=15)`: races on real episodes,
 whose steps are counted here, choose among smaller trees (compression as such gives nothing up).
 
 | case | success % | return | leaves | steps more |
