@@ -46,9 +46,17 @@ def learned(env, shown, **arguments):
 
 
 @pytest.fixture(scope="module")
-def whole(env, shown, tmp_path_factory):
+def told():
+    """Return the progress that the whole run has told of."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def whole(env, shown, told, tmp_path_factory):
     folder = tmp_path_factory.mktemp("run")
-    return learned(env, shown, out=folder), folder
+    return learned(
+        env, shown, out=folder, on_progress=lambda run: told.append(progress_of(run))
+    ), folder
 
 
 def races(folder):
@@ -237,17 +245,16 @@ def test_no_loop_runs_for_long_without_a_chance_to_interrupt(env, shown, monkeyp
     assert max(sizes) == 256
 
 
-def test_the_command_line_shows_the_stage(env, shown):
-    labels = []
-    learned(env, shown, on_progress=lambda run: labels.append(progress_of(run)))
-    names = [name for name, _, _ in labels]
+@pytest.mark.usefixtures("whole")
+def test_the_command_line_shows_the_stage(told):
+    names = [name for name, _, _ in told]
     assert (
         list(dict.fromkeys(names)) == ["teacher", "dagger", "race", "last race"][: len(set(names))]
     )
     assert {"teacher", "dagger", "race"} <= set(names)
-    used = [steps for _, steps, _ in labels]
+    used = [steps for _, steps, _ in told]
     assert used == sorted(used)
-    assert {total for _, _, total in labels} == {BUDGET}
+    assert {total for _, _, total in told} == {BUDGET}
 
 
 QUICK = ["updates=50", "more_updates=20", "members=1", "hidden=8", "batch=16"]
