@@ -18,6 +18,7 @@ from eutree.splitting import (
     naive_p,
     permutation_p,
 )
+from eutree.splitting.permutation import Episodes
 
 slow_without_compilation = pytest.mark.skipif(
     not compiled.ENABLED, reason="too slow without compilation"
@@ -192,6 +193,26 @@ class TestPermutation:
         test = Permutation(alpha=0.05, n_permutations=39, by_episode=True)
         found = rate(test, KolmogorovSmirnov(), samples, generator)
         assert found <= 0.05 + 3 * np.sqrt(0.05 * 0.95 / 120)
+
+    @pytest.mark.parametrize("seed", range(5))
+    def test_episodes_are_exchanged_as_one_by_one(self, seed):
+        """Byte for byte the same as with a loop over the episodes, from the same draws."""
+        generator = np.random.default_rng(seed)
+        numbers = generator.integers(9, size=80)  # of very different sizes, in any order
+        rows = np.sort(generator.choice(80, 60, replace=False))
+        values = generator.integers(20, size=60).astype(np.int32)
+        sample = leaf(np.zeros((80, 1)), np.zeros(80), None, numbers)
+        fast, slow = np.random.default_rng(seed), np.random.default_rng(seed)
+        for _ in range(20):
+            found = Episodes.of(sample, rows).permuted(values, fast)
+            blocks = [np.flatnonzero(numbers[rows] == one) for one in np.unique(numbers[rows])]
+            expected = np.empty_like(values)
+            for block, source in zip(blocks, slow.permutation(len(blocks)), strict=True):
+                taken = values[blocks[source]]
+                taken = np.roll(taken, slow.integers(taken.size))
+                expected[block] = taken[np.arange(block.size) * taken.size // block.size]
+            np.testing.assert_array_equal(found, expected)
+        assert fast.random() == slow.random()
 
     def test_both_sides_must_hold_several_episodes(self):
         x = np.arange(60.0)[:, None]

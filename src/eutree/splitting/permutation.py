@@ -10,7 +10,6 @@ Without the rotation the returns of episodes of one length would stay where they
 so beside observations that tell it.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,6 +61,39 @@ def permutation_p(
 
 
 @dataclass(frozen=True, eq=False)
+class Episodes:
+    """The rows of a sample, one episode after another."""
+
+    rows: Integers  # [n] rows of the sample
+    first: Integers  # [E] place in ``rows`` of an episode's first row
+    size: Integers  # [E] its rows
+    owner: Integers  # [n] the episode of each place
+    within: Integers  # [n] the row's number within its episode
+
+    @classmethod
+    def of(cls, sample: LeafSample, rows: Integers) -> "Episodes":
+        """Return the episodes of some rows of a sample, in order of their numbers."""
+        numbers = rows if sample.episodes is None else sample.episodes[rows]
+        order = np.argsort(numbers, kind="stable")
+        _, first, owner, size = np.unique(
+            numbers[order], return_index=True, return_inverse=True, return_counts=True
+        )
+        return cls(order, first, size, owner, np.arange(order.size) - first[owner])
+
+    def permuted(self, values: Int32s, generator: np.random.Generator) -> Int32s:
+        """Return the values with whole episodes exchanged, stretched and rotated."""
+        sources = generator.permutation(self.size.size)
+        lengths = self.size[sources]
+        rotations = generator.integers(lengths)
+        length, rotation = lengths[self.owner], rotations[self.owner]
+        stretched = self.within * length // self.size[self.owner]
+        taken = self.first[sources][self.owner] + (stretched - rotation) % length
+        result = np.empty_like(values)
+        result[self.rows] = values[self.rows[taken]]
+        return result
+
+
+@dataclass(frozen=True, eq=False)
 class _Group:
     """What stays the same between the draws of one tested sample."""
 
@@ -69,7 +101,7 @@ class _Group:
     legal: Booleans  # [d, n] as in _kernels.best_cut
     rank: Int32s  # [n] dense ranks of the returns
     cumulative: Floats  # [m] tuples of each rank or a lower one
-    blocks: tuple[Integers, ...]  # rows of each episode; empty: permute single rows
+    episodes: Episodes | None  # None: permute single rows
     side: int
     distance: bool
     floor: float
@@ -92,7 +124,7 @@ class _Group:
             legal=_legal(columns, order),
             rank=rank.astype(np.int32),
             cumulative=np.cumsum(counts).astype(np.float64),
-            blocks=tuple(_episodes(sample, rows)) if by_episode else (),
+            episodes=Episodes.of(sample, rows) if by_episode else None,
             side=search.min_side(rows.size),
             distance=search.score == "distance",
             floor=search.floor(value, rows.size),
@@ -100,9 +132,11 @@ class _Group:
 
     def reaches(self, generator: np.random.Generator) -> bool:
         """Return whether one permutation of the returns has a cut above the floor."""
-        rank = self._permuted(generator)
         cumulative = self.cumulative
-        if self.blocks:  # stretched blocks hold some returns twice, others not at all
+        if self.episodes is None:
+            rank = generator.permutation(self.rank)
+        else:  # stretched episodes hold some returns twice, others not at all
+            rank = self.episodes.permuted(self.rank, generator)
             counts = np.bincount(rank, minlength=cumulative.size)
             cumulative = np.cumsum(counts).astype(np.float64)
         for order, legal in zip(self.order, self.legal, strict=True):
@@ -120,27 +154,9 @@ class _Group:
                 return True
         return False
 
-    def _permuted(self, generator: np.random.Generator) -> Int32s:
-        if not self.blocks:
-            return generator.permutation(self.rank)
-        result = np.empty_like(self.rank)
-        sources = generator.permutation(len(self.blocks))
-        for block, source in zip(self.blocks, sources, strict=True):
-            returns = self.rank[self.blocks[source]]
-            returns = np.roll(returns, generator.integers(returns.size))
-            result[block] = returns[np.arange(block.size) * returns.size // block.size]
-        return result
-
 
 def _legal(columns: Floats, order: Integers) -> Booleans:
     values = np.take_along_axis(columns, order, axis=1)
     legal = np.zeros(values.shape, dtype=np.bool_)
     legal[:, 1:] = values[:, :-1] < values[:, 1:]
     return legal
-
-
-def _episodes(sample: LeafSample, rows: Integers) -> Iterator[Integers]:
-    """Yield the positions within ``rows`` of each episode, in order of the episode's number."""
-    episodes = rows if sample.episodes is None else sample.episodes[rows]
-    order = np.argsort(episodes, kind="stable")
-    yield from np.split(order, np.flatnonzero(np.diff(episodes[order])) + 1)
