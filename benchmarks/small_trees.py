@@ -82,10 +82,12 @@ TASKS = {
     "MountainCar": Task("MountainCar-v0", EXPERTS["MountainCar-v0"]["push"], 6, 100_000, -99.1),
     "TwoTanks": Task("TwoTanks-v0", FloatSwitch(), 20, 100_000, None, method_for),
 }
-CUT_COLUMNS = ("seed", "whole", "return", "error", "leaves", "before", "after", "seconds")
-COLUMNS = ("seed", "shown", "start", "return", "error", "leaves", "steps", "seconds", "teacher",
-           "teacher_steps", *(f"{name}{what}" for name in BASELINES
-                              for what in ("", "_leaves", "_steps")))  # fmt: skip
+OF_TEACHER = ("teacher", "teacher_steps", *(f"{name}{what}" for name in BASELINES
+                                           for what in ("", "_leaves", "_steps")))  # fmt: skip
+CUT_COLUMNS = ("seed", "whole", "return", "error", "leaves", "before", "after", "seconds",
+               *OF_TEACHER)  # fmt: skip
+COLUMNS = ("seed", "shown", "start", "return", "error", "leaves", "steps", "seconds",
+           *OF_TEACHER)  # fmt: skip
 Row = dict[str, float | int]
 
 
@@ -124,8 +126,12 @@ class Measurement:
             "teacher_steps": teacher_steps(self._folder),
         }
 
-    def baselines(self) -> Row:
-        """Return what the teacher earns, and what DAgger and VIPER make of it."""
+    def baselines(self, leaves: int | None = None) -> Row:
+        """Return what the teacher earns, and what DAgger and VIPER make of it at the same size.
+
+        Args:
+            leaves: Most leaves; the task's if None.
+        """
         teacher = self._taught()
         row: Row = {
             "teacher": round(self._evaluated(teacher).mean_return, 2),
@@ -134,11 +140,19 @@ class Measurement:
         left = self._task.steps - self._shown.n_transitions - row["teacher_steps"]
         length = np.mean([len(episode) for episode in self._shown])
         for name in BASELINES:
-            rows = self._distilled(teacher, name, left, float(length))
+            settings = DistillationSettings(
+                method=name,
+                learner="cart",
+                max_leaves=leaves or self._task.leaves,
+                iterations=ROUNDS,
+            )
+            rows = self._distilled(teacher, settings, left, float(length))
             row |= {f"{name}{what}": value for what, value in rows.items()}
         return row
 
-    def _distilled(self, teacher: Any, name: str, left: float, length: float) -> Row:
+    def _distilled(
+        self, teacher: Any, settings: DistillationSettings, left: float, length: float
+    ) -> Row:
         """Return what a baseline comes to; it takes fewer episodes where its steps would not do.
 
         Episodes may become longer than the demonstrations were: then they are reckoned anew.
@@ -149,11 +163,8 @@ class Measurement:
             tree, told = eutree.distill(
                 teacher,
                 self._env,
-                DistillationSettings(
-                    method=name,
-                    learner="cart",
-                    max_leaves=self._task.leaves,
-                    iterations=ROUNDS,
+                replace(
+                    settings,
                     episodes=gathered,
                     validation_episodes=int(np.clip(affordable - gathered, 2, MOST_VALIDATED)),
                 ),
@@ -269,26 +280,33 @@ def report(task: Task, rows: list[Row], command: str) -> str:
         "|---|---|---|---|---|---|---|---|---|---|---|",
     ]
     for row in rows:
-        others = [f"{row[name]:.1f}" if name in row else "" for name in ("teacher", *BASELINES)]
         lines.append(
             f"| {row['seed']} | {row['shown']:.1f} | {row['start']:.1f} | {row['return']:.1f} | "
             f"{row['error']:.1f} | {row['leaves']} | {row['steps']:,} | {row['seconds']} | "
-            f"{' | '.join(others)} |"
+            f"{beside(row)} |"
         )
+    return "\n".join([*lines, *said_of_baselines(rows, task.leaves)]) + "\n"
+
+
+def beside(row: Row) -> str:
+    """Return the cells of the teacher, DAgger and VIPER, empty where they were not measured."""
+    return " | ".join(f"{row[name]:.1f}" if name in row else "" for name in ("teacher", *BASELINES))
+
+
+def said_of_baselines(rows: list[Row], leaves: int) -> list[str]:
+    """Return what is said of them below a table, if anything."""
     known = [row for row in rows if BASELINES[-1] in row]
-    if known:
-        means = {name: np.mean([row[name] for row in known]) for name in ("teacher", *BASELINES)}
-        most = max(
-            row[f"{name}_steps"] + row["teacher_steps"] for row in known for name in BASELINES
-        )
-        lines += [
-            "",
-            f"The teacher of each run earns {means['teacher']:.1f} on average; DAgger and VIPER, "
-            f"with CART, at most {task.leaves} leaves and the best of {ROUNDS} trees on validation "
-            f"episodes, make {means['dagger']:.1f} and {means['viper']:.1f} of it, in at most "
-            f"{most:,} steps with the teacher's.",
-        ]
-    return "\n".join(lines) + "\n"
+    if not known:
+        return []
+    means = {name: np.mean([row[name] for row in known]) for name in ("teacher", *BASELINES)}
+    most = max(row[f"{name}_steps"] + row["teacher_steps"] for row in known for name in BASELINES)
+    return [
+        "",
+        f"The teacher of each run earns {means['teacher']:.1f} on average; DAgger and VIPER, "
+        f"with CART, at most {leaves} leaves and the best of {ROUNDS} trees on validation "
+        f"episodes, make {means['dagger']:.1f} and {means['viper']:.1f} of it, in at most "
+        f"{most:,} steps with the teacher's.",
+    ]
 
 
 def table_of(path: Path) -> dict[int, Row]:
@@ -389,30 +407,37 @@ def report_of_cuts(name: str, leaves: int, rows: list[Row]) -> str:
             f"takes no step. Return on 200 fresh episodes: {summary(returns)}.",
             "",
             "| seed | whole tree | cut | s.e. of 200 episodes | leaves | imagined before "
-            "| imagined after | CPU s |",
-            "|---|---|---|---|---|---|---|---|",
+            "| imagined after | CPU s | teacher | DAgger | VIPER |",
+            "|---|---|---|---|---|---|---|---|---|---|---|",
             *(
                 f"| {row['seed']} | {row['whole']:.1f} | {row['return']:.1f} | {row['error']:.1f} "
                 f"| {row['leaves']} | {row['before']:.1f} | {row['after']:.1f} "
-                f"| {row['seconds']} |"
+                f"| {row['seconds']} | {beside(row)} |"
                 for row in rows
             ),
+            *said_of_baselines(rows, leaves),
             "",
         ]
     )
 
 
 def cut_all(name: str, options: argparse.Namespace) -> None:
-    """Cut the trees of a task's runs, those not cut before, and write the page."""
+    """Cut the trees of a task's runs, those not cut before, and write the page.
+
+    Beside them stand DAgger and VIPER of the runs' teachers at that size.
+    """
     path = options.out / f"small-trees-{name}-cut-{options.cut}.csv"
     known = table_of(path)
     for folder in runs_of(name, options.runs):
-        if int(folder.name.rpartition("-")[2]) not in known:
-            row = cut(TASKS[name], folder, options.cut)
-            known[int(row["seed"])] = row
-            rows = [known[number] for number in sorted(known)]
-            write_table(path, rows, CUT_COLUMNS)
-            path.with_suffix(".md").write_text(report_of_cuts(name, options.cut, rows))
+        seed = int(folder.name.rpartition("-")[2])
+        row = known.get(seed) or cut(TASKS[name], folder, options.cut)
+        if BASELINES[-1] not in row:
+            row |= Measurement(TASKS[name], seed, folder).baselines(options.cut)
+        known[seed] = row
+        print(name, row, file=sys.stderr, flush=True)
+        rows = [known[number] for number in sorted(known)]
+        write_table(path, rows, CUT_COLUMNS)
+        path.with_suffix(".md").write_text(report_of_cuts(name, options.cut, rows))
 
 
 def runs_of(name: str, runs: Path | None) -> list[Path]:
