@@ -63,11 +63,13 @@ class Provenance:
         """Return that of a page's text.
 
         Raises:
-            ValueError: The page does not begin with the four lines.
+            ValueError: The page does not begin with the four lines, or has them twice.
         """
         head, *rest = text.split(f"{RULE}\n", 2)
         if head or len(rest) != 2:
             raise ValueError(f"a page of figures must begin with {RULE!r}, got {text[:40]!r}")
+        if rest[1].lstrip("\n").startswith(RULE):
+            raise ValueError("a page of figures must say once where it comes from, got it twice")
         entries = dict(line.split(": ", 1) for line in rest[0].splitlines())
         if list(entries) != ["command", "commit", "date", "sources"]:
             raise ValueError(f"must give command, commit, date and sources, got {list(entries)}")

@@ -42,6 +42,14 @@ def test_every_page_of_figures_names_a_commit_that_everybody_has():
     assert strangers == {}
 
 
+def test_a_page_that_says_twice_where_it_comes_from_is_refused():
+    """The documentation reads the second time as a heading, and does not build."""
+    head = provenance.Provenance("python b.py", "f3056a0", "2026-01-01", ("b.py",))
+    assert provenance.Provenance.of(f"{head}\n# Title\n") == head
+    with pytest.raises(ValueError, match="got it twice"):
+        provenance.Provenance.of(f"{head}\n{head}\n# Title\n")
+
+
 def git(folder, *arguments):
     names = ["-c", "user.name=a", "-c", "user.email=a@localhost"]
     done = subprocess.run(["git", *names, *arguments], cwd=folder, capture_output=True, text=True)
