@@ -13,6 +13,8 @@ kinds of demonstration: it answers for more of the same.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -159,23 +161,47 @@ def expert_curve(
 def fit_power_law(sizes: Floats, errors: Floats) -> PowerLaw:
     """Return the law of least squares through ``errors`` [S] at ``sizes`` [S], weighted by size."""
     weights = np.asarray(sizes, dtype=float)
-    best, least = PowerLaw(float(np.average(errors, weights=weights)), 0.0, 1.0), np.inf
-    for exponent in _EXPONENTS.tolist():
-        powers = weights**-exponent
-        for floor, scale in _lines(powers, errors, weights):
-            missed = float((weights * (floor + scale * powers - errors) ** 2).sum())
+    mean = float(np.average(errors, weights=weights))
+    best, least = PowerLaw(mean, 0.0, 1.0), np.inf
+    for powers in _powers(tuple(weights.tolist())):
+        for floor, scale in powers.lines(errors, mean):
+            missed = float((weights * (floor + scale * powers.x - errors) ** 2).sum())
             if floor >= 0.0 and scale >= 0.0 and missed < least - 1e-15:
-                best, least = PowerLaw(floor, scale, exponent), missed
+                best, least = PowerLaw(floor, scale, powers.exponent), missed
     return best
 
 
-def _lines(x: Floats, y: Floats, weights: Floats) -> list[tuple[float, float]]:
-    """Return the best weighted line a + b x, the best without a, and the best without b."""
-    x_mean, y_mean = float(np.average(x, weights=weights)), float(np.average(y, weights=weights))
-    spread = float(weights @ (x - x_mean) ** 2)
-    slope = float(weights @ ((x - x_mean) * y)) / spread if spread > 0.0 else 0.0
-    through_origin = float(weights @ (x * y)) / float(weights @ (x * x))
-    return [(y_mean - slope * x_mean, slope), (0.0, through_origin), (y_mean, 0.0)]
+class _Powers(NamedTuple):
+    """The weights to the power of minus an exponent, and what all lines through them have alike."""
+
+    exponent: float
+    weights: Floats  # [S]
+    x: Floats  # [S]
+    x_mean: float
+    centred: Floats  # x - x_mean
+    spread: float
+    squares: float
+
+    def lines(self, y: Floats, y_mean: float) -> list[tuple[float, float]]:
+        """Return the best weighted line a + b x, the best without a, and the best without b."""
+        slope = float(self.weights @ (self.centred * y)) / self.spread if self.spread > 0.0 else 0.0
+        through_origin = float(self.weights @ (self.x * y)) / self.squares
+        return [(y_mean - slope * self.x_mean, slope), (0.0, through_origin), (y_mean, 0.0)]
+
+
+@lru_cache(maxsize=4)
+def _powers(sizes: tuple[float, ...]) -> list[_Powers]:
+    """Return the powers of the weights for all exponents; a bootstrap asks for the same ones."""
+    weights = np.array(sizes)
+    found = []
+    for exponent in _EXPONENTS.tolist():
+        x = weights**-exponent
+        x_mean = float(np.average(x, weights=weights))
+        spread = float(weights @ (x - x_mean) ** 2)
+        found.append(
+            _Powers(exponent, weights, x, x_mean, x - x_mean, spread, float(weights @ (x * x)))
+        )
+    return found
 
 
 def _accuracies(

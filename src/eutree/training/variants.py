@@ -86,7 +86,8 @@ class Variation:
         x = visited[self._generator.integers(len(visited))]
         leaf = leaf_node(tree, 0, x)
         some = visited[self._generator.integers(len(visited), size=BOX_ROWS)]
-        near = [y for y in some if leaf_node(tree, 0, y) == leaf] or [x]
+        near = some[_in_leaf(tree, leaf, some)]
+        near = near if len(near) else x[None]
         box = np.full((x.size, 2), (-np.inf, np.inf))
         n_features = min(int(self._generator.choice((1, 1, 2))), x.size)
         for feature in self._generator.choice(x.size, n_features, replace=False):
@@ -156,6 +157,15 @@ class Advantages:
 
     def _gained(self, steps: Booleans) -> Floats:
         return self.gains[steps]
+
+
+@compiled
+def _in_leaf(tree: ActionTree, leaf: int, observations: Floats) -> Booleans:
+    """Return which of the observations [K, d] fall into the leaf, shape [K]."""
+    inside = np.zeros(len(observations), dtype=np.bool_)
+    for row in range(len(observations)):  # inside[:row] is decided
+        inside[row] = leaf_node(tree, 0, observations[row]) == leaf
+    return inside
 
 
 @compiled
