@@ -25,14 +25,17 @@ def quick(monkeypatch):
 
 
 def known():
-    """A walk in [0, 1]; action 1 earns 5 above the middle and costs 5 below it, 0 nothing."""
+    """A walk in the unit square; what action 1 earns depends on the first feature alone.
+
+    Above the middle it earns 5, below it costs 5; action 0 earns nothing.
+    """
     generator = np.random.default_rng(0)
     n, length = 200, 10
-    x = np.empty((n, length + 1))
-    x[:, 0] = generator.random(n)
+    x = np.empty((n, length + 1, 2))
+    x[:, 0] = generator.random((n, 2))
     for t in range(length):
-        x[:, t + 1] = np.clip(x[:, t] + 0.2 * generator.standard_normal(n), 0.0, 1.0)
-    before, after = x[:, :-1].reshape(-1, 1), x[:, 1:].reshape(-1, 1)
+        x[:, t + 1] = np.clip(x[:, t] + 0.2 * generator.standard_normal((n, 2)), 0.0, 1.0)
+    before, after = x[:, :-1].reshape(-1, 2), x[:, 1:].reshape(-1, 2)
     actions = generator.integers(2, size=n * length)
     rewards = np.where(actions == 1, np.where(before[:, 0] > 0.5, 5.0, -5.0), 0.0)
     ends = np.zeros(n * length, dtype=np.bool_)
@@ -48,8 +51,9 @@ def test_a_challenger_is_found_in_either_model(world_model):
     assert plan.challenger is not None
     assert plan.model_steps > 0
     for place, action in ((0.2, 0), (0.8, 1)):
-        at = leaf_node(plan.challenger, 0, np.array([place]))
-        assert plan.challenger.action[at] == action
+        for elsewhere in (0.2, 0.8):
+            at = leaf_node(plan.challenger, 0, np.array([place, elsewhere]))
+            assert plan.challenger.action[at] == action
 
 
 def test_the_choice_is_checked():
