@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 import gymnasium
+import joblib
 import pytest
 from joblib.externals.loky import get_reusable_executor
 
@@ -30,6 +31,8 @@ REASONS = {
     "installs",
     "takes minutes",
 }
+# Pages on which work is divided among processes; it ends in the same bytes without them.
+ABOUT_PROCESSES = {"learning.md", "many-machines.md"}
 # Languages of blocks that are shown, not run. A shell block is `console`, so that it runs.
 SHOWN = {"text", "c", "json", "mermaid"}
 
@@ -43,7 +46,6 @@ def folder(tmp_path, monkeypatch):
     """Return an empty folder to run a page in; what is imported from it is forgotten."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
-    get_reusable_executor().shutdown(wait=True)  # its workers look for modules elsewhere
     registered = set(gymnasium.registry)
     yield tmp_path
     for module in [m for m, v in sys.modules.items() if _lies_in(v, tmp_path)]:
@@ -56,6 +58,19 @@ def _lies_in(module: object, folder: Path) -> bool:
     return str(getattr(module, "__file__", None) or "").startswith(f"{folder}/")
 
 
+@pytest.fixture
+def processes(request, folder):
+    """Let a page start processes if it is about them; it costs others more than what they show."""
+    if request.node.callspec.params["page"].name in ABOUT_PROCESSES:
+        get_reusable_executor().shutdown(wait=True)  # its workers look for modules elsewhere
+        yield
+        get_reusable_executor().shutdown(wait=True)
+    else:
+        with joblib.parallel_config(backend="sequential"):
+            yield
+
+
+@pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("page", pages(), ids=name)
 def test_blocks_run(page: Path, folder: Path) -> None:
     namespace, printed = {"__name__": "__main__"}, ""
