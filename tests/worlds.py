@@ -13,7 +13,7 @@ from gymnasium import spaces
 
 from eutree.data import Demonstrations, Episode
 from eutree.interaction import GuardedEnv, record
-from eutree.learners import CORRECTED, Problem, Start, Step
+from eutree.learners import CORRECTED, DEFAULT, Problem, Start, Step
 from eutree.schema import Schema
 from eutree.splitting import Permutation
 
@@ -21,6 +21,12 @@ from eutree.splitting import Permutation
 # tests of something else: nearly all of its time goes into them.
 FEW_DRAWS = replace(
     CORRECTED, significance=Permutation(alpha=0.01, n_permutations=99, by_episode=True)
+)
+
+# The default method with a tenth of its imagined episodes, for tests of what is around a learner:
+# logs, callbacks, going on. How well it plans is seen elsewhere.
+FEW_IMAGINED = replace(
+    DEFAULT, planner=replace(DEFAULT.planner, n_episodes=100, n_explorer_episodes=30)
 )
 
 

@@ -84,7 +84,7 @@ def test_the_wheel_works_without_the_sources(installed: Path, tmp_path: Path) ->
         "import eutree, sys; from eutree.cli.main import run\n"
         f"assert eutree.__file__.startswith({str(installed)!r})\n"
         "for line in ('record eutree/Evasion2-v0 --expert gate --episodes 3 --out demos',\n"
-        "             'fit demos --out expert.json --episodes 20',\n"
+        "             'fit demos --out expert.json --episodes 5',\n"
         "             'show expert.json --html tree.html',\n"
         "             'export expert.json --out expert.py'):\n"
         "    assert run(line.split()) == 0, line\n"

@@ -33,6 +33,11 @@ def files_of(path):
     }
 
 
+def here(*arguments):
+    """Run the command line in this process."""
+    assert run([*map(str, arguments)]) == 0
+
+
 def command(*arguments):
     """Run the command line in a process of its own."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
@@ -78,9 +83,9 @@ def dask_cluster(tmp_path_factory):
 
 
 def test_a_dask_cluster_gives_the_same_bytes(tmp_path, dask_cluster):
-    for line in (LINE, LEARNING, FRAMEWORK):
-        command(*line, "--out", tmp_path / "one", "--n-jobs", "1")
-        command(
+    for way, line in ((command, LINE), (here, LEARNING), (here, FRAMEWORK)):
+        here(*line, "--out", tmp_path / "one", "--n-jobs", "1")
+        way(
             *line, "--out", tmp_path / "dask", "--backend", "dask", "--address", dask_cluster,
             "--n-jobs", "-1",
         )  # fmt: skip

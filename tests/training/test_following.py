@@ -11,8 +11,10 @@ import eutree
 from eutree import callbacks
 from eutree.errors import InvalidArgumentError, MissingExtraError
 from eutree.training.callback import as_callback
+from tests.worlds import FEW_IMAGINED
 
 SHORT = {"episodes": 45, "evaluate_every": 15, "evaluation_episodes": 10, "seed": 4}
+SHORT |= {"method": FEW_IMAGINED}
 
 
 @pytest.fixture(scope="module")

@@ -58,6 +58,11 @@ def struck(line, folder, blow):
     return finish(start(*line, *options, code=blow + COMMAND))
 
 
+def go_on(line, folder):
+    """Resume a run in this process, to its end."""
+    assert run([*map(str, line), "--out", str(folder), "--resume"]) == 0
+
+
 def kill_and_resume(line, folder, kills, seed):
     """Kill a run at random moments, then let it end."""
     codes = []
@@ -96,13 +101,12 @@ def test_200_kills_and_resumes_end_with_the_same_bytes(whole, tmp_path, domain, 
 
 
 @pytest.mark.promise(8)
-def test_the_kill_test_catches_a_writer_that_is_not_atomic(whole, tmp_path):
+def test_the_kill_test_catches_a_writer_that_is_not_atomic(whole, tmp_path, capsys):
     line, _ = whole(DOMAINS[0], 0)
     folder = tmp_path / "run"
     assert struck(line, folder, TORN)[0] == -signal.SIGKILL
-    code, err = finish(start(*line, "--out", folder, "--resume"))
-    assert code == 2
-    assert "checkpoint.npz" in err
+    assert run([*map(str, line), "--out", str(folder), "--resume"]) == 2
+    assert "checkpoint.npz" in capsys.readouterr().err
 
 
 @pytest.mark.promise(12)
@@ -123,8 +127,7 @@ def test_a_signal_saves_and_exits_and_the_run_can_be_resumed(whole, tmp_path, nu
     assert err.splitlines()[-1].endswith("go on with --resume")
     total = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     assert total - spent < 2.0
-    code, err = finish(start(*line, "--out", folder, "--resume"))
-    assert code == 0, err
+    go_on(line, folder)
     assert digests(folder) == wanted
 
 
@@ -170,22 +173,22 @@ def test_an_interrupt_that_escapes_still_exits_with_the_code_of_its_signal(numbe
 
 
 @pytest.mark.promise(11)
-def test_a_second_process_is_refused_and_the_lock_of_a_dead_one_is_taken_over(whole, tmp_path):
+def test_a_second_process_is_refused_and_the_lock_of_a_dead_one_is_taken_over(
+    whole, tmp_path, capsys
+):
     line, wanted = whole(DOMAINS[0], 0)
     folder = tmp_path / "run"
     first = start(*line, "--out", folder, "--checkpoint-seconds", 0, code=STOPPED + COMMAND)
     _, status = os.waitpid(first.pid, os.WUNTRACED)
     assert os.WIFSTOPPED(status), first.communicate()
     try:
-        code, err = finish(start(*line, "--out", folder, "--resume"))
-        assert code == 2
-        assert f"{folder} is in use by process {first.pid}" in err
+        assert run([*map(str, line), "--out", str(folder), "--resume"]) == 2
+        assert f"{folder} is in use by process {first.pid}" in capsys.readouterr().err
     finally:
         os.kill(first.pid, signal.SIGKILL)
     finish(first)
     assert (folder / ".lock").read_text() == f"{first.pid}\n"
-    code, err = finish(start(*line, "--out", folder, "--resume"))
-    assert code == 0, err
+    go_on(line, folder)
     assert digests(folder) == wanted
 
 

@@ -11,6 +11,7 @@ from eutree.errors import EnvironmentFault, InvalidArgumentError, RunFolderError
 from eutree.interaction import GuardedEnv
 from eutree.learners import PAPER
 from tests.interaction.sick import Healthy
+from tests.worlds import FEW_IMAGINED
 
 SHORT = {"episodes": 30, "evaluate_every": 10, "evaluation_episodes": 10}
 
@@ -52,10 +53,10 @@ def test_the_start_follows_from_what_is_given(env, demonstrations):
     assert with_all.expert == expert
 
 
-@pytest.mark.parametrize("preset", ["paper", "default"])
-def test_the_same_seed_gives_the_same_result(env, demonstrations, preset):
+@pytest.mark.parametrize("method", ["paper", FEW_IMAGINED], ids=["paper", "default"])
+def test_the_same_seed_gives_the_same_result(env, demonstrations, method):
     runs = [
-        eutree.learn(env, demonstrations=demonstrations, method=preset, seed=seed, **SHORT)
+        eutree.learn(env, demonstrations=demonstrations, method=method, seed=seed, **SHORT)
         for seed in (3, 3, 4)
     ]
     assert same(runs[0], runs[1])
@@ -68,13 +69,17 @@ def test_global_random_state_is_neither_read_nor_changed(env, demonstrations):
     for seed in (1, 2):
         np.random.seed(seed)  # noqa: NPY002 - the global state is what is tested
         before = np.random.get_state()[1].tolist()  # noqa: NPY002 - as above
-        results.append(eutree.learn(env, demonstrations=demonstrations, **SHORT))
+        results.append(
+            eutree.learn(env, demonstrations=demonstrations, method=FEW_IMAGINED, **SHORT)
+        )
         assert np.random.get_state()[1].tolist() == before  # noqa: NPY002 - as above
     assert same(*results)
 
 
 def test_previous_observations_become_features(env, demonstrations):
-    result = eutree.learn(env, demonstrations=demonstrations, history=2, **SHORT)
+    result = eutree.learn(
+        env, demonstrations=demonstrations, method=FEW_IMAGINED, history=2, **SHORT
+    )
     policy = result.policy
     assert (policy.history, policy.tree.n_features, policy.observation_size) == (2, 9, 3)
     assert policy.schema.feature_names[3] == "position, 1 ago"
@@ -95,12 +100,12 @@ class InterruptedRunError(Exception):
 
 
 @pytest.mark.promise(8)
-@pytest.mark.parametrize("preset", ["paper", "default"])
+@pytest.mark.parametrize("method", ["paper", FEW_IMAGINED], ids=["paper", "default"])
 @pytest.mark.parametrize("at", [0, 1, 7, 20, 29])
 def test_a_run_resumed_after_an_interruption_ends_the_same(
-    env, demonstrations, tmp_path, preset, at
+    env, demonstrations, tmp_path, method, at
 ):
-    options = {"demonstrations": demonstrations, "method": preset, "seed": 9, **SHORT}
+    options = {"demonstrations": demonstrations, "method": method, "seed": 9, **SHORT}
 
     def interrupt(run):
         if run.episode == at:
@@ -123,10 +128,10 @@ def test_a_run_resumed_after_an_interruption_ends_the_same(
 
 
 @pytest.mark.promise(8)
-@pytest.mark.parametrize("preset", ["paper", "default"])
+@pytest.mark.parametrize("method", ["paper", FEW_IMAGINED], ids=["paper", "default"])
 @pytest.mark.parametrize("at", [1, 20])
-def test_a_bounded_run_resumed_ends_the_same(env, demonstrations, tmp_path, preset, at):
-    options = {"demonstrations": demonstrations, "method": preset, "max_transitions": 250, **SHORT}
+def test_a_bounded_run_resumed_ends_the_same(env, demonstrations, tmp_path, method, at):
+    options = {"demonstrations": demonstrations, "method": method, "max_transitions": 250, **SHORT}
 
     def interrupt(run):
         if run.episode == at:
@@ -146,7 +151,7 @@ def test_a_bounded_run_resumed_ends_the_same(env, demonstrations, tmp_path, pres
 
 def test_a_request_to_stop_ends_the_run_at_the_last_finished_episode(env, demonstrations, tmp_path):
     calls = iter(range(10**9))
-    options = {"demonstrations": demonstrations, "seed": 2, **SHORT}
+    options = {"demonstrations": demonstrations, "method": FEW_IMAGINED, "seed": 2, **SHORT}
     stopped = eutree.learn(env, out=tmp_path / "a", stop=lambda: next(calls) >= 200, **options)
     assert 0 < stopped.episodes < 30
     resumed = eutree.learn(env, out=tmp_path / "a", resume=True, **options)
