@@ -178,7 +178,7 @@ class _Powers(NamedTuple):
     weights: Floats  # [S]
     x: Floats  # [S]
     x_mean: float
-    centred: Floats  # x - x_mean
+    centred: Floats  # [S] x - x_mean
     spread: float
     squares: float
 
