@@ -17,6 +17,7 @@ from eutree.world_model.ensemble_rollouts import EnsembleRollouts
 N_STARTS = 50  # first observations of imagined episodes
 # Several times the leaves allowed, and whether CART was weighted; the first are made first.
 PRUNED = ((3, True), (3, False), (2, False), (3, True), (3, False), (2, True))
+SELECTION_STARTS = 2 * N_STARTS  # of the episodes that choose among prunings, and chose no cut
 FEW_RETURNS = 4  # below which a contender's mean says nothing
 
 
@@ -49,22 +50,39 @@ class ImaginedRivals:
         self._max_leaves = max_leaves
         self.ensemble: Ensemble | None = None
 
-    def make(self, n: int, generator: np.random.Generator) -> list[Contender]:
-        """Fit the model to all that is known; return CART's tree and ``n`` pruned ones."""
-        data = self._experience.transitions(self._n_actions)
-        if self.ensemble is None:
-            self.ensemble = fit_ensemble(data, self._settings, generator)
-        else:
-            self.ensemble = self.ensemble.fitted_on(data, generator)
+    def make(
+        self, n: int, gathered: int, generator: np.random.Generator, *, students: bool
+    ) -> list[Contender]:
+        """Fit the model to all that is known; return CART's tree and other rivals of the policy.
+
+        CART copies what the teacher says of all observations so far, and of DAgger's alone: what
+        rivals saw later, crashing, costs a small tree leaves. Twice as many trees are pruned as
+        return, half from each; the model says which, in episodes that chose none of their cuts.
+
+        Args:
+            n: Number of rivals beside CART's tree.
+            gathered: Rows of the store when DAgger's rounds were over.
+            generator: Source of all chance.
+            students: Whether rivals are other trees of CART first, as it makes them: where prunings
+                have earned no more.
+        """
+        self.ensemble = ensemble = self._fitted(generator)
         observations = self._experience.history.observations
-        rivals = [Contender(self._students.fit(observations, self._max_leaves), "cart")]
-        for times, weighted in PRUNED[:n]:
-            leaves = times * self._max_leaves
-            large = self._students.fit(observations, leaves, weighted=weighted)
-            rollouts = EnsembleRollouts(self.ensemble, N_STARTS, generator)
-            tree, score = pruned_by_rollouts(large, rollouts, self._max_leaves, generator)
-            rivals.append(Contender(tree, "pruned-weighted" if weighted else "pruned", score))
-        return rivals
+        sources = (observations, observations[:gathered])
+        limit, fit = self._max_leaves, self._students.fit
+        rivals = [Contender(fit(observations, limit), "cart")]
+        if students:
+            copies = [fit(rows, limit, weighted=one) for rows in sources for one in (False, True)]
+            rivals += [Contender(tree, "cart") for tree in copies[1 : n + 1]]
+        n_pruned = n + 1 - len(rivals)
+        pruned = [
+            self._pruned(fit(rows, times * limit, weighted=weighted), weighted, ensemble, generator)
+            for times, weighted in PRUNED[:n_pruned]
+            for rows in sources
+        ]
+        return rivals + _best(
+            pruned, n_pruned, EnsembleRollouts(ensemble, SELECTION_STARTS, generator)
+        )
 
     def imagine(
         self, contenders: Sequence[Contender], policy: ActionTree, generator: np.random.Generator
@@ -91,3 +109,28 @@ class ImaginedRivals:
     def take_back(self, state: Arrays) -> None:
         """Go on from the model's ``state()``."""
         self.ensemble = Ensemble.from_state(state, self._settings, self._n_actions)
+
+    def _fitted(self, generator: np.random.Generator) -> Ensemble:
+        """Return the model, fitted to all that is known: anew, or on from where it was."""
+        data = self._experience.transitions(self._n_actions)
+        if self.ensemble is None:
+            return fit_ensemble(data, self._settings, generator)
+        return self.ensemble.fitted_on(data, generator)
+
+    def _pruned(
+        self, large: ActionTree, weighted: bool, ensemble: Ensemble, generator: np.random.Generator
+    ) -> Contender:
+        """Return a large tree, pruned to the leaves allowed by imagined returns."""
+        rollouts = EnsembleRollouts(ensemble, N_STARTS, generator)
+        tree, score = pruned_by_rollouts(large, rollouts, self._max_leaves, generator)
+        return Contender(tree, "pruned-weighted" if weighted else "pruned", score)
+
+
+def _best(rivals: list[Contender], n: int, rollouts: EnsembleRollouts) -> list[Contender]:
+    """Return the ``n`` that score best in these rollouts, best first."""
+    if not n:
+        return []
+    rollouts.run(rivals[0].tree)
+    for one in rivals:
+        one.imagined = rollouts.score(rollouts.returns_of(one.tree))
+    return sorted(rivals, key=lambda one: -one.imagined)[:n]
