@@ -20,9 +20,10 @@ from eutree.world_model.action_trees import from_decision_tree, to_decision_tree
 from eutree.world_model.ensemble import EnsembleSettings, fit_ensemble
 from eutree.world_model.ensemble_rollouts import EnsembleRollouts
 
-TRIES = 3  # prunings with imagined episodes of their own
+TRIES = 6  # prunings with imagined episodes of their own
 TIMES = 3  # leaves to prune from, in those allowed; what is larger is cut by labels first
 N_STARTS = 50  # first observations of imagined episodes
+SELECTION_STARTS = 2 * N_STARTS  # of those that choose among prunings, and chose no cut
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ def pruned_in_imagination(
         tree, _ = pruned_by_rollouts(_acting(large), rollouts, max_leaves, generator)
         structure, actions = to_decision_tree(tree, policy.tree.n_features)
         rivals.append(("imagined", _with(policy, structure, actions)))
-    fresh = EnsembleRollouts(ensemble, N_STARTS, generator)
+    fresh = EnsembleRollouts(ensemble, SELECTION_STARTS, generator)
     fresh.run(_acting(whole))
     scores = [fresh.score(fresh.returns_of(_acting(rival))) for _, rival in rivals]
     best = int(np.argmax(scores))
