@@ -90,9 +90,34 @@ def _say_that_nothing_is_kept(reason: str) -> None:
 
 def compiled(function: _Function) -> _Function:
     """Compile ``function`` with numba (cached on disk); return it unchanged if EUTREE_JIT=0."""
+    return _compiled(function, counts=True)
+
+
+def compiled_uncounted(function: _Function) -> _Function:
+    """Compile what only kernels call, and what makes no array and no view of one.
+
+    Numba counts who holds each array: two atomic additions for each of the dozens in a few named
+    tuples, whenever one of them is taken apart. Here it does not: the kernel that calls holds all
+    of them until the call returns.
+    """
+    return _compiled(function, counts=False)
+
+
+def inlined(function: _Function) -> _Function:
+    """Put a part of a kernel into the kernel that calls it.
+
+    A call hands over seven numbers for each array of a named tuple, which takes longer than a
+    short loop. Each use is compiled anew, so it is for the few parts of which that is true.
+    """
+    part: _Function = numba.njit(function, inline="always") if ENABLED else function
+    return part
+
+
+def _compiled(function: _Function, *, counts: bool) -> _Function:
     if not ENABLED:
         return function
-    dispatcher = numba.njit(function, no_cfunc_wrapper=True)  # nothing calls kernels through C
+    # Nothing calls kernels through C.
+    dispatcher = numba.njit(function, no_cfunc_wrapper=True, _nrt=counts)
     dispatcher.get_call_template = _OneWidth(dispatcher.get_call_template)
     try:
         dispatcher._cache = _Cache(function)  # what njit(cache=True) does, with our cache

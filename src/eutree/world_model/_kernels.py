@@ -14,9 +14,6 @@ from eutree.compiled import compiled
 
 # A prime, so that episodes begin at places of the table that do not line up; the table wraps.
 EPISODE_STRIDE = 7919
-# Episodes compared before a hopeless rival may be given up.
-FIRST_LOOK = 8
-LEAF = np.uint32(0xFFFFFFFF)
 
 
 class World(NamedTuple):
@@ -29,7 +26,9 @@ class World(NamedTuple):
 
     # Numbers of nodes are unsigned: numba then leaves out the test for negative ones.
     roots: Uint32s  # [A, d + 5]
-    tests: Uint32s  # [M, 4] feature or LEAF, node below, node above, row of the leaf
+    levels: Integers  # [A, d + 5] tests on the longest way down from each root
+    # A leaf leads to itself, so a walk may take more steps than there are tests on its way.
+    tests: Uint32s  # [M, 4] feature, node below, node above, row of the leaf
     thresholds: Floats  # [M]
     lines: Floats  # [L, 2 d + 4] coefficients, constant, the action's constant, lowest, highest
     noise: Integers  # [L, 2] first residual, number of residuals
@@ -93,14 +92,11 @@ def model_leaf(tests: Uint32s, thresholds: Floats, root: int, state: Floats) -> 
     """Return the row of the model's leaf below ``root`` that the state falls into."""
     node = root
     while True:
-        feature = tests[node, 0]
-        if feature == LEAF:
+        below = tests[node, 1]
+        if below == node:
             row: int = tests[node, 3]
             return row
-        if state[feature] <= thresholds[node]:
-            node = tests[node, 1]
-        else:
-            node = tests[node, 2]
+        node = below if state[tests[node, 0]] <= thresholds[node] else tests[node, 2]
 
 
 @compiled
@@ -172,38 +168,6 @@ def model_step(
 
 
 @compiled
-def go_on(
-    conditions: Conditions,
-    episode: int,
-    step: int,
-    policy: ActionTree,
-    first_action: int,
-    state: Floats,  # [2 d], changed
-    move: Floats,  # [d] scratch
-) -> float:
-    """Return what the policy earns from here to the end; a first action >= 0 is taken instead."""
-    world, draws, horizon, discount = conditions
-    total = 0.0
-    weight = discount**step
-    action = first_action
-    # total is what was earned from the first step on, weight = discount^step; state is the state
-    # before ``step``.
-    while step < horizon:
-        if action < 0:
-            action = policy.action[leaf_node(policy, 0, state)]
-        # The entries of the table that this step reads: d residuals and one for the end.
-        at = episode * EPISODE_STRIDE + step * (move.size + 1)
-        reward, ends = model_step(world, draws, at, action, state, move)
-        total += weight * reward
-        weight *= discount
-        step += 1
-        action = -1
-        if ends:
-            break
-    return total
-
-
-@compiled
 def assign_starts(
     starts: Floats,  # [S, d]
     out: Episodes,
@@ -272,78 +236,3 @@ def record(
                 break
         out.returns[e] = total
     out.first[out.returns.size] = k
-
-
-@compiled
-def difference(
-    conditions: Conditions,
-    episodes: Episodes,
-    departs: Integers,  # [E] step from which on the rival acts on its own, -1 where it never does
-    rival: ActionTree,
-    hopeless: float,
-) -> tuple[int, float, float, bool]:
-    """Compare a rival with the recorded policy, in the episodes in which it acts on its own.
-
-    Returns the number of those compared, the sums of the differences of return and of their
-    squares, and whether all were compared. The rest is left out when the mean over all episodes is
-    clearly below ``hopeless``: by two standard errors of what is still to come (of a finite
-    population), and by half the spread of returns over the number compared. That second term, as in
-    an empirical Bernstein bound, reckons with a rare large difference, and keeps many looks honest.
-    """
-    d = episodes.states.shape[1] // 2
-    state, move = np.zeros(2 * d), np.zeros(d)
-    # enough: the sum of differences that a mean of ``hopeless`` over all episodes takes.
-    spread = episodes.returns.max() - episodes.returns.min()
-    enough = hopeless * episodes.returns.size
-    n_departing = 0
-    for e in range(departs.size):
-        n_departing += departs[e] >= 0
-    n, total, squares, look = 0, 0.0, 0.0, FIRST_LOOK
-    for e in range(departs.size):
-        k = departs[e]
-        if k < 0:
-            continue
-        overwrite(state, episodes.states[k])
-        step = k - episodes.first[e]
-        rest = go_on(conditions, e, step, rival, -1, state, move)
-        # Up to the step at which it departs, the rival has earned what the policy had.
-        gain = episodes.earned[k] + rest - episodes.returns[e]
-        n += 1
-        total += gain
-        squares += gain * gain
-        if n == look and n < n_departing:
-            # Looks grow by half, so there are few of them: each is a chance to be wrong.
-            look += look // 2
-            mean = total / n
-            # Share of the departing episodes that is still to be compared.
-            unknown = 1.0 - n / n_departing
-            error = np.sqrt(max(squares / n - mean * mean, 0.0) * unknown / n)
-            bound = mean + 2.0 * error + 0.5 * spread * unknown / n
-            if bound * n_departing < enough:
-                return n, total, squares, False
-    return n, total, squares, True
-
-
-@compiled
-def deviations(
-    conditions: Conditions,
-    episodes: Episodes,
-    policy: ActionTree,
-    steps: Integers,  # [n]
-    out: Floats,  # [n, A]
-) -> None:
-    """Write what one other action at a step, and the policy after it, earn more than the policy."""
-    d = episodes.states.shape[1] // 2
-    state, move = np.zeros(2 * d), np.zeros(d)
-    for i in range(steps.size):
-        k = steps[i]
-        e = episodes.owner[k]
-        step = k - episodes.first[e]
-        taken = policy.action[episodes.node[k]]
-        for action in range(out.shape[1]):
-            out[i, action] = 0.0
-            if action == taken:
-                continue
-            overwrite(state, episodes.states[k])
-            rest = go_on(conditions, e, step, policy, action, state, move)
-            out[i, action] = episodes.earned[k] + rest - episodes.returns[e]

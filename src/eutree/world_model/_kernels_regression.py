@@ -10,7 +10,7 @@ import numpy as np
 from eutree import thresholds
 from eutree.arrays import Booleans, Floats, Int16s, Integers, Uint32s
 from eutree.compiled import compiled
-from eutree.world_model._kernels import LEAF, overwrite
+from eutree.world_model._kernels import overwrite
 
 threshold_between = compiled(thresholds.threshold_between)
 
@@ -47,7 +47,7 @@ class ModelNodes(NamedTuple):
 class Unrolled(NamedTuple):
     """The trees of a world model, one after the other, with the tests of the action decided."""
 
-    tests: Uint32s  # [room, 4] feature or LEAF, left, right, line
+    tests: Uint32s  # [room, 4] feature, left, right, line; a leaf leads to itself
     thresholds: Floats  # [room]
     lines: Floats  # [room, p + 4] coefficients, constant, what the action adds, low and high
     noise: Integers  # [room, 2] first residual of each line and their number
@@ -378,12 +378,13 @@ def unroll(
     n_lines: int,
     tree: ModelNodes,  # with p + A inputs
     out: Unrolled,  # written to from n_nodes and n_lines on
-) -> tuple[int, int]:
-    """Write one tree as it is for one action; return the numbers of nodes and lines so far."""
+) -> tuple[int, int, int]:
+    """Write one tree as it is for one action; return the nodes and lines so far, and its levels."""
     feature, threshold, left, right, coefficients, low, high, first, n_rows = tree
     tests, thresholds, lines, noise = out
     begin = n_nodes
     source = np.zeros(feature.size, dtype=np.int64)  # of each node written
+    above = np.zeros(feature.size, dtype=np.int64)  # tests on the way to it
     n_nodes += 1
     node = begin
     while node < n_nodes:  # the nodes before it are written, those behind it have their source
@@ -397,9 +398,10 @@ def unroll(
             tests[node, 1], tests[node, 2] = n_nodes, n_nodes + 1
             thresholds[node] = threshold[at]
             source[n_nodes - begin], source[n_nodes + 1 - begin] = left[at], right[at]
+            above[n_nodes - begin] = above[n_nodes + 1 - begin] = above[node - begin] + 1
             n_nodes += 2
         else:
-            tests[node, 0], tests[node, 3] = LEAF, n_lines
+            tests[node, 1], tests[node, 2], tests[node, 3] = node, node, n_lines
             for j in range(p):
                 lines[n_lines, j] = coefficients[at, j]
             lines[n_lines, p] = coefficients[at, coefficients.shape[1] - 1]
@@ -409,4 +411,5 @@ def unroll(
             noise[n_lines, 0], noise[n_lines, 1] = first_residual + first[at], n_rows[at]
             n_lines += 1
         node += 1
-    return n_nodes, n_lines
+    # Nodes are written level by level: the last one lies deepest.
+    return n_nodes, n_lines, above[n_nodes - 1 - begin]

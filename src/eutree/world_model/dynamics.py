@@ -219,6 +219,7 @@ def _unrolled(trees: Sequence[ModelTree], n_actions: int) -> World:
     room = n_actions * sum(tree.feature.size for tree in trees)
     p = trees[0].coefficients.shape[1] - 1 - n_actions
     roots = np.zeros((n_actions, len(trees)), dtype=np.uint32)
+    levels = np.zeros((n_actions, len(trees)), dtype=np.int64)
     out = kernels.Unrolled(
         tests=np.zeros((room, 4), dtype=np.uint32),
         thresholds=np.zeros(room),
@@ -230,10 +231,12 @@ def _unrolled(trees: Sequence[ModelTree], n_actions: int) -> World:
         nodes = kernels.ModelNodes._make(tree[:-1])  # all but the residuals
         for action in range(n_actions):
             roots[action, i] = n_nodes
-            n_nodes, n_lines = kernels.unroll(p, action, n_residuals, n_nodes, n_lines, nodes, out)
+            n_nodes, n_lines, levels[action, i] = kernels.unroll(
+                p, action, n_residuals, n_nodes, n_lines, nodes, out
+            )
         n_residuals += tree.residuals.size
     residuals = np.concatenate([tree.residuals for tree in trees])
     tests, thresholds = out.tests[:n_nodes], out.thresholds[:n_nodes]
     lines, noise = out.lines[:n_lines], out.noise[:n_lines]
     tally = np.zeros(1, dtype=np.int64)
-    return World(roots, tests, thresholds, lines, noise, residuals, tally)
+    return World(roots, levels, tests, thresholds, lines, noise, residuals, tally)

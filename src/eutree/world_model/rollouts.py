@@ -3,7 +3,7 @@
 import numpy as np
 
 from eutree.arrays import Floats, Integers
-from eutree.world_model import _kernels
+from eutree.world_model import _kernels, _kernels_lanes
 from eutree.world_model._kernels import ActionTree, Conditions
 from eutree.world_model.common_chance import DRAWS, Gain, Rollouts
 from eutree.world_model.dynamics import WorldModel
@@ -42,7 +42,7 @@ class PairedRollouts(Rollouts):
         A comparison that stopped early returns what it expects of a complete one.
         """
         self._compare(rival)
-        n, total, squares, complete = _kernels.difference(
+        n, total, squares, complete = _kernels_lanes.difference(
             self._conditions,
             self._episodes,
             self._departs,
@@ -59,7 +59,7 @@ class PairedRollouts(Rollouts):
     def deviations(self, steps: Integers) -> Floats:
         """Return what one other action at each of the steps earns more, shape [n, A]."""
         out = np.zeros((steps.size, self.model.n_actions))
-        _kernels.deviations(self._conditions, self._episodes, self.policy, steps, out)
+        _kernels_lanes.deviations(self._conditions, self._episodes, self.policy, steps, out)
         return out
 
     def _draw(self) -> None:

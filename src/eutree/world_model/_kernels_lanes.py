@@ -1,0 +1,349 @@
+"""Compiled loops of rollouts side by side: what rivals and single deviations earn to the end.
+
+Apart from ``_kernels.py``, which runs one episode after another. A way down a tree is a chain of
+loads of which each waits for the one before, with tests that no processor can foresee. Here many
+episodes are under way at once, each in a *lane*, four go down a tree together without a branch,
+and their chains overlap. Each sum is taken in the order of ``model_step``: results are its bits.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from eutree.arrays import Floats, Integers, Uint32s
+from eutree.compiled import compiled, compiled_uncounted, inlined
+from eutree.world_model._kernels import EPISODE_STRIDE, ActionTree, Conditions, Episodes, World
+
+LANES = 64  # a multiple of four; what is done once for all lanes costs each little
+# Column of the node below; that of the node above is the next one. Unsigned, as the numbers of
+# nodes are.
+BELOW = np.uint32(1)
+# Episodes compared before a hopeless rival may be given up.
+FIRST_LOOK = 8
+
+
+class Lanes(NamedTuple):
+    """Episodes under way; those before the first n are, the rest is left from others."""
+
+    states: Floats  # [L, 2 d]
+    moves: Floats  # [L, d]
+    nodes: Uint32s  # [L] where the last descent has led
+    actions: Integers  # [L]
+    at: Integers  # [L] first entry of the table of draws that the step reads
+    kinds: Integers  # [L] 0 goes on, 1 ends badly, 2 ends well
+    forced: Integers  # [L] action to take instead of the policy's, -1 for none
+    tasks: Integers  # [L] what is asked for
+    steps: Integers  # [L] steps since the episode's start
+    totals: Floats  # [L] what was earned in the lane
+    weights: Floats  # [L] discount^steps
+
+
+class PolicyTable(NamedTuple):
+    """A policy tree laid out as a tree of ``World``: a leaf leads to itself."""
+
+    tests: Uint32s  # [M, 4] feature, node below, node above, action
+    thresholds: Floats  # [M]
+    levels: int
+
+
+@compiled
+def laid_out(policy: ActionTree) -> PolicyTable:
+    """Return a policy tree as lanes go down it."""
+    tests = np.zeros((policy.feature.size, 4), dtype=np.uint32)
+    above = np.zeros(policy.feature.size, dtype=np.int64)
+    levels = 0
+    # Preorder: the tests above a node are known before those above its children.
+    for node in range(policy.feature.size):
+        tests[node, 3] = policy.action[node]
+        if policy.feature[node] < 0:
+            tests[node, 1] = tests[node, 2] = node
+            levels = max(levels, above[node])
+            continue
+        left, right = policy.left[node], policy.right[node]
+        tests[node, 0], tests[node, 1], tests[node, 2] = policy.feature[node], left, right
+        above[left] = above[right] = above[node] + 1
+    return PolicyTable(tests, policy.threshold, levels)
+
+
+@compiled
+def empty_lanes(d: int) -> Lanes:
+    """Return lanes in which nothing is under way: a valid action and state, all zero."""
+    return Lanes(
+        np.zeros((LANES, 2 * d)),
+        np.zeros((LANES, d)),
+        np.zeros(LANES, dtype=np.uint32),
+        np.zeros(LANES, dtype=np.int64),
+        np.zeros(LANES, dtype=np.int64),
+        np.zeros(LANES, dtype=np.int64),
+        np.zeros(LANES, dtype=np.int64),
+        np.zeros(LANES, dtype=np.int64),
+        np.zeros(LANES, dtype=np.int64),
+        np.zeros(LANES),
+        np.zeros(LANES),
+    )
+
+
+@inlined
+def descend(world: World, tree: int, lanes: Lanes, n: int) -> None:
+    """Write the leaf node of each lane's state in one tree of its action."""
+    roots, levels, tests, thresholds = world.roots, world.levels, world.tests, world.thresholds
+    states, nodes, actions = lanes.states, lanes.nodes, lanes.actions
+    # A last group of four may reach beyond n: what is left in those lanes leads somewhere, too.
+    for k in range(0, n, 4):
+        one, two, three, four = actions[k], actions[k + 1], actions[k + 2], actions[k + 3]
+        depth = max(levels[one, tree], levels[two, tree])
+        depth = max(depth, max(levels[three, tree], levels[four, tree]))
+        a, b, c, d = roots[one, tree], roots[two, tree], roots[three, tree], roots[four, tree]
+        # Not "above", but "not below": NaN compares false and goes up, as in ``model_leaf``. Who
+        # is at a leaf stays there until the last of the four is.
+        for _ in range(depth):
+            a = tests[a, BELOW + np.uint32(not states[k, tests[a, 0]] <= thresholds[a])]
+            b = tests[b, BELOW + np.uint32(not states[k + 1, tests[b, 0]] <= thresholds[b])]
+            c = tests[c, BELOW + np.uint32(not states[k + 2, tests[c, 0]] <= thresholds[c])]
+            d = tests[d, BELOW + np.uint32(not states[k + 3, tests[d, 0]] <= thresholds[d])]
+        nodes[k], nodes[k + 1], nodes[k + 2], nodes[k + 3] = a, b, c, d
+
+
+@inlined
+def decide(policy: PolicyTable, lanes: Lanes, n: int) -> None:
+    """Write what the policy does in each lane, or what is forced there once."""
+    tests, thresholds, levels = policy
+    states, actions, forced = lanes.states, lanes.actions, lanes.forced
+    root = np.uint32(0)
+    for k in range(0, n, 4):  # as in ``descend``
+        a, b, c, d = root, root, root, root
+        for _ in range(levels):
+            a = tests[a, BELOW + np.uint32(not states[k, tests[a, 0]] <= thresholds[a])]
+            b = tests[b, BELOW + np.uint32(not states[k + 1, tests[b, 0]] <= thresholds[b])]
+            c = tests[c, BELOW + np.uint32(not states[k + 2, tests[c, 0]] <= thresholds[c])]
+            d = tests[d, BELOW + np.uint32(not states[k + 3, tests[d, 0]] <= thresholds[d])]
+        actions[k], actions[k + 1] = tests[a, 3], tests[b, 3]
+        actions[k + 2], actions[k + 3] = tests[c, 3], tests[d, 3]
+    for k in range(n):
+        if forced[k] >= 0:
+            actions[k] = forced[k]
+            forced[k] = -1
+
+
+@inlined
+def line_at(lines: Floats, row: int, states: Floats, k: int) -> float:
+    """Return what ``fitted`` does at the state of a lane."""
+    p = states.shape[1]
+    value = lines[row, p]
+    for j in range(p):
+        value += lines[row, j] * states[k, j]
+    value += lines[row, p + 1]
+    clipped: float = min(max(value, lines[row, p + 2]), lines[row, p + 3])
+    return clipped
+
+
+@inlined
+def chance_at(lines: Floats, row: int, states: Floats, k: int, draw: float) -> float:
+    """Return what ``chance`` does at the state of a lane."""
+    d = states.shape[1] // 2
+    odds = lines[row, 2 * d]
+    for i in range(d):
+        odds += (lines[row, i] + lines[row, d + i] * states[k, i]) * states[k, i]
+    if odds < -7.0 and draw > 1e-3:  # exp(-7) is less: spare the exponential
+        return 0.0
+    return 1.0 / (1.0 + math.exp(min(-odds, 40.0)))  # no overflow
+
+
+@inlined
+def move(world: World, draws: Floats, lanes: Lanes, n: int) -> None:
+    """Move the states of the first n lanes as ``model_step`` does."""
+    tests, lines, noise, residuals = world.tests, world.lines, world.noise, world.residuals
+    states, moves, nodes, at = lanes.states, lanes.moves, lanes.nodes, lanes.at
+    d = moves.shape[1]
+    mask = draws.size - 1
+    for i in range(d):
+        descend(world, i, lanes, n)
+        for k in range(n):
+            row = tests[nodes[k], 3]
+            pick = int(draws[(at[k] + i) & mask] * noise[row, 1])
+            moves[k, i] = line_at(lines, row, states, k) + residuals[noise[row, 0] + pick]
+    # Only now: all displacements were asked of the state before the step.
+    for k in range(n):
+        for i in range(d):
+            states[k, i] += moves[k, i]
+            states[k, d + i] = moves[k, i]
+
+
+@inlined
+def end(world: World, draws: Floats, lanes: Lanes, n: int) -> None:
+    """Write how the step ends in each of the first n lanes, as ``model_step`` does."""
+    tests, lines, states = world.tests, world.lines, lanes.states
+    nodes, at, kinds = lanes.nodes, lanes.at, lanes.kinds
+    d = states.shape[1] // 2
+    mask = draws.size - 1
+    descend(world, d + 3, lanes, n)
+    for k in range(n):
+        draw = draws[(at[k] + d) & mask]
+        kinds[k] = int(draw < chance_at(lines, tests[nodes[k], 3], states, k, draw))
+    descend(world, d + 4, lanes, n)
+    for k in range(n):
+        draw = 1.0 - draws[(at[k] + d) & mask]
+        if kinds[k] == 0 and draw <= chance_at(lines, tests[nodes[k], 3], states, k, draw):
+            kinds[k] = 2
+
+
+@inlined
+def earn(world: World, lanes: Lanes, n: int) -> None:
+    """Add the reward of the step to what the first n lanes have earned."""
+    tests, lines, thresholds = world.tests, world.lines, world.thresholds
+    states, nodes, kinds = lanes.states, lanes.nodes, lanes.kinds
+    d = states.shape[1] // 2
+    # Most steps go on; an end's own tree is looked at only where there is one.
+    descend(world, d, lanes, n)
+    for k in range(n):
+        node = nodes[k]
+        if kinds[k] > 0:
+            node = world.roots[lanes.actions[k], d + kinds[k]]
+            while tests[node, 1] != node:
+                below = states[k, tests[node, 0]] <= thresholds[node]
+                node = tests[node, 1] if below else tests[node, 2]
+        reward = line_at(lines, tests[node, 3], states, k)
+        lanes.totals[k] += lanes.weights[k] * reward
+
+
+@inlined
+def retire(conditions: Conditions, lanes: Lanes, n: int, out: Floats) -> int:
+    """Write what ended lanes have earned, close up; return how many are still under way."""
+    d = lanes.moves.shape[1]
+    for k in range(n):
+        lanes.weights[k] *= conditions.discount
+        lanes.steps[k] += 1
+        lanes.at[k] += d + 1
+    # Backwards: the last lane under way, which takes the place of k, was looked at before.
+    for k in range(n - 1, -1, -1):
+        if lanes.kinds[k] == 0 and lanes.steps[k] < conditions.horizon:
+            continue
+        out[lanes.tasks[k]] = lanes.totals[k]
+        n -= 1
+        for j in range(2 * d):
+            lanes.states[k, j] = lanes.states[n, j]
+        lanes.at[k], lanes.tasks[k], lanes.steps[k] = lanes.at[n], lanes.tasks[n], lanes.steps[n]
+        lanes.totals[k], lanes.weights[k] = lanes.totals[n], lanes.weights[n]
+    return n
+
+
+@compiled_uncounted
+def go_on(
+    conditions: Conditions,
+    episodes: Episodes,
+    policy: PolicyTable,
+    lanes: Lanes,
+    begins: Integers,  # [m] recorded steps
+    actions: Integers,  # [m] first action of each, -1 for the policy's own
+    out: Floats,  # [m]
+) -> None:
+    """Write what the policy earns from each recorded step to the end."""
+    world, draws, _, discount = conditions
+    d = episodes.states.shape[1] // 2
+    n, begun = 0, 0
+    # The first n lanes are under way, and the tasks before ``begun`` are in them or done.
+    while n > 0 or begun < begins.size:
+        while n < LANES and begun < begins.size:
+            k = begins[begun]
+            episode = episodes.owner[k]
+            step = k - episodes.first[episode]
+            for j in range(2 * d):
+                lanes.states[n, j] = episodes.states[k, j]
+            # The entries of the table that a step reads: d residuals and one for the end.
+            lanes.at[n] = episode * EPISODE_STRIDE + step * (d + 1)
+            lanes.forced[n], lanes.tasks[n], lanes.steps[n] = actions[begun], begun, step
+            lanes.totals[n], lanes.weights[n] = 0.0, discount**step
+            n += 1
+            begun += 1
+        decide(policy, lanes, n)
+        world.tally[0] += n
+        move(world, draws, lanes, n)
+        end(world, draws, lanes, n)
+        earn(world, lanes, n)
+        n = retire(conditions, lanes, n, out)
+
+
+@compiled
+def difference(
+    conditions: Conditions,
+    episodes: Episodes,
+    departs: Integers,  # [E] step from which on the rival acts on its own, -1 where it never does
+    rival: ActionTree,
+    hopeless: float,
+) -> tuple[int, float, float, bool]:
+    """Compare a rival with the recorded policy, in the episodes in which it acts on its own.
+
+    Returns the number of those compared, the sums of the differences of return and of their
+    squares, and whether all were compared. The rest is left out when the mean over all episodes is
+    clearly below ``hopeless``: by two standard errors of what is still to come (of a finite
+    population), and by half the spread of returns over the number compared. That second term, as in
+    an empirical Bernstein bound, reckons with a rare large difference, and keeps many looks honest.
+    """
+    # enough: the sum of differences that a mean of ``hopeless`` over all episodes takes.
+    spread = episodes.returns.max() - episodes.returns.min()
+    enough = hopeless * episodes.returns.size
+    begins = departs[departs >= 0]
+    n_departing = begins.size
+    own = np.full(n_departing, -1)
+    rest = np.empty(n_departing)
+    policy = laid_out(rival)
+    lanes = empty_lanes(episodes.states.shape[1] // 2)
+    n, total, squares, look = 0, 0.0, 0.0, FIRST_LOOK
+    # The sums are of the first n; up to the next look all are run side by side, then added in turn.
+    while n < n_departing:
+        until = min(look, n_departing) if hopeless > -np.inf else n_departing
+        go_on(
+            conditions, episodes, policy, lanes, begins[n:until], own[n:until], rest[n:until]
+        )
+        for i in range(n, until):
+            k = begins[i]
+            # Up to the step at which it departs, the rival has earned what the policy had.
+            gain = episodes.earned[k] + rest[i] - episodes.returns[episodes.owner[k]]
+            total += gain
+            squares += gain * gain
+        n = until
+        if n == look and n < n_departing:
+            # Looks grow by half, so there are few of them: each is a chance to be wrong.
+            look += look // 2
+            mean = total / n
+            # Share of the departing episodes that is still to be compared.
+            unknown = 1.0 - n / n_departing
+            error = np.sqrt(max(squares / n - mean * mean, 0.0) * unknown / n)
+            bound = mean + 2.0 * error + 0.5 * spread * unknown / n
+            if bound * n_departing < enough:
+                return n, total, squares, False
+    return n, total, squares, True
+
+
+@compiled
+def deviations(
+    conditions: Conditions,
+    episodes: Episodes,
+    policy: ActionTree,
+    steps: Integers,  # [n]
+    out: Floats,  # [n, A]
+) -> None:
+    """Write what one other action at a step, and the policy after it, earn more than the policy."""
+    n_actions = out.shape[1]
+    n_others = steps.size * (n_actions - 1)
+    begins, actions = np.empty(n_others, dtype=np.int64), np.empty(n_others, dtype=np.int64)
+    rest = np.empty(n_others)
+    at = 0
+    for k in steps:
+        for action in range(n_actions):
+            if action != policy.action[episodes.node[k]]:
+                begins[at], actions[at] = k, action
+                at += 1
+    lanes = empty_lanes(episodes.states.shape[1] // 2)
+    go_on(conditions, episodes, laid_out(policy), lanes, begins, actions, rest)
+    # In the same order again: the next of ``rest`` is that of the step's next other action.
+    at = 0
+    for i in range(steps.size):
+        k = steps[i]
+        for action in range(n_actions):
+            out[i, action] = 0.0
+            if action != policy.action[episodes.node[k]]:
+                gain = episodes.earned[k] + rest[at] - episodes.returns[episodes.owner[k]]
+                out[i, action] = gain
+                at += 1
