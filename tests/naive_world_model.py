@@ -67,25 +67,29 @@ def chance(tree, state):
     return 1.0 / (1.0 + math.exp(min(-odds, 40.0)))
 
 
-def episode(model, nested, start, luck):
-    """The states, actions and rewards of one imagined episode; ``luck(step, i)`` is a draw."""
+def episode(model, nested, start, luck, *, step=0, displacement=None, first=None):
+    """The states, actions and rewards of one imagined episode; ``luck(step, i)`` is a draw.
+
+    It may begin at a later step, after a displacement, with a given first action.
+    """
     d = len(start)
-    observation, displacement = np.array(start), np.zeros(d)
+    observation = np.array(start)
+    displacement = np.zeros(d) if displacement is None else np.array(displacement)
     states, actions, rewards = [], [], []
-    for step in range(model.horizon):
-        action = act(nested, observation)
+    for t in range(step, model.horizon):
+        action = act(nested, observation) if first is None or t > step else first
         chosen = np.eye(model.n_actions)[action]
         x = np.concatenate([observation, displacement, chosen])
         states.append(x[: 2 * d])
         actions.append(action)
         for i, tree in enumerate(model.trees[:d]):
             node = leaf(tree, x)
-            pick = int(luck(step, i) * tree.n_rows[node])
+            pick = int(luck(t, i) * tree.n_rows[node])
             displacement[i] = fit(tree, node, x) + tree.residuals[tree.first[node] + pick]
         observation = observation + displacement
         y = np.concatenate([observation, displacement, chosen])
         goes_on, badly, well, bad_end, good_end = model.trees[d:]
-        draw, reward = luck(step, d), goes_on
+        draw, reward = luck(t, d), goes_on
         if draw < chance(bad_end, y[: 2 * d]):
             reward = badly
         elif 1.0 - draw <= chance(good_end, y[: 2 * d]):
@@ -94,6 +98,33 @@ def episode(model, nested, start, luck):
         if reward is not goes_on:
             break
     return np.array(states), actions, rewards
+
+
+def rest(rewards, step, discount):
+    """What the steps from ``step`` on earn, summed in their order."""
+    total, weight = 0.0, discount**step
+    for reward in rewards:
+        total += weight * reward
+        weight *= discount
+    return total
+
+
+def difference(gains, spread, enough, first_look):
+    """How many gains are added one by one, their sums, and whether that is all of them."""
+    n_departing, look = len(gains), first_look
+    n, total, squares = 0, 0.0, 0.0
+    for gain in gains:
+        n += 1
+        total += gain
+        squares += gain * gain
+        if n == look and n < n_departing:
+            look += look // 2
+            mean, unknown = total / n, 1.0 - n / n_departing
+            error = math.sqrt(max(squares / n - mean * mean, 0.0) * unknown / n)
+            bound = mean + 2.0 * error + 0.5 * spread * unknown / n
+            if bound * n_departing < enough:
+                return n, total, squares, False
+    return n, total, squares, True
 
 
 def with_child(nested, path, keeps_left):

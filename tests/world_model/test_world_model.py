@@ -1,5 +1,6 @@
 """World models, paired rollouts, local search and online evaluation."""
 
+import itertools
 import os
 import subprocess
 import sys
@@ -16,7 +17,7 @@ from eutree.errors import InvalidArgumentError
 from eutree.policy_search import _kernels_search as search
 from eutree.policy_search.improvement import Improvement
 from eutree.policy_search.planner import Plan, Planner
-from eutree.world_model import Transitions, _kernels, fit_world_models
+from eutree.world_model import Transitions, _kernels, _kernels_lanes, fit_world_models
 from eutree.world_model import _kernels_regression as regression
 from eutree.world_model.action_trees import (
     from_decision_tree,
@@ -247,6 +248,115 @@ def test_rehearsals_are_naive_episodes_to_the_bit_however_they_come_about(first,
         assert (rollouts._episodes.returns == returns[-1]).all()
     gain = rollouts.gain(packed(first))
     assert gain.mean == pytest.approx((returns[0] - returns[1]).mean(), abs=1e-9)
+
+
+def rests(rollouts, tree, steps, first=None):
+    """What a tree earns from each recorded step to the end, and how many steps that takes."""
+    d = rollouts.observations.shape[1]
+    episodes, conditions = rollouts._episodes, rollouts._conditions
+    draws, found, n_steps = conditions.draws, [], 0
+    for k in steps:
+        e = episodes.owner[k]
+        step, begin = int(k - episodes.first[e]), e * _kernels.EPISODE_STRIDE
+        _, _, rewards = naive_world_model.episode(
+            rollouts.model,
+            tree,
+            episodes.states[k, :d],
+            lambda t, i, at=begin: draws[(at + t * (d + 1) + i) % draws.size],
+            step=step,
+            displacement=episodes.states[k, d:],
+            first=first,
+        )
+        found.append(naive_world_model.rest(rewards, step, conditions.discount))
+        n_steps += len(rewards)
+    return np.array(found), n_steps
+
+
+def discounted(n_episodes, discount):
+    model = model_of(walks(25, 8))
+    return PairedRollouts(model, n_episodes, discount, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("discount", [1.0, 0.5])
+@pytest.mark.parametrize("tree", [GO, (0, 3.0, (1, 0.2, STAY, GO), (0, 6.0, GO, STAY))])
+def test_deviations_side_by_side_are_naive_episodes_to_the_bit(tree, discount):
+    rollouts = discounted(40, discount)
+    rollouts.run(packed(tree))
+    steps = np.arange(rollouts.n_steps)
+    assert steps.size > _kernels_lanes.LANES  # so that some lanes are used again
+    before = rollouts.n_steps_taken
+    gains = rollouts.deviations(steps)
+    taken, n_steps = rollouts.policy.action[rollouts.node[steps]], 0
+    episodes = rollouts._episodes
+    for action in (STAY, GO):
+        other = taken != action
+        k = steps[other]
+        rest, n = rests(rollouts, tree, k, first=action)
+        n_steps += n
+        expected = episodes.earned[k] + rest - episodes.returns[episodes.owner[k]]
+        assert (gains[other, action] == expected).all()
+        assert (gains[~other, action] == 0.0).all()
+    assert rollouts.n_steps_taken - before == n_steps
+
+
+@pytest.mark.parametrize("discount", [1.0, 0.5])
+@pytest.mark.parametrize("hopeless", [-np.inf, -60.0, -20.0, 0.0, 200.0])
+def test_a_comparison_side_by_side_is_the_plain_one_to_the_bit(hopeless, discount):
+    """The sums, where it is given up, and the steps that were taken until then."""
+    rollouts = discounted(100, discount)
+    rival = (0, 3.0, (1, 0.2, STAY, GO), (0, 6.0, GO, STAY))
+    rollouts.run(single_action(GO))
+    rollouts._compare(packed(rival))
+    departs, episodes = rollouts._departs, rollouts._episodes
+    before = rollouts.n_steps_taken
+    found = _kernels_lanes.difference(
+        rollouts._conditions, episodes, departs, packed(rival), hopeless
+    )
+    n_steps = rollouts.n_steps_taken - before
+    k = departs[departs >= 0]
+    rest, _ = rests(rollouts, rival, k)
+    gains = episodes.earned[k] + rest - episodes.returns[episodes.owner[k]]
+    expected = naive_world_model.difference(
+        gains.tolist(),
+        np.ptp(episodes.returns),
+        hopeless * rollouts.n_episodes,
+        _kernels_lanes.FIRST_LOOK,
+    )
+    assert found == expected
+    if abs(hopeless) > 100.0:  # at -inf nothing is given up, at 200 what can be is
+        assert found[3] == (hopeless < 0.0)
+    assert n_steps == rests(rollouts, rival, k[: found[0]])[1]
+
+
+@given(tree=trees, x=st.lists(st.sampled_from([np.nan, np.inf, -np.inf, -1.0, 0.0, 2.5, 7.0])))
+def test_four_go_down_a_tree_as_one_does_whatever_the_state_is(tree, x):
+    """Also on a threshold, with no number, and where the last group of four is not full."""
+    policy, lanes = packed(tree), _kernels_lanes.empty_lanes(2)
+    n = min(len(x), _kernels_lanes.LANES)
+    lanes.states[:n, 0], lanes.states[:n, 1] = x[:n], x[:n][::-1]
+    lanes.forced[:] = -1
+    lanes.forced[:1] = 5
+    _kernels_lanes.decide(_kernels_lanes.laid_out(policy), lanes, n)
+    nodes = [_kernels.leaf_node(policy, 0, state) for state in lanes.states[:n]]
+    assert lanes.nodes[:n].tolist() == nodes
+    assert lanes.actions[1:n].tolist() == policy.action[nodes[1:]].tolist()
+    assert lanes.actions[:1].tolist() == ([5] if n else [0])
+
+
+def test_four_go_down_the_trees_of_a_model_as_one_does():
+    world, lanes = model_of(walks(200, 8)).world, _kernels_lanes.empty_lanes(2)
+    values = [np.nan, np.inf, -np.inf, 0.0, *world.thresholds.tolist()]
+    generator = np.random.default_rng(0)
+    assert world.levels.max() > 2
+    for _, tree in itertools.product(range(20), range(world.roots.shape[1])):
+        lanes.states[:4] = generator.choice(values, (4, 4))
+        lanes.actions[:4] = STAY, GO, GO, STAY
+        _kernels_lanes.descend(world, tree, lanes, 4)
+        rows = [
+            _kernels.model_leaf(world.tests, world.thresholds, world.roots[action, tree], mine)
+            for action, mine in zip(lanes.actions[:4], lanes.states[:4], strict=True)
+        ]
+        assert world.tests[lanes.nodes[:4], 3].tolist() == rows
 
 
 @settings(max_examples=100, deadline=None)

@@ -1,4 +1,4 @@
-"""Compiled loops of rollouts: a step of the world model, episodes under a policy tree.
+"""A world model and recorded episodes as kernels see them, and looks at one state of theirs.
 
 All chance comes from a table of uniform draws: step t of episode e reads the same entries whatever
 the policy is, so two policies meet common random numbers.
@@ -6,8 +6,6 @@ the policy is, so two policies meet common random numbers.
 
 import math
 from typing import NamedTuple
-
-import numpy as np
 
 from eutree.arrays import Floats, Integers, Uint32s
 from eutree.compiled import compiled
@@ -131,43 +129,6 @@ def chance(world: World, root: int, state: Floats, draw: float) -> float:
 
 
 @compiled
-def model_step(
-    world: World,
-    draws: Floats,  # [size], a power of two
-    at: int,
-    action: int,
-    state: Floats,  # [2 d], in and out
-    move: Floats,  # [d] scratch
-) -> tuple[float, bool]:
-    """Move one step; return the reward and whether it was the last."""
-    world.tally[0] += 1
-    d = move.size
-    # A power of two: the remainder is an "and", not a division.
-    mask = draws.size - 1
-    for i in range(d):
-        row = model_leaf(world.tests, world.thresholds, world.roots[action, i], state)
-        # A residual of the leaf, drawn evenly: the noise has the shape that the data had there.
-        # draws < 1, so pick stays below the number of residuals.
-        pick = int(draws[(at + i) & mask] * world.noise[row, 1])
-        noise = world.residuals[world.noise[row, 0] + pick]
-        move[i] = fitted(world.lines, row, state) + noise
-    # Only now: all displacements were asked of the state before the step.
-    for i in range(d):
-        state[i] += move[i]
-        state[d + i] = move[i]
-    # One draw decides both ends, a bad one from below and a good one from above: as the two chances
-    # shrink, fewer draws end at all, whatever the policy.
-    draw = draws[(at + d) & mask]
-    kind = 0
-    if draw < chance(world, world.roots[action, d + 3], state, draw):
-        kind = 1
-    elif 1.0 - draw <= chance(world, world.roots[action, d + 4], state, 1.0 - draw):
-        kind = 2
-    row = model_leaf(world.tests, world.thresholds, world.roots[action, d + kind], state)
-    return fitted(world.lines, row, state), kind > 0
-
-
-@compiled
 def assign_starts(
     starts: Floats,  # [S, d]
     out: Episodes,
@@ -181,58 +142,6 @@ def assign_starts(
             out.states[e, d + i] = 0.0
         out.earned[e] = 0.0
         out.node[e] = 0
+        out.owner[e] = e
         out.first[e] = e
     out.first[out.returns.size] = out.returns.size
-
-
-@compiled
-def record(
-    conditions: Conditions,
-    before: Episodes,
-    departs: Integers,  # [E] first step of each episode to run again, -1 where there is none
-    within: Integers,  # [M] node of the policy that holds all steps of a node before
-    policy: ActionTree,
-    out: Episodes,
-) -> None:
-    """Run the policy's episodes: those of ``before`` as far as it acts alike, then its own."""
-    world, draws, horizon, discount = conditions
-    d = before.states.shape[1] // 2
-    state, move = np.zeros(2 * d), np.zeros(d)
-    k = 0
-    # The first k steps are written: those of the episodes before e, whose returns are final.
-    for e in range(out.returns.size):
-        begin, end = before.first[e], before.first[e + 1]
-        same = end if departs[e] < 0 else departs[e]
-        out.first[e] = k
-        for i in range(begin, same):
-            for j in range(2 * d):
-                out.states[k, j] = before.states[i, j]
-            out.earned[k] = before.earned[i]
-            # The search begins at the node that holds the whole old leaf, mostly a leaf itself.
-            out.node[k] = leaf_node(policy, within[before.node[i]], before.states[i])
-            out.owner[k] = e
-            k += 1
-        out.returns[e] = before.returns[e]
-        if departs[e] < 0:
-            continue
-        overwrite(state, before.states[same])
-        total = before.earned[same]
-        # As a power, not carried on from the copied steps: go_on begins in the same way, and paired
-        # returns must agree to the bit where actions do.
-        weight = discount ** (same - begin)
-        for t in range(same - begin, horizon):
-            node = leaf_node(policy, 0, state)
-            for j in range(2 * d):
-                out.states[k, j] = state[j]
-            out.earned[k] = total
-            out.node[k] = node
-            out.owner[k] = e
-            k += 1
-            at = e * EPISODE_STRIDE + t * (d + 1)
-            reward, ends = model_step(world, draws, at, policy.action[node], state, move)
-            total += weight * reward
-            weight *= discount
-            if ends:
-                break
-        out.returns[e] = total
-    out.first[out.returns.size] = k

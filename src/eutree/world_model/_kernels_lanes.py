@@ -13,7 +13,14 @@ import numpy as np
 
 from eutree.arrays import Floats, Integers, Uint32s
 from eutree.compiled import compiled, compiled_uncounted, inlined
-from eutree.world_model._kernels import EPISODE_STRIDE, ActionTree, Conditions, Episodes, World
+from eutree.world_model._kernels import (
+    EPISODE_STRIDE,
+    ActionTree,
+    Conditions,
+    Episodes,
+    World,
+    leaf_node,
+)
 
 LANES = 64  # a multiple of four; what is done once for all lanes costs each little
 # Column of the node below; that of the node above is the next one. Unsigned, as the numbers of
@@ -34,6 +41,7 @@ class Lanes(NamedTuple):
     kinds: Integers  # [L] 0 goes on, 1 ends badly, 2 ends well
     forced: Integers  # [L] action to take instead of the policy's, -1 for none
     tasks: Integers  # [L] what is asked for
+    owners: Integers  # [L] episode
     steps: Integers  # [L] steps since the episode's start
     totals: Floats  # [L] what was earned in the lane
     weights: Floats  # [L] discount^steps
@@ -68,11 +76,12 @@ def laid_out(policy: ActionTree) -> PolicyTable:
 
 @compiled
 def empty_lanes(d: int) -> Lanes:
-    """Return lanes in which nothing is under way: a valid action and state, all zero."""
+    """Return lanes in which nothing is under way: actions and states that lead somewhere."""
     return Lanes(
         np.zeros((LANES, 2 * d)),
         np.zeros((LANES, d)),
         np.zeros(LANES, dtype=np.uint32),
+        np.zeros(LANES, dtype=np.int64),
         np.zeros(LANES, dtype=np.int64),
         np.zeros(LANES, dtype=np.int64),
         np.zeros(LANES, dtype=np.int64),
@@ -107,9 +116,9 @@ def descend(world: World, tree: int, lanes: Lanes, n: int) -> None:
 
 @inlined
 def decide(policy: PolicyTable, lanes: Lanes, n: int) -> None:
-    """Write what the policy does in each lane, or what is forced there once."""
+    """Write the policy's leaf node in each lane and its action, or what is forced there once."""
     tests, thresholds, levels = policy
-    states, actions, forced = lanes.states, lanes.actions, lanes.forced
+    states, nodes, actions, forced = lanes.states, lanes.nodes, lanes.actions, lanes.forced
     root = np.uint32(0)
     for k in range(0, n, 4):  # as in ``descend``
         a, b, c, d = root, root, root, root
@@ -118,12 +127,26 @@ def decide(policy: PolicyTable, lanes: Lanes, n: int) -> None:
             b = tests[b, BELOW + np.uint32(not states[k + 1, tests[b, 0]] <= thresholds[b])]
             c = tests[c, BELOW + np.uint32(not states[k + 2, tests[c, 0]] <= thresholds[c])]
             d = tests[d, BELOW + np.uint32(not states[k + 3, tests[d, 0]] <= thresholds[d])]
-        actions[k], actions[k + 1] = tests[a, 3], tests[b, 3]
-        actions[k + 2], actions[k + 3] = tests[c, 3], tests[d, 3]
+        nodes[k], nodes[k + 1], nodes[k + 2], nodes[k + 3] = a, b, c, d
     for k in range(n):
-        if forced[k] >= 0:
-            actions[k] = forced[k]
-            forced[k] = -1
+        actions[k] = forced[k] if forced[k] >= 0 else tests[nodes[k], 3]
+        forced[k] = -1
+
+
+@inlined
+def write_down(lanes: Lanes, n: int, horizon: int, trace: Episodes) -> None:
+    """Write where each lane is before its step; step t of episode e goes to e * horizon + t.
+
+    ``trace.first[e + 1]`` is the length of episode e so far.
+    """
+    states, owners, steps = lanes.states, lanes.owners, lanes.steps
+    for k in range(n):
+        to = owners[k] * horizon + steps[k]
+        for j in range(states.shape[1]):
+            trace.states[to, j] = states[k, j]
+        trace.earned[to] = lanes.totals[k]
+        trace.node[to] = lanes.nodes[k]
+        trace.first[owners[k] + 1] = steps[k] + 1
 
 
 @inlined
@@ -208,7 +231,7 @@ def earn(world: World, lanes: Lanes, n: int) -> None:
 
 
 @inlined
-def retire(conditions: Conditions, lanes: Lanes, n: int, out: Floats) -> int:
+def retire(conditions: Conditions, lanes: Lanes, n: int, totals: Floats) -> int:
     """Write what ended lanes have earned, close up; return how many are still under way."""
     d = lanes.moves.shape[1]
     for k in range(n):
@@ -219,11 +242,12 @@ def retire(conditions: Conditions, lanes: Lanes, n: int, out: Floats) -> int:
     for k in range(n - 1, -1, -1):
         if lanes.kinds[k] == 0 and lanes.steps[k] < conditions.horizon:
             continue
-        out[lanes.tasks[k]] = lanes.totals[k]
+        totals[lanes.tasks[k]] = lanes.totals[k]
         n -= 1
         for j in range(2 * d):
             lanes.states[k, j] = lanes.states[n, j]
         lanes.at[k], lanes.tasks[k], lanes.steps[k] = lanes.at[n], lanes.tasks[n], lanes.steps[n]
+        lanes.owners[k] = lanes.owners[n]
         lanes.totals[k], lanes.weights[k] = lanes.totals[n], lanes.weights[n]
     return n
 
@@ -236,11 +260,13 @@ def go_on(
     lanes: Lanes,
     begins: Integers,  # [m] recorded steps
     actions: Integers,  # [m] first action of each, -1 for the policy's own
-    out: Floats,  # [m]
+    trace: Episodes,  # gets each step if it has room for all
+    totals: Floats,  # [m] what was earned before; what was earned to the end is added
 ) -> None:
-    """Write what the policy earns from each recorded step to the end."""
-    world, draws, _, discount = conditions
+    """Run the policy from each recorded step to the end."""
+    world, draws, horizon, discount = conditions
     d = episodes.states.shape[1] // 2
+    writes = trace.earned.size > 0
     n, begun = 0, 0
     # The first n lanes are under way, and the tasks before ``begun`` are in them or done.
     while n > 0 or begun < begins.size:
@@ -253,15 +279,72 @@ def go_on(
             # The entries of the table that a step reads: d residuals and one for the end.
             lanes.at[n] = episode * EPISODE_STRIDE + step * (d + 1)
             lanes.forced[n], lanes.tasks[n], lanes.steps[n] = actions[begun], begun, step
-            lanes.totals[n], lanes.weights[n] = 0.0, discount**step
+            lanes.owners[n] = episode
+            # As a power, not carried on from the steps before: paired returns must agree to the
+            # bit where actions do, wherever they are taken up.
+            lanes.totals[n], lanes.weights[n] = totals[begun], discount**step
             n += 1
             begun += 1
         decide(policy, lanes, n)
+        if writes:
+            write_down(lanes, n, horizon, trace)
         world.tally[0] += n
         move(world, draws, lanes, n)
         end(world, draws, lanes, n)
         earn(world, lanes, n)
-        n = retire(conditions, lanes, n, out)
+        n = retire(conditions, lanes, n, totals)
+
+
+@compiled
+def without_room(d: int) -> Episodes:
+    """Return a trace that takes nothing."""
+    none = np.zeros(0, dtype=np.int64)
+    return Episodes(np.zeros((0, 2 * d)), np.zeros(0), none, none, none, np.zeros(0))
+
+
+@compiled
+def record(
+    conditions: Conditions,
+    before: Episodes,
+    departs: Integers,  # [E] first step of each episode to run again, -1 where there is none
+    within: Integers,  # [M] node of the policy that holds all steps of a node before
+    policy: ActionTree,
+    out: Episodes,  # room for E times the horizon
+) -> None:
+    """Run the policy's episodes: those of ``before`` as far as it acts alike, then its own."""
+    d = before.states.shape[1] // 2
+    begins = departs[departs >= 0]
+    own = np.full(begins.size, -1)
+    totals = before.earned[begins]
+    lanes = empty_lanes(d)
+    go_on(conditions, before, laid_out(policy), lanes, begins, own, out, totals)
+    k, run = 0, 0
+    # Steps of its own wait at e * horizon + t. The first k places hold the episodes before e; they
+    # are no more than e * horizon, so each step that waits is moved down before its place is used.
+    for e in range(out.returns.size):
+        begin, same = before.first[e], departs[e]
+        out.first[e] = k
+        for i in range(begin, before.first[e + 1] if same < 0 else same):
+            for j in range(2 * d):
+                out.states[k, j] = before.states[i, j]
+            out.earned[k] = before.earned[i]
+            # The search begins at the node that holds the whole old leaf, mostly a leaf itself.
+            out.node[k] = leaf_node(policy, within[before.node[i]], before.states[i])
+            out.owner[k] = e
+            k += 1
+        out.returns[e] = before.returns[e]
+        if same < 0:
+            continue
+        out.returns[e] = totals[run]
+        waits = e * conditions.horizon
+        for i in range(waits + same - begin, waits + out.first[e + 1]):
+            for j in range(2 * d):
+                out.states[k, j] = out.states[i, j]
+            out.earned[k], out.node[k] = out.earned[i], out.node[i]
+            out.owner[k] = e
+            k += 1
+        run += 1
+    out.first[out.returns.size] = k
 
 
 @compiled
@@ -286,16 +369,16 @@ def difference(
     begins = departs[departs >= 0]
     n_departing = begins.size
     own = np.full(n_departing, -1)
-    rest = np.empty(n_departing)
+    rest = np.zeros(n_departing)
+    nowhere = without_room(episodes.states.shape[1] // 2)
     policy = laid_out(rival)
     lanes = empty_lanes(episodes.states.shape[1] // 2)
     n, total, squares, look = 0, 0.0, 0.0, FIRST_LOOK
     # The sums are of the first n; up to the next look all are run side by side, then added in turn.
     while n < n_departing:
         until = min(look, n_departing) if hopeless > -np.inf else n_departing
-        go_on(
-            conditions, episodes, policy, lanes, begins[n:until], own[n:until], rest[n:until]
-        )
+        now = slice(n, until)
+        go_on(conditions, episodes, policy, lanes, begins[now], own[now], nowhere, rest[now])
         for i in range(n, until):
             k = begins[i]
             # Up to the step at which it departs, the rival has earned what the policy had.
@@ -328,15 +411,16 @@ def deviations(
     n_actions = out.shape[1]
     n_others = steps.size * (n_actions - 1)
     begins, actions = np.empty(n_others, dtype=np.int64), np.empty(n_others, dtype=np.int64)
-    rest = np.empty(n_others)
+    rest = np.zeros(n_others)
     at = 0
     for k in steps:
         for action in range(n_actions):
             if action != policy.action[episodes.node[k]]:
                 begins[at], actions[at] = k, action
                 at += 1
-    lanes = empty_lanes(episodes.states.shape[1] // 2)
-    go_on(conditions, episodes, laid_out(policy), lanes, begins, actions, rest)
+    d = episodes.states.shape[1] // 2
+    lanes, nowhere = empty_lanes(d), without_room(d)
+    go_on(conditions, episodes, laid_out(policy), lanes, begins, actions, nowhere, rest)
     # In the same order again: the next of ``rest`` is that of the step's next other action.
     at = 0
     for i in range(steps.size):

@@ -69,7 +69,7 @@ class PairedRollouts(Rollouts):
         _kernels.assign_starts(starts[self.generator.permutation(starts.shape[0])], self._episodes)
 
     def _record(self, policy: ActionTree) -> None:
-        _kernels.record(
+        _kernels_lanes.record(
             self._conditions,
             self._episodes,
             self._departs,
