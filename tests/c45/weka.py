@@ -1,9 +1,12 @@
 """Weka's J48 as an outside oracle: find it, write data sets for it, read its trees."""
 
+import atexit
 import os
 import shutil
 import subprocess
+import tempfile
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -45,6 +48,7 @@ def _cell(value: float, n_values: int) -> str:
     return f"v{int(value)}" if n_values else repr(value)
 
 
+@cache
 def jar() -> str:
     """Return the path of weka.jar; skip the test where Java or Weka cannot be had."""
     missing = [tool for tool in ("java", "javac") if shutil.which(tool) is None]
@@ -61,24 +65,34 @@ def jar() -> str:
     pytest.skip(reason)
 
 
+@cache
+def _driver(jar: str) -> str:
+    """Return a folder with the compiled driver, which stays until the process ends."""
+    folder = tempfile.mkdtemp(prefix="eutree-weka-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    subprocess.run(["javac", "-nowarn", "-cp", jar, "-d", folder, DRIVER], check=True)
+    return folder
+
+
 def trees(
     sets: list[DataSet], options: str, folder: Path
 ) -> list[tuple[list[str], NDArray[np.float64]]]:
     """Return J48's tree of each data set: its nodes in preorder and its probabilities [N, A]."""
-    classpath = f"{jar()}{os.pathsep}{folder}"
-    subprocess.run(["javac", "-nowarn", "-cp", classpath, "-d", folder, DRIVER], check=True)
+    classpath = f"{jar()}{os.pathsep}{_driver(jar())}"
     jobs = []
     for number, data in enumerate(sets):
         path = folder / f"{number}.arff"
         path.write_text(data.arff())
         jobs.append(f"{path}\t{options}\n")
     result = subprocess.run(
-        ["java", "-Xss64m", "-XX:+UseSerialGC", "-cp", classpath, "J48Trees"],
+        # One stage of compiling: for so short a run the second costs more than it saves.
+        ["java", "-Xss64m", "-XX:+UseSerialGC", "-XX:TieredStopAtLevel=1", "-cp", classpath,
+         "J48Trees"],
         input="".join(jobs),
         capture_output=True,
         text=True,
         check=True,
-    )
+    )  # fmt: skip
     lines = result.stdout.splitlines()
     assert len(lines) == len(sets), result.stderr
     found = []
