@@ -9,6 +9,7 @@ import ast
 import io
 import tokenize
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 SOURCE = Path(__file__).parents[2] / "src" / "eutree"
@@ -29,11 +30,14 @@ LONG_SIGNATURES = {
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 
-def definitions() -> Iterator[tuple[str, ast.ClassDef | Function]]:
-    """Yield each class and function of the library, with its file and its qualified name."""
-    for path in sorted(SOURCE.rglob("*.py")):
-        tree = ast.parse(path.read_text())
-        yield from named(tree, f"{path.relative_to(SOURCE)} ")
+@cache
+def definitions() -> list[tuple[str, ast.ClassDef | Function]]:
+    """Return each class and function of the library, with its file and its qualified name."""
+    return [
+        found
+        for path in sorted(SOURCE.rglob("*.py"))
+        for found in named(ast.parse(path.read_text()), f"{path.relative_to(SOURCE)} ")
+    ]
 
 
 def named(node: ast.AST, prefix: str) -> Iterator[tuple[str, ast.ClassDef | Function]]:

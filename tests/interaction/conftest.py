@@ -1,0 +1,14 @@
+"""A fixture of all tests of recording and acting."""
+
+from collections.abc import Iterator
+
+import pytest
+
+
+@pytest.fixture(autouse=True)
+def nobody_stays(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Close the pages of a test: left open, each draws on, and looks for its recorder, for good."""
+    yield
+    browser = request.node.funcargs.get("chromium")
+    for context in browser.contexts if browser else []:
+        context.close()
