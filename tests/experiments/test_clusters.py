@@ -83,7 +83,7 @@ def dask_cluster(tmp_path_factory):
 
 
 def test_a_dask_cluster_gives_the_same_bytes(tmp_path, dask_cluster):
-    for way, line in ((command, LINE), (here, LEARNING), (here, FRAMEWORK)):
+    for way, line in ((command, LEARNING), (here, FRAMEWORK)):
         here(*line, "--out", tmp_path / "one", "--n-jobs", "1")
         way(
             *line, "--out", tmp_path / "dask", "--backend", "dask", "--address", dask_cluster,
