@@ -79,7 +79,11 @@ def dask_cluster(tmp_path_factory):
         for process in reversed(processes):
             process.terminate()
         for process in processes:
-            process.wait(timeout=120)
+            try:
+                process.wait(timeout=20)
+            except subprocess.TimeoutExpired:  # a worker that waits for a scheduler that has gone
+                process.kill()
+                process.wait()
 
 
 def test_a_dask_cluster_gives_the_same_bytes(tmp_path, dask_cluster):
