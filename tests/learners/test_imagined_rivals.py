@@ -1,7 +1,5 @@
 """Rivals that a world model proposes: what they copy, how many are made, which of them race."""
 
-from collections import Counter
-
 import numpy as np
 import pytest
 
@@ -12,7 +10,6 @@ from eutree.learners.imagined_rivals import PRUNED, ImaginedRivals
 from eutree.learners.students import Students
 from eutree.world_model.action_trees import n_leaves, single_action
 from eutree.world_model.ensemble import EnsembleSettings
-from eutree.world_model.ensemble_rollouts import EnsembleRollouts
 
 EPISODES, STEPS = 60, 20
 LIMIT = 3
@@ -67,36 +64,17 @@ def rivals(experience):
 GATHERED = 400
 
 
-def test_half_of_the_prunings_copy_what_was_said_in_daggers_rounds_alone(rivals):
-    made = rivals.make(2, GATHERED, np.random.default_rng(0), students=False)
-    assert made[0].origin == "cart"
-    assert len(made) == 3
-    assert all(one.origin.startswith("pruned") for one in made[1:])
+def test_rivals_are_carts_tree_and_prunings_of_larger_ones(rivals):
+    made = rivals.make(2, GATHERED, np.random.default_rng(0), copies=False)
+    assert [one.origin for one in made] == ["cart", "pruned-weighted", "pruned"]
     assert all(n_leaves(one.tree) <= LIMIT for one in made)
     whole = EPISODES * STEPS
-    first, *asked = rivals._students.asked
-    assert first == (whole, LIMIT, False)
-    expected = [(rows, t * LIMIT, w) for t, w in PRUNED[:2] for rows in (whole, GATHERED)]
-    assert Counter(asked) == Counter(expected)
-
-
-def test_of_the_prunings_those_race_that_score_best_where_none_was_chosen(rivals, monkeypatch):
-    """The model's word on every tree that was made, in the same episodes for all."""
-    scores = []
-    real = EnsembleRollouts.score
-
-    def score(self, returns):
-        scores.append(real(self, returns))
-        return scores[-1]
-
-    monkeypatch.setattr(EnsembleRollouts, "score", score)
-    made = rivals.make(3, GATHERED, np.random.default_rng(1), students=False)
-    judged = scores[-6:]  # the last six are those of the six that were pruned
-    assert [one.imagined for one in made[1:]] == sorted(judged, reverse=True)[:3]
+    larger = [(whole, times * LIMIT, weighted) for times, weighted in PRUNED[:2]]
+    assert rivals._students.asked == [(whole, LIMIT, False), *larger]
 
 
 def test_where_prunings_have_earned_no_more_carts_trees_race_first(rivals):
-    made = rivals.make(5, GATHERED, np.random.default_rng(2), students=True)
+    made = rivals.make(5, GATHERED, np.random.default_rng(2), copies=True)
     assert [one.origin[:6] for one in made] == ["cart"] * 4 + ["pruned"] * 2
     whole = EPISODES * STEPS
     of_limit = [one for one in rivals._students.asked if one[1] == LIMIT]
@@ -104,7 +82,7 @@ def test_where_prunings_have_earned_no_more_carts_trees_race_first(rivals):
 
 
 def test_no_more_rivals_are_made_than_can_be_afforded(rivals):
-    made = rivals.make(2, GATHERED, np.random.default_rng(3), students=True)
+    made = rivals.make(2, GATHERED, np.random.default_rng(3), copies=True)
     assert [one.origin for one in made] == ["cart"] * 3
 
 

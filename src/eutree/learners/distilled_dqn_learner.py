@@ -227,7 +227,7 @@ class DistilledDQNLearner:
         first = len(races.contenders)
         gathered = self._experience.n_shown + self.dagger.round_from  # since when trees race
         races.contenders += self.rivals.make(
-            n_rivals, gathered, generator, students=not prunings_earn_more(races.contenders)
+            n_rivals, gathered, generator, copies=not prunings_earn_more(races.contenders)
         )
         self.rivals.imagine(races.contenders, races.policy, generator)
         rivals = [*range(first, len(races.contenders)), *known]

@@ -17,7 +17,6 @@ from eutree.world_model.ensemble_rollouts import EnsembleRollouts
 N_STARTS = 50  # first observations of imagined episodes
 # Several times the leaves allowed, and whether CART was weighted; the first are made first.
 PRUNED = ((3, True), (3, False), (2, False), (3, True), (3, False), (2, True))
-SELECTION_STARTS = 2 * N_STARTS  # of the episodes that choose among prunings, and chose no cut
 FEW_RETURNS = 4  # below which a contender's mean says nothing
 
 
@@ -51,38 +50,34 @@ class ImaginedRivals:
         self.ensemble: Ensemble | None = None
 
     def make(
-        self, n: int, gathered: int, generator: np.random.Generator, *, students: bool
+        self, n: int, gathered: int, generator: np.random.Generator, *, copies: bool
     ) -> list[Contender]:
-        """Fit the model to all that is known; return CART's tree and other rivals of the policy.
+        """Fit the model to all that is known; return CART's tree and ``n`` other rivals.
 
-        CART copies what the teacher says of all observations so far, and of DAgger's alone: what
-        rivals saw later, crashing, costs a small tree leaves. Twice as many trees are pruned as
-        return, half from each; the model says which, in episodes that chose none of their cuts.
+        They are trees pruned by imagined returns or, first, other trees as CART makes them.
 
         Args:
             n: Number of rivals beside CART's tree.
             gathered: Rows of the store when DAgger's rounds were over.
             generator: Source of all chance.
-            students: Whether rivals are other trees of CART first, as it makes them: where prunings
-                have earned no more.
+            copies: Whether rivals are three more of CART's trees first, weighted and from DAgger's
+                labels alone: where prunings have earned no more than such trees.
         """
         self.ensemble = ensemble = self._fitted(generator)
         observations = self._experience.history.observations
-        sources = (observations, observations[:gathered])
         limit, fit = self._max_leaves, self._students.fit
         rivals = [Contender(fit(observations, limit), "cart")]
-        if students:
-            copies = [fit(rows, limit, weighted=one) for rows in sources for one in (False, True)]
-            rivals += [Contender(tree, "cart") for tree in copies[1 : n + 1]]
-        n_pruned = n + 1 - len(rivals)
-        pruned = [
-            self._pruned(fit(rows, times * limit, weighted=weighted), weighted, ensemble, generator)
-            for times, weighted in PRUNED[:n_pruned]
-            for rows in sources
-        ]
-        return rivals + _best(
-            pruned, n_pruned, EnsembleRollouts(ensemble, SELECTION_STARTS, generator)
-        )
+        if copies:
+            early = observations[:gathered]
+            others = ((observations, True), (early, False), (early, True))
+            trees = [fit(rows, limit, weighted=weighted) for rows, weighted in others[:n]]
+            rivals += [Contender(tree, "cart") for tree in trees]
+        for times, weighted in PRUNED[: n + 1 - len(rivals)]:
+            large = fit(observations, times * limit, weighted=weighted)
+            rollouts = EnsembleRollouts(ensemble, N_STARTS, generator)
+            tree, score = pruned_by_rollouts(large, rollouts, limit, generator)
+            rivals.append(Contender(tree, "pruned-weighted" if weighted else "pruned", score))
+        return rivals
 
     def imagine(
         self, contenders: Sequence[Contender], policy: ActionTree, generator: np.random.Generator
@@ -116,21 +111,3 @@ class ImaginedRivals:
         if self.ensemble is None:
             return fit_ensemble(data, self._settings, generator)
         return self.ensemble.fitted_on(data, generator)
-
-    def _pruned(
-        self, large: ActionTree, weighted: bool, ensemble: Ensemble, generator: np.random.Generator
-    ) -> Contender:
-        """Return a large tree, pruned to the leaves allowed by imagined returns."""
-        rollouts = EnsembleRollouts(ensemble, N_STARTS, generator)
-        tree, score = pruned_by_rollouts(large, rollouts, self._max_leaves, generator)
-        return Contender(tree, "pruned-weighted" if weighted else "pruned", score)
-
-
-def _best(rivals: list[Contender], n: int, rollouts: EnsembleRollouts) -> list[Contender]:
-    """Return the ``n`` that score best in these rollouts, best first."""
-    if not n:
-        return []
-    rollouts.run(rivals[0].tree)
-    for one in rivals:
-        one.imagined = rollouts.score(rollouts.returns_of(one.tree))
-    return sorted(rivals, key=lambda one: -one.imagined)[:n]
