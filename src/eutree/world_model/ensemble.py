@@ -100,7 +100,8 @@ class Scales:
             inputs.mean(axis=0),
             np.where(spread > 0.0, spread, 1.0),
             move,
-            np.percentile(data.displacements, [TAIL, 100.0 - TAIL], axis=0).T,
+            # in C order, as after a restore: kernels are compiled for each order
+            np.ascontiguousarray(np.percentile(data.displacements, [TAIL, 100.0 - TAIL], axis=0).T),
             np.array([np.unique(column).size == 2 for column in seen.T]),
             seen.min(axis=0),
             seen.max(axis=0),
