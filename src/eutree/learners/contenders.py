@@ -45,17 +45,6 @@ class Contender:
         return self.mean_return - float(np.std(self.returns, ddof=1)) / math.sqrt(n)
 
 
-def prunings_earn_more(contenders: Sequence[Contender]) -> bool:
-    """Return whether pruned trees have earned more than CART's own, or too few trees have run.
-
-    Means over trees, of those that ran in real episodes at all.
-    """
-    ran = [one for one in contenders if one.returns]
-    copies = [one.mean_return for one in ran if one.origin == "cart"]
-    pruned = [one.mean_return for one in ran if one.origin.startswith("pruned")]
-    return not copies or not pruned or bool(np.mean(pruned) > np.mean(copies))
-
-
 def packed_contenders(contenders: Sequence[Contender]) -> dict[str, NDArray[Any]]:
     """Return contenders as arrays."""
     trees = packed_trees([one.tree for one in contenders])

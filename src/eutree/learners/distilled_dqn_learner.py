@@ -7,12 +7,7 @@ import numpy as np
 
 from eutree.arrays import Floats
 from eutree.learners.contender_races import ContenderRaces
-from eutree.learners.contenders import (
-    Contender,
-    packed_trees,
-    prunings_earn_more,
-    unpacked_trees,
-)
+from eutree.learners.contenders import Contender, packed_trees, unpacked_trees
 from eutree.learners.dagger import DAgger
 from eutree.learners.distilled_dqn_choices import DistilledDQNChoices
 from eutree.learners.episode_buffer import EpisodeBuffer
@@ -225,10 +220,7 @@ class DistilledDQNLearner:
         n_rivals = int(np.clip(affordable / EPISODES_PER_RIVAL, FEWEST_PRUNED, len(PRUNED)))
         races, known = self.races, self.races.best(ALL_TIME_BEST)
         first = len(races.contenders)
-        gathered = self._experience.n_shown + self.dagger.round_from  # since when trees race
-        races.contenders += self.rivals.make(
-            n_rivals, gathered, generator, copies=not prunings_earn_more(races.contenders)
-        )
+        races.contenders += self.rivals.make(n_rivals, generator)
         self.rivals.imagine(races.contenders, races.policy, generator)
         rivals = [*range(first, len(races.contenders)), *known]
         races.begin(rivals, LOOKS if affordable > MANY_EPISODES else SHORT_LOOKS)

@@ -49,33 +49,20 @@ class ImaginedRivals:
         self._max_leaves = max_leaves
         self.ensemble: Ensemble | None = None
 
-    def make(
-        self, n: int, gathered: int, generator: np.random.Generator, *, copies: bool
-    ) -> list[Contender]:
-        """Fit the model to all that is known; return CART's tree and ``n`` other rivals.
-
-        They are trees pruned by imagined returns or, first, other trees as CART makes them.
-
-        Args:
-            n: Number of rivals beside CART's tree.
-            gathered: Rows of the store when DAgger's rounds were over.
-            generator: Source of all chance.
-            copies: Whether rivals are three more of CART's trees first, weighted and from DAgger's
-                labels alone: where prunings have earned no more than such trees.
-        """
-        self.ensemble = ensemble = self._fitted(generator)
+    def make(self, n: int, generator: np.random.Generator) -> list[Contender]:
+        """Fit the model to all that is known; return CART's tree and ``n`` pruned ones."""
+        data = self._experience.transitions(self._n_actions)
+        if self.ensemble is None:
+            self.ensemble = fit_ensemble(data, self._settings, generator)
+        else:
+            self.ensemble = self.ensemble.fitted_on(data, generator)
         observations = self._experience.history.observations
-        limit, fit = self._max_leaves, self._students.fit
-        rivals = [Contender(fit(observations, limit), "cart")]
-        if copies:
-            early = observations[:gathered]
-            others = ((observations, True), (early, False), (early, True))
-            trees = [fit(rows, limit, weighted=weighted) for rows, weighted in others[:n]]
-            rivals += [Contender(tree, "cart") for tree in trees]
-        for times, weighted in PRUNED[: n + 1 - len(rivals)]:
-            large = fit(observations, times * limit, weighted=weighted)
-            rollouts = EnsembleRollouts(ensemble, N_STARTS, generator)
-            tree, score = pruned_by_rollouts(large, rollouts, limit, generator)
+        rivals = [Contender(self._students.fit(observations, self._max_leaves), "cart")]
+        for times, weighted in PRUNED[:n]:
+            leaves = times * self._max_leaves
+            large = self._students.fit(observations, leaves, weighted=weighted)
+            rollouts = EnsembleRollouts(self.ensemble, N_STARTS, generator)
+            tree, score = pruned_by_rollouts(large, rollouts, self._max_leaves, generator)
             rivals.append(Contender(tree, "pruned-weighted" if weighted else "pruned", score))
         return rivals
 
@@ -104,10 +91,3 @@ class ImaginedRivals:
     def take_back(self, state: Arrays) -> None:
         """Go on from the model's ``state()``."""
         self.ensemble = Ensemble.from_state(state, self._settings, self._n_actions)
-
-    def _fitted(self, generator: np.random.Generator) -> Ensemble:
-        """Return the model, fitted to all that is known: anew, or on from where it was."""
-        data = self._experience.transitions(self._n_actions)
-        if self.ensemble is None:
-            return fit_ensemble(data, self._settings, generator)
-        return self.ensemble.fitted_on(data, generator)

@@ -40,7 +40,7 @@ class Students:
         """Return a tree of at most so many leaves.
 
         Args:
-            observations: All that are stored, or the first of them, shape [N, d].
+            observations: All that are stored, shape [N, d]: those of before and new ones.
             max_leaves: Most leaves.
             weighted: Whether an observation counts by max_a Q - min_a Q there, as in VIPER
                 (Bastani, Pu and Solar-Lezama 2018).
@@ -49,10 +49,8 @@ class Students:
         rows, classes, weights = observations, labels, None
         if classes is None:
             self._label(observations)
-            rows = observations[self._first :]
-            classes = self._labels[: len(rows)].astype(np.int32)
-            gaps = self._gaps[: len(rows)]
-            weights = gaps if weighted and gaps.sum() > 0.0 else None
+            rows, classes = observations[self._first :], self._labels.astype(np.int32)
+            weights = self._gaps if weighted and self._gaps.sum() > 0.0 else None
         tree, actions = grow_cart(
             rows,
             classes.astype(np.int64),
@@ -75,9 +73,6 @@ class Students:
 
     def _label(self, observations: Floats) -> None:
         """Ask the teacher about the observations that it has not seen yet."""
-        new = observations[self._first + self._labels.size :]
-        if not len(new):
-            return
-        values = self._action_values(new)
+        values = self._action_values(observations[self._first + self._labels.size :])
         self._labels = np.concatenate([self._labels, values.argmax(axis=1)])
         self._gaps = np.concatenate([self._gaps, np.ptp(values, axis=1)])
