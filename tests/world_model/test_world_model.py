@@ -353,8 +353,8 @@ def test_four_go_down_the_trees_of_a_model_as_one_does():
         lanes.actions[:4] = STAY, GO, GO, STAY
         _kernels_lanes.descend(world, tree, lanes, 4)
         rows = [
-            _kernels.model_leaf(world.tests, world.thresholds, world.roots[action, tree], mine)
-            for action, mine in zip(lanes.actions[:4], lanes.states[:4], strict=True)
+            _kernels.model_leaf(world.tests, world.thresholds, root, lanes.states, k)
+            for k, root in enumerate(world.roots[lanes.actions[:4], tree])
         ]
         assert world.tests[lanes.nodes[:4], 3].tolist() == rows
 

@@ -8,7 +8,7 @@ import math
 from typing import NamedTuple
 
 from eutree.arrays import Floats, Integers, Uint32s
-from eutree.compiled import compiled
+from eutree.compiled import compiled, inlined
 
 # A prime, so that episodes begin at places of the table that do not line up; the table wraps.
 EPISODE_STRIDE = 7919
@@ -85,44 +85,64 @@ def leaf_node(policy: ActionTree, root: int, x: Floats) -> int:
     return node
 
 
-@compiled
-def model_leaf(tests: Uint32s, thresholds: Floats, root: int, state: Floats) -> int:
-    """Return the row of the model's leaf below ``root`` that the state falls into."""
+@inlined
+def keep(
+    before: Episodes,
+    e: int,
+    until: int,
+    within: Integers,  # [M] node of the policy that holds all steps of a node before
+    policy: ActionTree,
+    out: Episodes,
+    k: int,
+) -> int:
+    """Copy the steps of episode e that come before ``until`` to k and on; return what is next."""
+    for i in range(before.first[e], until):
+        for j in range(before.states.shape[1]):
+            out.states[k, j] = before.states[i, j]
+        out.earned[k] = before.earned[i]
+        # The search begins at the node that holds the whole old leaf, mostly a leaf itself.
+        out.node[k] = leaf_node(policy, within[before.node[i]], before.states[i])
+        out.owner[k] = e
+        k += 1
+    return k
+
+
+@inlined
+def model_leaf(tests: Uint32s, thresholds: Floats, root: int, states: Floats, k: int) -> int:
+    """Return the row of the model's leaf below ``root`` that state k of [N, 2 d] falls into."""
     node = root
-    while True:
-        below = tests[node, 1]
-        if below == node:
-            row: int = tests[node, 3]
-            return row
-        node = below if state[tests[node, 0]] <= thresholds[node] else tests[node, 2]
+    while tests[node, 1] != node:
+        below = states[k, tests[node, 0]] <= thresholds[node]
+        node = tests[node, 1] if below else tests[node, 2]
+    row: int = tests[node, 3]
+    return row
 
 
-@compiled
-def fitted(lines: Floats, row: int, state: Floats) -> float:
-    """Return the leaf's fit at a state, within the range of what the leaf has seen."""
-    p = state.size
+@inlined
+def fitted(lines: Floats, row: int, states: Floats, k: int) -> float:
+    """Return the leaf's fit at state k, within the range of what the leaf has seen."""
+    p = states.shape[1]
     # The sum begins with the constant and ends with what the action adds: unrolled trees give the
     # bits that the fitted ones gave.
     value = lines[row, p]
     for j in range(p):
-        value += lines[row, j] * state[j]
+        value += lines[row, j] * states[k, j]
     value += lines[row, p + 1]
     # A line is no model beyond the data that it was fitted to.
     clipped: float = min(max(value, lines[row, p + 2]), lines[row, p + 3])
     return clipped
 
 
-@compiled
-def chance(world: World, root: int, state: Floats, draw: float) -> float:
-    """Return the probability of an end, or 0 where it is clearly below the draw.
+@inlined
+def chance(lines: Floats, row: int, states: Floats, k: int, draw: float) -> float:
+    """Return the probability of an end at state k, or 0 where it is clearly below the draw.
 
     The log-odds are linear in the observation and its squares.
     """
-    row = model_leaf(world.tests, world.thresholds, root, state)
-    d = state.size // 2
-    odds = world.lines[row, 2 * d]
+    d = states.shape[1] // 2
+    odds = lines[row, 2 * d]
     for i in range(d):
-        odds += (world.lines[row, i] + world.lines[row, d + i] * state[i]) * state[i]
+        odds += (lines[row, i] + lines[row, d + i] * states[k, i]) * states[k, i]
     if odds < -7.0 and draw > 1e-3:  # exp(-7) is less: spare the exponential
         return 0.0
     return 1.0 / (1.0 + math.exp(min(-odds, 40.0)))  # no overflow

@@ -19,7 +19,7 @@ import numpy as np
 from eutree.arrays import Booleans, Float32s, Floats, Integers
 from eutree.compiled import compiled
 from eutree.neural import Network, adam_step, backward, forward, room
-from eutree.world_model._kernels import EPISODE_STRIDE, ActionTree, Episodes, leaf_node
+from eutree.world_model._kernels import EPISODE_STRIDE, ActionTree, Episodes, keep, leaf_node
 
 GOES_ON, BAD, GOOD = 0, 1, 2  # kinds of step
 FAR = 3.0  # scaled errors count linearly from here on (Huber)
@@ -312,13 +312,7 @@ def record(
         begin, end = before.first[e], before.first[e + 1]
         same = end if departs[e] < 0 else departs[e]
         out.first[e] = k
-        for i in range(begin, same):
-            out.states[k] = before.states[i]
-            out.earned[k] = before.earned[i]
-            # Copied steps keep their states; only the leaf that holds them may be another.
-            out.node[k] = leaf_node(policy, within[before.node[i]], before.states[i])
-            out.owner[k] = e
-            k += 1
+        k = keep(before, e, same, within, policy, out, k)
         out.returns[e] = before.returns[e]
         if departs[e] < 0:
             continue

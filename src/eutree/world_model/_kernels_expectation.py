@@ -32,29 +32,32 @@ class Held(NamedTuple):
 
 
 @compiled
-def expected_step(world: World, action: int, state: Floats, move: Floats) -> tuple[float, float]:
-    """Move as expected; return the expected reward and the chance that the episode goes on.
+def expected_step(world: World, action: int, states: Floats, move: Floats) -> tuple[float, float]:
+    """Move the first state as expected; return the expected reward and the chance to go on.
 
     A chance of an end is not drawn: rewards of the three kinds of steps are weighed by theirs. As
-    in ``model_step``, a good end is what a bad one leaves over.
+    in a step that is drawn, a good end is what a bad one leaves over.
     """
     world.tally[0] += 1
+    roots, tests, thresholds, lines = world.roots, world.tests, world.thresholds, world.lines
     d = move.size
     for i in range(d):
-        row = model_leaf(world.tests, world.thresholds, world.roots[action, i], state)
-        move[i] = fitted(world.lines, row, state)
+        row = model_leaf(tests, thresholds, roots[action, i], states, 0)
+        move[i] = fitted(lines, row, states, 0)
     # Only now: all displacements were asked of the state before the step.
     for i in range(d):
-        state[i] += move[i]
-        state[d + i] = 0.0  # held actions start from places, not from movements
-    bad = chance(world, world.roots[action, d + 3], state, 0.0)
-    good = min(chance(world, world.roots[action, d + 4], state, 0.0), 1.0 - bad)
+        states[0, i] += move[i]
+        states[0, d + i] = 0.0  # held actions start from places, not from movements
+    row = model_leaf(tests, thresholds, roots[action, d + 3], states, 0)
+    bad = chance(lines, row, states, 0, 0.0)
+    row = model_leaf(tests, thresholds, roots[action, d + 4], states, 0)
+    good = min(chance(lines, row, states, 0, 0.0), 1.0 - bad)
     goes_on = max(1.0 - bad - good, 0.0)
     reward = 0.0
     for kind, share in enumerate((goes_on, bad, good)):
         if share > 0.0:
-            row = model_leaf(world.tests, world.thresholds, world.roots[action, d + kind], state)
-            reward += share * fitted(world.lines, row, state)
+            row = model_leaf(tests, thresholds, roots[action, d + kind], states, 0)
+            reward += share * fitted(lines, row, states, 0)
     return reward, goes_on
 
 
@@ -69,14 +72,15 @@ def hold(
     """Hold each action until the trajectory leaves the box it first entered."""
     actions, places, weight, reward, entered = out
     d = places.shape[1]
-    state, move = np.zeros(2 * d), np.zeros(d)
+    states, move = np.zeros((1, 2 * d)), np.zeros(d)
+    state = states[0]
     for n in range(places.shape[0]):
         state[:d], state[d:] = places[n], 0.0
         weight[n], reward[n], first = 1.0, 0.0, -1
         # weight = discount^tau times the chance that the episode still goes on after tau steps;
         # reward is the expected discounted sum of those tau steps.
         for _ in range(longest):
-            earned, goes_on = expected_step(world, actions[n], state, move)
+            earned, goes_on = expected_step(world, actions[n], states, move)
             reward[n] += weight[n] * earned
             weight[n] *= discount * goes_on
             node = 0

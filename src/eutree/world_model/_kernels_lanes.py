@@ -1,12 +1,11 @@
 """Compiled loops of rollouts side by side: what rivals and single deviations earn to the end.
 
-Apart from ``_kernels.py``, which runs one episode after another. A way down a tree is a chain of
-loads of which each waits for the one before, with tests that no processor can foresee. Here many
-episodes are under way at once, each in a *lane*, four go down a tree together without a branch,
-and their chains overlap. Each sum is taken in the order of ``model_step``: results are its bits.
+Apart from ``_kernels.py``, which looks at one state. A way down a tree is a chain of loads of which
+each waits for the one before, with tests that no processor can foresee. Here many episodes are
+under way at once, each in a *lane*, four go down a tree together without a branch, and their
+chains overlap. Each sum is taken in the order of a single episode: results are its bits.
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -19,13 +18,17 @@ from eutree.world_model._kernels import (
     Conditions,
     Episodes,
     World,
-    leaf_node,
+    chance,
+    fitted,
+    keep,
+    model_leaf,
 )
 
 LANES = 64  # a multiple of four; what is done once for all lanes costs each little
 # Column of the node below; that of the node above is the next one. Unsigned, as the numbers of
 # nodes are.
 BELOW = np.uint32(1)
+Four = tuple[int, int, int, int]
 # Episodes compared before a hopeless rival may be given up.
 FIRST_LOOK = 8
 
@@ -94,6 +97,22 @@ def empty_lanes(d: int) -> Lanes:
 
 
 @inlined
+def four_down(
+    tests: Uint32s, thresholds: Floats, levels: int, states: Floats, k: int, nodes: Four
+) -> Four:
+    """Return where the lanes k to k + 3 come to, so many levels down a tree from their nodes."""
+    a, b, c, d = nodes
+    # Not "above", but "not below": NaN compares false and goes up, as in ``model_leaf``. Who is at
+    # a leaf stays there until the last of the four is.
+    for _ in range(levels):
+        a = tests[a, BELOW + np.uint32(not states[k, tests[a, 0]] <= thresholds[a])]
+        b = tests[b, BELOW + np.uint32(not states[k + 1, tests[b, 0]] <= thresholds[b])]
+        c = tests[c, BELOW + np.uint32(not states[k + 2, tests[c, 0]] <= thresholds[c])]
+        d = tests[d, BELOW + np.uint32(not states[k + 3, tests[d, 0]] <= thresholds[d])]
+    return a, b, c, d
+
+
+@inlined
 def descend(world: World, tree: int, lanes: Lanes, n: int) -> None:
     """Write the leaf node of each lane's state in one tree of its action."""
     roots, levels, tests, thresholds = world.roots, world.levels, world.tests, world.thresholds
@@ -103,15 +122,9 @@ def descend(world: World, tree: int, lanes: Lanes, n: int) -> None:
         one, two, three, four = actions[k], actions[k + 1], actions[k + 2], actions[k + 3]
         depth = max(levels[one, tree], levels[two, tree])
         depth = max(depth, max(levels[three, tree], levels[four, tree]))
-        a, b, c, d = roots[one, tree], roots[two, tree], roots[three, tree], roots[four, tree]
-        # Not "above", but "not below": NaN compares false and goes up, as in ``model_leaf``. Who
-        # is at a leaf stays there until the last of the four is.
-        for _ in range(depth):
-            a = tests[a, BELOW + np.uint32(not states[k, tests[a, 0]] <= thresholds[a])]
-            b = tests[b, BELOW + np.uint32(not states[k + 1, tests[b, 0]] <= thresholds[b])]
-            c = tests[c, BELOW + np.uint32(not states[k + 2, tests[c, 0]] <= thresholds[c])]
-            d = tests[d, BELOW + np.uint32(not states[k + 3, tests[d, 0]] <= thresholds[d])]
-        nodes[k], nodes[k + 1], nodes[k + 2], nodes[k + 3] = a, b, c, d
+        begin = roots[one, tree], roots[two, tree], roots[three, tree], roots[four, tree]
+        found = four_down(tests, thresholds, depth, states, k, begin)
+        nodes[k], nodes[k + 1], nodes[k + 2], nodes[k + 3] = found
 
 
 @inlined
@@ -121,13 +134,8 @@ def decide(policy: PolicyTable, lanes: Lanes, n: int) -> None:
     states, nodes, actions, forced = lanes.states, lanes.nodes, lanes.actions, lanes.forced
     root = np.uint32(0)
     for k in range(0, n, 4):  # as in ``descend``
-        a, b, c, d = root, root, root, root
-        for _ in range(levels):
-            a = tests[a, BELOW + np.uint32(not states[k, tests[a, 0]] <= thresholds[a])]
-            b = tests[b, BELOW + np.uint32(not states[k + 1, tests[b, 0]] <= thresholds[b])]
-            c = tests[c, BELOW + np.uint32(not states[k + 2, tests[c, 0]] <= thresholds[c])]
-            d = tests[d, BELOW + np.uint32(not states[k + 3, tests[d, 0]] <= thresholds[d])]
-        nodes[k], nodes[k + 1], nodes[k + 2], nodes[k + 3] = a, b, c, d
+        found = four_down(tests, thresholds, levels, states, k, (root, root, root, root))
+        nodes[k], nodes[k + 1], nodes[k + 2], nodes[k + 3] = found
     for k in range(n):
         actions[k] = forced[k] if forced[k] >= 0 else tests[nodes[k], 3]
         forced[k] = -1
@@ -150,32 +158,8 @@ def write_down(lanes: Lanes, n: int, horizon: int, trace: Episodes) -> None:
 
 
 @inlined
-def line_at(lines: Floats, row: int, states: Floats, k: int) -> float:
-    """Return what ``fitted`` does at the state of a lane."""
-    p = states.shape[1]
-    value = lines[row, p]
-    for j in range(p):
-        value += lines[row, j] * states[k, j]
-    value += lines[row, p + 1]
-    clipped: float = min(max(value, lines[row, p + 2]), lines[row, p + 3])
-    return clipped
-
-
-@inlined
-def chance_at(lines: Floats, row: int, states: Floats, k: int, draw: float) -> float:
-    """Return what ``chance`` does at the state of a lane."""
-    d = states.shape[1] // 2
-    odds = lines[row, 2 * d]
-    for i in range(d):
-        odds += (lines[row, i] + lines[row, d + i] * states[k, i]) * states[k, i]
-    if odds < -7.0 and draw > 1e-3:  # exp(-7) is less: spare the exponential
-        return 0.0
-    return 1.0 / (1.0 + math.exp(min(-odds, 40.0)))  # no overflow
-
-
-@inlined
 def move(world: World, draws: Floats, lanes: Lanes, n: int) -> None:
-    """Move the states of the first n lanes as ``model_step`` does."""
+    """Move the states of the first n lanes by a draw of the leaf's fit and its residuals."""
     tests, lines, noise, residuals = world.tests, world.lines, world.noise, world.residuals
     states, moves, nodes, at = lanes.states, lanes.moves, lanes.nodes, lanes.at
     d = moves.shape[1]
@@ -185,7 +169,7 @@ def move(world: World, draws: Floats, lanes: Lanes, n: int) -> None:
         for k in range(n):
             row = tests[nodes[k], 3]
             pick = int(draws[(at[k] + i) & mask] * noise[row, 1])
-            moves[k, i] = line_at(lines, row, states, k) + residuals[noise[row, 0] + pick]
+            moves[k, i] = fitted(lines, row, states, k) + residuals[noise[row, 0] + pick]
     # Only now: all displacements were asked of the state before the step.
     for k in range(n):
         for i in range(d):
@@ -195,7 +179,10 @@ def move(world: World, draws: Floats, lanes: Lanes, n: int) -> None:
 
 @inlined
 def end(world: World, draws: Floats, lanes: Lanes, n: int) -> None:
-    """Write how the step ends in each of the first n lanes, as ``model_step`` does."""
+    """Write how the step ends in each of the first n lanes.
+
+    One draw decides from both sides: a bad end where it is low, a good one where it is high.
+    """
     tests, lines, states = world.tests, world.lines, lanes.states
     nodes, at, kinds = lanes.nodes, lanes.at, lanes.kinds
     d = states.shape[1] // 2
@@ -203,11 +190,11 @@ def end(world: World, draws: Floats, lanes: Lanes, n: int) -> None:
     descend(world, d + 3, lanes, n)
     for k in range(n):
         draw = draws[(at[k] + d) & mask]
-        kinds[k] = int(draw < chance_at(lines, tests[nodes[k], 3], states, k, draw))
+        kinds[k] = int(draw < chance(lines, tests[nodes[k], 3], states, k, draw))
     descend(world, d + 4, lanes, n)
     for k in range(n):
         draw = 1.0 - draws[(at[k] + d) & mask]
-        if kinds[k] == 0 and draw <= chance_at(lines, tests[nodes[k], 3], states, k, draw):
+        if kinds[k] == 0 and draw <= chance(lines, tests[nodes[k], 3], states, k, draw):
             kinds[k] = 2
 
 
@@ -220,13 +207,11 @@ def earn(world: World, lanes: Lanes, n: int) -> None:
     # Most steps go on; an end's own tree is looked at only where there is one.
     descend(world, d, lanes, n)
     for k in range(n):
-        node = nodes[k]
+        row = tests[nodes[k], 3]
         if kinds[k] > 0:
-            node = world.roots[lanes.actions[k], d + kinds[k]]
-            while tests[node, 1] != node:
-                below = states[k, tests[node, 0]] <= thresholds[node]
-                node = tests[node, 1] if below else tests[node, 2]
-        reward = line_at(lines, tests[node, 3], states, k)
+            root = world.roots[lanes.actions[k], d + kinds[k]]
+            row = model_leaf(tests, thresholds, root, states, k)
+        reward = fitted(lines, row, states, k)
         lanes.totals[k] += lanes.weights[k] * reward
 
 
@@ -324,14 +309,7 @@ def record(
     for e in range(out.returns.size):
         begin, same = before.first[e], departs[e]
         out.first[e] = k
-        for i in range(begin, before.first[e + 1] if same < 0 else same):
-            for j in range(2 * d):
-                out.states[k, j] = before.states[i, j]
-            out.earned[k] = before.earned[i]
-            # The search begins at the node that holds the whole old leaf, mostly a leaf itself.
-            out.node[k] = leaf_node(policy, within[before.node[i]], before.states[i])
-            out.owner[k] = e
-            k += 1
+        k = keep(before, e, before.first[e + 1] if same < 0 else same, within, policy, out, k)
         out.returns[e] = before.returns[e]
         if same < 0:
             continue
