@@ -28,7 +28,7 @@ LANES = 64  # a multiple of four; what is done once for all lanes costs each lit
 # Column of the node below; that of the node above is the next one. Unsigned, as the numbers of
 # nodes are.
 BELOW = np.uint32(1)
-Four = tuple[int, int, int, int]
+Four = tuple[np.uint32, np.uint32, np.uint32, np.uint32]
 # Episodes compared before a hopeless rival may be given up.
 FIRST_LOOK = 8
 
