@@ -153,22 +153,6 @@ def read_dot(content: str, policy: TreePolicy) -> Decide:
     return read_graph(labels, edges, policy.schema)
 
 
-def read_mermaid(content: str, policy: TreePolicy) -> Decide:
-    labels, edges = {}, []
-    for line in content.splitlines()[1:]:
-        edge = re.fullmatch(r"    (n\d+) -->\|(\w+)\| (n\d+)", line)
-        node = re.fullmatch(r'    (n\d+)(?:\["([^"]*)"\]|\(\["([^"]*)"\]\):::action\d+)', line)
-        if edge:
-            edges.append((edge[1], edge[3], edge[2]))
-        elif node:
-            words = node[2] if node[2] is not None else node[3]
-            assert not re.search(r"[<>&`%\\]", words)
-            labels[node[1]] = re.sub(r"#(\d+);", lambda code: chr(int(code[1])), words)
-        else:
-            assert line.startswith("    classDef action"), line
-    return read_graph(labels, edges, policy.schema)
-
-
 def read_latex(content: str, policy: TreePolicy) -> Decide:
     from eutree.export.latex import _SIGNS
 
@@ -221,34 +205,6 @@ def read_st(content: str, policy: TreePolicy) -> Decide:
     return lambda observations: [program.run(program.main, row) for row in observations.tolist()]
 
 
-def read_pmml(content: str, policy: TreePolicy) -> Decide:
-    root = ElementTree.fromstring(content.encode("utf-8"))
-    space = {"p": "http://www.dmg.org/PMML-4_4"}
-    fields = [field.attrib["name"] for field in root.findall(".//p:DataField", space)]
-    scores = [value.attrib["value"] for value in root.findall(".//p:Value", space)]
-    names = (*policy.schema.feature_names, None, *policy.schema.actions)
-    for carried, name in zip(fields + scores, names, strict=True):
-        assert name is None or carried == name or json.loads(carried) == name
-
-    def holds(node: ElementTree.Element, row: Sequence[float]) -> bool:
-        predicate = node.find("p:SimplePredicate", space)
-        if predicate is None:
-            return node.find("p:True", space) is not None
-        value = row[fields.index(predicate.attrib["field"])]
-        assert predicate.attrib["operator"] == "lessOrEqual"
-        return value <= float(predicate.attrib["value"])
-
-    def decide(row: Sequence[float]) -> int:
-        node = root.find("p:TreeModel/p:Node", space)
-        assert node is not None
-        assert holds(node, row)
-        while node.findall("p:Node", space):
-            node = next(child for child in node.findall("p:Node", space) if holds(child, row))
-        return scores.index(node.attrib["score"])
-
-    return lambda observations: [decide(row) for row in observations.tolist()]
-
-
 def read_onnx(content: bytes, policy: TreePolicy) -> Decide:
     import onnxruntime
 
@@ -268,7 +224,5 @@ READERS: dict[str, Callable[..., Decide]] = {
     "text": read_text,
     "python": read_python,
     "st": read_st,
-    "mermaid": read_mermaid,
     "latex": read_latex,
-    "pmml": read_pmml,
 }

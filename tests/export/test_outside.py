@@ -1,6 +1,6 @@
 """Exports read by the tools of others; see docs/exports.md.
 
-JPMML and blark are in the lock of the tests. The others are large, or have to be built, and are
+blark is in the lock of the tests. The others are large, or have to be built, and are
 asked where they are: ``MATIEC`` names a folder with a built matiec (``iec2c`` and ``lib``).
 """
 
@@ -8,21 +8,17 @@ import ctypes
 import os
 import shutil
 import subprocess
-import sys
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
-from eutree.export import to_latex, to_pmml, to_structured_text
+from eutree.export import to_latex, to_structured_text
 from eutree.export._probes import probes
 from eutree.policies import TreePolicy
 from eutree.schema import Feature, Schema
 from tests.export.policies import EVASION, NASTY, policy_of, tree
-from tests.export.tools import need
 
-ENOUGH = 300.0  # seconds
 NAMES = Schema(tuple(Feature(name, name) for name in NASTY), tuple(NASTY))
 POLICIES = {
     "one leaf": policy_of(tree(1, 3), EVASION),
@@ -31,41 +27,6 @@ POLICIES = {
     "any names": policy_of(tree(40, len(NASTY), seed=3), NAMES),
 }
 each_policy = pytest.mark.parametrize("policy", POLICIES.values(), ids=POLICIES.keys())
-
-
-# Java takes over the signals of its process, so it gets one of its own.
-JPMML = """
-import sys
-from pathlib import Path
-import jpmml_evaluator, numpy, pandas
-for path in map(Path, sys.argv[1:]):
-    evaluator = jpmml_evaluator.make_evaluator(str(path)).verify()
-    names = path.with_suffix(".names").read_text(encoding="utf-8").split("\\0")
-    rows = pandas.DataFrame(numpy.load(path.with_suffix(".npy")), columns=names[:-1])
-    found = evaluator.evaluateAll(rows)[names[-1]]
-    path.with_suffix(".found").write_text("\\0".join(found), encoding="utf-8")
-"""
-
-
-def test_jpmml_decides_like_the_trees(tmp_path: Path) -> None:
-    need("java")
-    pytest.importorskip("jpmml_evaluator")
-    space, asked = {"p": "http://www.dmg.org/PMML-4_4"}, []
-    for number, policy in enumerate(POLICIES.values()):
-        path, content = tmp_path / f"{number}.pmml", to_pmml(policy)
-        root = ElementTree.fromstring(content.encode())
-        names = [field.attrib["name"] for field in root.findall(".//p:DataField", space)]
-        scores = [value.attrib["value"] for value in root.findall(".//p:Value", space)]
-        rows = probes(policy.tree, n_random=300)
-        path.write_text(content, encoding="utf-8")
-        path.with_suffix(".names").write_text("\0".join(names), encoding="utf-8")
-        np.save(path.with_suffix(".npy"), rows)
-        asked.append((path, scores, policy.predict(rows)[0].tolist()))
-    paths = [str(path) for path, _, _ in asked]
-    subprocess.run([sys.executable, "-c", JPMML, *paths], check=True, timeout=ENOUGH)
-    for path, scores, expected in asked:
-        found = path.with_suffix(".found").read_text(encoding="utf-8").split("\0")
-        assert [scores.index(name) for name in found] == expected
 
 
 @pytest.mark.slow

@@ -4,7 +4,6 @@ import ctypes
 import itertools
 import json
 import subprocess
-import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 
 import gymnasium
@@ -247,25 +246,7 @@ def test_onnx_returns_quantities():
     np.testing.assert_array_equal(value, expected(policy, ROWS))
 
 
-def test_pmml_maps_actions_to_quantities():
-    policy = mixed()
-    space = {"p": "http://www.dmg.org/PMML-4_4"}
-    root = ElementTree.fromstring(export(policy, "pmml"))
-    first, *outputs = root.findall(".//p:OutputField", space)
-    assert first.attrib["feature"] == "predictedValue"
-    for column, output in enumerate(outputs):
-        assert output.attrib["name"] == policy.schema.controls[column].name
-        pair = output.find(".//p:FieldColumnPair", space)
-        assert pair.attrib["field"] == first.attrib["name"]
-        rows = output.findall(".//p:row", space)
-        table = {row[0].text: float(row[1].text) for row in rows}
-        assert table == {
-            name: levels[column]
-            for name, levels in zip(policy.schema.actions, policy.schema.action_values, strict=True)
-        }
-
-
-@pytest.mark.parametrize("format", ["text", "dot", "svg", "mermaid", "latex"])
+@pytest.mark.parametrize("format", ["text", "dot", "svg", "latex"])
 def test_pictures_and_rules_name_levels_with_units(format):
     schema = describe(make(EnvironmentSpec("Pendulum-v1", {"action_grid": TORQUE})))
     policy = policy_of(tree(5, 3), schema)
@@ -283,7 +264,6 @@ def test_any_name_of_a_control_can_be_exported(tmp_path):
         program = Program(to_structured_text(policy))
         assert len(program.functions) == 3
         export(policy, "onnx")
-        ElementTree.fromstring(export(policy, "pmml").replace("\x00", ""))
     compiled_c(to_c(policy), tmp_path)
 
 

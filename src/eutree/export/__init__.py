@@ -10,9 +10,7 @@ from eutree.export.c_test import to_c_test
 from eutree.export.dot import to_dot
 from eutree.export.json import to_json
 from eutree.export.latex import to_latex
-from eutree.export.mermaid import to_mermaid
 from eutree.export.onnx import to_onnx
-from eutree.export.pmml import to_pmml
 from eutree.export.python import to_python
 from eutree.export.registry import FORMATS, ExportFormat, export
 from eutree.export.structured_text import to_structured_text
@@ -29,9 +27,7 @@ __all__ = [
     "to_dot",
     "to_json",
     "to_latex",
-    "to_mermaid",
     "to_onnx",
-    "to_pmml",
     "to_python",
     "to_structured_text",
     "to_svg",

@@ -11,9 +11,7 @@ from eutree.export.c import to_c
 from eutree.export.dot import to_dot
 from eutree.export.json import to_json
 from eutree.export.latex import to_latex
-from eutree.export.mermaid import to_mermaid
 from eutree.export.onnx import to_onnx
-from eutree.export.pmml import to_pmml
 from eutree.export.python import to_python
 from eutree.export.structured_text import to_structured_text
 from eutree.export.svg import to_svg
@@ -55,9 +53,7 @@ _ALL = (
     ExportFormat("text", ".txt", to_text, "nested rules"),
     ExportFormat("python", ".py", to_python, "a module that imports nothing"),
     ExportFormat("st", ".st", to_structured_text, "IEC 61131-3 structured text for PLCs"),
-    ExportFormat("mermaid", ".mmd", to_mermaid, "a Mermaid flowchart"),
     ExportFormat("latex", ".tex", to_latex, "a TikZ picture"),
-    ExportFormat("pmml", ".pmml", to_pmml, "PMML 4.4 for scoring engines"),
 )
 
 FORMATS: Mapping[str, ExportFormat] = MappingProxyType({entry.name: entry for entry in _ALL})
