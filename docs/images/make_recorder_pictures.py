@@ -1,4 +1,4 @@
-"""Make the pictures of recording.md: its page in headless Chromium, its window without a display.
+"""Make the pictures of recording.md: its page in headless Chromium.
 
 Run: PYTHONPATH=src python docs/images/make_recorder_pictures.py
 
@@ -10,7 +10,6 @@ import re
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 from typing import Any
 
@@ -74,7 +73,7 @@ def picture_the_tree(page: Page, size: Any) -> None:
 def picture_the_page(folder: Path) -> None:
     from playwright.sync_api import sync_playwright
 
-    command = [sys.executable, "-m", "eutree", "record", "eutree/Evasion2-v0", "--web", "--fps"]
+    command = [sys.executable, "-m", "eutree", "record", "eutree/Evasion2-v0", "--fps"]
     command += ["4", "--port", "0", "--episodes", "5", "--out", "demos"]
     own = {**os.environ, "PYTHONPATH": str(HERE.parents[1] / "src")}
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, cwd=folder, env=own)
@@ -155,39 +154,7 @@ def picture_a_request() -> None:
         browser.close()
 
 
-def picture_the_window(folder: Path) -> None:
-    os.environ["SDL_VIDEODRIVER"] = "dummy"
-    import gymnasium
-    import pygame
-
-    import eutree  # noqa: F401 - registers the environments
-    from eutree.interaction.recorder import Recorder
-    from eutree.interaction.settings import SessionSettings
-    from eutree.interaction.window import Window
-
-    env = gymnasium.make("eutree/Evasion2-v0", render_mode="rgb_array")
-    settings = SessionSettings(target=5, fps=4.0, countdown=0.5, hud=True)
-    window = Window(Recorder(env, folder / "window", settings=settings))
-
-    def rest(seconds: float) -> None:
-        end = time.monotonic() + seconds
-        while time.monotonic() < end:
-            window.tick()
-            time.sleep(1 / 60)
-
-    def key(kind: int, code: int, seconds: float) -> None:
-        pygame.event.post(pygame.event.Event(kind, key=code))
-        rest(seconds)
-
-    key(pygame.KEYDOWN, pygame.K_RETURN, 1.0)
-    key(pygame.KEYDOWN, pygame.K_SPACE, 1.5)
-    pygame.image.save(window._screen._surface, HERE / "recorder-window.png")
-    window.recorder.close()
-    window.close()
-
-
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as name:
         picture_the_page(Path(name))
         picture_a_request()
-        picture_the_window(Path(name))

@@ -1,4 +1,4 @@
-"""Who is asked by ``eutree learn --ask``: a person at a page or a window, or a scripted expert."""
+"""Who is asked by ``eutree learn --ask``: a person at a page, or a scripted expert."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -13,15 +13,14 @@ if TYPE_CHECKING:
 
     from eutree.interaction.requests import Controller, Request
 
-PEOPLE = ("web", "window")
+PERSON = "web"
 
 
 def render_mode(ask: str | None) -> str | None:
     """Return how the environment must be made for whoever is asked."""
-    if ask not in PEOPLE:
+    if ask != PERSON:
         return None
-    if ask == "web":
-        os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # pictures are drawn without a display
+    os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # pictures are drawn without a display
     return "rgb_array"
 
 
@@ -57,7 +56,7 @@ def _controller(
     keys: str | None,
     port: int | None,
 ) -> "Controller":
-    if ask == "web":
+    if ask == PERSON:
         from eutree.interaction.browser import AskInBrowser
 
         def announce(request: "Request") -> None:
@@ -69,13 +68,9 @@ def _controller(
         page = AskInBrowser(env, keys=keys, port=port, stop=stop, on_request=announce)
         output.say(f"open {page.server.url}")
         return page
-    if ask == "window":
-        from eutree.interaction.window_asking import AskInWindow
-
-        return AskInWindow(env, keys=keys, stop=stop)
     from eutree.envs import experts
     from eutree.interaction.requests import controller_of
     from eutree.validation import check_choice
 
     known = experts.experts_for(spec.id)
-    return controller_of(known[check_choice("--ask", ask, (*PEOPLE, *known))](env))
+    return controller_of(known[check_choice("--ask", ask, (PERSON, *known))](env))

@@ -69,8 +69,8 @@ if TYPE_CHECKING:
 @click.option("--keep-success", is_flag=True,
               help="Replace the policy only by one that succeeds as often.")  # fmt: skip
 @count_option("--max-transitions", None, "Most transitions to remember; by default all.")
-@click.option("--ask", help="Ask for a demonstration where the learner is unsure: web, window, or "
-              "a scripted expert.")  # fmt: skip
+@click.option("--ask", help="Ask for a demonstration where the learner is unsure: web (a "
+              "person), or a scripted expert.")  # fmt: skip
 @count_option("--ask-requests", 20, "Most requests of --ask.")
 @count_option("--ask-steps", 20, "Most steps shown for one request.")
 @count_option("--ask-after", 5, "Episodes before the first request of --ask.", least=0)

@@ -1,6 +1,5 @@
 """``eutree record``: demonstrations by a person or a scripted expert."""
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,27 +16,11 @@ if TYPE_CHECKING:
     from eutree.interaction.browser import PageServer
 
 
-@dataclass(frozen=True)
-class Place:
-    """Where a person records: in a window of this desktop, or on a page of a local server.
-
-    Attributes:
-        window: Whether it is a window.
-        host: Address of the page.
-        port: Its port; 0 for any, None for the usual one or the next.
-    """
-
-    window: bool
-    host: str
-    port: int | None
-
-
-@click.command(epilog="Example: eutree record eutree/Evasion2-v0 --web --out demos/")
+@click.command(epilog="Example: eutree record eutree/Evasion2-v0 --out demos/")
 @click.argument("environment")
 @path_option("--out", text="Folder to write; a person continues one that exists.", required=True)
 @count_option("--episodes", 15, "How many episodes.")
-@click.option("--web", is_flag=True, help="A person records in a browser (the default).")
-@click.option("--window", is_flag=True, help="A person records in a window of this desktop.")
+@click.option("--web", is_flag=True, help="A person records in a browser, as without --expert.")
 @click.option("--keys", help="What the keys mean: left=0,right=1,none=0 (numbers or names).")
 @click.option("--hud", is_flag=True, help="Show the person the numbers that the agent senses.")
 @click.option("--fps", type=click.FloatRange(0, 240, min_open=True),
@@ -59,9 +42,6 @@ def record(
     expert: str | None,
     careless: float,
     web: bool,
-    window: bool,
-    host: str,
-    port: int | None,
     env_arguments: dict[str, Any],
     seed: int,
     as_json: bool,
@@ -71,14 +51,11 @@ def record(
     output = Output(as_json=as_json)
     spec = EnvironmentSpec(environment, env_arguments)
     if expert is not None:
-        if web or window:
-            raise InvalidArgumentError("choose one of --expert, --web and --window")
+        if web:
+            raise InvalidArgumentError("choose one of --expert and --web")
         _record_expert(output, spec, out, expert, episodes=episodes, careless=careless, seed=seed)
     else:
-        if web and window:
-            raise InvalidArgumentError("choose one of --web and --window")
-        place = Place(window, host, port)
-        _record_person(output, spec, out, place=place, episodes=episodes, seed=seed, **person)
+        _record_person(output, spec, out, episodes=episodes, seed=seed, **person)
 
 
 def _record_expert(
@@ -134,38 +111,28 @@ def _record_person(
     *,
     episodes: int,
     seed: int,
-    place: Place,
     keys: str | None,
     hud: bool,
     fps: float | None,
+    host: str,
+    port: int | None,
 ) -> None:
     import os
 
     from eutree.interaction import Recorder, SessionSettings
     from eutree.interaction.making import make
-    from eutree.interaction.window import record_in_window
 
-    window = place.window
-    if not window:
-        os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # pictures are drawn without a display
-    viewer = "window" if window else "browser"
+    os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # pictures are drawn without a display
     settings = SessionSettings(
-        target=episodes, seed=seed, fps=fps, hud=hud, viewer=viewer, makes=not window
+        target=episodes, seed=seed, fps=fps, hud=hud, viewer="browser", makes=True
     )
     recorder = Recorder(make(spec, render_mode="rgb_array"), out, keys=keys, settings=settings)
     if recorder.recovered:
         numbers = ", ".join(map(str, recorder.recovered))
         output.say(f"recovered interrupted episode {numbers} from a recorder that died")
-    if window:
-        record_in_window(recorder)
-    else:
-        _record_in_browser(output, recorder, spec, out, host=place.host, port=place.port)
+    _record_in_browser(output, recorder, spec, out, host=host, port=port)
     kept = [episode for episode in recorder.session.episodes if episode.kept]
     steps = sum(map(len, kept))
-    if window and kept:
-        output.say(
-            f"eutree fit {out} --out {out}-tree.json makes your tree; --practise 200 mends it"
-        )
     output.result(
         {"episodes": len(kept), "n_transitions": steps, "path": str(out)},
         f"{len(kept)} episodes, {steps} transitions, in {out}",
@@ -181,6 +148,7 @@ def _record_in_browser(
     host: str,
     port: int | None,
 ) -> None:
+    from eutree.cli._browser import opened_by
     from eutree.cli._tree_making import PageTree
     from eutree.interaction.browser import record_in_browser
     from eutree.interaction.browser.gate import is_loopback
@@ -193,7 +161,7 @@ def _record_in_browser(
                 "the address below can record. An SSH tunnel to 127.0.0.1 is safer."
             )
         output.say(f"open {server.url}")
-        if is_loopback(host):
+        if is_loopback(host) and not browser.open(server.url):
             output.say(
                 f"from another machine, first: ssh -L {server.port}:127.0.0.1:{server.port} "
                 "THIS-MACHINE"
@@ -201,11 +169,12 @@ def _record_in_browser(
 
     steps = (f"demos stats {out} --html demos.html", f"fit {out} --out expert.json",
              "show expert.json")  # fmt: skip
-    record_in_browser(
-        recorder,
-        host=host,
-        port=port,
-        details={"commands": [f"eutree {step}" for step in steps]},
-        maker=PageTree(out, spec, lambda: make(spec), seed=recorder.session.settings.seed),
-        on_ready=ready,
-    )
+    with opened_by() as browser:
+        record_in_browser(
+            recorder,
+            host=host,
+            port=port,
+            details={"commands": [f"eutree {step}" for step in steps]},
+            maker=PageTree(out, spec, lambda: make(spec), seed=recorder.session.settings.seed),
+            on_ready=ready,
+        )

@@ -161,7 +161,7 @@ class AskSession(Session):
 
 
 class Desk:
-    """Where requests wait for a session to take them up: the engine of a page or a window.
+    """Where requests wait for a session to take them up: the engine of a page.
 
     Args:
         env: The environment that is learned in, made with ``render_mode="rgb_array"``.

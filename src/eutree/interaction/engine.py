@@ -1,4 +1,4 @@
-"""What a page or a window shows and drives."""
+"""What a page shows and drives."""
 
 from collections.abc import Iterable
 from typing import Protocol

@@ -1,6 +1,6 @@
 """Keys by their names, the actions they mean, and the keys that control a recording.
 
-A key's name is the same in the browser and in the window: ``"space"``, ``"left"``, ``"a"``.
+A key's name is that of the page: ``"space"``, ``"left"``, ``"a"``.
 What the keys held mean is a pure function of their names, in the order in which they went down.
 """
 

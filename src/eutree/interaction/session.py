@@ -1,8 +1,8 @@
 """The recording engine: a person acts in an environment, step by step, on anybody's clock.
 
 A session has no clock and does no input or output. ``tick`` is told what time it is and what
-happened since the last tick; it answers with what to show and what to store. So a page, a window
-and a test drive the same engine.
+happened since the last tick; it answers with what to show and what to store. So a page and
+a test drive the same engine.
 
 What is stored is what the person saw:
 
