@@ -61,7 +61,7 @@ MIDDLES = {
     "eutree.inspection.regions": "a point inside a box, whose sides may be infinite",
     "eutree.learners.looking": "the middle of a picture",
     "eutree.policies.sklearn_tree": "where float32 rounds, exactly",
-    "eutree.policy_search.betting": "bisection",
+    "eutree.contests.betting": "bisection",
     "eutree.report.chart": "places on paper",
     "eutree.report.coverage_chart": "places on paper",
     "eutree.report.partition_chart": "places on paper",

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from eutree.policy_search.betting import episodes_needed, log_wealth, lower_bound, tuned_stake
+from eutree.contests.betting import episodes_needed, log_wealth, lower_bound, tuned_stake
 from eutree.policy_search.racing import (
     Demand,
     Heat,

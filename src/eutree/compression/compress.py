@@ -24,9 +24,9 @@ from eutree.compression.imagined import Pruned, pruned_in_imagination
 from eutree.compression.racing import Arena, Verdict, meet, race
 from eutree.compression.report import CompressionReport
 from eutree.compression.rounding import Rounding, rounded, steps_of
+from eutree.contests.betting import episodes_needed
 from eutree.errors import InvalidArgumentError
 from eutree.policies import TreePolicy
-from eutree.policy_search.betting import episodes_needed
 from eutree.policy_search.racing import Demand, first_error
 from eutree.schema import Schema
 from eutree.trees.boxes import disagreement

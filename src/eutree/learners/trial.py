@@ -5,7 +5,7 @@ tried are wrong, and the greedy tree of wrong values crashes where the expert di
 expert's tree is the *incumbent*, and the tree of each update may become the *challenger*. In every
 second episode one of both acts, without exploration: the challenger, then the incumbent from the
 same start. It wins when the mean gain is above 0 by a lower bound that holds at any time and for
-losses that have not been seen yet (:mod:`eutree.policy_search.betting`), and is dropped when it
+losses that have not been seen yet (:mod:`eutree.contests.betting`), and is dropped when it
 falls behind or does not decide.
 """
 
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eutree.arrays import Floats, Integers
-from eutree.policy_search.betting import lower_bound
+from eutree.contests.betting import lower_bound
 from eutree.trees import DecisionTree
 from eutree.world_model import ActionTree
 from eutree.world_model.action_trees import from_decision_tree, to_decision_tree

@@ -17,7 +17,7 @@ from typing import TypeVar
 import numpy as np
 
 from eutree.arrays import Floats
-from eutree.policy_search.betting import TUNED, log_wealth, lower_bound, tuned_stake
+from eutree.contests.betting import TUNED, log_wealth, lower_bound, tuned_stake
 
 FIRST_BLOCK = 4  # episodes
 MOST_EPISODES_OF_A_ROUND = 32

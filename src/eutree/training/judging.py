@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from eutree.arrays import Floats
+from eutree.contests.betting import lower_bound
 from eutree.evaluation import Evaluation, Interval, mean_interval
-from eutree.policy_search.betting import lower_bound
 from eutree.wording import counted
 
 ERROR = 0.05

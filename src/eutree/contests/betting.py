@@ -45,6 +45,34 @@ def log_wealth(values: Floats, mean: float, worst: float, stake: float | None = 
     return float(np.logaddexp.reduce(_log_products(values, mean, stakes) + np.log(weights)))
 
 
+def log_wealth_path(
+    values: Floats, mean: float, worst: float | Floats, stake: float | None = None
+) -> Floats:
+    """Return log K_1(mean), log K_2(mean) ...: the wealth after every value.
+
+    Args:
+        values: The values of one gambler, or those of many, shape [..., n].
+        mean: As in :func:`log_wealth`.
+        worst: No value can be lower; one for all gamblers, or one for each, shape [..., 1].
+        stake: One that was tuned on other values; as in :func:`log_wealth`.
+
+    Returns:
+        Shape [..., n].
+    """
+    largest = 1.0 / (mean - worst)
+    stakes = [share * largest for share in _SHARES.tolist()]
+    weights = [1.0 / len(stakes)] * len(stakes)
+    if stake is not None:
+        stakes.append(np.minimum(stake, largest))
+        weights = [*((1.0 - TUNED) * weight for weight in weights), TUNED]
+    wealth = np.full(values.shape, -np.inf)
+    for one, weight in zip(stakes, weights, strict=True):
+        with np.errstate(divide="ignore"):  # a value below ``worst`` ruins the largest stakes
+            logs = np.log(np.maximum(1.0 + one * (values - mean), 0.0))
+        np.logaddexp(wealth, np.cumsum(logs, axis=-1) + math.log(weight), out=wealth)
+    return wealth
+
+
 def tuned_stake(values: Floats, mean: float, worst: float) -> tuple[float, float]:
     """Return the stake that would have grown the wealth most, and its growth for each value.
 

@@ -1,0 +1,138 @@
+"""The words of a contest: its table of returns, the next heat, the verdict, and the bounds."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from eutree.arrays import Floats
+from eutree.contests.betting import lower_bound
+
+Table = Floats  # [trees, starts] NaN where a tree has not run; row 0 is the incumbent
+
+
+@dataclass(frozen=True)
+class Heat:
+    """Episodes to run next: those of each of these trees from each of these starts.
+
+    Attributes:
+        trees: Rows of the table.
+        starts: Columns of the table; an episode that the table holds already is not run again.
+    """
+
+    trees: tuple[int, ...]
+    starts: range
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The end of a contest.
+
+    Attributes:
+        winner: Row of the tree that has won.
+        shown: Whether the challenger's claim was shown, with the error that the rule allows; False
+            where a rule promises nothing, and where the incumbent stays.
+        starts: Columns whose returns decided.
+    """
+
+    winner: int
+    shown: bool
+    starts: range
+
+
+class Rule(Protocol):
+    """What decides a contest: a function of the returns told so far, and of nothing else."""
+
+    @property
+    def most(self) -> int:
+        """Most starts of the contest."""
+
+    def next(self, table: Table) -> Heat | Verdict:
+        """Return what is to run next, or who has won."""
+
+    def stopped(self, table: Table) -> Verdict:
+        """Return who has won where no more episodes can be run."""
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Bounds of the mean of challenger minus incumbent.
+
+    Attributes:
+        mean: The mean of the pairs.
+        low: Lower bound.
+        high: Upper bound; each is wrong with the error asked for at most, whenever one looks.
+        range: Lowest and highest return of an episode that this holds for, known or seen.
+        known: Whether that range is known; else the bounds hold if no episode is outside of it.
+    """
+
+    mean: float
+    low: float
+    high: float
+    range: tuple[float, float]
+    known: bool
+
+    def condition(self) -> str:
+        """Return what the bounds depend on, as the end of a sentence; "" where on nothing.
+
+        >>> Bounds(1.0, 0.5, 1.5, (-12.4, 3.0), known=False).condition()
+        'if no episode returns less than -12.4 or more than 3, the worst and the best seen'
+        """
+        if self.known:
+            return ""
+        low, high = self.range
+        return (
+            f"if no episode returns less than {low:g} or more than {high:g}, the worst and the "
+            "best seen"
+        )
+
+
+def new_table(n_trees: int, n_starts: int) -> Table:
+    """Return the table of a contest that has not begun."""
+    return np.full((n_trees, n_starts), np.nan)
+
+
+def pairs(table: Table, challenger: int = 1) -> Floats:
+    """Return challenger minus incumbent at each start, up to the first not run.
+
+    Returns:
+        Shape [n].
+    """
+    gains: Floats = table[challenger] - table[0]
+    unknown = np.isnan(gains)
+    return gains[: int(unknown.argmax()) if unknown.any() else gains.size]
+
+
+def seen_range(table: Table, known: tuple[float, float] | None) -> tuple[float, float]:
+    """Return the lowest and highest return of an episode: as known, and wider if seen wider.
+
+    Where nothing is known and nothing was seen both are 0.
+    """
+    told = table[~np.isnan(table)]
+    ends = [] if known is None else [*known]
+    if told.size:
+        ends += [float(told.min()), float(told.max())]
+    return (min(ends), max(ends)) if ends else (0.0, 0.0)
+
+
+def bounds_of_change(
+    table: Table, *, error: float = 0.05, known: tuple[float, float] | None = None
+) -> Bounds:
+    """Return bounds of what row 1 earns more than row 0, true at any time and however rare losses.
+
+    Args:
+        table: The returns of both from common starts, shape [2, starts].
+        error: Chance that one of the two is wrong, half of it for each.
+        known: Lowest and highest return of an episode, where they are known.
+    """
+    gains = pairs(table)
+    low, high = seen_range(table, known)
+    worst = low - high
+    mean = float(gains.mean()) if gains.size else 0.0
+    return Bounds(
+        mean,
+        lower_bound(gains, worst, error / 2),
+        -lower_bound(-gains, worst, error / 2),
+        (low, high),
+        known is not None,
+    )
