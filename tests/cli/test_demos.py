@@ -60,6 +60,9 @@ def test_replay_and_stats(folder, recorded, ask, capsys):
     assert steps[0]["action"] in recorded.schema.actions
     stats = ask("stats", folder)
     assert stats["n_transitions"] == recorded.n_transitions
+    assert stats["whole_episodes"] == len(recorded)
+    low, high = stats["interval"]
+    assert low < stats["success_rate"] <= high <= 1.0
     assert len(stats["coverage"]) == 3
     for command in (["replay", folder, "1"], ["stats", folder], ["check", folder]):
         assert run(["demos", *command]) == 0

@@ -30,7 +30,7 @@ def test_the_tree_is_set_beside_the_person(eutree, stands_still):
     assert values["choice"] == "C4.5 of release 8"
     assert any("hold on to the end in leaf" in text for text in values["warnings"])
     answer = eutree(*line)
-    assert "WARNING: The tree succeeds in" in answer.out
+    assert "WARNING: The tree is worse than the demonstrations: " in answer.out
     assert "--practise 100 goes on with learning" in answer.out
 
 

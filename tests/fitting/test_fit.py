@@ -11,6 +11,7 @@ import eutree
 from eutree.c45 import C45Settings
 from eutree.data import Demonstrations, Episode
 from eutree.errors import InvalidArgumentError
+from eutree.evaluation import Evaluation
 from eutree.fitting import Person, practice
 from eutree.fitting.candidates import RELEASE_8, SETTINGS, Candidate, candidates, promising
 from eutree.fitting.choosing import mend, race
@@ -90,26 +91,27 @@ class TestDoubt:
     def test_an_interval_that_reaches_below_the_person_is_a_doubt(self, corridor, shown):
         tree = by_hand(shown.schema, door=(0, 1))  # walks in at a gap of 0.5 to 0.7: 2 of 5 fail
         few, many = (Player(corridor, 0).play(tree, n, 0).evaluation for n in (40, 1000))
-        person = Person(few.success_rate - 0.02, 0.0, 15)
+        person = Person(Player(corridor, 9).play(tree, 15, 0).evaluation)
         assert not about_result(person, few)
         (sentence,) = about_doubt(person, few)
-        assert "may fall short" in sentence
-        assert f"{few.success_rate:.1%} of 40 episodes (95 % interval" in sentence
-        assert about_doubt(Person(many.success_rate - 0.02, 0.0, 15), many) == []
+        assert "Too close to tell" in sentence
+        assert f"{few.successes.sum()} of 40 (" in sentence
+        assert about_doubt(Person(many), many) == []
 
     def test_returns_are_doubted_like_successes(self, corridor, shown):
         tree = by_hand(shown.schema, door=(0, 1))
         played = Player(corridor, 0).play(tree, 40, 0).evaluation
-        (sentence,) = about_doubt(Person(None, played.mean_return, 15), played)
-        assert "it earns" in sentence
-        assert about_doubt(Person(None, played.return_interval[0], 15), played) == []
+        played = replace(played, successes=None)
+        (sentence,) = about_doubt(Person(played), played)
+        assert "on average" in sentence
+        assert about_doubt(Person(replace(played, returns=played.returns - 1000.0)), played) == []
 
     def test_a_doubtful_tree_gets_the_leaf_and_the_cause(self, corridor, shown):
         tree = by_hand(shown.schema, door=(0, 1))
         mixed = replace(shown, episodes=Player(corridor, 0).play(tree, 100, 0).episodes)
         report = eutree.fit(mixed, corridor, episodes=100, settings=RELEASE_8)
-        assert report.as_good_as_shown
-        assert "may fall short" in report.warnings[0]
+        assert report.as_good_as_shown is None
+        assert "Too close to tell" in report.warnings[0]
         assert "leaf" in report.warnings[1]
 
 
@@ -149,14 +151,16 @@ class TestWithoutSuccess:
 
 class TestFit:
     def test_a_tree_that_is_as_good_is_returned_without_a_warning(self, corridor, shown):
-        report = eutree.fit(shown, corridor, episodes=40)
+        report = eutree.fit(shown, corridor, episodes=100)
         assert report.warnings == ()
         assert report.as_good_as_shown
+        assert report.verdict.word == "as good"
         assert report.played.success_rate == report.person.success_rate == 1.0
         assert report.person.episodes == 12
         assert report.training_accuracy == 1.0
-        assert "12 of 12 episodes succeed" in str(report)
-        assert "40 of 40" in str(report)
+        assert "shown: 12 of 12 (75 to 100 %); this tree: 100 of 100 (96 to 100 %): as good" in str(
+            report
+        )
 
     def test_the_same_seed_gives_the_same_report(self, corridor, shown):
         first, again = (eutree.fit(shown, corridor, episodes=10, seed=3) for _ in range(2))
@@ -187,7 +191,7 @@ class TestFit:
             on_progress=lambda stage, count, most: told.append((stage, count, most)),
         )
         assert not alone.as_good_as_shown
-        assert "The tree succeeds in" in alone.warnings[0]
+        assert f"{alone.played.successes.sum()} of 100 (" in alone.warnings[0]
         assert "leaf" in alone.warnings[1]
         assert report.played.success_rate > alone.played.success_rate + 0.1
         assert "100 episodes of practice" in report.choice
@@ -239,15 +243,16 @@ class TestFit:
         report = eutree.fit(demonstrations, episodes=2)
         assert report.person.success_rate is None
         assert report.played.success_rate is None
-        assert "on average in 4 episodes" in str(report)
+        assert " in 4 episodes" in str(report)
 
     def test_results_that_nobody_knows_are_not_made_up(self, corridor, shown):
         unknown = [
             wrong(e, rewards=np.full(len(e), np.nan), is_success=None) for e in shown.episodes
         ]
         report = eutree.fit(replace(shown, episodes=tuple(unknown)), corridor, episodes=5)
-        assert "12 episodes of unknown returns" in str(report)
-        assert report.as_good_as_shown
+        assert "shown: unknown returns in 12 episodes" in str(report)
+        assert report.verdict.word == "not comparable"
+        assert report.as_good_as_shown is None
 
 
 class TestBadInput:
@@ -409,7 +414,9 @@ class TestPerson:
         successes = np.arange(100) < 100 * rate
         episodes = [wrong(shown.episodes[0], is_success=bool(success)) for success in successes]
         figures = Played(eutree.fit_expert_tree(shown), tuple(episodes)).evaluation
-        assert Person(0.985, 10.0, 15).is_above(figures) is above
+        won = np.arange(200) < 197
+        own = Evaluation(np.full(200, 10.0), np.ones(200), np.full(200, "end"), won)
+        assert Person(own).is_above(figures) is above
 
 
 class TestPractice:

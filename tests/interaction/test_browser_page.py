@@ -290,7 +290,7 @@ def test_what_ended_early_is_said_to_count(chromium, tmp_path) -> None:
     with serving(tmp_path, Corridor(length=100, limit=10_000)) as served:
         person = Person(chromium, served).until(state="opening")
         person.tap("Enter").until(state="playing").rest(0.4).tap("e").until(state="review", saved=1)
-        person.page.get_by_text("1 of them ended early").wait_for(timeout=PATIENCE)
+        person.page.get_by_text("1 ended early").wait_for(timeout=PATIENCE)
         person.page.get_by_role("button", name="Discard episode 0").click()
         person.until(saved=0)
         person.page.locator("#early").wait_for(state="hidden", timeout=PATIENCE)
@@ -563,7 +563,7 @@ class ScriptedMaker:
         self.ready = TreeView(
             phase="ready",
             message="you 13 of 15; this tree 56 of 100",
-            worse=True,
+            verdict="worse",
             may_gain=True,
             n_leaves=1,
             svg=DRAWING,
@@ -584,7 +584,11 @@ class ScriptedMaker:
         if len(self.calls) > 2:
             raise InvalidArgumentError("the folder is gone")
         better = "you 13 of 15; this tree 96 of 100"
-        show(replace(self.ready, message=better, worse=False, may_gain=False, curve=curve, of=100))
+        show(
+            replace(
+                self.ready, message=better, verdict="better", may_gain=False, curve=curve, of=100
+            )
+        )
 
 
 def test_the_end_is_one_button(chromium, tmp_path) -> None:

@@ -378,6 +378,15 @@ def test_escape_leads_to_the_end_step_by_step() -> None:
     assert person.session.episodes[0].ending == "stopped"
 
 
+def test_who_leaves_has_not_shown_an_episode() -> None:
+    """Esc twice in the first second was 1 of 15 saved."""
+    person = Person(Corridor(length=1000, limit=1000))
+    person.tap("enter").until("playing").wait(0.35).tap("escape").tap("escape")
+    [episode] = person.session.episodes
+    assert (episode.kept, episode.comment, person.view.saved) == (False, "left early", 0)
+    assert person.do("keep", 0).view.saved == 1
+
+
 def test_a_key_of_the_episode_does_not_skip_the_review() -> None:
     env = gymnasium.make("eutree/Evasion2-v0", render_mode="rgb_array")
     person = Person(env).do("speed", 2.0)

@@ -46,10 +46,11 @@ def _values(
 ) -> dict[str, Any]:
     from eutree.data.coverage import coverage_map, histograms
     from eutree.data.timing import estimate_delay, has_times
+    from eutree.fitting import Person
 
     schema, summary, neighbours = demonstrations.schema, figures.summary, figures.neighbours
     names, actions = schema.feature_names, schema.actions
-    found = coverage_map(demonstrations)
+    found, person = coverage_map(demonstrations), Person.of(demonstrations)
 
     def places(pairs: tuple[_Place, ...]) -> list[list[int]]:
         return [[numbers[episode], step] for episode, step in pairs]
@@ -59,6 +60,10 @@ def _values(
         "discarded": len(demonstrations.episodes) - len(demonstrations),
         "n_transitions": demonstrations.n_transitions,
         "success_rate": summary.success_rate,
+        "whole_episodes": person.episodes,
+        "interval": person.success_interval,
+        "mean_return": person.mean_return,
+        "return_interval": person.return_interval,
         "coverage": [vars(entry) for entry in summary.coverage],
         "joint_cells": summary.joint_cells,
         "histograms": [
@@ -121,11 +126,14 @@ def _curve(curve: "ExpertCurve") -> dict[str, Any]:
 def _text(
     demonstrations: "Demonstrations", figures: "DemonstrationFigures", values: dict[str, Any]
 ) -> list[str]:
-    summary, success = figures.summary, figures.summary.success_rate
+    from eutree.fitting import Person
+    from eutree.fitting.verdict import result_in_words
+
+    summary = figures.summary
     lines = [
         f"{values['episodes']} episodes ({values['discarded']} discarded), "
-        f"{demonstrations.n_transitions} transitions"
-        + ("" if success is None else f", success {success:.0%}"),
+        f"{demonstrations.n_transitions} transitions",
+        f"shown: {result_in_words(Person.of(demonstrations).whole)}",
         *(
             f"{entry.name}: {entry.low:.6g} to {entry.high:.6g}, {entry.share:.0%} of its range"
             for entry in summary.coverage

@@ -1,11 +1,10 @@
 """The button *Make my tree* of the recorder's page: fit, play, practise where it falls short."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from eutree.schema import EnvironmentSpec
 
@@ -14,70 +13,17 @@ if TYPE_CHECKING:
 
     from eutree.data import Demonstrations
     from eutree.evaluation import Evaluation
-    from eutree.fitting import FitReport
+    from eutree.fitting import FitReport, Person
     from eutree.interaction.tree_making import Show, TreeView
     from eutree.policies import TreePolicy
 
 FITTED = 200  # episodes that judge the fit; practice begins with them too
-PLAYED = 100  # episodes of the verdict, the same for every tree
+PLAYED = 200  # episodes of the verdict, the same for every tree
 BLOCK = 20  # of them at once, so that progress is seen
 PRACTICE = 200  # episodes of learning after the first press; each further one doubles them
 CURVE_EVERY = 10  # episodes of practice between two points of the curve
 PER_POINT = 50  # episodes played for each point
-WITHIN = 0.03  # a share of successes this much lower is as good; practice stops paying there
-
-
-@dataclass(frozen=True)
-class Result:
-    """What somebody reached.
-
-    Attributes:
-        episodes: How many were played.
-        successes: How many of them succeeded; None where the environment does not say.
-        mean_return: Their mean undiscounted return.
-        spread: Standard error of the mean return.
-    """
-
-    episodes: int
-    successes: int | None
-    mean_return: float
-    spread: float
-
-    @property
-    def value(self) -> float:
-        """The share of successes where it is known, else the mean return."""
-        return self.mean_return if self.successes is None else self.successes / self.episodes
-
-    def __str__(self) -> str:
-        """Return it as a person says it: ``13 of 15``."""
-        if self.successes is None:
-            return f"{self.mean_return:.1f} on average"
-        return f"{self.successes} of {self.episodes}"
-
-    def falls_short_of(self, other: "Result") -> bool:
-        """Return whether this is worse than ``other``, beyond what is as good."""
-        if self.successes is not None and other.successes is not None:
-            return self.value < other.value - WITHIN
-        return self.mean_return < other.mean_return - float(np.hypot(self.spread, other.spread))
-
-
-def result_of_person(demonstrations: "Demonstrations") -> Result:
-    """Return what the kept episodes reached; one that was ended early is no success."""
-    returns = np.array([episode.undiscounted_return for episode in demonstrations], dtype=float)
-    known = [e.is_success for e in demonstrations if e.is_success is not None]
-    return _result(returns, sum(known) if known else None)
-
-
-def result_of_tree(evaluation: "Evaluation") -> Result:
-    """Return what an evaluated tree reached."""
-    successes = evaluation.successes
-    return _result(evaluation.returns, None if successes is None else int(successes.sum()))
-
-
-def _result(returns: "np.ndarray[Any, Any]", successes: int | None) -> Result:
-    count = len(returns)
-    spread = float(returns.std(ddof=1) / np.sqrt(count)) if count > 1 else 0.0
-    return Result(count, successes, float(returns.mean()), spread)
+ENOUGH = 0.97  # share of successes from which practice stops paying
 
 
 class PageTree:
@@ -103,12 +49,13 @@ class PageTree:
     ) -> None:
         self._folder, self._environment, self._make, self._seed = folder, environment, make, seed
         self._fitted: FitReport | None = None
-        self._best: tuple[TreePolicy, Result, Path] | None = None
+        self._best: tuple[TreePolicy, Evaluation, Path] | None = None
         self._presses = 0
 
     def make(self, show: "Show", stop: Callable[[], bool]) -> None:
         """Fit a tree to the demonstrations recorded so far, and let it play."""
         from eutree.data import Demonstrations
+        from eutree.fitting import Person
         from eutree.interaction.tree_making import FITTING, TreeView
 
         show(TreeView(phase=FITTING, message="Fitting trees to what you showed"))
@@ -122,7 +69,7 @@ class PageTree:
         played = self._play(tree, show, stop)
         if played is not None:
             self._fitted, self._best, self._presses = fitted, (tree, played, path), 0
-            show(self._verdict(result_of_person(demonstrations), note=""))
+            show(self._verdict(Person.of(demonstrations), note=""))
 
     def _fit(
         self, demonstrations: "Demonstrations", show: "Show", stop: Callable[[], bool]
@@ -149,14 +96,16 @@ class PageTree:
     def practise(self, show: "Show", stop: Callable[[], bool]) -> None:
         """Let the tree learn for a while, and keep the better one."""
         from eutree.data import Demonstrations
+        from eutree.fitting import Person
         from eutree.fitting.practice import practise
+        from eutree.fitting.verdict import result_in_words
 
         if self._best is None:
             self.make(show, stop)
         if self._best is None or self._fitted is None:
             return
         demonstrations = Demonstrations.load(self._folder)
-        person, (_, before, _) = result_of_person(demonstrations), self._best
+        person, (_, before, _) = Person.of(demonstrations), self._best
         episodes = PRACTICE * 2**self._presses
         self._presses += 1
         env, other = self._make(), self._make()
@@ -183,17 +132,20 @@ class PageTree:
             if result is None:
                 return
             plays.append((result, rival))
-        played, tree = max(plays, key=lambda entry: entry[0].value)
-        note = f"After {episodes} episodes of practice; before it {before}."
-        if played.value > before.value:
+        played, tree = max(plays, key=lambda entry: _value(entry[0]))
+        note = f"After {episodes} episodes of practice; before it {result_in_words(before)}."
+        if _value(played) > _value(before):
             path = self._folder.with_name(f"{self._folder.name}-practised.json")
             tree.save(path)
             self._best = (tree, played, path)
         else:
-            note = f"{episodes} episodes of practice found nothing better, only {played}."
+            found = result_in_words(played)
+            note = f"{episodes} episodes of practice found nothing better, only {found}."
         show(replace(self._verdict(person, note=note), curve=curve.points, of=episodes))
 
-    def _play(self, tree: "TreePolicy", show: "Show", stop: Callable[[], bool]) -> Result | None:
+    def _play(
+        self, tree: "TreePolicy", show: "Show", stop: Callable[[], bool]
+    ) -> "Evaluation | None":
         """Let the tree play, the same episodes for every tree; None if nobody waits for it."""
         from eutree.evaluation import Evaluation, evaluate
         from eutree.interaction.tree_making import PLAYING, TreeView
@@ -215,46 +167,45 @@ class PageTree:
                 parts.append(evaluate(tree, env, episodes=BLOCK, seed=self._seed + block))
         finally:
             env.close()
-        return result_of_tree(Evaluation.join(parts))
+        return Evaluation.join(parts)
 
-    def _practising(self, person: Result, episodes: int) -> "TreeView":
+    def _practising(self, person: "Person", episodes: int) -> "TreeView":
         from eutree.interaction.tree_making import PRACTISING, TreeView
 
+        if self._best is None:
+            raise AssertionError("practice needs a tree")
+        tree, played, _ = self._best
         return TreeView(
             phase=PRACTISING,
             message="The tree practises by itself",
             of=episodes,
-            yours=person.value,
-            is_share=person.successes is not None,
-            **({} if self._best is None else _drawn(self._best[0])),
+            **_scale(person, played),
+            **_drawn(tree),
         )
 
-    def _verdict(self, person: Result, *, note: str) -> "TreeView":
+    def _verdict(self, person: "Person", *, note: str) -> "TreeView":
+        from eutree.fitting.verdict import result_in_words, verdict
         from eutree.interaction.tree_making import READY, TreeView
 
         if self._best is None:
             raise AssertionError("a verdict needs a tree")
         tree, played, path = self._best
-        worse = played.falls_short_of(person)
-        may_gain = worse or played.successes is None or played.value < 1.0 - WITHIN
-        parts = [note]
-        if worse:
-            parts.append("It falls short of you; practice may mend that.")
-        elif may_gain:
-            parts.append("It is as good as you; practice may make it better still.")
+        found = verdict(person.whole, played)
+        may_gain = found.is_worse or played.successes is None or _value(played) < ENOUGH
+        parts = [note, "Practice may make it better." if may_gain else ""]
         if tree.n_leaves == 1:
             parts.append(f"It has a single leaf: it always answers {_only_action(tree)}.")
-        elif worse and self._fitted is not None and tree is self._fitted.policy:
+        elif found.is_worse and self._fitted is not None and tree is self._fitted.policy:
             parts += self._fitted.warnings
+        you, it = (result_in_words(side, found.measure) for side in (person.whole, played))
         return TreeView(
             phase=READY,
-            message=f"you {person}; this tree {played}",
+            message=f"you {you}; this tree {it}: {found.word}",
             note=" ".join(filter(None, parts)),
-            worse=worse,
+            verdict=found.word,
             may_gain=may_gain,
-            yours=person.value,
-            is_share=person.successes is not None,
             commands=self._commands(path),
+            **_scale(person, played),
             **_drawn(tree),
         )
 
@@ -327,7 +278,19 @@ class _Curve:
         from eutree.evaluation import evaluate
 
         played = evaluate(self._model.policy, self._env, episodes=PER_POINT, seed=PLAYED)
-        return result_of_tree(played).value
+        return _value(played)
+
+
+def _value(played: "Evaluation") -> float:
+    """Return the share of successes where it is known, else the mean return."""
+    return played.mean_return if played.success_rate is None else played.success_rate
+
+
+def _scale(person: "Person", played: "Evaluation") -> dict[str, Any]:
+    """Return the view's fields on the curve's scale: the person is on it if it is theirs too."""
+    is_share = played.success_rate is not None
+    yours = person.success_rate if is_share else person.mean_return
+    return {"is_share": is_share, "yours": None if yours is None or isnan(yours) else yours}
 
 
 def _drawn(tree: "TreePolicy") -> dict[str, Any]:

@@ -104,7 +104,7 @@ def fit(
         )
     report.policy.save(out)
     hint = ""
-    if report.as_good_as_shown is False and not practise:
+    if report.verdict and (report.verdict.is_worse or report.verdict.is_open) and not practise:
         hint = f"\neutree fit {demonstrations} --out {out} --practise 100 goes on with learning"
     output.result(_values(report, out), f"{report.policy}\n{report}\nwritten to {out}{hint}")
 
@@ -146,7 +146,7 @@ def _settings(
 
 
 def _values(report: "FitReport", out: Path) -> dict[str, Any]:
-    person, played = report.person, report.played
+    person, played, found = report.person, report.played, report.verdict
     return {
         "n_leaves": report.policy.n_leaves,
         "n_transitions": report.n_transitions,
@@ -154,7 +154,9 @@ def _values(report: "FitReport", out: Path) -> dict[str, Any]:
         "path": str(out),
         "person": {
             "success_rate": person.success_rate,
+            "interval": person.success_interval,
             "mean_return": person.mean_return,
+            "return_interval": person.return_interval,
             "episodes": person.episodes,
         },
         "played": played
@@ -165,6 +167,9 @@ def _values(report: "FitReport", out: Path) -> dict[str, Any]:
             "return_interval": played.return_interval,
             "episodes": played.episodes,
         },
+        "verdict": found and found.word,
+        "difference": found
+        and {"of": found.measure, "mean": found.difference, "interval": found.interval},
         "choice": report.choice,
         "candidates": report.n_candidates,
         "episodes_played": report.episodes_played,

@@ -2,5 +2,6 @@
 
 from eutree.fitting.person import Person
 from eutree.fitting.report import FitReport
+from eutree.fitting.verdict import Standing
 
-__all__ = ["FitReport", "Person"]
+__all__ = ["FitReport", "Person", "Standing"]

@@ -7,9 +7,10 @@ import numpy as np
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.data import Demonstrations
 from eutree.evaluation import Evaluation
-from eutree.fitting.person import MARGIN, Person
+from eutree.fitting.person import Person
 from eutree.fitting.playing import Played
 from eutree.fitting.repair import blame, shown_in
+from eutree.fitting.verdict import result_in_words, verdict
 from eutree.inspection import Region
 from eutree.inspection.regions import domain
 from eutree.policies import TreePolicy
@@ -85,38 +86,23 @@ def about_size(policy: TreePolicy, demonstrations: Demonstrations) -> list[str]:
 
 
 def about_result(person: Person, tree: Evaluation) -> list[str]:
-    """Return that a tree falls short of its demonstrator, if it does."""
-    if not person.is_above(tree):
+    """Return that a tree is worse than its demonstrator, if it is."""
+    found = verdict(person.whole, tree)
+    if not found.is_worse:
         return []
-    if person.success_rate is not None and tree.success_rate is not None:
-        return [
-            f"The tree succeeds in {tree.success_rate:.1%} of {tree.episodes} episodes, the "
-            f"demonstrations in {person.success_rate:.1%} of {person.episodes}."
-        ]
-    return [
-        f"The tree earns {tree.mean_return:.4g} on average in {tree.episodes} episodes, the "
-        f"demonstrations {person.mean_return:.4g} in {person.episodes}."
-    ]
+    shown, reached = (result_in_words(side, found.measure) for side in (person.whole, tree))
+    return [f"The tree is worse than the demonstrations: {reached}, they {shown}."]
 
 
 def about_doubt(person: Person, tree: Evaluation) -> list[str]:
-    """Return that a tree may fall short of its demonstrator: chance may have hidden it."""
-    if person.success_rate is not None and tree.success_interval is not None:
-        low, high = tree.success_interval
-        if low >= person.success_rate - MARGIN:
-            return []
-        return [
-            f"The tree may fall short of the demonstrations: {tree.success_rate:.1%} of "
-            f"{tree.episodes} episodes (95 % interval {low:.1%} to {high:.1%}) against "
-            f"{person.success_rate:.1%} of {person.episodes}. More --episodes tell."
-        ]
-    low, high = tree.return_interval
-    if not low < person.mean_return - MARGIN * abs(person.mean_return):
+    """Return that a tree may be worse than its demonstrator: chance may have hidden it."""
+    found = verdict(person.whole, tree)
+    if not found.is_open:
         return []
+    shown, reached = (result_in_words(side, found.measure) for side in (person.whole, tree))
     return [
-        f"The tree may fall short of the demonstrations: it earns {tree.mean_return:.4g} on "
-        f"average (95 % interval {low:.4g} to {high:.4g}), they {person.mean_return:.4g} in "
-        f"{person.episodes} episodes. More --episodes tell."
+        f"Too close to tell whether the tree is as good as the demonstrations: {reached}, they "
+        f"{shown}. More --episodes tell more, and more demonstrations."
     ]
 
 

@@ -1,12 +1,12 @@
 """What came of a fit."""
 
-import math
 from dataclasses import dataclass
 
 from eutree.data import Episode
 from eutree.display import Displayed
 from eutree.evaluation import Evaluation
 from eutree.fitting.person import Person
+from eutree.fitting.verdict import AS_GOOD, BETTER, WORSE, Standing, result_in_words, verdict
 from eutree.policies import TreePolicy
 
 
@@ -41,12 +41,18 @@ class FitReport(Displayed):
     plays: tuple[Episode, ...] = ()
 
     @property
-    def as_good_as_shown(self) -> bool | None:
-        """Whether the tree does at least as well as its demonstrator, within 3 points of success.
+    def verdict(self) -> Standing | None:
+        """How the tree compares with its demonstrator; None if it was not played."""
+        return None if self.played is None else verdict(self.person.whole, self.played)
 
-        None if it was not played. Where nothing is a success, within 3 % of the mean return.
+    @property
+    def as_good_as_shown(self) -> bool | None:
+        """Whether the verdict is *better* or *as good*, False if it is *worse*.
+
+        None if the tree was not played, or if its episodes cannot tell.
         """
-        return None if self.played is None else not self.person.is_above(self.played)
+        word = "" if self.verdict is None else self.verdict.word
+        return {BETTER: True, AS_GOOD: True, WORSE: False}.get(word)
 
     def __str__(self) -> str:
         """Return the report in a few lines, without the tree."""
@@ -54,33 +60,13 @@ class FitReport(Displayed):
             f"{self.policy.n_leaves} leaves from {self.n_transitions} steps; "
             f"{self.training_accuracy:.1%} of the actions shown"
         ]
-        if self.played is not None:
-            lines.append(f"shown: {_result(self.person)}; this tree: {_reached(self.played)}")
+        if self.played is not None and self.verdict is not None:
+            measure = self.verdict.measure
+            shown, tree = (result_in_words(s, measure) for s in (self.person.whole, self.played))
+            lines.append(f"shown: {shown}; this tree: {tree}: {self.verdict.word}")
         made = f"made by {self.choice}"
         if self.n_candidates > 1:
             made += f", the best of {self.n_candidates} trees"
         if self.episodes_played:
             made += f"; {self.episodes_played} episodes played in all"
         return "\n".join([*lines, made, *(f"WARNING: {text}" for text in self.warnings)])
-
-
-def _result(person: Person) -> str:
-    if not person.episodes:
-        return "no finished episode"
-    if person.success_rate is None and math.isnan(person.mean_return):
-        return f"{person.episodes} episodes of unknown returns"
-    if person.success_rate is None:
-        return f"{person.mean_return:.4g} on average in {person.episodes} episodes"
-    successes = round(person.success_rate * person.episodes)
-    return f"{successes} of {person.episodes} episodes succeed ({person.success_rate:.1%})"
-
-
-def _reached(tree: Evaluation) -> str:
-    if tree.successes is None or tree.success_interval is None:
-        low, high = tree.return_interval
-        return f"{tree.mean_return:.4g} [{low:.4g}, {high:.4g}] in {tree.episodes} episodes"
-    low, high = tree.success_interval
-    return (
-        f"{int(tree.successes.sum())} of {tree.episodes} ({tree.success_rate:.1%}, 95 % interval "
-        f"{low:.1%} to {high:.1%})"
-    )

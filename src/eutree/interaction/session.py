@@ -230,7 +230,7 @@ class Session:
         if self.play.is_on:
             self._obey_pause(now)
         elif self.state == PAUSED:
-            self._stop(now, kept=True)
+            self._stop(now, kept=False, comment="left early")
         elif self.state in (OPENING, REVIEW):
             self.play.state = FINISHED
 

@@ -17,11 +17,13 @@ class TreeView:
 
     Attributes:
         phase: ``"fitting"``, ``"playing"``, ``"practising"``, ``"ready"`` or ``"failed"``.
-        message: What is going on, or the verdict: ``"you 13 of 15; this tree 96 of 100"``.
+        message: What is going on, or the verdict: ``"you 13 of 15 (62 to
+            97 %); this tree 196 of 200 (94 to 100 %): better"``.
         note: What follows from it; may be empty.
         finished: Episodes played or practised so far.
         of: How many there will be; 0 where that is not known.
-        worse: Whether the tree falls short of the person.
+        verdict: How it compares with the person: ``"better"``, ``"as good"``, ``"worse"``, ``"too
+            close to tell"`` or ``"not comparable"``; empty before.
         may_gain: Whether practice may make it better, so that it is offered.
         n_leaves: Leaves of the tree; 0 before there is one.
         svg: Drawing of the tree; empty before there is one.
@@ -37,7 +39,7 @@ class TreeView:
     note: str = ""
     finished: int = 0
     of: int = 0
-    worse: bool = False
+    verdict: str = ""
     may_gain: bool = False
     n_leaves: int = 0
     svg: str = ""

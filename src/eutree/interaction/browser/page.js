@@ -512,8 +512,8 @@ function showEpisodes() {
   const kept = view.episodes.filter((e) => e.kept);
   const early = kept.filter((e) => ["stopped", "interrupted"].includes(e.result));
   $("early").hidden = early.length === 0;
-  $("early").textContent = `${early.length} of them ended early (stopped or interrupted) and count like `
-    + "the others. Discard those that you did not mean.";
+  $("early").textContent = `${early.length} ended early (stopped or interrupted): the tree learns from them, `
+    + "but the verdict counts whole episodes only. Discard those that you did not mean.";
   $("failures").hidden = !kept.some((e) => mark(e) === BAD);
   $("failures").textContent = "✕ failed and kept: most of its decisions were right, and the tree learns from "
     + "them too. Discard it only if your hand slipped.";
@@ -665,7 +665,8 @@ function showTree() {
   body.dataset.tree = tree ? tree.phase : "";
   if (!tree) return;
   $("verdict").textContent = tree.message;
-  $("tree-section").dataset.verdict = tree.phase === "failed" ? BAD : tree.phase === "ready" && !tree.worse ? GOOD : "";
+  $("tree-section").dataset.verdict = tree.phase === "failed" ? BAD
+    : ["better", "as good"].includes(tree.verdict) ? GOOD : "";
   $("tree-note").textContent = tree.note;
   $("tree-note").hidden = !tree.note;
   $("work").hidden = !works();
