@@ -83,6 +83,7 @@ def test_dagger_asks_where_the_tree_comes_to_and_cloning_does_not():
     assert (report.best, report.n_leaves, report.rounds[1].agreement) == (1, 3, 1.0)
     # 15 shown; the clone twice 10 in validation, twice 10 asked; then twice 4 in validation.
     assert (report.labels, report.environment_steps, report.validation_steps) == (35, 63, 28)
+    assert report.teacher_steps is None  # it does not say
     assert [int(tree.predict([x])[0]) for x in (-5.0, 0.0, 2.0)] == [CLIMB, RIGHT, JUMP]
     assert int(clone.predict([-5.0])[0]) != CLIMB
 

@@ -6,7 +6,7 @@ from scipy import stats
 
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import compare_paired, probability_of_improvement, spearman
-from eutree.evaluation.comparison import ranked, sign_flip_p_value
+from eutree.evaluation.comparison import sign_flip_p_value
 
 NUMBERS = st.integers(-3, 3).map(float)
 
@@ -73,7 +73,6 @@ def test_the_interval_of_an_improvement_is_that_of_two_samples():
 @given(st.lists(st.tuples(NUMBERS, NUMBERS), min_size=3, max_size=20))
 def test_rank_correlation_equals_scipy(pairs):
     first, second = np.array(pairs).T
-    np.testing.assert_array_equal(ranked(first), stats.rankdata(first))
     estimate = spearman(first, second)
     if np.ptp(first) == 0.0 or np.ptp(second) == 0.0:
         assert estimate.value == 0.0

@@ -59,9 +59,12 @@ def whole(env, shown, told, tmp_path_factory):
     ), folder
 
 
+def events_of(folder):
+    return [json.loads(line) for line in (folder / "events.jsonl").read_text().splitlines()]
+
+
 def races(folder):
-    lines = (folder / "events.jsonl").read_text().splitlines()
-    return [event for event in map(json.loads, lines) if "race" in event]
+    return [event for event in events_of(folder) if "race" in event]
 
 
 def test_the_budget_and_the_limit_of_leaves_are_kept(whole):
@@ -154,13 +157,34 @@ def test_a_teacher_of_ones_own_is_declared_and_reported_apart(env, shown, tmp_pa
     result = learned(env, shown, teacher=teacher, out=tmp_path / "run")
     counts = result.environment_steps
     assert counts.declared == 123_000
-    assert counts.total == counts.demonstrations + counts.learning <= 6000 + shown.n_transitions
+    own = counts.teacher + counts.learning
+    assert counts.total == counts.demonstrations + own <= 6000 + shown.n_transitions
     assert "123000 steps, as declared" in in_words(result, tmp_path, recorded=None)
     rows = result.history.observations
     assert (result.teacher.predict(rows)[0] == (rows[:, 2] + 0.5 * rows[:, 3] > 0)).all()
     other = eutree.Teacher(Pushes(), steps=5)
     with pytest.raises(RunFolderError, match="was started with teacher 'Pushes, 123000 steps'"):
         learned(env, shown, teacher=other, out=tmp_path / "run", resume=True)
+
+
+class CountsItsSteps(Pushes):
+    num_timesteps = 7_000  # as models of Stable-Baselines3 do
+
+
+def test_a_teacher_may_know_itself_what_its_training_cost():
+    assert eutree.Teacher(CountsItsSteps()).cost == 7_000
+    assert eutree.Teacher(CountsItsSteps(), steps=9).cost == 9
+    with pytest.raises(InvalidArgumentError, match="steps must say in how many environment steps"):
+        eutree.Teacher(Pushes())
+
+
+def test_the_steps_of_the_network_that_teaches_are_its_own(whole):
+    """They stood among those of the trees: 0 steps of 180,000 were the teacher's."""
+    result, folder = whole
+    counts = result.environment_steps
+    stages = [event for event in events_of(folder) if event.get("stage") == "teacher"]
+    assert counts.teacher == stages[-1]["steps"] > 0
+    assert counts.learning == result.steps - counts.teacher > 0
 
 
 class Remembers(Pushes):

@@ -27,7 +27,7 @@ from eutree.interaction import GuardedEnv, episode_seed, record, run_episode
 from eutree.interaction.acting import Actor
 from eutree.interaction.decoding import warn_of_codes
 from eutree.interaction.recipe import Recipe, made
-from eutree.interaction.record import Controller, as_policy
+from eutree.interaction.record import Controller, as_policy, trained_steps
 from eutree.interaction.seeding import Stream
 from eutree.parallel import Workers
 from eutree.policies import Policy, TreePolicy
@@ -116,6 +116,7 @@ def distill(
         environment_steps=school.steps + validation_steps,
         validation_steps=validation_steps,
         weighted=stakes is not None,
+        teacher_steps=trained_steps(teacher),
     )
 
 

@@ -36,6 +36,8 @@ class DistillationReport:
         labels: Observations with an action of the teacher.
         environment_steps: All steps: the demonstrations', the trees' and those of validation.
         validation_steps: Those of validation.
+        teacher_steps: Those in which the teacher was trained before, none of the above; None where
+            it does not say so itself (``num_timesteps``, as models of SB3 do).
         weighted: Whether observations were weighted by the teacher's action values.
     """
 
@@ -48,6 +50,7 @@ class DistillationReport:
     environment_steps: int
     validation_steps: int
     weighted: bool
+    teacher_steps: int | None = None
 
     @property
     def n_leaves(self) -> int:

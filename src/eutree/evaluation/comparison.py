@@ -16,10 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from eutree.arrays import Floats
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation.bootstrap import bootstrap, draw_rows
 from eutree.evaluation.intervals import NORMAL, Estimate, Interval, check_confidence
+from eutree.policy_search.rank_correlation import rank_correlation
 from eutree.validation import check_seed, check_vector
 
 _ALL_FLIPS = 12  # pairs up to which every flip of signs is made
@@ -118,24 +118,7 @@ def spearman(first: ArrayLike, second: ArrayLike, *, confidence: float = 0.95) -
     """
     one = check_vector("first", first)
     other = check_vector("second", second, size=one.size)
-    ranks = ranked(one) - (one.size + 1) / 2, ranked(other) - (one.size + 1) / 2
-    spread = math.sqrt(float(ranks[0] @ ranks[0]) * float(ranks[1] @ ranks[1]))
-    if spread == 0.0:
-        return Estimate(0.0, Interval(-1.0, 1.0), one.size)
-    value = min(1.0, max(-1.0, float(ranks[0] @ ranks[1]) / spread))
-    if one.size <= 3:
-        return Estimate(value, Interval(-1.0, 1.0), one.size)
-    z = NORMAL.inv_cdf(0.5 + check_confidence(confidence) / 2)
-    error = z * math.sqrt((1 + value**2 / 2) / (one.size - 3))
-    # Fisher's transform of a perfect correlation is infinite: stay a rounding error below it.
-    middle = math.atanh(min(max(value, -1 + 1e-15), 1 - 1e-15))
-    ends = Interval(math.tanh(middle - error), math.tanh(middle + error))
-    return Estimate(value, ends, one.size)
-
-
-def ranked(values: Floats) -> Floats:
-    """Return the rank of each value, from 1; equal values share the mean of their ranks."""
-    _, inverse, counts = np.unique(values, return_inverse=True, return_counts=True)
-    last = np.cumsum(counts)
-    middle: Floats = last - (counts - 1) / 2
-    return middle[inverse]
+    quantile = NORMAL.inv_cdf(0.5 + check_confidence(confidence) / 2)
+    found = rank_correlation(one, other, quantile=quantile)
+    value = 0.0 if math.isnan(found.value) else found.value
+    return Estimate(value, Interval(found.low, found.high), one.size)

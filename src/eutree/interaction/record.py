@@ -67,6 +67,12 @@ def record(
     return Demonstrations(tuple(recorded), guarded.schema, guarded.spec, expert=name)
 
 
+def trained_steps(controller: object) -> int | None:
+    """Return the environment steps of a controller's training, if it counts them, as SB3 does."""
+    own = getattr(controller, "num_timesteps", None)
+    return own if isinstance(own, int) and own >= 0 else None
+
+
 def as_policy(controller: Controller, env: gymnasium.Env[Any, Any]) -> Policy:
     """Return ``controller`` if it has ``predict``, else what it makes for ``env``."""
     if hasattr(controller, "predict"):

@@ -78,6 +78,12 @@ class Budget:
             problem.max_episode_steps,
         )
 
+    def exploration(self, method: DistilledDQNChoices, steps: int) -> float:
+        """Return the chance of a random action of the teacher after so many steps."""
+        passed = min(5.0 * steps / max(self.teacher, 1), 1.0)
+        first, last = method.exploration, method.last_exploration
+        return first + (last - first) * passed
+
 
 class DistilledDQNLearner:
     """A learner of this method.
@@ -127,7 +133,9 @@ class DistilledDQNLearner:
         """Return the action for the present observation."""
         observation = self._episode.present
         if self.stage is Stage.TEACHER:
-            if self._episode.generator.random() < self.exploration:
+            if self._episode.generator.random() < self._budget.exploration(
+                self._method, self.steps
+            ):
                 return int(self._episode.generator.integers(self._problem.n_actions))
             return self._teacher.act(observation)
         running = self.dagger.tree if self.stage is Stage.DAGGER else self.races.running
@@ -153,13 +161,6 @@ class DistilledDQNLearner:
         """Be as before the episode."""
         self._episode.clear()
 
-    @property
-    def exploration(self) -> float:
-        """Chance of a random action of the teacher now."""
-        passed = min(5.0 * self.steps / max(self._budget.teacher, 1), 1.0)
-        first, last = self._method.exploration, self._method.last_exploration
-        return first + (last - first) * passed
-
     # Learning.
 
     @property
@@ -171,6 +172,11 @@ class DistilledDQNLearner:
     def teacher(self) -> ValuingPolicy:
         """Who teaches."""
         return self._teacher.policy
+
+    @property
+    def teacher_acts(self) -> bool:
+        """Whether the present episode is the teacher's."""
+        return self.stage is Stage.TEACHER
 
     def update(self, generator: np.random.Generator) -> Update:
         """Let the teacher learn from the last episode; go on to the next stage when it is time."""
@@ -198,7 +204,7 @@ class DistilledDQNLearner:
             self.dagger.begin(self.steps)
             self.stage = Stage.DAGGER
         return {
-            "exploration": self.exploration,
+            "exploration": self._budget.exploration(self._method, self.steps),
             "updates": self._teacher.updates,
             "return": self._experience.return_of(self._experience.last()),
         }

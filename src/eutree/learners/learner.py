@@ -406,6 +406,11 @@ class HasTeacher(Protocol):
         """Who teaches."""
         ...
 
+    @property
+    def teacher_acts(self) -> bool:
+        """Whether the present episode is the teacher's."""
+        ...
+
 
 @runtime_checkable
 class KnowsItsModel(Protocol):

@@ -49,9 +49,10 @@ class ModelTrust:
         )
         if found.better_than_chance:
             return f"the world model can be trusted here: its order {measured}"
+        verdict = "worse than chance" if found.worse_than_chance else "no better than chance"
         return (
-            f"the world model cannot be trusted here: its order {measured}, no better than "
-            "chance; only trees that were clearly better in real episodes were adopted"
+            f"the world model cannot be trusted here: its order {measured}, {verdict}; only "
+            "trees that were clearly better in real episodes were adopted"
         )
 
     def figures(self) -> dict[str, float | int | list[float] | list[int]]:

@@ -9,6 +9,7 @@ from eutree.interaction import GuardedEnv
 from eutree.interaction.episode import success_of
 from eutree.interaction.requests import Request, StepAnswer
 from eutree.learners import Learner, Step
+from eutree.learners.learner import HasTeacher
 from eutree.training.asking import Questions
 from eutree.training.progress import GatheredEpisodes
 from eutree.training.run_state import RunState
@@ -76,8 +77,7 @@ class GatheringEpisode:
         if not (reason and self._ask(reason)):
             self._step(self._learner.act(), shown=False)
         if self._is_over:
-            shown = sum(request["n_shown"] for request in self._requests)
-            state.move(teacher_steps=state.at.teacher_steps + shown)
+            state.move(teacher_steps=state.at.teacher_steps + self._steps_of_teachers())
             state.events += self._requests
             self._requests = []
             state.note_what_was_recorded()
@@ -156,6 +156,12 @@ class GatheringEpisode:
         )
         state.steps_of_episode = 0
         self._is_over = True
+
+    def _steps_of_teachers(self) -> int:
+        """Return the steps of the episode in which a teacher acted."""
+        if isinstance(self._learner, HasTeacher) and self._learner.teacher_acts:
+            return len(self._observations) - 1
+        return sum(request["n_shown"] for request in self._requests)
 
     def _forget(self) -> None:
         """Be as before the episode, unless it was finished."""

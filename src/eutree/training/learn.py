@@ -247,7 +247,7 @@ def learn(
             teacher=run.at.teacher_steps,
             learning=run.at.steps - run.at.teacher_steps,
             racing=run.at.racing_steps,
-            declared=0 if teacher is None else teacher.steps,
+            declared=0 if teacher is None else teacher.cost,
         ),
         challengers=run.challengers,
         against_start=run.evaluations.judgement,

@@ -78,7 +78,7 @@ class Position:
     Attributes:
         episode: Episodes gathered.
         steps: Environment steps gathered, those of teachers included.
-        teacher_steps: Steps in which somebody else acted.
+        teacher_steps: Those in which a teacher acted: one who was asked, or whom trees copy.
         racing_steps: Environment steps of the policy search.
         longest: Steps of the longest episode gathered.
         seconds: Seconds of the clock so far.

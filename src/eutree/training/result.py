@@ -21,11 +21,12 @@ class StepCounts:
 
     Attributes:
         demonstrations: Recorded before the run.
-        teacher: Taken by whoever was asked while learning.
-        learning: Taken by the learner.
+        teacher: Taken by a teacher in the run: one who was asked, or whom the trees copy, such as
+            the network of ``distilled-dqn`` while it learned.
+        learning: Taken by the learner's trees.
         racing: Taken by trees that raced.
-        declared: Those in which a teacher of your own was trained before, by your word. They are no
-            part of ``total``.
+        declared: Those in which a teacher of your own was trained before, by its word or yours.
+            They are no part of ``total``.
     """
 
     demonstrations: int = 0

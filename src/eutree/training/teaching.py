@@ -12,7 +12,7 @@ from eutree.arrays import Floats, Integers
 from eutree.errors import InvalidArgumentError
 from eutree.interaction import GuardedEnv
 from eutree.interaction.acting import Actor
-from eutree.interaction.record import Controller, as_policy
+from eutree.interaction.record import Controller, as_policy, trained_steps
 from eutree.policies import TreePolicy
 from eutree.validation import check_integer
 
@@ -24,26 +24,39 @@ class Teacher:
     Attributes:
         policy: Anything with SB3's ``predict`` that decides by one observation alone, or a function
             that makes such a thing for the environment.
-        steps: Environment steps in which it was trained, by your word. They are reported apart from
-            those of the run, and are no part of its budget.
+        steps: Environment steps in which it was trained, by your word; by its own where it counts
+            them itself (``num_timesteps``, as models of SB3 do) and None is given. They are
+            reported apart from those of the run, and are no part of its budget.
         action_values: Its value of each action, from observations [N, d] to [N, A]. By default its
             method of that name; without any all wrong actions count alike, and VIPER's weights say
             nothing. With values the action of the largest one counts, not that of ``predict``.
     """
 
     policy: Controller
-    steps: int
+    steps: int | None = None
     action_values: Callable[[Floats], ArrayLike] | None = None
 
     def __post_init__(self) -> None:
-        check_integer("steps", self.steps, low=0)
+        if self.steps is None and trained_steps(self.policy) is None:
+            raise InvalidArgumentError(
+                "steps must say in how many environment steps the teacher was trained, which it "
+                "does not know itself (num_timesteps), got None"
+            )
+        if self.steps is not None:
+            check_integer("steps", self.steps, low=0)
+
+    @property
+    def cost(self) -> int:
+        """Environment steps in which it was trained, by your word or its own."""
+        own = trained_steps(self.policy) if self.steps is None else self.steps
+        return 0 if own is None else own
 
     def name(self) -> str:
         """Return what tells it from another in a run's configuration; "" cannot be."""
         kind = getattr(self.policy, "__name__", type(self.policy).__name__)
         if isinstance(self.policy, TreePolicy):
             kind = hashlib.sha256(self.policy.to_bytes()).hexdigest()
-        return f"{kind}, {self.steps} steps"
+        return f"{kind}, {self.cost} steps"
 
 
 class AskedTeacher:
