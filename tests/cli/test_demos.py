@@ -119,7 +119,6 @@ def test_check_names_the_episode_that_differs(folder, ask):
     episode = opened.read(1)
     observations = episode.observations.copy()
     observations[2, 0] += 1e-12
-    from dataclasses import replace
 
     opened.write(1, replace(episode, observations=observations))
     found = ask("check", folder, code=1)
@@ -234,31 +233,3 @@ def test_a_full_disk_is_one_line_and_loses_nothing(folder, ask, recorded):
     assert len(Demonstrations.load(folder)) == len(recorded)
     assert not os.path.exists(folder + ".csv")
     assert not any(name.startswith(".") for name in os.listdir(folder))
-
-
-def test_stats_tell_a_person_s_delay_and_fit_shifts_by_it(eutree, tmp_path) -> None:
-    from tests.data.test_timing import SMOOTH, timed
-
-    demos = timed(SMOOTH, [(1.5, 16)])
-    replace(demos, episodes=demos.episodes * 3).save(tmp_path / "demos")
-    answer = eutree("demos", "stats", "demos")
-    assert "a key waited 0.50 s on average for the step that took it (3 keys)" in answer.out
-    assert "cannot be told from these episodes" in answer.out
-    assert eutree("demos", "stats", "demos", "--json").json["delay"]["wait"] == 0.5
-    stored = {path: path.read_bytes() for path in (tmp_path / "demos").rglob("*.npz")}
-    plain = eutree("fit", "demos", "--out", "a.json", "--json", "--min-objects", 1)
-    shifted = eutree(
-        "fit", "demos", "--out", "b.json", "--json", "--shift-delay", "--min-objects", 1
-    )
-    assert (plain.code, shifted.code) == (0, 0)
-    first, second = ((tmp_path / name).read_text() for name in ("a.json", "b.json"))
-    assert first != second
-    assert stored
-    assert all(path.read_bytes() == was for path, was in stored.items())  # stays raw
-
-
-def test_a_script_has_no_delay(eutree, demonstrations) -> None:
-    assert eutree("demos", "stats", demonstrations, "--json").json["delay"] is None
-    answer = eutree("fit", demonstrations, "--out", "e.json", "--shift-delay")
-    assert answer.code == 2
-    assert "recorded by a person" in answer.err

@@ -45,7 +45,6 @@ def _values(
     demonstrations: "Demonstrations", figures: "DemonstrationFigures", numbers: list[int]
 ) -> dict[str, Any]:
     from eutree.data.coverage import coverage_map, histograms
-    from eutree.data.timing import estimate_delay, has_times
     from eutree.fitting import Person
 
     schema, summary, neighbours = demonstrations.schema, figures.summary, figures.neighbours
@@ -103,7 +102,6 @@ def _values(
             }
             for pair in neighbours.contradictions
         ],
-        "delay": vars(estimate_delay(demonstrations)) if has_times(demonstrations) else None,
         "learning_curve": figures.curve and _curve(figures.curve),
         "advice": figures.advice,
     }
@@ -158,24 +156,7 @@ def _text(
             f"  {' / '.join(pair['actions'])} at a distance of {pair['distance']:.2%} of the range "
             f"({_said(pair['places'])})"
         )
-    return [*lines, *_delay(values["delay"]), figures.advice]
-
-
-def _delay(delay: dict[str, Any] | None) -> list[str]:
-    """Return the line on a person's delay; none where no person was timed."""
-    if delay is None or delay["wait"] is None:
-        return []
-    parts = [
-        f"a key waited {delay['wait']:.2f} s on average for the step that took it "
-        f"({delay['n_edges']} keys)"
-    ]
-    if delay["screen"] is not None:
-        parts.append(f"the screen was {1000.0 * delay['screen']:.0f} ms behind")
-    if delay["reaction"] is None:
-        parts.append("how quickly the person reacts cannot be told from these episodes")
-    else:
-        parts.append(f"keys came {delay['reaction']:.2f} s after the picture changed (median)")
-    return ["; ".join(parts)]
+    return [*lines, figures.advice]
 
 
 def _said(places: list[list[int]]) -> str:

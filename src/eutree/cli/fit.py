@@ -55,9 +55,6 @@ if TYPE_CHECKING:
     help="C4.5's CF, chosen by you: the smaller, the more is pruned.",
 )
 @click.option("--no-pruning", is_flag=True, help="Keep C4.5's unpruned tree.")
-@click.option(
-    "--shift-delay", is_flag=True, help="Label what was on the screen when the key was pressed."
-)
 @env_arg_option
 @seed_option
 @json_option
@@ -71,7 +68,6 @@ def fit(
     min_objects: int | None,
     confidence: float | None,
     no_pruning: bool,
-    shift_delay: bool,
     env_arguments: dict[str, Any],
     seed: int,
     as_json: bool,
@@ -98,7 +94,6 @@ def fit(
             practise=practise,
             settings=_settings(release_8, min_objects, confidence, no_pruning),
             history=history,
-            shift_delay=shift_delay,
             seed=seed,
             on_progress=stages.show,
         )

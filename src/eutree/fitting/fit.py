@@ -7,7 +7,7 @@ from typing import Any
 import gymnasium
 
 from eutree.c45 import C45Settings
-from eutree.data import Demonstrations, Episode, timing
+from eutree.data import Demonstrations, Episode
 from eutree.errors import EutreeError, InvalidArgumentError
 from eutree.fitting.candidates import SETTINGS, Candidate, candidates, promising
 from eutree.fitting.choosing import COMPARING, JUDGING, MOST_REPAIR_PLAYS, mend, race
@@ -43,7 +43,6 @@ def fit(
     practise: int = 0,
     settings: C45Settings | None = None,
     history: int | None = None,
-    shift_delay: bool = False,
     seed: int = 0,
     on_progress: Progress | None = None,
 ) -> FitReport:
@@ -66,8 +65,6 @@ def fit(
             what the tree has played. The better of both by fresh episodes is returned.
         settings: The choices of C4.5. None chooses.
         history: Number of previous observations as features. None chooses between 0 and 1.
-        shift_delay: Whether the tree is fitted to what was on the screen at each key
-            (``eutree.data.timing``). The demonstrations need the times of a recording.
         seed: The same seed gives the same report.
         on_progress: Called after each episode played with what it is for and how many there were.
 
@@ -85,9 +82,8 @@ def fit(
         raise InvalidArgumentError(
             f"episodes must be at least 1 to practise, which has to be judged, got {episodes}"
         )
-    lessons = timing.shift_delay(demonstrations) if shift_delay else demonstrations
     found = candidates(
-        lessons,
+        demonstrations,
         settings=SETTINGS if settings is None else (settings,),
         histories=(0, 1) if history is None and settings is None else (history or 0,),
     )
@@ -97,13 +93,15 @@ def fit(
             if practise:
                 raise InvalidArgumentError(f"practise must be 0 without an environment: {missing}")
             notes = [f"The tree was not played: {missing}"] if missing else []
-            return _report(_best_left_out(found), None, lessons, found, notes)
+            return _report(_best_left_out(found), None, demonstrations, found, notes)
         player = Player(world, seed, on_progress)
-        fitting = _Fitting(demonstrations, lessons, world, player, episodes, seed)
+        fitting = _Fitting(demonstrations, world, player, episodes, seed)
         chosen, known = fitting.choose(found, repair=settings is None)
         judged = fitting.judge(chosen)
         plays = known + judged.episodes
-        report = replace(_report(chosen, judged, lessons, found, [], player.episodes), plays=plays)
+        report = replace(
+            _report(chosen, judged, demonstrations, found, [], player.episodes), plays=plays
+        )
         if not practise:
             return report
         better = fitting.practise(chosen, plays, practise, on_progress)
@@ -112,7 +110,7 @@ def fit(
             note = f"{practise} episodes of practice made nothing better of it."
             warnings = (*report.warnings, note)
             return replace(report, warnings=warnings, episodes_played=count, before_practice=report)
-        after = _report(*better, lessons, found, [], count)
+        after = _report(*better, demonstrations, found, [], count)
         return replace(after, before_practice=report, plays=better[1].episodes)
 
 
@@ -121,8 +119,7 @@ class _Fitting:
     """The steps of a fit in an environment.
 
     Attributes:
-        demonstrations: What was shown; practice begins with it.
-        lessons: What trees are fitted to: the same, or what was on the screen.
+        demonstrations: What was shown: trees are fitted to it, practice begins with it.
         world: Where to play.
         player: Plays there and counts.
         episodes: Fresh episodes that judge a tree.
@@ -130,7 +127,6 @@ class _Fitting:
     """
 
     demonstrations: Demonstrations
-    lessons: Demonstrations
     world: gymnasium.Env[Any, Any]
     player: Player
     episodes: int
@@ -149,7 +145,7 @@ class _Fitting:
         if repair:
             budget = max(1, int(REPAIR_SHARE * self.episodes))
             self.player.begin("repairing", MOST_REPAIR_PLAYS * budget)
-            chosen, played = mend(chosen, played, self.lessons, self.player, budget)
+            chosen, played = mend(chosen, played, self.demonstrations, self.player, budget)
         return chosen, played.episodes
 
     def judge(self, chosen: Candidate) -> Played:
