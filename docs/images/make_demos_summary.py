@@ -1,4 +1,4 @@
-"""Draw docs/images/demos-summary.png: the summary of fifteen scripted demonstrations.
+"""Draw docs/images/demos-summary.png: the page of fifteen scripted demonstrations.
 
 PYTHONPATH=src python docs/images/make_demos_summary.py
 """

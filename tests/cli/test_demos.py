@@ -96,10 +96,7 @@ def test_stats_as_a_page_has_the_same_figures(folder, ask, tmp_path):
     text = page.read_text()
     assert stats["path"] == str(page)
     assert stats["advice"] in text
-    assert f"{stats['neighbour_disagreement']:.1%} of the steps" in text
     assert "2 episodes and 1 discarded" in text
-    assert sum(map(sum, stats["histograms"][0]["counts"])) == stats["n_transitions"]
-    assert len(set(stats["map"]["features"])) == 2
     assert stats["learning_curve"] is None  # of two episodes nothing can be said
 
 

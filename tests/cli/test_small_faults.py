@@ -99,9 +99,8 @@ def test_counts_of_unnamed_actions_cannot_be_misread(eutree, tmp_path):
     rows = np.tile([[0.0], [1.0]], (4, 1))
     episodes = tuple(Episode(rows[:2], [k % 2 + 1], [0.0], True, False) for k in range(4))
     Demonstrations(episodes, Schema.anonymous(1, 3)).save(tmp_path / "demos")
-    said = eutree("demos", "stats", "demos", "--html", "demos.html").out
+    said = eutree("demos", "stats", "demos").out
     assert "action_1 (2), action_2 (2)" in said
-    assert "action_1 (2), action_2 (2)" in (tmp_path / "demos.html").read_text()
 
 
 def test_learning_from_a_log_does_not_speak_of_no_episodes(eutree, demonstrations):

@@ -63,7 +63,6 @@ MIDDLES = {
     "eutree.policies.sklearn_tree": "where float32 rounds, exactly",
     "eutree.contests.betting": "bisection",
     "eutree.report.chart": "places on paper",
-    "eutree.report.coverage_chart": "places on paper",
     "eutree.report.partition_chart": "places on paper",
     "eutree.export.svg": "places on paper",
     "eutree.splitting.maximal": "a mean of logarithms",

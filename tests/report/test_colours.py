@@ -21,10 +21,9 @@ from eutree.report import WatchedEpisode, demonstrations_page, policy_page, run_
 from eutree.schema import EnvironmentSpec
 from tests.report.browser import open_page
 from tests.report.colours import palette, wrong_colours
-from tests.report.test_demonstrations_page import named
 from tests.report.test_run_page import report
 
-PAGES = ("demonstrations", "contradictions", "policy", "run", "demo", "reproduce")
+PAGES = ("demonstrations", "policy", "run", "demo", "reproduce")
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +37,6 @@ def pages(
     demos = eutree.record(env, hands, episodes=6, seed=4)
     texts = {
         "demonstrations": demonstrations_page(demos),
-        "contradictions": demonstrations_page(named("x")),
         "policy": policy_page(policy, episodes=watched, demonstrations=demos),
         "run": run_page(report()),
     }

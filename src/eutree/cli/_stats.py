@@ -44,12 +44,11 @@ def show(
 def _values(
     demonstrations: "Demonstrations", figures: "DemonstrationFigures", numbers: list[int]
 ) -> dict[str, Any]:
-    from eutree.data.coverage import coverage_map, histograms
     from eutree.fitting import Person
 
-    schema, summary, neighbours = demonstrations.schema, figures.summary, figures.neighbours
+    schema, summary = demonstrations.schema, figures.summary
     names, actions = schema.feature_names, schema.actions
-    found, person = coverage_map(demonstrations), Person.of(demonstrations)
+    person = Person.of(demonstrations)
 
     def places(pairs: tuple[_Place, ...]) -> list[list[int]]:
         return [[numbers[episode], step] for episode, step in pairs]
@@ -65,22 +64,6 @@ def _values(
         "return_interval": person.return_interval,
         "coverage": [vars(entry) for entry in summary.coverage],
         "joint_cells": summary.joint_cells,
-        "histograms": [
-            {
-                "name": names[h.feature],
-                "low": h.low,
-                "high": h.high,
-                "counts": h.counts.tolist(),
-            }
-            for h in histograms(demonstrations)
-        ],
-        "map": found
-        and {
-            "features": [names[j] for j in found.features],
-            "information": found.information,
-            "share": found.share,
-            "counts": found.counts.tolist(),
-        },
         "disagreement": summary.disagreement,
         "n_conflicts": summary.n_conflicts,
         "conflicts": [
@@ -90,17 +73,6 @@ def _values(
                 "places": places(conflict.places),
             }
             for conflict in summary.conflicts
-        ],
-        "neighbour_disagreement": neighbours.disagreement,
-        "n_near_neighbours": neighbours.n_near,
-        "near_neighbour_disagreement": neighbours.near_disagreement,
-        "contradictions": [
-            {
-                "distance": pair.distance,
-                "places": places(pair.places),
-                "actions": [actions[action] for action in pair.actions],
-            }
-            for pair in neighbours.contradictions
         ],
         "learning_curve": figures.curve and _curve(figures.curve),
         "advice": figures.advice,
@@ -146,16 +118,6 @@ def _text(
             f"{name} ({count})" for name, count in conflict["counts"].items() if count
         )
         lines.append(f"  at {where}: {counts} ({_said(conflict['places'])})")
-    if values["neighbour_disagreement"] is not None:
-        lines.append(
-            f"{values['neighbour_disagreement']:.1%} were answered otherwise than the most similar "
-            "one of another episode"
-        )
-    for pair in values["contradictions"]:
-        lines.append(
-            f"  {' / '.join(pair['actions'])} at a distance of {pair['distance']:.2%} of the range "
-            f"({_said(pair['places'])})"
-        )
     return [*lines, figures.advice]
 
 

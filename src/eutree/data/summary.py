@@ -15,7 +15,6 @@ from eutree.arrays import Floats, Integers
 from eutree.data.coverage import bins_of, bounds_of
 from eutree.data.demonstrations import Demonstrations
 from eutree.data.episode import Episode
-from eutree.data.neighbours import places_of
 
 BINS = 50
 COVERAGE_BINS = 10
@@ -114,7 +113,7 @@ def summarize(demonstrations: Demonstrations) -> Summary:
     disagreeing = counts.sum(axis=1) - counts.max(axis=1, initial=0)
     order = np.lexsort((np.arange(len(disagreeing)), -disagreeing))
     worst = [int(g) for g in order[:MAX_EXAMPLES] if disagreeing[g] > 0]
-    places = places_of(demonstrations)
+    places = _places_of(demonstrations)
     coarse = bins_of(observations, *bounds_of(demonstrations), COVERAGE_BINS)
     return Summary(
         episodes=tuple(
@@ -144,6 +143,16 @@ def summarize_episode(number: int, episode: Episode) -> EpisodeSummary:
         seed=episode.seed,
         comment=episode.comment,
     )
+
+
+def _places_of(demonstrations: Demonstrations) -> list[tuple[int, int]]:
+    """Return episode and step of each transition of the kept episodes."""
+    return [
+        (number, step)
+        for number, episode in enumerate(demonstrations.episodes)
+        if episode.kept
+        for step in range(len(episode))
+    ]
 
 
 def _group_counts(

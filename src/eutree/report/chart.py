@@ -4,6 +4,8 @@ import math
 from collections.abc import Mapping, Sequence
 from html import escape
 
+from eutree.schema import Schema
+
 # Episode, mean, and both ends of the interval.
 CurvePoint = tuple[float, float, float, float]
 Series = Mapping[str, Sequence[CurvePoint]]
@@ -115,6 +117,16 @@ def scatter(x_title: str, y_title: str, points: Sequence[tuple[float, float, str
         for across, up, name in points
     ]
     return "\n".join([*lines, "</svg>"])
+
+
+def action_legend(schema: Schema) -> str:
+    """Return the list of actions with the hue of each."""
+    entries = (
+        f'<li><svg width="14" height="12" aria-hidden="true"><rect class="action-'
+        f'{action % _STYLES}" width="14" height="12" rx="2"/></svg>{escape(name)}</li>'
+        for action, name in enumerate(schema.actions)
+    )
+    return f'<ul class="legend">{"".join(entries)}</ul>'
 
 
 def legend(names: Sequence[str]) -> str:

@@ -16,8 +16,7 @@ from eutree.export.svg import STYLE
 from eutree.learners.model_trust import ModelTrust
 from eutree.policies import TreePolicy
 from eutree.report.changes import LeafChange
-from eutree.report.chart import Series, chart, legend, scatter
-from eutree.report.coverage_chart import action_legend
+from eutree.report.chart import Series, action_legend, chart, legend, scatter
 from eutree.report.head import Verdict, head
 from eutree.report.html import as_json, asset, base_style, page
 from eutree.report.tree_data import SIZE_LIMIT, add_pictures, tree_data

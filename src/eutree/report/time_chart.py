@@ -4,7 +4,6 @@ Features with the same unit share a panel, so the position of a task and those o
 seen against each other; a feature without a unit has a panel to itself.
 """
 
-from collections.abc import Sequence
 from html import escape
 
 import numpy as np
@@ -36,9 +35,7 @@ def style_of(schema: Schema, feature: int) -> int:
     return next(p.index(feature) for p in panels(schema) if feature in p) % _STYLES
 
 
-def time_chart(
-    episode: Episode, schema: Schema, low: Floats, high: Floats, marked: Sequence[int], label: str
-) -> str:
+def time_chart(episode: Episode, schema: Schema, low: Floats, high: Floats, label: str) -> str:
     """Return the drawing of one episode.
 
     Args:
@@ -46,7 +43,6 @@ def time_chart(
         schema: Names of its features and actions.
         low: Lower end of each feature's axis, shape [d].
         high: Upper end of each feature's axis, shape [d].
-        marked: Steps to mark.
         label: What a screen reader says.
     """
     groups = panels(schema)
@@ -62,12 +58,6 @@ def time_chart(
         lines += _panel(episode, schema, group, (low, high), (top, panel))
     lines += _actions(episode, schema, top_of_actions)
     bottom = top_of_actions + schema.n_actions * _ROW
-    for step in marked:
-        x = _x(step + 0.5, len(episode))
-        lines.append(
-            f'<line class="mark" x1="{x:.1f}" x2="{x:.1f}" y1="0" y2="{bottom:.1f}">'
-            f"<title>step {step}</title></line>"
-        )
     for tick in (0, len(episode)):
         anchor = "start" if tick == 0 else "end"
         lines.append(
