@@ -184,7 +184,7 @@ def test_mistakes_give_one_line_and_code_2(folder, ask, tmp_path):
         ("check", folder, "--env", "eutree/Evasion3-v0"): "not of eutree/Evasion3-v0",
         ("check", folder, "--env", "eutree/Evasoin2-v0"): "Did you mean",
         ("merge", folder, tmp_path / "empty", "--out", tmp_path / "m"): "holds demonstrations of",
-        ("merge", folder, "--out", folder): "not an empty folder",
+        ("merge", folder, "--out", folder): "must be another place than FOLDERS",
         ("drop", folder, 0, 9): "has no episode 9",
         ("trim", folder, 0, "--steps", 9999): "--steps must be less than",
         ("replay", folder, 9): "has no episode 9",

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 import click
 
+from eutree.cli._paths import Written
 from eutree.errors import shown
 from eutree.files.schema_document import plain_json
 from eutree.schema import MAX_ACTIONS, EnvironmentSpec
@@ -37,9 +38,19 @@ def count_option(
     )
 
 
-def path_option(*names: str, text: str, required: bool = False) -> Callable[[_Command], _Command]:
-    """Return an option that takes a file or a folder, passed on as a path."""
-    return click.option(*names, type=click.Path(path_type=Path), required=required, help=text)
+def path_option(*names: str, text: str) -> Callable[[_Command], _Command]:
+    """Return an option that takes a file or a folder to read, passed on as a path."""
+    return click.option(*names, type=click.Path(path_type=Path), help=text)
+
+
+def output_option(
+    *names: str, text: str, required: bool = False, default: str = ""
+) -> Callable[[_Command], _Command]:
+    """Return an option that takes a file or a folder to write, passed on as a path."""
+    # click takes a default of None for a value, which then is not missing.
+    usual: dict[str, Any] = {"default": default, "show_default": True} if default else {}
+    kind = Written(path_type=Path)
+    return click.option(*names, type=kind, required=required, help=text, **usual)
 
 
 def json_option(command: _Command) -> _Command:

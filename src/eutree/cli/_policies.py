@@ -24,7 +24,7 @@ def policy_file(path: Path) -> Path:
     if not path.is_dir():
         return path
     file = path / "policy.json"
-    if not file.exists():
+    if not file.exists() or (path / "demonstrations.json").exists():
         raise InvalidArgumentError(
             f"{path} must be a policy file, or a run folder with a policy.json, which a run "
             "writes at its end"

@@ -10,6 +10,7 @@ from eutree.cli._options import (
     count_option,
     env_arg_option,
     json_option,
+    output_option,
     override,
     path_option,
     seed_option,
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 
 @click.command(epilog="Example: eutree compress runs/a --out small.json --round")
 @click.argument("source", type=click.Path(path_type=Path))
-@path_option("--out", text="File to write.", required=True)
+@output_option("--out", text="File to write.", required=True)
 @path_option(
     "--demos",
     text="Demonstrations whose observations to keep the decisions on; needed where "

@@ -7,7 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from eutree.cli._options import count_option, env_arg_option, json_option, seed_option
+from eutree.cli._options import (
+    count_option,
+    env_arg_option,
+    json_option,
+    output_option,
+    seed_option,
+)
 from eutree.cli._output import Output
 from eutree.schema import EnvironmentSpec
 
@@ -20,8 +26,7 @@ if TYPE_CHECKING:
 @click.command(epilog="Example: eutree demo CartPole-v1 --expert fall")
 @click.argument("environment", default="eutree/Evasion2-v0")
 @click.option("--expert", help="A scripted demonstrator of the environment; by default its first.")
-@click.option("--out", type=click.Path(path_type=Path), default="demo-report", show_default=True,
-              help="Folder to write.")  # fmt: skip
+@output_option("--out", text="Folder to write.", default="demo-report")
 @count_option(
     "--episodes", None, "Episodes of each learning run, instead of the demo's own budget."
 )

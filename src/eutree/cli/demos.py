@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from eutree.cli._options import env_arg_option, import_option, json_option, path_option
+from eutree.cli._options import env_arg_option, import_option, json_option, output_option
 from eutree.cli._output import Output
+from eutree.cli._paths import Written
 from eutree.errors import InvalidArgumentError
 from eutree.wording import counted
 
@@ -177,7 +178,7 @@ def check(
 
 @demos.command(epilog="Example: eutree demos merge monday/ tuesday/ --out demos/")
 @click.argument("folders", type=click.Path(path_type=Path), nargs=-1, required=True)
-@path_option("--out", text="A new folder.", required=True)
+@output_option("--out", text="A new folder.", required=True)
 @json_option
 def merge(folders: tuple[Path, ...], out: Path, as_json: bool) -> None:
     """Put the episodes of several FOLDERS of one environment into a new folder."""
@@ -195,7 +196,7 @@ def merge(folders: tuple[Path, ...], out: Path, as_json: bool) -> None:
 
 @demos.command(epilog="Example: eutree demos stats demos/ --html demos.html")
 @_folder
-@path_option("--html", text="Write the summary as a page, too.")
+@output_option("--html", text="Write the summary as a page, too.")
 @json_option
 def stats(folder: Path, html: Path | None, as_json: bool) -> None:
     """Say what FOLDER covers, where it contradicts itself, and whether more would help."""
@@ -209,8 +210,8 @@ def stats(folder: Path, html: Path | None, as_json: bool) -> None:
 @demos.command(
     "import", epilog="Example: eutree demos import minari:eutree/evasion2/human-v0 --out demos/"
 )
-@click.argument("source")
-@path_option("--out", text="A new folder.", required=True)
+@click.argument("source", type=click.Path())
+@output_option("--out", text="A new folder.", required=True)
 @click.option("--env", "environment", help="The environment, where the source names none.")
 @click.option("--episode-column", help="Column of a .csv that says which episode; else 'episode'.")
 @click.option("--action-column", help="Column with the actions, names or numbers; else 'action'.")
@@ -264,7 +265,7 @@ def import_(
 
 @demos.command(epilog="Example: eutree demos export demos/ minari:eutree/evasion2/human-v0")
 @_folder
-@click.argument("target")
+@click.argument("target", type=Written())
 @import_option
 @json_option
 def export(folder: Path, target: str, as_json: bool) -> None:

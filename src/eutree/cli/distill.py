@@ -6,7 +6,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from eutree.cli._cluster import cluster, workers_options
-from eutree.cli._options import count_option, env_arg_option, json_option, path_option, seed_option
+from eutree.cli._options import (
+    count_option,
+    env_arg_option,
+    json_option,
+    output_option,
+    path_option,
+    seed_option,
+)
 from eutree.cli._output import Output
 from eutree.cli._policies import load_policy
 from eutree.errors import InvalidArgumentError
@@ -22,7 +29,7 @@ EXAMPLE = "eutree distill eutree/Evasion2-v0 --expert gate --max-leaves 8 --out 
 
 @click.command(epilog=f"Example: {EXAMPLE}")
 @click.argument("environment")
-@path_option("--out", text="File to write.", required=True)
+@output_option("--out", text="File to write.", required=True)
 @click.option("--expert", help="The teacher: a scripted expert, for example gate.")
 @path_option("--policy", text="The teacher: a policy file.")
 @path_option("--demos", text="What the teacher showed already, in place of its first episodes.")

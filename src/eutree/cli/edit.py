@@ -11,8 +11,8 @@ from eutree.cli._options import (
     count_option,
     env_arg_option,
     json_option,
+    output_option,
     override,
-    path_option,
     seed_option,
 )
 from eutree.cli._output import Output
@@ -39,7 +39,7 @@ _NUMBER = re.compile(r"[0-9]{1,9}")  # of a node or a leaf
 @click.option("--reseal", is_flag=True,
               help="Accept a file that was changed by hand; without --out it is written "
               "again where it is.")  # fmt: skip
-@path_option("--out", text="File to write; without it the tree is shown with its numbers.")
+@output_option("--out", text="File to write; without it the tree is shown with its numbers.")
 @count_option(
     "--episodes",
     100,

@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from eutree.cli._options import json_option
+from eutree.cli._options import json_option, output_option
 from eutree.cli._output import Output
 from eutree.cli._policies import load_policy
 from eutree.errors import InvalidArgumentError
@@ -24,7 +24,7 @@ from eutree.files import write_bytes
     metavar="FORMAT",
     help=f"One of {', '.join(FORMATS)}. If left out, the suffix of --out decides.",
 )
-@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="File to write.")
+@output_option("--out", text="File to write.")
 @click.option("--name", help="Name of the function (c, python, st). For c, --out names it too.")
 @click.option("--number", help="Type of the numbers in C: double, float or int32.")
 @click.option(

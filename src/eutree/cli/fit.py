@@ -10,8 +10,8 @@ from eutree.cli._options import (
     count_option,
     env_arg_option,
     json_option,
+    output_option,
     override,
-    path_option,
     seed_option,
 )
 from eutree.cli._output import Output
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @click.command(epilog="Example: eutree fit demos/ --out expert.json")
 @click.argument("demonstrations", type=click.Path(path_type=Path))
-@path_option("--out", text="File to write.", required=True)
+@output_option("--out", text="File to write.", required=True)
 @count_option(
     "--episodes",
     200,

@@ -14,6 +14,7 @@ from eutree.cli._options import (
     count_option,
     env_arg_option,
     json_option,
+    output_option,
     override,
     path_option,
     seed_option,
@@ -34,10 +35,11 @@ if TYPE_CHECKING:
 @click.argument("environment", required=False)
 @path_option("--demos", text="Demonstrations to start from.")
 @path_option("--expert", text="Policy file to start from, instead of the expert tree of --demos.")
-@click.option("--teacher", help="Who teaches instead of a network: a policy file, or a scripted "
+@click.option("--teacher", type=click.Path(), metavar="NAME",
+              help="Who teaches instead of a network: a policy file, or a scripted "
               "expert; for distilled-dqn.")  # fmt: skip
 @count_option("--teacher-steps", None, "Steps in which --teacher was trained.", least=0)
-@path_option("--out", text="Run folder to write.")
+@output_option("--out", text="Run folder to write.")
 @click.option("--method", help="How to learn: planning, distilled-dqn, u-tree, ...; or a preset. "
               "auto, the default, lets the task decide between the first two.")  # fmt: skip
 @click.option("--preset", help="A method with all choices made: default, paper (literal), paper-d, "
@@ -81,7 +83,7 @@ if TYPE_CHECKING:
 @click.option("--checkpoint-seconds", type=click.FloatRange(min=0),
               help="Time between two checkpoints; 0 for one after every episode. By default "
               "saving takes at most a twentieth of the time.")  # fmt: skip
-@path_option("--tensorboard", text="Folder for a log that TensorBoard shows; one for each run.")
+@output_option("--tensorboard", text="Folder for a log that TensorBoard shows; one for each run.")
 @click.option("--partition", metavar="X,Y", help="Draw the partition over two features while it "
               "grows; for show --run-html.")  # fmt: skip
 @click.option("--strict", is_flag=True, help="Refuse observations outside the space's bounds.")

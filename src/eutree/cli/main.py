@@ -9,6 +9,7 @@ from contextlib import nullcontext
 
 import click
 
+from eutree.cli._paths import check_outputs
 from eutree.cli._standard_output import kept_for_results
 from eutree.errors import EutreeError, UnknownNameError
 
@@ -55,10 +56,13 @@ class LazyGroup(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Return the command and its arguments, in which no option has two values."""
+        """Return the command and its arguments.
+
+        No option in them has two values, and no output is an input.
+        """
         name, command, rest = super().resolve_command(ctx, args)
         if command is not None:
-            _refuse_repeats(command, ctx, rest)
+            _check(command, ctx, rest)
         return name, command, rest
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -67,21 +71,22 @@ class LazyGroup(click.Group):
             formatter.write_dl(list(COMMANDS.items()))
 
 
-def _refuse_repeats(command: click.Command, parent: click.Context, arguments: list[str]) -> None:
-    """Raise UsageError where an option that takes one value is given two; click takes the last."""
+def _check(command: click.Command, parent: click.Context, arguments: list[str]) -> None:
+    """Raise where an option that takes one value is given two, or an output is an input."""
     context = command.context_class(command, parent=parent)
     try:
-        _, rest, given = command.make_parser(context).parse_args(list(arguments))
+        values, rest, order = command.make_parser(context).parse_args(list(arguments))
     except click.UsageError:
         return  # the command itself says so
-    values = [p for p in given if isinstance(p, click.Option) and not (p.multiple or p.is_flag)]
-    for option in values:
-        if values.count(option) > 1:
-            raise click.UsageError(f"{option.opts[-1]} is given {values.count(option)} times")
+    single = [p for p in order if isinstance(p, click.Option) and not (p.multiple or p.is_flag)]
+    for option in single:
+        if single.count(option) > 1:
+            raise click.UsageError(f"{option.opts[-1]} is given {single.count(option)} times")
+    check_outputs(command, values)
     if isinstance(command, click.Group) and rest:
         inner = command.get_command(context, rest[0])
         if inner is not None:
-            _refuse_repeats(inner, context, rest[1:])
+            _check(inner, context, rest[1:])
 
 
 @click.group(

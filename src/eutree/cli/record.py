@@ -5,7 +5,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from eutree.cli._options import count_option, env_arg_option, json_option, path_option, seed_option
+from eutree.cli._options import (
+    count_option,
+    env_arg_option,
+    json_option,
+    output_option,
+    seed_option,
+)
 from eutree.cli._output import Output
 from eutree.errors import EutreeError, InvalidArgumentError
 from eutree.schema import EnvironmentSpec
@@ -18,7 +24,7 @@ if TYPE_CHECKING:
 
 @click.command(epilog="Example: eutree record eutree/Evasion2-v0 --out demos/")
 @click.argument("environment")
-@path_option("--out", text="Folder to write; a person continues one that exists.", required=True)
+@output_option("--out", text="Folder to write; a person continues one that exists.", required=True)
 @count_option("--episodes", 15, "How many episodes.")
 @click.option("--web", is_flag=True, help="A person records in a browser, as without --expert.")
 @click.option("--keys", help="What the keys mean: left=0,right=1,none=0 (numbers or names).")

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 from eutree.cli._cluster import cluster, workers_options
-from eutree.cli._options import count_option, json_option, seed_option
+from eutree.cli._options import count_option, json_option, output_option, seed_option
 from eutree.cli._output import Output, ProgressLine
 
 if TYPE_CHECKING:
@@ -22,8 +22,9 @@ SEARCH_TITLE = "The domain and the reading in which the paper's numbers come out
 @click.command(epilog="Example: eutree reproduce figure-2 --n-jobs 2")
 @click.argument("experiment", required=False)
 @click.option("--list", "listing", is_flag=True, help="List the experiments.")
-@click.option("--out", type=click.Path(path_type=Path), default="results", show_default=True,
-              help="Folder of results; finished runs are never done again.")  # fmt: skip
+@output_option(
+    "--out", text="Folder of results; finished runs are never done again.", default="results"
+)
 @click.option("--preset", "presets", multiple=True, default=("paper", "default"),
               show_default=True, help="Settings to compare. May be repeated.")  # fmt: skip
 @click.option("--method", "methods", multiple=True,

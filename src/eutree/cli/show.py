@@ -10,6 +10,7 @@ from eutree.cli._options import (
     count_option,
     env_arg_option,
     json_option,
+    output_option,
     override,
     path_option,
     seed_option,
@@ -24,11 +25,11 @@ if TYPE_CHECKING:
 
 @click.command(epilog="Example: eutree show small.json --html small.html --demos demos/")
 @click.argument("policy", type=click.Path(path_type=Path))
-@click.option("--html", type=click.Path(dir_okay=False, path_type=Path),
-              help="Write a page on which the policy can be watched and questioned.")  # fmt: skip
-@click.option("--run-html", type=click.Path(dir_okay=False, path_type=Path),
-              help="Write a page about the run in the folder POLICY: curve, teacher, world model, "
-              "races.")  # fmt: skip
+@output_option("--html", text="Write a page on which the policy can be watched and questioned.")
+@output_option(
+    "--run-html",
+    text="Write a page about the run in the folder POLICY: curve, teacher, world model, races.",
+)
 @count_option("--episodes", 10, "How many episodes the page plays.", least=0)
 @path_option("--demos", text="Demonstrations whose steps the page shows in their leaves.")
 @env_arg_option

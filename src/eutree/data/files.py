@@ -92,7 +92,7 @@ class DemonstrationFolder:
         folder = Path(path)
         if not (folder / HEADER).exists():
             header, is_new = _header(schema, environment, expert), not folder.exists()
-            atomic.make_folder(folder)
+            atomic.make_folder(folder, of=atomic.DEMONSTRATIONS)
             try:
                 atomic.write_bytes(folder / HEADER, header)
             except BaseException:

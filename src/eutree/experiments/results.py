@@ -6,7 +6,7 @@ from typing import Generic, Protocol, TypeVar
 
 from eutree.experiments.runs import RunRecord, RunSpec, run
 from eutree.files import Document, make_folder, read_document, write_document
-from eutree.files.atomic import remove_orphans
+from eutree.files.atomic import RESULTS, remove_orphans
 from eutree.parallel import Workers
 
 
@@ -30,7 +30,7 @@ class RecordFolder(Generic[Spec, Record]):
     """
 
     def __init__(self, folder: str | Path, record_type: type[Record]) -> None:
-        self.folder = make_folder(folder)
+        self.folder = make_folder(folder, of=RESULTS)
         self._type = record_type
         self._runs = make_folder(self.folder / "runs")
         remove_orphans(self._runs)

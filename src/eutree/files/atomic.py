@@ -25,6 +25,12 @@ except ImportError:  # not a POSIX system: no locks there
     fcntl = None  # type: ignore[assignment]  # a module elsewhere
 
 TEMPORARY_SUFFIX = ".eutree-tmp"
+RUN, DEMONSTRATIONS, RESULTS = "a run", "demonstrations", "results"
+KINDS = {  # what folders hold, and the files that tell it
+    RUN: ("config.json", "checkpoint.npz", "runs.csv"),
+    DEMONSTRATIONS: ("demonstrations.json",),
+    RESULTS: (),
+}
 
 _MACHINE = f"{zlib.crc32(platform.node().encode()):08x}"
 _TEMPORARY_NAME = re.compile(
@@ -145,12 +151,21 @@ def read_bytes(path: str | Path, *, limit: int) -> bytes:
     return content
 
 
-def make_folder(path: str | Path) -> Path:
-    """Make the folder and its missing parents; return its path."""
+def make_folder(path: str | Path, *, of: str = "") -> Path:
+    """Make the folder and its missing parents; return its path.
+
+    Args:
+        path: The folder.
+        of: One of ``KINDS``, or empty. A folder that holds something of another kind is refused.
+    """
     folder = Path(path)
     with reported("make folder", path):
         if folder.exists() and not folder.is_dir():
             raise FileError("make folder", path, "a file of that name is in the way")
+        for kind, marks in KINDS.items() if of else ():
+            if kind != of and any((folder / mark).exists() for mark in marks):
+                reason = f"it holds {kind}; choose another folder for {of}"
+                raise FileError("write", path, reason)
         folder.mkdir(parents=True, exist_ok=True)
     return folder
 

@@ -14,6 +14,7 @@ from eutree.errors import FormatError, InvalidArgumentError, RunFolderError
 from eutree.evaluation import CurvePoint, Evaluation, curve_from_csv, evaluate
 from eutree.evaluation.curves import curves_to_pandas
 from eutree.files import make_folder, read_bytes, write_text
+from eutree.files.atomic import RUN
 from eutree.interaction import episode_seed
 from eutree.interaction.making import make
 from eutree.interaction.recipe import Recipe
@@ -124,7 +125,7 @@ def learn_runs(
     check_integer("judging_episodes", judging_episodes, low=2)
     check_seed(seed)
     spec = EnvironmentSpec(environment) if isinstance(environment, str) else environment
-    folder = make_folder(out)
+    folder = make_folder(out, of=RUN)
     if (folder / "runs").exists() and not resume:
         raise RunFolderError(
             f"{folder} already holds runs; go on with them (--resume) or choose another folder"

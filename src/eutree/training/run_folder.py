@@ -30,7 +30,7 @@ from eutree.files import (
     write_document,
     write_text,
 )
-from eutree.files.atomic import lock, remove_orphans, reported
+from eutree.files.atomic import RUN, lock, remove_orphans, reported
 from eutree.learners.registry import from_document, to_document
 from eutree.policies import TreePolicy
 from eutree.training.checkpoint import (
@@ -119,7 +119,7 @@ class RunFolder:
         *,
         resume: bool,
     ) -> None:
-        self.path = make_folder(path)
+        self.path = make_folder(path, of=RUN)
         self._lock = _lock(self.path)
         try:
             self._open(config, resume=resume)

@@ -1,0 +1,146 @@
+"""No command writes what it reads: every output of every command beside every input."""
+
+import shutil
+from pathlib import Path
+
+import click
+import numpy as np
+import pytest
+
+from eutree.cli._paths import PARTS, Written
+from eutree.cli.main import COMMANDS, eutree, run
+from eutree.data import Demonstrations, Episode
+from eutree.policies import TreePolicy
+from eutree.schema import EnvironmentSpec, Schema
+from eutree.trees import DecisionTree
+
+
+def commands(group, path=()):
+    """Yield the words and the command of each command."""
+    context = click.Context(group)
+    for name in group.list_commands(context):
+        command = group.get_command(context, name)
+        if isinstance(command, click.Group):
+            yield from commands(command, (*path, name))
+        else:
+            yield (*path, name), command
+
+
+ALL = list(commands(eutree))
+PAIRS = [
+    pytest.param(words, command, output, source, id=f"{words[-1]}: {output.name} {source.name}")
+    for words, command in ALL
+    for output in command.params
+    if isinstance(output.type, Written)
+    for source in command.params
+    if isinstance(source.type, click.Path) and not isinstance(source.type, Written)
+]  # fmt: skip
+
+
+def line(words, command, given):
+    """Return a command line with these values, and some text for every other argument."""
+    options, arguments = [], []
+    for parameter in command.params:
+        value = given.get(parameter.name)
+        if isinstance(parameter, click.Argument):
+            arguments.append(value or "eutree/Evasion2-v0")
+        elif value is not None:
+            options += [parameter.opts[-1], value]
+    return [*words, *options, "--", *arguments]
+
+
+def contents(folder):
+    return {path: path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    """Return a folder with a policy file, demonstrations and what stands for a run."""
+    schema = Schema.anonymous(1, 2)
+    policy = TreePolicy(DecisionTree.single_leaf(1), np.array([1]), schema)
+    policy.save(tmp_path / "p.json")
+    episode = Episode(np.zeros((3, 1)), [0, 1], [0.0, 1.0], True, False)
+    spec = EnvironmentSpec("eutree/Evasion2-v0")
+    Demonstrations((episode,), schema, spec).save(tmp_path / "demos")
+    (tmp_path / "run").mkdir()
+    shutil.copy(tmp_path / "p.json", tmp_path / "run" / "policy.json")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+SAME = (
+    ("p.json", "p.json"),
+    ("./demos/../p.json", "p.json"),
+    ("link.json", "p.json"),
+    ("demos", "demos"),
+    ("demos/demonstrations.json", "demos"),
+    ("run/policy.json", "run"),
+    ("run", "run/policy.json"),
+)
+
+
+@pytest.mark.parametrize(("words", "command", "output", "source"), PAIRS)
+def test_an_output_is_no_input(words, command, output, source, place, capsys):
+    (place / "link.json").hardlink_to(place / "p.json")
+    before = contents(place)
+    for written, read in SAME:
+        assert run(line(words, command, {output.name: written, source.name: read})) == 2
+        assert "which it would overwrite" in capsys.readouterr().err
+    assert contents(place) == before
+
+
+def test_there_are_pairs_and_what_writes_says_so():
+    assert len(PAIRS) >= 15
+    assert {words[0] for words, *_ in (pair.values for pair in PAIRS)} < set(COMMANDS)
+    names = {"out", "html", "run_html", "tensorboard", "target"}
+    for words, command in ALL:
+        for parameter in command.params:
+            is_output = isinstance(parameter.type, Written)
+            assert is_output == (parameter.name in names), (words, parameter.name)
+
+
+@pytest.mark.parametrize("written", ["page.html", "demos/page.html", "run/small.json"])
+def test_another_place_is_no_fault(written, place, capsys):
+    for _ in range(2):  # a page is written again where it was
+        source = "run" if written.startswith("run") else "p.json"
+        assert run(["show", source, "--html", written, "--episodes", "0"]) == 0
+    assert Path(written).exists()
+
+
+def test_the_parts_are_those_of_a_run_and_of_demonstrations(place, capsys):
+    ask = ("--episodes", "2", "--evaluate-every", "1", "--evaluation-episodes", "2", "--runs", "2")
+    assert (
+        run(["record", "CartPole-v1", "--expert", "fall", "--episodes", "2", "--out", "shown"]) == 0
+    )
+    assert run(["learn", "--demos", "shown", "--out", "runs", *ask]) == 0
+    for folder in ("shown", "runs", "runs/runs/0"):
+        names = {path.name for path in Path(folder).iterdir() if path.is_file()}
+        assert names
+        assert all(PARTS.fullmatch(name) or name == ".lock" for name in names)
+
+
+LEARN = ("learn", "CartPole-v1", "--episodes", "1")
+RECORD = ("record", "CartPole-v1", "--web", "--out")
+
+
+@pytest.mark.parametrize(
+    ("wanted", "held"),
+    [
+        ((*LEARN, "--out", "demos"), "demonstrations"),
+        ((*LEARN, "--runs", "2", "--out", "demos"), "demonstrations"),
+        (("reproduce", "table-2", "--smoke", "--out", "demos"), "demonstrations"),
+        ((*RECORD, "run"), "a run"),
+    ],
+)
+def test_a_folder_holds_one_kind_of_thing(wanted, held, place, capsys):
+    (place / "run" / "config.json").write_text("{}")
+    before = contents(place)
+    assert run(list(wanted)) == 2
+    assert f"it holds {held}; choose another folder" in capsys.readouterr().err
+    assert contents(place) == before
+
+
+def test_demonstrations_with_a_policy_are_no_run(place, capsys):
+    shutil.copy("p.json", "demos/policy.json")
+    assert run(["show", "demos"]) == 2
+    assert "must be a policy file, or a run folder" in capsys.readouterr().err
