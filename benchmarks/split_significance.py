@@ -20,7 +20,12 @@ TESTS: dict[str, Significance] = {
     "maximal": Maximal(ALPHA),
     "permutation": Permutation(alpha=ALPHA, n_permutations=199),
 }
+BY_EPISODE: dict[str, Significance] = {
+    "by tuple": Permutation(alpha=ALPHA, n_permutations=199),
+    "by episode": Permutation(alpha=ALPHA, n_permutations=199, by_episode=True),
+}
 Leaf = Callable[[np.random.Generator, int], LeafSample]
+EQUAL, MIXED = (20,) * 20, (3,) * 40 + (40,) * 5  # steps of episodes
 
 
 def noise(generator: np.random.Generator, n: int) -> LeafSample:
@@ -52,6 +57,45 @@ def mixture(generator: np.random.Generator, n: int) -> LeafSample:
 
 def _leaf(generator: np.random.Generator, n: int, returns: np.ndarray) -> LeafSample:
     return LeafSample(generator.normal(size=(n, 3)), returns, generator.integers(0, 2, size=n))
+
+
+def episodes(
+    lengths: tuple[int, ...], *, wider: bool, effect: float = 0.0
+) -> Callable[[np.random.Generator, int], LeafSample]:
+    """Return leaves of whole episodes, each with an observation and a return of its own.
+
+    Args:
+        lengths: Steps of the episodes; those of () are drawn, 10 in the mean and 60 at most.
+        wider: Whether the spread of an episode's return is a quarter of its length, else 1.
+        effect: What a positive observation adds to the return, in spreads.
+    """
+
+    def make(generator: np.random.Generator, n: int) -> LeafSample:
+        steps = lengths or np.minimum(generator.geometric(0.1, size=n), 60)
+        owner = np.repeat(np.arange(len(steps)), steps)
+        seen = generator.normal(size=(len(steps), 3))
+        spread = np.maximum(np.array(steps) / 4.0, 1.0) if wider else np.ones(len(steps))
+        returns = spread * (generator.normal(size=len(steps)) + effect * (seen[:, 1] > 0))
+        jitter = 0.01 * generator.normal(size=(owner.size, 4))
+        return LeafSample(
+            np.ascontiguousarray(seen[owner] + jitter[:, :3]),
+            returns[owner] + jitter[:, 3],
+            generator.integers(0, 2, size=owner.size),
+            owner,
+        )
+
+    return make
+
+
+WHOLE: dict[str, tuple[Leaf, int]] = {
+    "noise, 20 episodes of 20 steps": (episodes(EQUAL, wider=False), 20),
+    "noise, 40 of 3 steps and 5 of 40": (episodes(MIXED, wider=False), 45),
+    "noise, the same, returns of the long ones ten times wider": (episodes(MIXED, wider=True), 45),
+    "noise, 40 of any length, the longer the wider": (episodes((), wider=True), 40),
+    "returns shifted by 3 spreads, 20 of 20": (episodes(EQUAL, wider=False, effect=3.0), 20),
+    "returns shifted by 2 spreads, 40 of any length": (episodes((), wider=False, effect=2.0), 40),
+    "the same, the longer the wider": (episodes((), wider=True, effect=2.0), 40),
+}
 
 
 def share(test: Significance, search: KolmogorovSmirnov, make: Leaf, n: int, leaves: int) -> float:
@@ -89,6 +133,13 @@ def report(leaves: int) -> Iterator[str]:
     for compare in ("pooled", "centred", "action"):
         found = share(TESTS["maximal"], KolmogorovSmirnov(compare=compare), mixture, 200, leaves)
         yield f"{compare} {found:.3f}" + (".\n" if compare == "action" else ", ")
+    yield "\n## Tuples of one episode\n\n"
+    yield "Observation and return are those of the episode: its tuples are one finding, not many.\n"
+    yield "Share of leaves that are split:\n\n"
+    yield f"| leaves | {' | '.join(BY_EPISODE)} |\n|---|---|---|\n"
+    for name, (make, n) in WHOLE.items():
+        cells = [f"{share(test, search, make, n, leaves):.3f}" for test in BY_EPISODE.values()]
+        yield f"| {name} | {' | '.join(cells)} |\n"
 
 
 def main() -> None:

@@ -6,6 +6,8 @@ actions, attributes and cuts again, so the p-value is already family-wise over a
 (Westfall and Young). Where returns are clustered, the returns of a whole episode take the place of
 another's, stretched to its length and rotated in time: the dependence inside an episode stays. Laid
 end to end instead, episodes of different lengths would mix, and clusters would pass for structure.
+Only episodes of similar length change places: where a few long episodes have returns of a larger
+spread, short ones that took these would hide, in every draw, what the long ones did by chance.
 Without the rotation the returns of episodes of one length would stay where they were in time, and
 so beside observations that tell it.
 """
@@ -19,6 +21,8 @@ from eutree.splitting import _kernels
 from eutree.splitting.search import KolmogorovSmirnov
 from eutree.splitting.split import LeafSample, Split
 from eutree.validation import check_integer
+
+MOST_TIMES = 2  # as long as the shortest of its class is an episode at most
 
 
 def permutation_p(
@@ -69,20 +73,30 @@ class Episodes:
     size: Integers  # [E] its rows
     owner: Integers  # [n] the episode of each place
     within: Integers  # [n] the row's number within its episode
+    alike: Integers  # [E] episodes with equal numbers are of similar length in the whole sample
 
     @classmethod
     def of(cls, sample: LeafSample, rows: Integers) -> "Episodes":
         """Return the episodes of some rows of a sample, in order of their numbers."""
         numbers = rows if sample.episodes is None else sample.episodes[rows]
         order = np.argsort(numbers, kind="stable")
-        _, first, owner, size = np.unique(
+        number, first, owner, size = np.unique(
             numbers[order], return_index=True, return_inverse=True, return_counts=True
         )
-        return cls(order, first, size, owner, np.arange(order.size) - first[owner])
+        lengths = size
+        if sample.episodes is not None:
+            known, rows_of = np.unique(sample.episodes, return_counts=True)
+            lengths = rows_of[np.searchsorted(known, number)]
+        within = np.arange(order.size) - first[owner]
+        return cls(order, first, size, owner, within, similar(lengths))
 
     def permuted(self, values: Int32s, generator: np.random.Generator) -> Int32s:
         """Return the values with whole episodes exchanged, stretched and rotated."""
-        sources = generator.permutation(self.size.size)
+        drawn = generator.permutation(self.size.size)
+        sources = np.empty_like(drawn)
+        sources[np.argsort(self.alike, kind="stable")] = drawn[
+            np.argsort(self.alike[drawn], kind="stable")
+        ]
         lengths = self.size[sources]
         rotations = generator.integers(lengths)
         length, rotation = lengths[self.owner], rotations[self.owner]
@@ -91,6 +105,22 @@ class Episodes:
         result = np.empty_like(values)
         result[self.rows] = values[self.rows[taken]]
         return result
+
+
+def similar(lengths: Integers) -> Integers:
+    """Return a number for each length [E]: equal ones where the longest is at most twice as long.
+
+    The shortest begins the first class, the shortest that is too long for it the next.
+    """
+    known, place = np.unique(lengths, return_inverse=True)
+    classes = np.zeros(known.size, dtype=np.int64)
+    first = 0
+    for k in range(1, known.size):
+        new = known[k] > MOST_TIMES * known[first]
+        classes[k] = classes[k - 1] + new
+        first = k if new else first
+    result: Integers = classes[place]
+    return result
 
 
 @dataclass(frozen=True, eq=False)
