@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from eutree.inspection.verify import verify as verify
     from eutree.inspection.why import why as why
     from eutree.interaction import record as record
+    from eutree.interaction.record import play as play
     from eutree.learners.expert_tree import fit_expert_tree as fit_expert_tree
     from eutree.policies import LeafStatistics as LeafStatistics
     from eutree.policies import Policy as Policy
@@ -100,6 +101,7 @@ _PUBLIC = {
     "LearningResult": "eutree.training:LearningResult",
     "mdp": "eutree.mdp",
     "MissingExtraError": "eutree.errors:MissingExtraError",
+    "play": "eutree.interaction.record:play",
     "Policy": "eutree.policies:Policy",
     "record": "eutree.interaction:record",
     "report": "eutree.report",

@@ -20,7 +20,7 @@ MAX_ACTIONS = 1_000  # learners hold tables of leaves x actions, and C4.5 of act
 _LABEL = re.compile(r"(?P<name>.*?)(?: \[(?P<unit>[^\]]*)\])?", re.DOTALL)
 # Names that say nothing; up to release 0.1 they had blanks, and tuples had bare numbers.
 _NUMBERED = re.compile(r"x?\d+(\.x?\d+)*(, \d+ ago)?|did action[ _]\d+, \d+ ago")
-_NUMBERED_ACTION = re.compile(r"action[ _]\d+")
+_NUMBERED_ACTION = re.compile(r"action[ _]-?\d+|control_\d+ -?\d+(, control_\d+ -?\d+)*")
 
 
 def combined_actions(controls: "Sequence[Control]") -> tuple[str, ...]:
@@ -32,6 +32,11 @@ def combined_actions(controls: "Sequence[Control]") -> tuple[str, ...]:
 def numbered_actions(n_actions: int) -> tuple[str, ...]:
     """Return the names of actions that have none: ``action_0, action_1, ...``."""
     return tuple(f"action_{i}" for i in range(n_actions))
+
+
+def numbered_controls(n_controls: int) -> tuple[str, ...]:
+    """Return the names of controls that have none: ``control_0, control_1, ...``."""
+    return tuple(f"control_{i}" for i in range(n_controls))
 
 
 @dataclass(frozen=True)
@@ -70,7 +75,7 @@ class Control:
     Attributes:
         name: Its name, for example ``"valve"``.
         unit: Its unit, for example ``"%"``; empty for a pure number.
-        levels: What it can be set to: at least two distinct numbers.
+        levels: What it can be set to: distinct numbers.
     """
 
     name: str
@@ -88,11 +93,11 @@ class Control:
             raise InvalidArgumentError("a control must have a name, got an empty one")
         if (
             len(set(self.levels)) != len(self.levels)
-            or len(self.levels) < 2
+            or not self.levels
             or not all(map(math.isfinite, self.levels))
         ):
             raise InvalidArgumentError(
-                f"control {self.name!r} must have at least two distinct finite levels, "
+                f"control {self.name!r} must have at least one level, all distinct and finite, "
                 f"got {list(self.levels)}"
             )
 
@@ -193,7 +198,7 @@ class Schema:
             Feature(theirs.name, theirs.unit or mine.unit, mine.low, mine.high)
             for mine, theirs in zip(self.features, other.features, strict=True)
         )
-        return Schema(features, other.actions, self.controls or other.controls)
+        return Schema(features, other.actions, other.controls or self.controls)
 
     def is_unnamed_form_of(self, named: "Schema") -> bool:
         """Return whether ``named`` differs from this schema by names that this one has not."""

@@ -151,5 +151,5 @@ def test_what_is_no_action_is_refused(answer: Any) -> None:
             return answer, None
 
     env = GuardedEnv(Wander(SPACES["discrete"]))
-    with pytest.raises(InvalidArgumentError, match=r"policy\.predict must return one action"):
+    with pytest.raises(InvalidArgumentError, match=r"answer of policy\.predict must be one action"):
         Actor(Wrong(), env).act(env.reset(0))

@@ -5,7 +5,7 @@ import warnings
 import gymnasium
 import numpy as np
 import pytest
-from gymnasium.spaces import Box, Discrete
+from gymnasium.spaces import Box, Discrete, MultiBinary
 
 from eutree.errors import EnvironmentFault, InvalidArgumentError, UnsupportedSpaceError
 from eutree.interaction import GuardedEnv
@@ -87,7 +87,9 @@ def test_an_action_outside_the_space_is_refused():
     ("observations", "actions", "message"),
     [
         (Box(-1, 1, (2,)), Box(-1, 1, (1,)), "Discrete action space.*Box.*--action-grid"),
-        (Box(-1, 1, (2,)), Discrete(3, start=1), "starts at 0"),
+        (Box(-1, 1, (2,)), MultiBinary(20), "1048576 combinations.*--action-grid"),
+        (Box(-1, 1, (2,)), Discrete(2000, start=1), "at most 1,000 actions"),
+        (Box(-1, 1, (2,)), gymnasium.spaces.Text(3), "MultiDiscrete.*TransformAction"),
         (Box(0, 255, (8, 8, 3), np.uint8), Discrete(2), "cannot learn from pixels"),
         (Box(-1, 1, (2, 2)), Discrete(2), "FlattenObservation"),
         (gymnasium.spaces.Text(5), Discrete(2), "flat Box"),

@@ -22,7 +22,7 @@ from eutree.wording import counted
 
 if TYPE_CHECKING:
     from eutree.distillation import DistillationReport
-    from eutree.interaction.record import Controller
+    from eutree.interaction.acting import Controller
 
 EXAMPLE = "eutree distill eutree/Evasion2-v0 --expert gate --max-leaves 8 --out distilled.json"
 

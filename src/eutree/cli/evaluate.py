@@ -19,9 +19,10 @@ if TYPE_CHECKING:
 def check_fits(policy: "TreePolicy", path: Path, spec: EnvironmentSpec) -> None:
     """Raise InvalidArgumentError unless the policy's features are those of the environment."""
     from eutree.interaction import describe
+    from eutree.interaction.action_grid import acting_as
     from eutree.interaction.making import make
 
-    schema = describe(make(spec))
+    schema = describe(acting_as(make(spec), policy))
     wanted = schema.with_history(policy.history, policy.past_actions)
     wanted.check_same(policy.schema, str(path), of=str(spec))
 

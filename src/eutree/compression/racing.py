@@ -10,7 +10,7 @@ import numpy as np
 from eutree.arrays import Floats
 from eutree.evaluation import Estimate, Interval, evaluate
 from eutree.interaction import episode_seed
-from eutree.interaction.recipe import made
+from eutree.interaction.recipe import Environment, made
 from eutree.interaction.seeding import Stream
 from eutree.policies import TreePolicy
 from eutree.policy_search.racing import (
@@ -46,9 +46,7 @@ class Arena:
     steps: int = 0
 
     @classmethod
-    def of(
-        cls, env: gymnasium.Env[Any, Any] | EnvironmentSpec | str, seed: int, n_jobs: int | None
-    ) -> "Arena":
+    def of(cls, env: Environment, seed: int, n_jobs: int | None) -> "Arena":
         """Return an environment, or what it is made from, with nothing asked of it yet."""
         itself, spec = made(env, n_jobs)
         return cls(itself, seed, spec, n_jobs)

@@ -10,9 +10,7 @@ nothing else.
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
-import gymnasium
 import numpy as np
 
 from eutree.arrays import Integers
@@ -24,14 +22,14 @@ from eutree.distillation.stakes import ActionValues, Stakes, stakes_of, weights
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import Evaluation, evaluate
 from eutree.interaction import GuardedEnv, episode_seed, record, run_episode
-from eutree.interaction.acting import Actor
+from eutree.interaction.acting import Actor, Controller, as_policy, trained_steps
+from eutree.interaction.action_grid import acting_as
 from eutree.interaction.decoding import warn_of_codes
-from eutree.interaction.recipe import Recipe, made
-from eutree.interaction.record import Controller, as_policy, trained_steps
+from eutree.interaction.recipe import Environment, Recipe, made
 from eutree.interaction.seeding import Stream
 from eutree.parallel import Workers
 from eutree.policies import Policy, TreePolicy
-from eutree.schema import EnvironmentSpec, Schema
+from eutree.schema import Schema
 from eutree.validation import check_seed
 
 Progress = Callable[[int, Round], None]
@@ -39,7 +37,7 @@ Progress = Callable[[int, Round], None]
 
 def distill(
     teacher: Controller,
-    env: gymnasium.Env[Any, Any] | EnvironmentSpec | str,
+    env: Environment,
     settings: DistillationSettings | None = None,
     *,
     demonstrations: Demonstrations | None = None,
@@ -52,8 +50,7 @@ def distill(
     """Return a tree that decides as ``teacher`` does, and what that took.
 
     Args:
-        teacher: Anything with SB3's ``predict``, or a function that makes such a thing for the
-            environment, like ``eutree.experts.wait_at_crossing``.
+        teacher: As ``eutree.record`` takes it: anything with SB3's ``predict``, or a function.
         env: Where it acts: an environment, its id, or how to make it.
         settings: How; by default DAgger with C4.5, at most 32 leaves.
         demonstrations: What the teacher showed already; it takes the place of its first episodes.
@@ -76,6 +73,7 @@ def distill(
     check_seed(seed)
     env, spec = made(env, n_jobs)
     policy = as_policy(teacher, env)
+    env = acting_as(acting_as(env, demonstrations), policy)
     guarded = GuardedEnv(env, strict=strict)
     warn_of_codes(env)
     stakes = None
@@ -147,7 +145,7 @@ class _Acting:
     def __call__(self, numbers: range) -> list[Episode]:
         env = self.recipe.make()
         try:
-            guarded = GuardedEnv(env, strict=self.strict)
+            guarded = GuardedEnv(acting_as(env, self.tree), strict=self.strict)
             return [run_episode(guarded, self.tree, self.seeds[k]) for k in numbers]
         finally:
             env.close()

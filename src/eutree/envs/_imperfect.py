@@ -1,10 +1,12 @@
 """Wrappers that make any expert worse, as people are: careless or late."""
 
+import itertools
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from gymnasium import spaces
+from numpy.typing import ArrayLike, NDArray
 
 from eutree.validation import check_integer, check_number, check_seed
 
@@ -16,17 +18,23 @@ class CarelessPolicy:
 
     Args:
         policy: The careful policy.
-        n_actions: Number of actions to choose from at random.
+        choices: The actions to choose from at random: how many there are, or what each of them
+            sets, shape [A, K], of which a policy that answers with that gets a row. Whole numbers
+            are the environment's own actions.
         probability: Share of decisions that are random.
         generator: Source of chance.
     """
 
     def __init__(
-        self, policy: Any, n_actions: int, probability: float, generator: np.random.Generator
+        self,
+        policy: Any,
+        choices: int | NDArray[Any],
+        probability: float,
+        generator: np.random.Generator,
     ) -> None:
         self.reads_features = bool(getattr(policy, "reads_features", False))
         self._policy = policy
-        self._n_actions = n_actions
+        self._choices = choices
         self._probability = probability
         self._generator = generator
 
@@ -41,11 +49,22 @@ class CarelessPolicy:
         actions, state = self._policy.predict(
             observation, state=state, episode_start=episode_start, deterministic=deterministic
         )
-        shape = np.shape(actions)
-        is_random = self._generator.random(shape) < self._probability
+        chosen, rows = np.asarray(actions), self._choices
+        if not isinstance(rows, int) and self._answers_with_rows(chosen):
+            if self._generator.random() < self._probability:
+                row = rows[self._generator.integers(len(rows))]
+                actions = row.astype(chosen.dtype).reshape(chosen.shape)
+            return actions, state
+        n_actions = rows if isinstance(rows, int) else len(rows)
+        is_random = self._generator.random(chosen.shape) < self._probability
         return np.where(
-            is_random, self._generator.integers(self._n_actions, size=shape), actions
+            is_random, self._generator.integers(n_actions, size=chosen.shape), actions
         ), state
+
+    def _answers_with_rows(self, chosen: NDArray[Any]) -> bool:
+        """Return whether an answer is what an action sets, not the number of an action."""
+        own = np.asarray(self._choices).dtype.kind == "i" and not self.reads_features
+        return own or chosen.dtype.kind == "f" or chosen.size > 1
 
 
 class LatePolicy:
@@ -97,8 +116,7 @@ def careless(expert: Expert, probability: float, *, seed: int = 0) -> Expert:
     check_seed(seed)
 
     def make(env: Any) -> CarelessPolicy:
-        space = getattr(env, "single_action_space", env.action_space)
-        return CarelessPolicy(expert(env), int(space.n), share, np.random.default_rng(seed))
+        return CarelessPolicy(expert(env), _choices(env), share, np.random.default_rng(seed))
 
     make.__name__ = f"careless({_name(expert)}, {share:g})"
     return make
@@ -113,6 +131,24 @@ def late(expert: Expert, steps: int) -> Expert:
 
     make.__name__ = f"late({_name(expert)}, {delay})"
     return make
+
+
+def _choices(env: Any) -> int | NDArray[Any]:
+    """Return the actions of an environment as ``CarelessPolicy`` takes them."""
+    space = getattr(env, "single_action_space", env.action_space)
+    if isinstance(space, spaces.Discrete):
+        if space.start:
+            return np.arange(space.start, space.start + space.n)[:, np.newaxis]
+        try:
+            levels = [control.levels for control in env.get_wrapper_attr("controls")]
+        except AttributeError:
+            return int(space.n)
+    elif isinstance(space, spaces.MultiBinary):
+        levels = [range(2)] * int(np.prod(space.shape))
+    else:
+        pairs = zip(np.ravel(space.start), np.ravel(space.nvec), strict=True)
+        levels = [range(first, first + size) for first, size in pairs]
+    return np.array(list(itertools.product(*levels)))
 
 
 def _name(expert: Expert) -> str:

@@ -16,11 +16,13 @@ import numpy as np
 from gymnasium.envs.registration import load_env_creator
 from gymnasium.wrappers import OrderEnforcing, PassiveEnvChecker
 
-from eutree.errors import InvalidArgumentError
+from eutree.errors import InvalidArgumentError, shown
 from eutree.evaluation.batch import run_batch
 from eutree.evaluation.evaluation import Evaluation
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
-from eutree.interaction.recipe import Recipe, made
+from eutree.interaction.acting import Controller, as_policy
+from eutree.interaction.action_grid import acting_as
+from eutree.interaction.recipe import Environment, Recipe, made
 from eutree.parallel import Workers
 from eutree.policies import Policy
 from eutree.schema import EnvironmentSpec
@@ -32,8 +34,8 @@ MakeVector = Callable[[int], gymnasium.vector.VectorEnv[Any, Any, Any]]
 
 
 def evaluate(
-    policy: Policy,
-    environment: gymnasium.Env[Any, Any] | EnvironmentSpec | str,
+    policy: Controller,
+    environment: Environment,
     *,
     episodes: int = 100,
     seed: int = 0,
@@ -43,7 +45,8 @@ def evaluate(
     """Return how ``policy`` does over episodes seeded with ``episode_seed(seed, k)``.
 
     Args:
-        policy: Anything with SB3's ``predict``.
+        policy: As ``eutree.record`` takes it: anything with SB3's ``predict``, or a function. A
+            tree that sets quantities can be evaluated where nobody has named levels, too.
         environment: An environment, its id, or how to make it.
         episodes: Number of episodes.
         seed: Seed of the evaluation.
@@ -80,7 +83,7 @@ def evaluate(
 class _Block:
     """Some of the episodes of an evaluation, in whichever process."""
 
-    policy: Policy
+    policy: Controller
     recipe: Recipe
     seeds: Sequence[int]
 
@@ -93,19 +96,22 @@ class _Block:
             env.close()
 
 
-def _spec(environment: EnvironmentSpec | str, more: Mapping[str, Any] | None) -> EnvironmentSpec:
+def _spec(environment: Environment, more: Mapping[str, Any] | None) -> EnvironmentSpec:
     if not isinstance(environment, EnvironmentSpec | str):
         raise InvalidArgumentError(
-            f"environment must be a gymnasium.Env, an id or an EnvironmentSpec, got {environment!r}"
+            f"environment must be a gymnasium.Env, an id or an EnvironmentSpec, "
+            f"got {shown(environment)}"
         )
     spec = EnvironmentSpec(environment) if isinstance(environment, str) else environment
     return spec.override(more or {})
 
 
 def _evaluate(
-    policy: Policy, env: gymnasium.Env[Any, Any], seeds: Sequence[int], *, first: int = 0
+    controller: Controller, env: gymnasium.Env[Any, Any], seeds: Sequence[int], *, first: int = 0
 ) -> Evaluation:
     """Evaluate the episodes of these seeds, numbered from ``first``."""
+    policy = as_policy(controller, env)
+    env = acting_as(env, policy)
     together = _side_by_side(policy, env, seeds) if len(seeds) > 1 else None
     return _one_by_one(policy, env, seeds, first) if together is None else together
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from eutree.interaction import GuardedEnv
 from eutree.interaction.acting import Actor
+from eutree.interaction.action_grid import acting_as
 from eutree.policies import Policy
 from eutree.validation import check_integer
 
@@ -45,7 +46,7 @@ def evaluate_policy(
     Raises:
         AssertionError: The mean return is not above ``reward_threshold``.
     """
-    guarded = GuardedEnv(env)
+    guarded = GuardedEnv(acting_as(env, model))
     actor = Actor(model, guarded, deterministic=deterministic)
     episode_rewards: list[float] = []
     episode_lengths: list[int] = []

@@ -26,8 +26,8 @@ from eutree.errors import InvalidArgumentError
 from eutree.evaluation import evaluate
 from eutree.files import Document
 from eutree.interaction import GuardedEnv, episode_seed, record, run_episode
+from eutree.interaction.acting import as_policy
 from eutree.interaction.making import make
-from eutree.interaction.record import as_policy
 from eutree.interaction.seeding import Stream
 from eutree.learners import METHODS, Method, PlanningMethod, fit_expert_tree
 from eutree.learners.learner import HasPolicy

@@ -24,15 +24,13 @@ from eutree.fitting.playing import Played, Player, Progress
 from eutree.fitting.practice import practise as learn_on
 from eutree.fitting.report import FitReport
 from eutree.interaction import describe
+from eutree.interaction.action_grid import acting_as
 from eutree.interaction.making import make
-from eutree.schema import EnvironmentSpec
+from eutree.interaction.recipe import Environment, opened
 from eutree.validation import check_integer, check_seed
 
 MOST_RACING = 8  # candidates
 RACE_SHARE, REPAIR_SHARE = 3.0, 0.3  # of the episodes that judge the tree
-
-
-Environment = gymnasium.Env[Any, Any] | EnvironmentSpec | str
 
 
 def fit(
@@ -189,11 +187,8 @@ def _world(
     demonstrations: Demonstrations, env: Environment | None, stack: ExitStack
 ) -> tuple[gymnasium.Env[Any, Any] | None, str]:
     """Return the environment to play in, or None and why there is none."""
-    if isinstance(env, gymnasium.Env):
-        world = env
-    elif env is not None:
-        world = make(env)
-        stack.callback(world.close)
+    if env is not None:
+        world = stack.enter_context(opened(env))
     elif demonstrations.environment is None:
         return None, "the demonstrations name no environment."
     else:
@@ -202,6 +197,7 @@ def _world(
         except EutreeError as error:
             return None, str(error)
         stack.callback(world.close)
+    world = acting_as(world, demonstrations)
     describe(world).check_same(demonstrations.schema, "demonstrations", of="the environment")
     return world, ""
 

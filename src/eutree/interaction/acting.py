@@ -1,25 +1,35 @@
-"""A policy acting in one environment, step by step.
+"""A policy acting in one environment, step by step, whatever form its answers have.
 
 Trees and scripted experts read the environment's features (``GuardedEnv.schema``). Any other
 policy, for example a model of Stable-Baselines3, was made for the environment's own observation
 and gets that: the integer of a Discrete space, the dict of a Dict space, a Box in its own dtype.
+Its ``predict`` may take the observation alone, and return the action alone.
 """
 
-from typing import Any
+import inspect
+from collections.abc import Callable
+from typing import Any, cast
 
+import gymnasium
 import numpy as np
 
 from eutree.arrays import Floats
-from eutree.errors import InvalidArgumentError
+from eutree.errors import EutreeError, InvalidArgumentError, shown
 from eutree.interaction.guard import GuardedEnv
 from eutree.policies import Policy
+
+# What acts: a policy, a function that makes one for an environment, or a function from an
+# observation to an action.
+Controller = Policy | Callable[[Any], Any]
+_KEYWORDS = ("state", "episode_start", "deterministic")
 
 
 class Actor:
     """Decides at each step of an episode, and carries the policy's state from one to the next.
 
     Args:
-        policy: What decides; its ``predict`` is called by keyword, as Stable-Baselines3 does.
+        policy: What decides; its ``predict`` is called by keyword, as Stable-Baselines3 does, with
+            those of its keywords that it takes.
         env: Where it acts.
         deterministic: Passed to ``predict``.
     """
@@ -29,6 +39,7 @@ class Actor:
         self._deterministic = deterministic
         self._own = not getattr(policy, "reads_features", False)
         self._env = env
+        self._keywords = _taken(policy.predict)
         self.start()
 
     def start(self) -> None:
@@ -45,26 +56,101 @@ class Actor:
         """Return the action at an observation as ``GuardedEnv`` gives it, shape [d].
 
         Raises:
-            InvalidArgumentError: The policy did not answer with one whole number.
+            InvalidArgumentError: The policy's answer means no action.
         """
         seen = self._env.own_observation(observation) if self._own else observation
-        chosen, self._state = self._policy.predict(
+        known = (self._state, np.array(self._first), self._deterministic)
+        chosen: Any = self._policy.predict(
             seen,
-            state=self._state,
-            episode_start=np.array(self._first),
-            deterministic=self._deterministic,
+            **{
+                key: value
+                for key, value in zip(_KEYWORDS, known, strict=True)
+                if key in self._keywords
+            },
         )
+        if isinstance(chosen, tuple) and len(chosen) == 2:
+            chosen, self._state = chosen
         self._first = False
-        return _action(chosen)
+        return self._env.number_of(chosen, "the answer of policy.predict", own=self._own)
 
 
-def _action(chosen: Any) -> int:
-    """Return the one action that ``predict`` answered with; SB3 wraps it in an array."""
-    answer = np.asarray(chosen)
-    number = answer.reshape(-1)[0] if answer.size == 1 and answer.dtype.kind in "iubf" else None
-    if number is None or number != np.floor(number):
+class FunctionPolicy:
+    """A function from an observation to an action, as a policy.
+
+    Args:
+        function: The function; it gets the environment's own observation.
+        doubt: What it raised when it was taken for a function of an environment.
+    """
+
+    def __init__(self, function: Callable[[Any], Any], doubt: str = "") -> None:
+        self._function = function
+        self._doubt = doubt
+
+    def predict(self, observation: Any) -> tuple[Any, Any]:
+        """Return its action for one observation.
+
+        Raises:
+            InvalidArgumentError: It takes neither an environment nor an observation.
+        """
+        try:
+            answer = self._function(observation)
+        except Exception as error:
+            if not self._doubt:
+                raise
+            raise InvalidArgumentError(
+                "a controller that is a function must take an environment and return a policy, or "
+                f"take an observation and return an action: for the environment it raised "
+                f"{self._doubt}, for an observation {type(error).__name__}: {error}"
+            ) from error
+        self._doubt = ""
+        return answer if isinstance(answer, tuple) and answer[1:] == (None,) else (answer, None)
+
+
+def as_policy(controller: Controller, env: gymnasium.Env[Any, Any]) -> Policy:
+    """Return what decides: the controller itself, what it makes for ``env``, or its answers.
+
+    Raises:
+        InvalidArgumentError: It is nothing that decides.
+    """
+    if hasattr(controller, "predict"):
+        return controller
+    if isinstance(controller, gymnasium.Env) or not callable(controller):
         raise InvalidArgumentError(
-            "policy.predict must return one action, a whole number, for one observation, "
-            f"got {chosen!r}"
+            "a controller must have a method predict, be a function that makes such a thing for "
+            f"an environment, or one from an observation to an action, got {shown(controller)}"
         )
-    return int(number)
+    try:
+        policy = controller(env)
+    except EutreeError:
+        raise
+    except Exception as error:  # a function of an observation may do anything with an environment
+        return cast(Policy, FunctionPolicy(controller, f"{type(error).__name__}: {error}"))
+    if hasattr(policy, "predict"):
+        return cast(Policy, policy)
+    if _is_answer(policy):
+        return cast(Policy, FunctionPolicy(controller))
+    raise InvalidArgumentError(f"controller(env) must have a method predict, got {shown(policy)}")
+
+
+def trained_steps(controller: object) -> int | None:
+    """Return the environment steps of a controller's training, if it counts them, as SB3 does."""
+    own = getattr(controller, "num_timesteps", None)
+    return own if isinstance(own, int) and own >= 0 else None
+
+
+def _is_answer(value: Any) -> bool:
+    """Return whether a value could be an action: numbers, or a pair of that and None."""
+    if isinstance(value, tuple) and value[1:] == (None,):
+        value = value[0]
+    return isinstance(value, int | float | np.generic | np.ndarray | list | tuple)
+
+
+def _taken(predict: Callable[..., Any]) -> frozenset[str]:
+    """Return which of SB3's keywords a method takes; all where that cannot be known."""
+    try:
+        parameters = inspect.signature(predict).parameters.values()
+    except (TypeError, ValueError):
+        return frozenset(_KEYWORDS)
+    if any(one.kind is one.VAR_KEYWORD for one in parameters):
+        return frozenset(_KEYWORDS)
+    return frozenset(_KEYWORDS) & {one.name for one in parameters}

@@ -1,12 +1,17 @@
-"""Actions that are quantities, such as the opening of a valve, by a grid of levels.
+"""Actions that are quantities or come in parts, by levels of each number that is set.
 
 A tree chooses one of finitely many actions; an environment such as Pendulum takes any torque. A
 person who knows the task names a few levels of each quantity, and every combination of them is an
 action. The levels go with the schema into demonstrations and policies, so that rules name them
 with their units and exports return them. ``gymnasium.make`` knows no such argument, so ``make``
-adds one: ``action_grid``.
+adds one: ``action_grid``. Where a space has few values of its own (``MultiDiscrete``,
+``MultiBinary``, ``Discrete`` with another start than 0) nobody need name them.
+
+``GriddedAction.number_of`` is the one rule for what an answer means: a float is a quantity, and an
+integer the number of an action.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -15,65 +20,178 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from eutree.arrays import Floats
 from eutree.errors import InvalidArgumentError, UnsupportedSpaceError, shown
-from eutree.schema import MAX_ACTIONS, Control, n_combinations
+from eutree.schema import MAX_ACTIONS, Control, Schema, n_combinations, numbered_controls
 from eutree.validation import check_vector
 
 ACTION_GRID = "action_grid"  # the argument of ``make``, as it stands in files
 
 # Levels by name, the unit in brackets: {"valve [%]": [0, 50, 100]}; or pairs, as in files.
-Grid = Mapping[str, Sequence[float]] | Sequence[tuple[str, Sequence[float]]]
+Grid = Mapping[str, Sequence[float]] | Sequence[tuple[str, Sequence[float]]] | Sequence[Control]
 
 
 class GriddedAction(gymnasium.ActionWrapper[Any, Any, Any], gymnasium.utils.RecordConstructorArgs):
     """An environment whose actions are numbers of combinations of levels.
 
     Action 0 is the first level of every quantity; the levels of the last quantity change fastest.
+    ``step`` takes the number of an action, an integer, or the quantities themselves as floats,
+    which mean the nearest levels; see ``number_of``.
 
     Args:
-        env: An environment that takes a ``Box`` of numbers.
+        env: An environment that takes a ``Box`` of numbers, a ``MultiDiscrete``, a ``MultiBinary``
+            or a ``Discrete`` that does not start at 0.
         grid: The levels of each of these numbers, in their order, by name:
-            ``{"valve [%]": [0, 50, 100]}``.
+            ``{"valve [%]": [0, 50, 100]}``; or the ``controls`` of a schema. None takes every
+            value that the space has, which a ``Box`` has not.
 
     Attributes:
         controls: The quantities, with names, units and levels.
 
     Raises:
         InvalidArgumentError: The grid is not as described, or not of the environment.
-        UnsupportedSpaceError: The environment's actions are no ``Box``.
+        UnsupportedSpaceError: The environment's actions are of none of these spaces, or have too
+            many values.
     """
 
-    def __init__(self, env: gymnasium.Env[Any, Any], grid: Grid) -> None:
+    def __init__(self, env: gymnasium.Env[Any, Any], grid: Grid | None = None) -> None:
         gymnasium.utils.RecordConstructorArgs.__init__(self, grid=grid)
         super().__init__(env)
-        space = env.action_space
-        if not isinstance(space, spaces.Box) or not np.issubdtype(space.dtype, np.number):
-            raise UnsupportedSpaceError(
-                f"{ACTION_GRID} needs an action space that is a Box, got {space}"
-            )
-        self.controls = controls_of(grid)
-        size = int(np.prod(space.shape))
-        if len(self.controls) != size:
-            raise InvalidArgumentError(
-                f"{ACTION_GRID} must have levels for each of the {size} numbers of the action "
-                f"space {space}, got {', '.join(control.name for control in self.controls)}"
-            )
-        for control, low, high in zip(self.controls, space.low.flat, space.high.flat, strict=True):
-            own = np.array(control.levels, space.dtype)  # as rounded as the bounds are
-            if not ((low <= own) & (own <= high)).all():
-                raise InvalidArgumentError(
-                    f"{ACTION_GRID} must have levels of {control.name} in [{low:g}, {high:g}], "
-                    f"got {list(control.levels)}"
-                )
-        self._box = space
+        self._own = space = env.action_space
+        self.controls = _all_values(env) if grid is None else controls_of(grid)
+        self._low, self._high = _bounds(space)
+        self._check()
+        self._sizes = [len(control.levels) for control in self.controls]
         self.action_space = spaces.Discrete(n_combinations(self.controls))
         levels = np.meshgrid(*(control.levels for control in self.controls), indexing="ij")
         self._values = np.stack([level.ravel() for level in levels], axis=1)  # [A, K]
 
-    def action(self, action: Any) -> NDArray[Any]:
+    def _check(self) -> None:
+        """Raise InvalidArgumentError unless the levels are of the environment's own space."""
+        space = self._own
+        if len(self.controls) != self._low.size:
+            raise InvalidArgumentError(
+                f"{ACTION_GRID} must have levels for each of the {self._low.size} numbers of the "
+                f"action space {space}, got {', '.join(control.name for control in self.controls)}"
+            )
+        for control, low, high in zip(self.controls, self._low, self._high, strict=True):
+            own = np.array(control.levels, space.dtype)  # as rounded as the bounds are
+            whole = np.issubdtype(space.dtype, np.floating) or (own == control.levels).all()
+            if not (whole and ((low <= own) & (own <= high)).all()):
+                kind = "" if whole else "whole "
+                raise InvalidArgumentError(
+                    f"{ACTION_GRID} must have {kind}levels of {control.name} in "
+                    f"[{low:g}, {high:g}], got {list(control.levels)}"
+                )
+
+    def action(self, action: Any) -> Any:
         """Return the levels of an action, in the shape and type of the environment's own."""
-        own: NDArray[Any] = self._values[int(action)].astype(self._box.dtype)
-        return own.reshape(self._box.shape)
+        own = self._values[self.number_of(action, "an action")].astype(self._own.dtype)
+        return own.reshape(self._own.shape)[()]
+
+    def number_of(self, answer: Any, name: str, *, own: bool = False) -> int:
+        """Return the number of the action that an answer means.
+
+        Floats are quantities, one for each control, and mean the nearest levels (the first of two
+        that are equally near). One integer is the number of an action, from 0. Several integers
+        can be no number, and are quantities too.
+
+        Args:
+            answer: A number, or numbers in any shape.
+            name: The place where it came from, for the messages.
+            own: Whether one integer is an action of the environment below, as its space counts.
+
+        Raises:
+            InvalidArgumentError: It is none of these, or outside the environment's own range.
+        """
+        array = np.asarray(answer)
+        n_actions = self._values.shape[0]
+        whole = array.dtype.kind in "iub"
+        if whole and array.size == 1 and not (own and len(self.controls) == 1):
+            number = int(array.reshape(-1)[0])
+            if 0 <= number < n_actions:
+                return number
+        elif (whole or array.dtype.kind == "f") and array.size == len(self.controls):
+            return self._nearest(array.reshape(-1).astype(np.float64), name)
+        labels = " and ".join(control.label for control in self.controls)
+        raise InvalidArgumentError(
+            f"{name} must be the number of an action, an integer from 0 to {n_actions - 1}, or "
+            f"{'floats' if len(self.controls) > 1 else 'a float'} to set {labels} to, "
+            f"got {shown(answer)}"
+        )
+
+    def _nearest(self, wanted: Floats, name: str) -> int:
+        """Return the number of the action whose levels are nearest to quantities, shape [K]."""
+        steps = []
+        for k, control in enumerate(self.controls):
+            low, high = self._low[k], self._high[k]
+            with np.errstate(over="ignore"):
+                rounded = wanted[k].astype(low.dtype)  # as the bounds are
+            if not (np.isfinite(wanted[k]) and low <= rounded <= high):
+                unit = f" {control.unit}" if control.unit else ""
+                raise InvalidArgumentError(
+                    f"{name} must set {control.name} to a number in [{low:g}, {high:g}]{unit}, as "
+                    f"the environment takes it, got {wanted[k]:g}"
+                )
+            steps.append(int(np.abs(np.array(control.levels) - wanted[k]).argmin()))
+        return int(np.ravel_multi_index(steps, self._sizes))
+
+
+def numbered(env: gymnasium.Env[Any, Any]) -> gymnasium.Env[Any, Any]:
+    """Return ``env`` if its actions are numbers from 0, else with its actions so numbered.
+
+    Raises:
+        UnsupportedSpaceError: Its actions cannot be numbered, or somebody has to name the levels.
+    """
+    return env if counts_from_zero(env.action_space) else GriddedAction(env)
+
+
+def counts_from_zero(space: spaces.Space[Any]) -> bool:
+    """Return whether the actions of a space are the numbers of actions themselves."""
+    return isinstance(space, spaces.Discrete) and space.start == 0
+
+
+def acting_as(env: gymnasium.Env[Any, Any], known: object) -> gymnasium.Env[Any, Any]:
+    """Return ``env`` with a grid that is known, where it takes quantities and has no grid.
+
+    So a tree that chooses among levels can act where nobody has named any.
+
+    Args:
+        env: The environment.
+        known: A policy or demonstrations, whose schema says what the actions set; or anything.
+
+    Raises:
+        InvalidArgumentError: The environment has a grid of other levels.
+    """
+    schema = getattr(known, "schema", None)
+    if not isinstance(schema, Schema) or not schema.controls:
+        return env
+    grid = grid_around(env)
+    if grid is None:
+        return env if counts_from_zero(env.action_space) else GriddedAction(env, schema.controls)
+    _check_same_levels(grid.controls, schema.controls)
+    return env
+
+
+def with_grid(env: gymnasium.Env[Any, Any], grid: Grid) -> gymnasium.Env[Any, Any]:
+    """Return ``env`` with a grid around it, unless it has the same one already.
+
+    Raises:
+        InvalidArgumentError: It has a grid of other levels.
+    """
+    present = grid_around(env)
+    if present is None:
+        return GriddedAction(env, grid)
+    _check_same_levels(present.controls, controls_of(grid))
+    return env
+
+
+def _check_same_levels(present: tuple[Control, ...], wanted: tuple[Control, ...]) -> None:
+    if [control.levels for control in present] != [control.levels for control in wanted]:
+        raise InvalidArgumentError(
+            f"{ACTION_GRID} must be that of the environment, which has one already, "
+            f"{plain_grid(present)}, got {plain_grid(wanted)}"
+        )
 
 
 def controls_of(grid: Any) -> tuple[Control, ...]:
@@ -83,6 +201,8 @@ def controls_of(grid: Any) -> tuple[Control, ...]:
         InvalidArgumentError: It is no mapping from names to levels.
     """
     pairs = list(grid.items()) if isinstance(grid, Mapping) else grid
+    if isinstance(pairs, tuple) and pairs and all(isinstance(pair, Control) for pair in pairs):
+        return pairs
     if not isinstance(pairs, list | tuple) or not all(
         isinstance(pair, list | tuple) and len(pair) == 2 and isinstance(pair[0], str)
         for pair in pairs
@@ -94,24 +214,84 @@ def controls_of(grid: Any) -> tuple[Control, ...]:
         Control.from_label(label, tuple(check_vector(f"{ACTION_GRID}[{label!r}]", levels).tolist()))
         for label, levels in pairs
     )
-    if not controls or n_combinations(controls) > MAX_ACTIONS:
+    if not 2 <= n_combinations(controls) <= MAX_ACTIONS:
         raise InvalidArgumentError(
-            f"{ACTION_GRID} must have from 1 to {MAX_ACTIONS:,} combinations, "
+            f"{ACTION_GRID} must have from 2 to {MAX_ACTIONS:,} combinations, "
             f"got {n_combinations(controls) if controls else 0:,}"
         )
     return controls
 
 
-def grid_of(env: gymnasium.Env[Any, Any]) -> tuple[Control, ...]:
-    """Return the quantities that the actions of ``env`` set; none where it has no grid."""
+def grid_around(env: gymnasium.Env[Any, Any]) -> GriddedAction | None:
+    """Return the grid that the actions of ``env`` go through; None if there is none."""
     actions = env.action_space
     while isinstance(env, gymnasium.Wrapper):
         if isinstance(env, GriddedAction):
-            return env.controls if env.action_space == actions else ()
+            return env if env.action_space == actions else None
         env = env.env
-    return ()
+    return None
 
 
 def plain_grid(controls: Sequence[Control]) -> list[list[Any]]:
     """Return the grid as it stands in files: a list, because an object has no order."""
     return [[control.label, list(control.levels)] for control in controls]
+
+
+def _bounds(space: spaces.Space[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return the least and the largest value of each number of a space, shapes [K]."""
+    if isinstance(space, spaces.Box) and np.issubdtype(space.dtype, np.number):
+        return space.low.reshape(-1), space.high.reshape(-1)
+    if isinstance(space, spaces.MultiDiscrete):
+        low = np.asarray(space.start, dtype=np.float64).reshape(-1)
+        return low, low + np.asarray(space.nvec).reshape(-1) - 1
+    if isinstance(space, spaces.MultiBinary):
+        size = int(np.prod(space.shape))
+        return np.zeros(size), np.ones(size)
+    if isinstance(space, spaces.Discrete) and space.start != 0:
+        return np.array([float(space.start)]), np.array([float(space.start + space.n - 1)])
+    raise UnsupportedSpaceError(
+        f"{ACTION_GRID} needs an action space that is a Box, a MultiDiscrete or a MultiBinary, "
+        f"got {space}"
+    )
+
+
+def _all_values(env: gymnasium.Env[Any, Any]) -> tuple[Control, ...]:
+    """Return a control for each number of a space of few whole values, with all of these.
+
+    They have the names that the environment gives as ``action_names``, one for each number.
+    """
+    space, name = env.action_space, name_of(env)
+    if isinstance(space, spaces.Box):
+        raise UnsupportedSpaceError(
+            f"{name} must have a Discrete action space, or few levels of its {space}. Name the "
+            "levels to choose from: --action-grid NAME=LEVEL,LEVEL,... for each number, or "
+            "eutree.interaction.GriddedAction(env, {NAME: [LEVEL, LEVEL, ...]})."
+        )
+    if not isinstance(space, spaces.Discrete | spaces.MultiDiscrete | spaces.MultiBinary):
+        raise UnsupportedSpaceError(
+            f"{name} must have a Discrete, MultiDiscrete or MultiBinary action space, or a Box "
+            f"with named levels, got {space}. Wrap it with gymnasium.wrappers.TransformAction."
+        )
+    low, high = _bounds(space)
+    sizes = (high - low + 1).astype(int).tolist()
+    total = math.prod(sizes)
+    if total > MAX_ACTIONS:
+        raise UnsupportedSpaceError(
+            f"{name} must have at most {MAX_ACTIONS:,} actions, and {space} has "
+            f"{total if total < 10**12 else 'more than 10**12'} combinations. Name fewer levels, "
+            "one to keep a number as it is: --action-grid NAME=LEVEL,LEVEL,... for each number, or "
+            "eutree.interaction.GriddedAction(env, {NAME: [LEVEL, LEVEL, ...]})."
+        )
+    labels = ["action"] if isinstance(space, spaces.Discrete) else numbered_controls(len(sizes))
+    given = getattr(env.unwrapped, "action_names", None)
+    if given is not None and len(given) == len(sizes) != total:
+        labels = [str(label) for label in given]
+    return tuple(
+        Control.from_label(label, tuple(first + k for k in range(size)))
+        for label, first, size in zip(labels, low.tolist(), sizes, strict=True)
+    )
+
+
+def name_of(env: gymnasium.Env[Any, Any]) -> str:
+    """Return the id of an environment, or the name of its class where it has none."""
+    return env.spec.id if env.spec is not None else type(env.unwrapped).__name__

@@ -14,6 +14,7 @@ import numpy as np
 from eutree.arrays import Floats
 from eutree.errors import EnvironmentFault, InvalidArgumentError, shown
 from eutree.features import FeatureMap
+from eutree.interaction.action_grid import counts_from_zero, grid_around, numbered
 from eutree.interaction.spaces import decoder, describe, encoder, spec_of
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.validation import check_integer
@@ -26,7 +27,8 @@ class GuardedEnv:
     """An environment whose every answer has been checked.
 
     Args:
-        env: Any Gymnasium environment with a flat observation and a Discrete action space.
+        env: Any Gymnasium environment with a flat observation and finitely many actions: Discrete,
+            MultiDiscrete, MultiBinary, or a Box behind a ``GriddedAction``.
         strict: Refuse observations outside the observation space instead of warning once.
         max_episode_steps: An episode longer than this is a fault (it would never end).
         history: Number of previous observations to append to each observation.
@@ -71,6 +73,9 @@ class GuardedEnv:
         self.name = self.spec.id if self.spec is not None else type(env.unwrapped).__name__
         self.episode = -1
         self.step_number = 0
+        self._numbered = numbered(env)
+        self._grid = grid_around(self._numbered)
+        self._counts_itself = not counts_from_zero(env.action_space)
         self._encode = encoder(env.observation_space)
         self._decode = decoder(env.observation_space)
         self._strict = strict
@@ -104,7 +109,7 @@ class GuardedEnv:
                 f"action must be in 0..{self.schema.n_actions - 1}, got {action!r}"
             )
         try:
-            answer = self.env.step(action)
+            answer = self._numbered.step(action)
         except (Exception, SystemExit) as error:  # no environment may end the process
             raise self._fault(f"step raised {type(error).__name__}: {error}") from error
         if not (isinstance(answer, tuple) and len(answer) == 5):
@@ -127,6 +132,28 @@ class GuardedEnv:
         if not self.features.is_identity:
             self._seen = observation = self.features.next(self._seen, action, observation)
         return observation, reward, terminated, truncated, answer[4]
+
+    def number_of(self, answer: Any, name: str, *, own: bool) -> int:
+        """Return the number of the action that an answer means; see ``GriddedAction.number_of``.
+
+        Args:
+            answer: One number, or one for each quantity that the actions set.
+            name: The place where it came from, for the messages.
+            own: Whether it was made for the environment's own action space.
+
+        Raises:
+            InvalidArgumentError: It means no action.
+        """
+        if self._grid is not None:
+            return self._grid.number_of(answer, name, own=own and self._counts_itself)
+        array = np.asarray(answer)
+        number = array.reshape(-1)[0] if array.size == 1 and array.dtype.kind in "iubf" else None
+        if number is None or number != np.floor(number):
+            raise InvalidArgumentError(
+                f"{name} must be one action, a whole number, for one observation, "
+                f"got {shown(answer)}"
+            )
+        return int(number)
 
     def take_names(self, schema: Schema) -> None:
         """Call features and actions that have no names of their own as ``schema`` does."""

@@ -22,8 +22,8 @@ from eutree.errors import (
     UnknownNameError,
     shown,
 )
-from eutree.interaction.action_grid import ACTION_GRID, GriddedAction
-from eutree.interaction.decoding import DECODE, DecodedObservation
+from eutree.interaction.action_grid import ACTION_GRID, with_grid
+from eutree.interaction.decoding import DECODE, DecodedObservation, decodes
 from eutree.interaction.names import given_names
 from eutree.schema import EnvironmentSpec
 
@@ -39,7 +39,8 @@ def make(spec: EnvironmentSpec | str, *, render_mode: str | None = None) -> gymn
 
     The argument ``decode=True``, unless the environment has one of that name itself, makes its
     observations what its codes stand for; see ``DecodedObservation``. With ``action_grid=...`` its
-    actions are combinations of the levels named there; see ``GriddedAction``.
+    actions are combinations of the levels named there; see ``GriddedAction``. An environment that
+    decodes, or has that grid, itself is left as it is.
 
     Raises:
         UnknownNameError: No environment of that id is registered; names the nearest.
@@ -58,10 +59,10 @@ def make(spec: EnvironmentSpec | str, *, render_mode: str | None = None) -> gymn
         ours = MANNER - _own_arguments(spec.id).keys()
         taken = {name: arguments.pop(name) for name in ours & arguments.keys()}
         env = gymnasium.make(spec.id, **arguments)
-        if taken.get(DECODE):
+        if taken.get(DECODE) and not decodes(env):
             env = DecodedObservation(env)
         if taken.get(ACTION_GRID) is not None:
-            env = GriddedAction(env, taken[ACTION_GRID])
+            env = with_grid(env, taken[ACTION_GRID])
     except EutreeError:
         raise
     except ModuleNotFoundError as error:

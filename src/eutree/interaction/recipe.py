@@ -1,15 +1,19 @@
 """How another process makes an environment that only this one may have registered and named."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
 import gymnasium
 
-from eutree.errors import InvalidArgumentError
+from eutree.errors import InvalidArgumentError, shown
 from eutree.interaction.making import make
 from eutree.interaction.names import Names, given_names, named
 from eutree.parallel import Workers
 from eutree.schema import EnvironmentSpec
+
+Environment = gymnasium.Env[Any, Any] | EnvironmentSpec | str  # one, how to make it, its id
 
 
 @dataclass(frozen=True)
@@ -43,13 +47,18 @@ class Recipe:
 
 
 def made(
-    env: gymnasium.Env[Any, Any] | EnvironmentSpec | str, n_jobs: int | None
+    env: Environment, n_jobs: int | None
 ) -> tuple[gymnasium.Env[Any, Any], EnvironmentSpec | None]:
     """Return the environment itself, and how other processes make it if they are to.
 
     Raises:
-        InvalidArgumentError: Other processes are to make one that is made already.
+        InvalidArgumentError: It is no environment, or other processes are to make one that is made
+            already.
     """
+    if not isinstance(env, gymnasium.Env | EnvironmentSpec | str):
+        raise InvalidArgumentError(
+            f"env must be a gymnasium.Env, an id or an EnvironmentSpec, got {shown(env)}"
+        )
     if isinstance(env, gymnasium.Env):
         if n_jobs not in (None, 1):
             raise InvalidArgumentError(
@@ -59,3 +68,14 @@ def made(
         return env, None
     spec = EnvironmentSpec(env) if isinstance(env, str) else env
     return make(spec), spec if Workers(n_jobs).count > 1 else None
+
+
+@contextmanager
+def opened(env: Environment) -> Iterator[gymnasium.Env[Any, Any]]:
+    """Yield an environment as it is, or one that is made here and closed in the end."""
+    opened = made(env, None)[0]
+    try:
+        yield opened
+    finally:
+        if opened is not env:
+            opened.close()

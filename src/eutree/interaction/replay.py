@@ -9,6 +9,7 @@ import numpy as np
 from eutree.arrays import Floats
 from eutree.data import Demonstrations, Episode
 from eutree.errors import EnvironmentFault, InvalidArgumentError
+from eutree.interaction.action_grid import acting_as
 from eutree.interaction.guard import GuardedEnv
 from eutree.interaction.making import make
 
@@ -48,7 +49,8 @@ def replay(
     """
     if not demonstrations.episodes:
         raise InvalidArgumentError("there are no episodes to replay")
-    guarded = GuardedEnv(environment_for(demonstrations) if env is None else env)
+    world = environment_for(demonstrations) if env is None else env
+    guarded = GuardedEnv(acting_as(world, demonstrations))
     check_same_environment(demonstrations, guarded)
     try:
         return [

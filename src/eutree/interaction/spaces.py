@@ -6,22 +6,30 @@ several things), MultiDiscrete and MultiBinary become
 their entries, Dict and Tuple are laid end to end with names such as ``"lidar.front"``.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import gymnasium
 import numpy as np
 from gymnasium import spaces
-from gymnasium.wrappers import TimeLimit
+from gymnasium.wrappers import OrderEnforcing, PassiveEnvChecker, TimeLimit
 
 from eutree.arrays import Floats
 from eutree.errors import InvalidArgumentError, UnsupportedSpaceError
 from eutree.files.schema_document import plain_json
-from eutree.interaction.action_grid import ACTION_GRID, grid_of, plain_grid
-from eutree.interaction.decoding import DECODE, decodes
+from eutree.interaction.action_grid import (
+    ACTION_GRID,
+    GriddedAction,
+    grid_around,
+    name_of,
+    numbered,
+    plain_grid,
+)
+from eutree.interaction.decoding import DECODE, DecodedObservation
 from eutree.schema import (
     MAX_ACTIONS,
     MAX_FEATURES,
+    Control,
     EnvironmentSpec,
     Feature,
     Schema,
@@ -81,17 +89,19 @@ def describe(env: gymnasium.Env[Any, Any]) -> Schema:
     Names come from the environment's ``feature_names``, ``feature_units`` and ``action_names`` if
     it has them, from a small table for Gymnasium's own tasks, else they are ``x0, x1, ...`` and
     ``action_0, action_1, ...``: such as can be typed without quotes. Actions of a grid
-    (``GriddedAction``) are named by their levels.
+    (``GriddedAction``), of a ``MultiDiscrete`` or ``MultiBinary`` are named by their levels;
+    ``action_names`` may name the combinations, or the numbers that they are combined of.
 
     Raises:
-        UnsupportedSpaceError: The observations are not flat or the actions not Discrete.
+        UnsupportedSpaceError: The observations are not flat, or the actions cannot be numbered.
     """
-    low, high, names = _bounds(env.observation_space, _id(env))
+    env = numbered(env)
+    low, high, names = _bounds(env.observation_space, name_of(env))
     if not 1 <= len(names) <= MAX_FEATURES:
         raise UnsupportedSpaceError(
-            f"{_id(env)} must observe from 1 to {MAX_FEATURES:,} numbers, got {len(names):,}"
+            f"{name_of(env)} must observe from 1 to {MAX_FEATURES:,} numbers, got {len(names):,}"
         )
-    family = _id(env).split("/")[-1].split("-v")[0]
+    family = name_of(env).split("/")[-1].split("-v")[0]
     known = _KNOWN_FEATURES.get(family, ())
     units = [""] * len(names)
     if len(known) == len(names):
@@ -106,7 +116,9 @@ def describe(env: gymnasium.Env[Any, Any]) -> Schema:
         Feature(name, unit, float(lo), float(hi))
         for name, unit, lo, hi in zip(names, units, low, high, strict=True)
     )
-    return Schema(features, _action_names(env, family), grid_of(env))
+    grid = grid_around(env)
+    controls = () if grid is None else grid.controls
+    return Schema(features, _action_names(env, family, controls), controls)
 
 
 def spec_of(env: gymnasium.Env[Any, Any]) -> EnvironmentSpec | None:
@@ -114,8 +126,9 @@ def spec_of(env: gymnasium.Env[Any, Any]) -> EnvironmentSpec | None:
 
     With it go the arguments of ``gymnasium.make`` itself that are not what the environment was
     registered with: its time limit, also where a ``TimeLimit`` was put around it by hand, and
-    whether it is checked; whether its observations are decoded; and the grid of its actions. None
-    if it was not made by ``gymnasium.make``, or of what no file holds.
+    whether it is checked; whether its observations are decoded; and the grid of its actions, unless
+    the registered environment itself sees to these two. None if it was not made by
+    ``gymnasium.make``, or of what no file holds.
     """
     spec = env.spec
     if spec is None:
@@ -127,15 +140,24 @@ def spec_of(env: gymnasium.Env[Any, Any]) -> EnvironmentSpec | None:
         arguments["max_episode_steps"] = NO_LIMIT if limit is None else limit
     if usual is not None and spec.disable_env_checker != usual.disable_env_checker:
         arguments["disable_env_checker"] = spec.disable_env_checker
-    if decodes(env):
-        arguments[DECODE] = True
-    controls = grid_of(env)
-    if controls:
-        arguments[ACTION_GRID] = plain_grid(controls)
+    for wrapper in _put_around(env):
+        if isinstance(wrapper, DecodedObservation):
+            arguments[DECODE] = True
+        elif isinstance(wrapper, GriddedAction) and wrapper is grid_around(env):
+            arguments[ACTION_GRID] = plain_grid(wrapper.controls)
     try:
         return EnvironmentSpec(spec.id, plain_json(arguments, f"arguments of {spec.id}"))
     except InvalidArgumentError:
         return None
+
+
+def _put_around(env: gymnasium.Env[Any, Any]) -> Iterator[gymnasium.Wrapper[Any, Any, Any, Any]]:
+    """Yield the wrappers outside of those that ``gymnasium.make`` puts around what it makes."""
+    while isinstance(env, gymnasium.Wrapper) and not isinstance(
+        env, OrderEnforcing | PassiveEnvChecker
+    ):
+        yield env
+        env = env.env
 
 
 def _time_limit(env: gymnasium.Env[Any, Any]) -> int | None:
@@ -204,34 +226,19 @@ def _vector(observation: Any) -> Floats:
     return np.array(array, dtype=np.float64)
 
 
-def _id(env: gymnasium.Env[Any, Any]) -> str:
-    return env.spec.id if env.spec is not None else type(env.unwrapped).__name__
-
-
-def _action_names(env: gymnasium.Env[Any, Any], family: str) -> tuple[str, ...]:
-    space = env.action_space
-    if not isinstance(space, spaces.Discrete) or space.start != 0:
-        hint = (
-            " Name the levels to choose from: --action-grid NAME=LEVEL,LEVEL,... for each number, "
-            "or eutree.interaction.GriddedAction(env, {NAME: [LEVEL, LEVEL, ...]})."
-            if isinstance(space, spaces.Box)
-            else " Wrap it with gymnasium.wrappers.TransformAction."
-        )
-        raise UnsupportedSpaceError(
-            f"{_id(env)} must have a Discrete action space that starts at 0, got {space}.{hint}"
-        )
-    n_actions = int(space.n)
+def _action_names(
+    env: gymnasium.Env[Any, Any], family: str, controls: tuple[Control, ...]
+) -> tuple[str, ...]:
+    """Return the names of actions that are numbers from 0."""
+    n_actions = int(env.action_space.n)  # type: ignore[attr-defined]  # a Discrete
     if n_actions > MAX_ACTIONS:
         raise UnsupportedSpaceError(
-            f"{_id(env)} must have at most {MAX_ACTIONS:,} actions, got {n_actions:,}"
+            f"{name_of(env)} must have at most {MAX_ACTIONS:,} actions, got {n_actions:,}"
         )
     for names in (getattr(env.unwrapped, "action_names", None), _KNOWN_ACTIONS.get(family)):
         if names is not None and len(names) == n_actions:
             return tuple(str(name) for name in names)
-    controls = grid_of(env)
-    if controls:
-        return combined_actions(controls)
-    return numbered_actions(n_actions)
+    return combined_actions(controls) if controls else numbered_actions(n_actions)
 
 
 def _bounds(space: spaces.Space[Any], name: str) -> tuple[list[float], list[float], list[str]]:

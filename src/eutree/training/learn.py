@@ -14,7 +14,9 @@ from eutree.errors import InvalidArgumentError
 from eutree.evaluation import Evaluation, evaluate
 from eutree.evaluation.off_policy import OffPolicyComparison
 from eutree.interaction import GuardedEnv
+from eutree.interaction.action_grid import acting_as
 from eutree.interaction.decoding import warn_of_codes
+from eutree.interaction.recipe import Environment, opened
 from eutree.interaction.requests import Controller
 from eutree.interaction.seeding import Stream
 from eutree.learners import Method, Problem, Start, start_of
@@ -42,7 +44,7 @@ EPISODES = 400  # where no budget is named
 
 
 def learn(
-    env: gymnasium.Env[Any, Any] | None,
+    env: Environment | None,
     *,
     demonstrations: Demonstrations | None = None,
     expert: TreePolicy | None = None,
@@ -74,10 +76,11 @@ def learn(
     """Learn a tree policy in ``env``, with the paper's protocol, or from recorded episodes alone.
 
     Args:
-        env: A Gymnasium environment with a flat observation and a Discrete action space. None
-            learns offline, from ``demonstrations`` alone: the method makes its updates over two
-            thirds of them until one splits nothing. The rest says whether the tree is believed to
-            beat that of ``fit_expert_tree`` (or ``expert``); if not, that one is the result.
+        env: A Gymnasium environment with a flat observation and finitely many actions, its id, or
+            how to make it. None learns offline, from ``demonstrations`` alone: the method makes its
+            updates over two thirds of them until one splits nothing. The rest says whether the tree
+            is believed to beat that of ``fit_expert_tree`` (or ``expert``); if not, that one is the
+            result.
         demonstrations: Episodes of an expert, in the features of one observation.
         expert: The expert tree; fitted to the demonstrations if a start needs it.
         teacher: Who says what to do at observations that are met later, in place of the network
@@ -133,9 +136,12 @@ def learn(
         EnvironmentFault: The environment broke its contract; ``out`` can be resumed.
         RunFolderError: ``out`` is in use, or holds a run and ``resume`` is False.
     """
+    if env is not None and not isinstance(env, gymnasium.Env):
+        return _learn_in(env, locals())
     check_integer("evaluation_episodes", evaluation_episodes, low=1)
     if env is None:
         _check_acts_nowhere(race_steps, ask, keep_success=keep_success)
+    env = None if env is None else acting_as(env, expert or demonstrations)
     if checkpoint_seconds is not None:
         check_number("checkpoint_seconds", checkpoint_seconds, low=0.0)
     asking = asking or Asking()
@@ -147,9 +153,9 @@ def learn(
         offline=env is None,
         plans=bool(race_steps or keep_success or history or max_transitions) or ask is not None,
     )
-    chosen = _remembering(choice.method, max_transitions)
-    if max_leaves is not None:
-        chosen = _with_limit(chosen, max_leaves, races=race_steps > 0)
+    chosen = _with_limit(
+        _remembering(choice.method, max_transitions), max_leaves, races=race_steps > 0
+    )
     plan = Plan(
         episodes=_episodes(episodes, steps, minutes),
         steps=steps,
@@ -273,12 +279,14 @@ def _episodes(episodes: int | None, steps: int | None, minutes: float | None) ->
     return EPISODES if steps is None and minutes is None else MANY
 
 
-def _with_limit(method: Method, max_leaves: int, *, races: bool) -> Method:
+def _with_limit(method: Method, max_leaves: int | None, *, races: bool) -> Method:
     """Return a method that ends with at most so many leaves, unless a race sees to that.
 
     Where one does, a planner knows no limit: what its explorers may try decides what is stored, and
     from that the race's models are fitted (``docs/decisions/racing.md``).
     """
+    if max_leaves is None:
+        return method
     check_integer("max_leaves", max_leaves, low=2)
     if hasattr(method, "max_leaves"):
         return cast(Method, replace(cast(Any, method), max_leaves=max_leaves))
@@ -293,6 +301,12 @@ def _with_limit(method: Method, max_leaves: int, *, races: bool) -> Method:
     improvement = replace(planner.improvement, max_leaves=max_leaves)
     limited = replace(planner, improvement=improvement)
     return cast(Method, replace(cast(Any, method), planner=limited))
+
+
+def _learn_in(env: Environment, arguments: dict[str, Any]) -> LearningResult:
+    """Return what ``learn`` returns for an environment that is made for it, and closed then."""
+    with opened(env) as made:
+        return learn(**{**arguments, "env": made})
 
 
 def _check_races(plan: Plan, start: Start) -> None:

@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 from eutree.arrays import Floats, Integers
 from eutree.errors import InvalidArgumentError
 from eutree.interaction import GuardedEnv
-from eutree.interaction.acting import Actor
-from eutree.interaction.record import Controller, as_policy, trained_steps
+from eutree.interaction.acting import Actor, Controller, as_policy, trained_steps
 from eutree.policies import TreePolicy
 from eutree.validation import check_integer
 
@@ -22,8 +21,8 @@ class Teacher:
     """Who teaches a learner that copies a teacher, in place of the network that it would train.
 
     Attributes:
-        policy: Anything with SB3's ``predict`` that decides by one observation alone, or a function
-            that makes such a thing for the environment.
+        policy: As ``eutree.record`` takes it, if it decides by one observation alone: anything with
+            SB3's ``predict``, or a function.
         steps: Environment steps in which it was trained, by your word; by its own where it counts
             them itself (``num_timesteps``, as models of SB3 do) and None is given. They are
             reported apart from those of the run, and are no part of its budget.
