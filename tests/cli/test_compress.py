@@ -1,6 +1,9 @@
 """``eutree compress``: a budget, a margin, short thresholds, and one line for each mistake."""
 
+from dataclasses import replace
+
 from eutree.policies import TreePolicy
+from eutree.schema import EnvironmentSpec
 
 
 def test_a_budget_is_kept_and_evaluated(eutree, expert, demonstrations):
@@ -23,6 +26,16 @@ def test_a_margin_is_kept_and_its_steps_are_counted(eutree, expert, demonstratio
     assert answer.json["environment_steps"] > 120
     words = eutree(*line, "--return-margin", "30", "--episodes", "60", "--round").out
     assert f"{answer.json['environment_steps']} environment steps in all" in words
+
+
+def test_rounded_thresholds_are_played_where_they_can_be(eutree, expert, demonstrations):
+    line = ["--demos", demonstrations, "--out", "small.json", "--round", "--episodes", "20"]
+    assert "rounded, it earned" in eutree("compress", expert, *line).out
+    assert eutree("compress", expert, *line, "--json").json["rounding"]["episodes"] == 20
+    elsewhere = replace(TreePolicy.load(expert), environment=EnvironmentSpec("Nowhere-v0"))
+    elsewhere.save("elsewhere.json")
+    said = eutree("compress", "elsewhere.json", *line).out
+    assert "the rounded thresholds were not played: unknown environment 'Nowhere-v0'" in said
 
 
 def test_mistakes_are_named(eutree, expert, demonstrations):

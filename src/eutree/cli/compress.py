@@ -16,12 +16,13 @@ from eutree.cli._options import (
     seed_option,
 )
 from eutree.cli._output import Output
-from eutree.errors import InvalidArgumentError, shown
+from eutree.errors import EutreeError, InvalidArgumentError, shown
 from eutree.wording import counted
 
 if TYPE_CHECKING:
     from eutree.arrays import Floats
-    from eutree.compression import CompressionReport
+    from eutree.compression import CompressionReport, RealEpisodes
+    from eutree.compression.report import RoundingPlayed
     from eutree.compression.rounding import Rounding
     from eutree.data import Demonstrations
     from eutree.policies import TreePolicy
@@ -106,6 +107,9 @@ def compress(
     elif env_arguments:
         raise InvalidArgumentError("--env-arg needs --evaluate or --return-margin")
     rounding = _rounding(round_thresholds)
+    unplayed = ""
+    if real is None and rounding is not False:
+        real, unplayed = _where_rounding_is_played(policy, episodes, n_jobs)
     check_writable(out)
     with cluster(backend, address):
         small, report = compress_policy(
@@ -134,9 +138,10 @@ def compress(
             "range_known": report.range_known,
             "episodes_needed": report.episodes_needed,
             "imagined": report.imagined,
+            "rounding": None if report.rounding is None else vars(report.rounding),
             "path": str(out),
         },
-        f"{small}\n{_in_words(report, len(observations))}; written to {out}",
+        f"{small}\n{_in_words(report, len(observations))}{unplayed}; written to {out}",
     )
 
 
@@ -211,7 +216,38 @@ def _in_words(report: "CompressionReport", n_rows: int) -> str:
             f"on {report.return_change.n} fresh episodes, {report.environment_steps} "
             f"environment steps in all{_condition(report)}"
         )
+    if report.rounding is not None:
+        words += f"; {_played(report.rounding)}"
     return words
+
+
+def _where_rounding_is_played(
+    policy: "TreePolicy", episodes: int, n_jobs: int | None
+) -> "tuple[RealEpisodes | None, str]":
+    """Return where rounded thresholds are played; or None, and why they are not."""
+    from eutree.compression import RealEpisodes
+    from eutree.interaction.making import make
+
+    spec = policy.environment
+    if spec is None:
+        return None, "; the rounded thresholds were not played: the policy names no environment"
+    try:
+        make(spec).close()
+    except EutreeError as error:
+        return None, f"; the rounded thresholds were not played: {error}"
+    return RealEpisodes(spec, episodes=episodes, n_jobs=n_jobs, evaluates=False), ""
+
+
+def _played(rounding: "RoundingPlayed") -> str:
+    """Return what rounding changed, in words."""
+    if not rounding.different:
+        return f"rounded, it earned the same in each of {rounding.episodes} episodes"
+    words = (
+        f"rounded, it earned another return in {rounding.different} of {rounding.episodes} "
+        f"episodes: {rounding.exact:.2f} on average with the exact thresholds, "
+        f"{rounding.rounded:.2f} with the rounded ones"
+    )
+    return words if rounding.kept else f"{words}, which is more than may be lost: they stay exact"
 
 
 def _change(report: "CompressionReport") -> str:

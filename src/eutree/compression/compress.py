@@ -21,7 +21,7 @@ from eutree.compression.candidates import Ladder, by_c45, lossless, merged, with
 from eutree.compression.costs import WEIGHTS, Costs
 from eutree.compression.episodes import ImaginedEpisodes, RealEpisodes
 from eutree.compression.imagined import Pruned, pruned_in_imagination
-from eutree.compression.racing import Arena, Verdict, meet, race
+from eutree.compression.racing import Arena, Verdict, meet, play_rounded, race
 from eutree.compression.report import CompressionReport
 from eutree.compression.rounding import Rounding, rounded, steps_of
 from eutree.contests.betting import episodes_needed
@@ -115,10 +115,14 @@ def compress(
         result, method = _within(policy, costs, max_disagreement)
     else:
         result, method = _smallest(policy, rows, mode)
-    if shortened and margin is None:
-        result = rounded(result, rows, steps)
+    exact, played = result, None
+    if shortened and verdict is None:
+        result = rounded(exact, rows, steps)
+        if arena is not None and demand is not None:
+            played = play_rounded(exact, result, arena, demand.episodes, margin)
+            result = result if played.kept else exact
     too_few = None
-    if arena is not None and demand is not None and verdict is None:
+    if real is not None and real.evaluates and arena and demand and verdict is None:
         verdict = meet(policy, result, arena, demand)
         too_few = _episodes_needed(demand, verdict) if margin else None
     if arena is not None and real is not None and arena.env is not real.env:
@@ -130,6 +134,7 @@ def compress(
         range_known=demand is not None and demand.known_range is not None,
         episodes_needed=too_few,
         imagined=scores,
+        rounding=played,
     )
 
 

@@ -35,6 +35,7 @@ class RealEpisodes:
         return_range: Lowest and highest return of an episode, where the environment does not say
             so itself (``eutree.interaction.return_range``).
         n_jobs: Processes for the episodes, as ``evaluate`` takes them; the result is the same.
+        evaluates: Whether the result is evaluated beside the input; else only rounding is played.
 
     Raises:
         InvalidArgumentError: One of them is not as described.
@@ -46,6 +47,7 @@ class RealEpisodes:
     episodes: int = 1000
     return_range: tuple[float, float] | None = None
     n_jobs: int | None = None
+    evaluates: bool = True
 
     def __post_init__(self) -> None:
         check_integer("episodes", self.episodes, low=2)

@@ -8,6 +8,7 @@ import gymnasium
 import numpy as np
 
 from eutree.arrays import Floats
+from eutree.compression.report import ROUNDED_EPISODES, RoundingPlayed
 from eutree.evaluation import Estimate, Interval, evaluate
 from eutree.interaction import episode_seed
 from eutree.interaction.recipe import Environment, made
@@ -25,6 +26,7 @@ from eutree.policy_search.racing import (
 from eutree.schema import EnvironmentSpec
 
 _MOST_RUNNERS = 48
+_ROUNDING_BLOCK = 1_000_000  # of starts, which no race comes to
 
 
 @dataclass(eq=False)
@@ -116,3 +118,21 @@ def meet(policy: TreePolicy, other: TreePolicy, arena: Arena, demand: Demand) ->
     returns = Returns(demand.known_range)
     alone = meeting(demand.error, demand.episodes, block=0, returns=returns)
     return Verdict.of(drive(alone, lambda heat: arena.run(both[heat.runner], heat)))
+
+
+def play_rounded(
+    exact: TreePolicy, rounded: TreePolicy, arena: Arena, episodes: int, margin: float | None
+) -> RoundingPlayed:
+    """Return what rounding changes in at most so many episodes, the same for both trees.
+
+    It is not to be kept where it loses more than the margin, if there is one.
+    """
+    starts = range(min(episodes, ROUNDED_EPISODES))
+    one, other = (
+        arena.run(tree, Heat(number, _ROUNDING_BLOCK, starts))
+        for number, tree in enumerate((exact, rounded))
+    )
+    different = int(np.count_nonzero(one != other))
+    before, after = float(one.mean()), float(other.mean())
+    kept = margin is None or before - after <= margin
+    return RoundingPlayed(len(starts), different, before, after, kept)

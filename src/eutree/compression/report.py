@@ -4,6 +4,27 @@ from dataclasses import dataclass
 
 from eutree.evaluation import Estimate
 
+ROUNDED_EPISODES = 200  # that show what rounding changed, at most
+
+
+@dataclass(frozen=True)
+class RoundingPlayed:
+    """What rounded thresholds changed, in the same episodes with the exact ones.
+
+    Attributes:
+        episodes: How many were played.
+        different: Those that returned something else.
+        exact: Mean return with the exact thresholds.
+        rounded: Mean return with the rounded ones.
+        kept: Whether the result is rounded; not where that loses more than the margin allows.
+    """
+
+    episodes: int
+    different: int
+    exact: float
+    rounded: float
+    kept: bool = True
+
 
 @dataclass(frozen=True)
 class CompressionReport:
@@ -31,6 +52,8 @@ class CompressionReport:
             allowed were too few for any tree; else None.
         imagined: Scores of the input and of the result in a world model, pessimistic mean returns;
             None where there is none.
+        rounding: What rounding changed in play; None where nothing was rounded, where there is no
+            environment, or where the rounded tree won a race against the input itself.
     """
 
     n_leaves_before: int
@@ -47,3 +70,4 @@ class CompressionReport:
     range_known: bool = False
     episodes_needed: int | None = None
     imagined: tuple[float, float] | None = None
+    rounding: RoundingPlayed | None = None
