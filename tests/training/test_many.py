@@ -1,6 +1,7 @@
 """Many runs as one: the same bytes for any number of processes, and a winner that is judged."""
 
 import json
+from dataclasses import replace
 
 import gymnasium
 import numpy as np
@@ -69,6 +70,32 @@ def test_the_winners_folder_is_found(alone, tmp_path):
     (tmp_path / "runs.csv").write_text("seed,winner\n../..,1\n")
     with pytest.raises(FormatError, match="must be 1 for one run"):
         folder_of_winner(tmp_path)
+
+
+@pytest.mark.promise(2)
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", r"runs\.csv: winner: must be 1 for one run"),
+        (b"seed,winner\n\xff,1\n", r"runs\.csv: byte 12: must be text in UTF-8"),
+        ("seed,winner\n²,1\n".encode(), r"runs\.csv: winner"),
+        (b"seed,winner\n1,1\n2,1\n", r"runs\.csv: winner"),
+    ],
+)
+def test_a_damaged_table_of_runs_is_refused(content, message, tmp_path):
+    (tmp_path / "runs.csv").write_bytes(content)
+    with pytest.raises(FormatError, match=message):
+        folder_of_winner(tmp_path)
+
+
+@pytest.mark.promise(2)
+@pytest.mark.parametrize(
+    "content", [b"", b"\xff", b"a,b\n", b"episode\n1\n", b'"' * 5, b"x" * 200_000]
+)
+def test_a_damaged_curve_is_refused(content, alone, tmp_path):
+    (tmp_path / "curve.csv").write_bytes(content)
+    with pytest.raises(FormatError, match=r"curve\.csv"):
+        replace(alone[0].runs[0], path=tmp_path).curve()
 
 
 def test_all_curves_are_one_frame(alone):

@@ -47,6 +47,14 @@ def read_npz(path: str | Path) -> tuple[tuple[Episode, ...], int]:
     for key in ("obs", "acts"):
         if key not in arrays:
             raise FormatError(path, key, "missing; expected observations obs and actions acts")
+    for key, array in arrays.items():
+        if not array.ndim or array.dtype.kind not in "biuf":
+            kind, shape = array.dtype, array.shape
+            raise FormatError(path, key, f"must be an array of numbers, got {kind} of {shape}")
+    for key in ("dones", "terminations", "truncations", "starts"):
+        if key in arrays and arrays[key].shape != arrays["acts"].shape[:1]:
+            shape = arrays[key].shape
+            raise FormatError(path, key, f"must be one truth for each action, got shape {shape}")
     if arrays["acts"].ndim == 2 and arrays["acts"].shape[1] == 1:
         arrays["acts"] = arrays["acts"][:, 0]
     if arrays["obs"].ndim == 1:
@@ -118,6 +126,12 @@ def _trajectories(arrays: _Arrays) -> tuple[Episode, ...]:
         )
     begins, ends = [0, *indices.tolist()], [*indices.tolist(), len(acts)]
     spans = list(zip(begins, ends, strict=True))
+    terminal = arrays.get("terminal", np.zeros(count, dtype=bool))
+    if terminal.shape != (count,):
+        raise InvalidArgumentError(
+            f"terminal must say of each of the {count} episodes whether the task ended it, "
+            f"got an array of shape {terminal.shape}"
+        )
     if any(not 0 <= begin <= end <= len(acts) for begin, end in spans):
         raise InvalidArgumentError(f"indices must rise from 0 to at most {len(acts)}")
     before = np.concatenate([np.arange(b, e) + k for k, (b, e) in enumerate(spans)])
@@ -125,7 +139,7 @@ def _trajectories(arrays: _Arrays) -> tuple[Episode, ...]:
     lasts = [(k, b, e - 1) for k, (b, e) in enumerate(spans) if e > b]
     for k, begin, last in lasts:
         starts[begin] = True
-        terminated[last] = bool(arrays["terminal"][k]) if "terminal" in arrays else False
+        terminated[last] = bool(terminal[k])
     return episodes_from_rows(
         obs[before],
         acts,

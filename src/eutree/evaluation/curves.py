@@ -105,10 +105,13 @@ def curve_from_csv(text: str, *, path: str = "curve") -> tuple[CurvePoint, ...]:
         FormatError: The text is no learning curve; names the line.
     """
     rows = csv.DictReader(io.StringIO(text))
-    missing = [name for name in COLUMNS if name not in (rows.fieldnames or ())]
-    if missing:
-        raise FormatError(path, "line 1", f"must name the columns {', '.join(missing)}")
-    return tuple(_point(row, path, rows.line_num) for row in rows)
+    try:
+        missing = [name for name in COLUMNS if name not in (rows.fieldnames or ())]
+        if missing:
+            raise FormatError(path, "line 1", f"must name the columns {', '.join(missing)}")
+        return tuple(_point(row, path, rows.line_num) for row in rows)
+    except csv.Error as error:
+        raise FormatError(path, f"line {rows.line_num}", str(error)) from None
 
 
 def _point(row: dict[str, str], path: str, line: int) -> CurvePoint:

@@ -57,7 +57,7 @@ class FinishedRun:
             FileError: It is not there any more.
         """
         path = self.path / "curve.csv"
-        return curve_from_csv(read_bytes(path, limit=MAX_TABLE).decode(), path=str(path))
+        return curve_from_csv(_text_of(path), path=str(path))
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,12 +164,19 @@ def folder_of_winner(path: str | Path) -> Path:
     folder = Path(path)
     if not (folder / "runs.csv").exists():
         return folder
-    header, *rows = read_bytes(folder / "runs.csv", limit=MAX_TABLE).decode().splitlines()
+    header, *rows = _text_of(folder / "runs.csv").splitlines() or [""]
     table = [dict(zip(header.split(","), row.split(","), strict=False)) for row in rows]
     seeds = [row.get("seed", "") for row in table if row.get("winner") == "1"]
-    if len(seeds) != 1 or not seeds[0].isdigit():
+    if len(seeds) != 1 or not seeds[0].isdecimal() or not seeds[0].isascii():
         raise FormatError(folder / "runs.csv", "winner", "must be 1 for one run")
     return folder / "runs" / seeds[0]
+
+
+def _text_of(path: Path) -> str:
+    try:
+        return read_bytes(path, limit=MAX_TABLE).decode()
+    except UnicodeDecodeError as error:
+        raise FormatError(path, f"byte {error.start}", "must be text in UTF-8") from None
 
 
 class _Task:
