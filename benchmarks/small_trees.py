@@ -42,9 +42,9 @@ from eutree.envs.experts import EXPERTS
 from eutree.evaluation import mean_interval
 from eutree.files import read_archive
 from eutree.learners.contenders import Contender, unpacked_contenders
+from eutree.learners.declared import part
 from eutree.learners.distilled_dqn import DistilledDQN
 from eutree.learners.distilled_dqn_learner import NUMBERS, Stage
-from eutree.learners.stored_state import part
 from eutree.policies import TreePolicy
 from eutree.policy_search.rank_correlation import RankCorrelation, rank_correlation
 from eutree.training import stored_transitions

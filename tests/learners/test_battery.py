@@ -19,6 +19,7 @@ from eutree.learners import Decisions, Problem, Start, UTreeMethod
 from eutree.learners.distilled_dqn import DistilledDQN
 from eutree.learners.learner import HasPolicy, Needs, check_fits
 from eutree.learners.registry import METHODS, from_document, to_document
+from eutree.learners.restoring import checked_state, restored
 from eutree.learners.starts import STARTS, start_of
 from eutree.neural import DoubleDQNSettings
 from eutree.world_model.ensemble import EnsembleSettings
@@ -138,8 +139,7 @@ def a_discarded_episode_leaves_no_trace(case):
 def what_is_restored_goes_on_to_the_same_bytes(case):
     learner = case.lived(episodes=6)
     state = {k: np.array(a) for k, a in learner.state().items()}
-    case.method.check_state(FILE, state, case.problem)
-    again = case.method.restore(case.problem, case.start, state)
+    again = restored(FILE, state, case.method, case.problem, case.start)
     for one in (learner, again):
         for number in (60, 61):
             play(one, Corridor(), seed=number)
@@ -150,11 +150,12 @@ def what_is_restored_goes_on_to_the_same_bytes(case):
 
 def a_state_of_other_shapes_is_refused(case):
     state = case.life.state()
-    case.method.check_state(FILE, dict(state), case.problem)
+    checked_state(FILE, state, case.method, case.problem, case.start)
     for name, array in state.items():
         for wrong in (array[np.newaxis], array.astype(complex)):
+            damaged = {**state, name: wrong}
             with pytest.raises(FormatError):
-                case.method.check_state(FILE, {**state, name: wrong}, case.problem)
+                checked_state(FILE, damaged, case.method, case.problem, case.start)
 
 
 def all_that_was_lived_is_in_the_history(case):
@@ -342,6 +343,24 @@ def begun_anew(problem, start, state):
     return UTreeMethod(gathering_episodes=4).start(problem, start)
 
 
+class Anything:
+    """A part that takes whatever has its names."""
+
+    optional, rule = True, None
+
+    def __init__(self, part):
+        self.arrays = dict.fromkeys(part.arrays)
+
+    def items(self):
+        return ()
+
+
+def trusting(problem, start):
+    """Return a declaration of which only the names say anything."""
+    own = UTreeMethod(gathering_episodes=4).declared(problem, start)
+    return replace(own, parts=tuple(Anything(part) for part in own.parts))
+
+
 def stumbling(problem, start):
     raise IndexError("there is no episode that reached the goal")
 
@@ -354,7 +373,7 @@ WRONG: dict[Callable[[Case], None], WrongMethod | UTreeMethod] = {
     looking_changes_nothing: WrongMethod(learner={"decisions": remembering_looks}),
     a_discarded_episode_leaves_no_trace: WrongMethod(learner={"discard_episode": kept_in_part}),
     what_is_restored_goes_on_to_the_same_bytes: WrongMethod(restore=begun_anew),
-    a_state_of_other_shapes_is_refused: WrongMethod(check_state=lambda path, state, problem: None),
+    a_state_of_other_shapes_is_refused: WrongMethod(declared=trusting),
     all_that_was_lived_is_in_the_history: WrongMethod(learner={"end_episode": dropping}),
     decisions_are_a_tree_whose_fidelity_is_true: WrongMethod(learner={"decisions": boasting}),
     numbers_shown_are_of_these_leaves_and_actions: WrongMethod(

@@ -14,6 +14,7 @@ from eutree.learners.contenders import Contender
 from eutree.learners.distilled_dqn import DistilledDQN
 from eutree.learners.distilled_dqn_learner import Stage
 from eutree.learners.learner import Problem, Start, Step
+from eutree.learners.restoring import checked_state
 from eutree.neural import DoubleDQNSettings
 from eutree.policy_search.patient_race import PatientRace
 from eutree.world_model.action_trees import single_action
@@ -124,7 +125,7 @@ def test_the_policy_changes_only_by_a_race(whole):
 def test_a_learner_goes_on_from_any_stage_to_the_same_bytes(stage, whole, shown, env):
     loop, states = whole
     state, steps, gathered = states[stage, "within"]
-    METHOD.check_state("checkpoint.npz", state, problem_of(shown))
+    checked_state("checkpoint.npz", state, METHOD, problem_of(shown), Start(None, shown.kept))
     learner = METHOD.restore(problem_of(shown), Start(None, shown.kept), state)
     other = Loop(learner, env, 0)
     other.steps, other.gathered = steps, gathered
@@ -181,10 +182,10 @@ def test_an_expert_tree_that_is_too_large_is_replaced(shown):
 )
 def test_a_state_that_cannot_be_trusted_is_refused(name, change, whole, shown):
     state = copied(whole[1][Stage.RACE, "within"][0])
-    METHOD.check_state("checkpoint.npz", state, problem_of(shown))
+    checked_state("checkpoint.npz", state, METHOD, problem_of(shown), Start(None, shown.kept))
     state[name] = change(state[name])
     with pytest.raises(FormatError, match=r"checkpoint\.npz"):
-        METHOD.check_state("checkpoint.npz", state, problem_of(shown))
+        checked_state("checkpoint.npz", state, METHOD, problem_of(shown), Start(None, shown.kept))
 
 
 def test_a_policy_that_ran_often_outweighs_a_few_lucky_episodes():

@@ -8,6 +8,7 @@ from eutree.learners import Start
 from eutree.learners.evidence import FEWEST
 from eutree.learners.history_u_tree import HistoryUTreeMethod
 from eutree.learners.learner import Step
+from eutree.learners.restoring import checked_state
 from eutree.learners.starts import STARTS, start_of
 from tests.worlds import Corridor, play, problem_of, recorded
 
@@ -110,17 +111,18 @@ def test_it_goes_on_to_the_same_bytes_from_what_was_stored(start_name, tmp_path)
     chosen = HistoryUTreeMethod(evidence=2.0)
     problem, start, learner = lived(chosen, start_name)
     state = {name: np.array(array) for name, array in learner.state().items()}
-    chosen.check_state(tmp_path, state, problem)
+    checked_state(tmp_path, state, chosen, problem, start)
     other = chosen.restore(problem, start, state)
     for one in (learner, other):
         play(one, Corridor(), seed=7)
         one.update(np.random.default_rng(7))
     one, two = learner.state(), other.state()
     assert {k: a.tobytes() for k, a in one.items()} == {k: a.tobytes() for k, a in two.items()}
+    longer = state | {"kept_values": np.zeros(10**3)}
     with pytest.raises(FormatError, match="kept_values"):
-        chosen.check_state(tmp_path, state | {"kept_values": np.zeros(10**3)}, problem)
+        checked_state(tmp_path, longer, chosen, problem, start)
     with pytest.raises(FormatError, match="kept_values"):
-        HistoryUTreeMethod().check_state(tmp_path, state, problem)
+        checked_state(tmp_path, state, HistoryUTreeMethod(), problem, start)
 
 
 def test_where_only_demonstrations_are_given_a_leaf_keeps_what_was_done_there():

@@ -11,6 +11,7 @@ from eutree.learners import PRESETS, Problem, Start, Step
 from eutree.learners.choices import with_choices
 from eutree.learners.gates import AnyGain, ConservativeImprovement, expected_gain
 from eutree.learners.registry import from_document, to_document
+from eutree.learners.restoring import checked_state
 from eutree.schema import Schema
 from eutree.splitting import LeafSample, Maximal, Split
 
@@ -154,7 +155,7 @@ def test_restored_it_goes_on_to_the_same_bytes(tmp_path):
         learner.update(world.generator)
     state = learner.state()
     assert state["split_at"][0] > 0
-    method.check_state(tmp_path / "x.npz", state, world.problem)
+    checked_state(tmp_path / "x.npz", state, method, world.problem, Start())
     twin = method.restore(world.problem, Start(), state)
     for one in (learner, twin):
         world = Sorting(2)
@@ -163,8 +164,9 @@ def test_restored_it_goes_on_to_the_same_bytes(tmp_path):
     assert {k: v.tobytes() for k, v in twin.state().items()} == {
         k: v.tobytes() for k, v in learner.state().items()
     }
+    late = state | {"split_at": np.array([10**9])}
     with pytest.raises(FormatError, match="split_at"):
-        method.check_state(tmp_path / "x", state | {"split_at": np.array([10**9])}, world.problem)
+        checked_state(tmp_path / "x", late, method, world.problem, Start())
 
 
 def test_it_is_chosen_by_name_and_its_choices_with_it():

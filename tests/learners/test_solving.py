@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from eutree.errors import FormatError, InvalidArgumentError
-from eutree.learners import CORRECTED, PAPER, Step, UTree, UTreeMethod
+from eutree.learners import CORRECTED, PAPER, Start, Step, UTree, UTreeMethod
+from eutree.learners.restoring import checked_state
 from eutree.mdp import TabularMDP
 from eutree.splitting import Naive
 from tests.worlds import Walk
@@ -100,7 +101,7 @@ def test_a_restored_learner_solves_when_the_original_does(growth):
     original = learned(settings, phases=5)
     state = {k: v.copy() for k, v in original.state().items()}
     assert ("solved_at" in state) == (growth > 1.0)
-    settings.check_state("checkpoint.npz", state, Walk.problem)
+    checked_state("checkpoint.npz", state, settings, Walk.problem, Start())
     copy = UTree.from_state(state, 2, settings)
     for learner in (original, copy):
         go_on(learner, 8)
@@ -129,7 +130,7 @@ def test_a_stored_state_says_when_it_was_solved(solved_at):
     if solved_at is None:
         del state["solved_at"]
     with pytest.raises(FormatError, match="solved_at"):
-        SPLITS.check_state("checkpoint.npz", state, Walk.problem)
+        checked_state("checkpoint.npz", state, SPLITS, Walk.problem, Start())
 
 
 def test_a_growth_below_one_is_refused():

@@ -7,6 +7,7 @@ import pytest
 
 from eutree.errors import FormatError
 from eutree.learners import Start
+from eutree.learners.restoring import checked_state
 from eutree.learners.trial import FEWEST, MOST, Trial
 from eutree.learners.vector_quantization import VectorQuantizationMethod
 from eutree.trees import DecisionTree
@@ -130,7 +131,7 @@ def test_vqql_gives_a_bad_expert_up():
 def test_a_state_from_a_file_is_not_trusted(tmp_path):
     case = case_of("vqql", "tree+demos")
     state = case.lived(episodes=9).state()
-    case.method.check_state(tmp_path / "x", state, case.problem)
+    checked_state(tmp_path / "x", state, case.method, case.problem, case.start)
     for name, array in (
         ("trial_incumbent_action", state["trial_incumbent_action"] + 9),
         ("trial_incumbent_left", state["trial_incumbent_left"] + 1000),
@@ -138,5 +139,6 @@ def test_a_state_from_a_file_is_not_trusted(tmp_path):
         ("trial_counts", np.array([0, 0, -1])),
         ("trial_gains", np.array([np.nan])),
     ):
+        damaged = state | {name: array}
         with pytest.raises(FormatError):
-            case.method.check_state(tmp_path / "x", state | {name: array}, case.problem)
+            checked_state(tmp_path / "x", damaged, case.method, case.problem, case.start)

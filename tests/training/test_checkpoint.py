@@ -63,7 +63,7 @@ DAMAGES = {
         lambda a: np.array([99]),
         "plan_incumbent_episodes: must be in",
     ),
-    "a node beyond": ("plan_incumbent_left", lambda a: a + 2**32, "out of range|not a tree"),
+    "a node beyond": ("plan_incumbent_left", lambda a: a + 2**32, "must be in|not a tree"),
     "no planned action": (
         "plan_incumbent_action",
         lambda a: a + 7,

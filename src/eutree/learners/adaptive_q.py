@@ -19,13 +19,13 @@ between two episodes, so a discarded one leaves no trace.
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 
 from eutree.arrays import Floats, Integers
 from eutree.data import Episode
+from eutree.learners.declared import TREE, TREE_AND_HISTORY, Declared, Part, Stored, part, prefixed
 from eutree.learners.episode_buffer import EpisodeBuffer, FinishedEpisode, store
 from eutree.learners.history import History
 from eutree.learners.learner import (
@@ -38,7 +38,6 @@ from eutree.learners.learner import (
     Step,
     Update,
 )
-from eutree.learners.stored_state import TREE, StateCheck, part, prefixed
 from eutree.learners.vector_quantization import step_scale
 from eutree.policies import LeafStatistics
 from eutree.thresholds import threshold_between
@@ -89,21 +88,16 @@ class AdaptiveQMethod:
         """Return the learner whose ``state()`` this was; it goes on to the same bytes."""
         return AdaptiveQ.from_state(state, problem.n_actions, self)
 
-    def check_state(self, path: str | Path, state: Arrays, problem: Problem) -> None:
-        """Raise FormatError unless ``restore`` can trust the state, which comes from a file."""
-        expected = {
-            "prior": ("i", "L"),
-            "depth": ("i", "L"),
-            "values": ("f", "LA"),
-            "tried": ("i", "LA"),
-            "returns_seen": ("f", "X"),
+    def declared(self, problem: Problem, start: Start) -> Declared:
+        """Return what the arrays of a ``state()`` are."""
+        own = {
+            "prior": Stored("i8", "L", low=0, below="A"),
+            "depth": Stored("i8", "L", low=0, below="L"),
+            "values": Stored("f8", "LA"),
+            "tried": Stored("i8", "LA", low=0, most=2**31),
+            "returns_seen": Stored("f8", "2"),
         }
-        check = StateCheck(path, state, problem, expected)
-        check.sized("prior", check.n_leaves, "the tree's leaves")
-        check.sized("returns_seen", 2, "the lowest and the highest return to go")
-        check.finite(("values", "returns_seen"))
-        most = 2**31
-        check.within({"prior": (0, problem.n_actions - 1), "depth": (0, most), "tried": (0, most)})
+        return problem.declare(*TREE_AND_HISTORY, Part(own))
 
 
 class AdaptiveQ:

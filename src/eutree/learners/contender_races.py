@@ -9,10 +9,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from eutree.learners.contenders import Contender, packed_contenders, unpacked_contenders
+from eutree.learners.declared import part, prefixed
 from eutree.learners.experience import Experience
 from eutree.learners.learner import Arrays, Figures
 from eutree.learners.model_trust import ModelTrust
-from eutree.learners.stored_state import part, prefixed
 from eutree.learners.students import Students
 from eutree.policy_search.patient_race import PatientRace
 from eutree.world_model import ActionTree

@@ -6,16 +6,15 @@ Bentley & Finkel 1977 cut a kd-tree in this way). What it reaches is what resolu
 """
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 
+from eutree.learners.declared import Declared
 from eutree.learners.gates import AnyGain, SplitGate
 from eutree.learners.learner import Arrays, Needs, Problem, Start
-from eutree.learners.stored_state import check_u_tree
 from eutree.learners.targets import OneStep, Target
-from eutree.learners.u_tree import UTree
+from eutree.learners.u_tree import UTree, u_tree_parts
 from eutree.splitting import LeafSample, Split
 from eutree.thresholds import threshold_between
 from eutree.validation import check_integer, check_number
@@ -93,6 +92,6 @@ class DensityTreeMethod:
         """Return the learner whose ``state()`` this was; it goes on to the same bytes."""
         return UTree.from_state(state, problem.n_actions, self)
 
-    def check_state(self, path: str | Path, state: Arrays, problem: Problem) -> None:
-        """Raise FormatError unless ``restore`` can trust the state, which comes from a file."""
-        check_u_tree(path, state, problem, bounded=False, solves_at=False)
+    def declared(self, problem: Problem, start: Start) -> Declared:
+        """Return what the arrays of a ``state()`` are."""
+        return problem.declare(*u_tree_parts(bounded=False, solves_at=False))

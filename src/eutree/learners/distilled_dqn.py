@@ -16,20 +16,26 @@ The policy changes only by winning a race. The network is never handed over.
 """
 
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from eutree.errors import FormatError
-from eutree.learners.contenders import unpacked_trees
+from eutree.learners.contenders import ORIGINS
+from eutree.learners.declared import (
+    HISTORY_PART,
+    MOST,
+    SHOWN_PART,
+    Declared,
+    Found,
+    Part,
+    Stored,
+    packed_trees_part,
+)
 from eutree.learners.distilled_dqn_choices import DistilledDQNChoices
 from eutree.learners.distilled_dqn_learner import NUMBERS, DistilledDQNLearner, Stage
 from eutree.learners.learner import Arrays, Needs, Problem, Start
-from eutree.learners.stored_state import HISTORY_ARRAYS, part
-from eutree.world_model import ActionTree
-from eutree.world_model.action_trees import to_decision_tree
+from eutree.neural.network import n_weights
+from eutree.world_model.ensemble import N_KINDS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,74 +58,104 @@ class DistilledDQN(DistilledDQNChoices):
         learner.take_back(state)
         return learner
 
-    def check_state(self, path: str | Path, state: Arrays, problem: Problem) -> None:
-        """Raise FormatError unless ``restore`` can trust the state, which comes from a file."""
-        try:
-            check_arrays(state, problem)
-        except (KeyError, ValueError, IndexError) as error:
-            raise FormatError(path, "state", str(error)) from None
+    def declared(self, problem: Problem, start: Start) -> Declared:
+        """Return what the arrays of a ``state()`` are."""
+        history = (HISTORY_PART, SHOWN_PART)
+        teacher = () if start.teacher is not None else (self._teacher_part(problem),)
+        trees = (packed_trees_part("contender_", "T"), packed_trees_part("student_", 1))
+        model = self._model_part(problem)
+        parts = (*history, *teacher, *trees, _CONTENDERS, _numbers_part(start), model, _RACE)
+        return problem.declare(*parts)
+
+    def _teacher_part(self, problem: Problem) -> Part:
+        """Return what is stored of a network that teaches."""
+        size = n_weights(problem.n_features, self.teacher.hidden, problem.n_actions)
+        weights = ("online", "target", "average", "mean", "square")
+        arrays = {f"teacher_{name}": Stored("f4", (size,)) for name in weights}
+        arrays["teacher_square"] = Stored("f4", (size,), low=0)
+        arrays["teacher_known"] = Stored("i8", "1", low=0, most="history_n_episodes")
+        arrays["teacher_updates"] = Stored("i8", "1", low=0, most=MOST)
+        return Part(arrays)
+
+    def _model_part(self, problem: Problem) -> Part:
+        """Return what is stored of the world model, once it is fitted."""
+        settings = self.world_model
+        seen = problem.n_features * (1 + settings.memory)
+        size = n_weights(seen + problem.n_actions, settings.hidden, 2 * problem.n_features + 5)
+        return Part({
+            "model_centre": Stored("f8", (seen,)),
+            "model_spread": Stored("f8", (seen,), low=0),
+            "model_move": Stored("f8", "d", low=0),
+            "model_moves": Stored("f8", "d2"),
+            "model_binary": Stored("b1", "d"),
+            "model_low": Stored("f8", "d"),
+            "model_high": Stored("f8", "d"),
+            "model_earned": Stored("f8", (N_KINDS, 4)),
+            "model_weights": Stored("f4", (settings.members, size)),
+            "model_starts": Stored("f8", "Bd"),
+            "model_horizon": Stored("i8", "1", low=1, most=MOST),
+            "model_returns": Stored("f8", "2"),
+        }, _is_model, optional=True)  # fmt: skip
 
 
-def _expected() -> dict[str, tuple[str, int]]:
-    """Return the kind of elements and the number of axes of each array."""
-    found = {name: (kind, len(axes)) for name, (kind, axes) in HISTORY_ARRAYS.items()}
-    found |= {"numbers": ("i", 1), "history_demonstrated": ("b", 1)}
-    found |= {f"teacher_{name}": ("i", 1) for name in ("known", "updates")}
-    weights = ("online", "target", "average", "mean", "square")
-    found |= {f"teacher_{name}": ("f", 1) for name in weights}
-    for prefix in ("contender_", "student_"):
-        found |= {f"{prefix}{name}": ("i", 1) for name in (*ActionTree._fields, "n_nodes")}
-        found |= {f"{prefix}threshold": ("f", 1)}
-    found |= {f"contender_{name}": ("i", 1) for name in ("origin", "n_returns")}
-    found |= {f"contender_{name}": ("f", 1) for name in ("imagined", "returns")}
-    return found
+def _is_model(found: Found) -> None:
+    if not found.sizes["B"]:
+        raise found.refuse("model_starts", "must be at least one")
+    if (found.state["model_spread"] == 0.0).any():
+        raise found.refuse("model_spread", "must be positive")
 
 
-_ARRAYS = _expected()
+def _numbers_part(start: Start) -> Part:
+    """Return where the learner stands; demonstrations are a part of all that it has lived."""
+    n_shown = sum(map(len, start.episodes))
+
+    def are_numbers(found: Found) -> None:
+        numbers = dict(zip(NUMBERS, found.state["numbers"].tolist(), strict=True))
+        most = {"stage": len(Stage) - 1, "labelled_from": found.sizes["N"],
+                "incumbent": found.sizes["T"] - 1, "n_races": 2**31}  # fmt: skip
+        for name, value in numbers.items():
+            if not 0 <= value <= most.get(name, MOST):
+                raise found.refuse("numbers", f"{name} must be in 0..{most.get(name, MOST)}")
+        if found.sizes["N"] < n_shown or found.value("history_n_episodes") < len(start.episodes):
+            raise found.refuse("history_rewards", f"must begin with the {n_shown} demonstrated")
+
+    return Part({"numbers": Stored("i8", (len(NUMBERS),))}, are_numbers)
 
 
-def check_arrays(state: Arrays, problem: Problem) -> None:
-    """Raise ValueError unless all that compiled loops index with lies within what is indexed."""
-    for name, (kind, n_axes) in _ARRAYS.items():
-        if name in state or not name.startswith(("teacher_", "history_demonstrated")):
-            found = state[name]
-            right = (found.dtype.kind, found.ndim) == (kind, n_axes)
-            _check(right, f"{name} must have {n_axes} axes of kind {kind!r}, got {found.ndim} of "
-                   f"{found.dtype.kind!r}")  # fmt: skip
-    d, n_actions = problem.n_features, problem.n_actions
-    n = len(state["history_rewards"])
-    for name in ("observations", "next_observations"):
-        _check(state[f"history_{name}"].shape == (n, d), f"history_{name} has another shape")
-        _check(bool(np.isfinite(state[f"history_{name}"]).all()), f"history_{name} is not finite")
-    for name in ("actions", "episodes", "continues", "terminal"):
-        _check(state[f"history_{name}"].shape == (n,), f"history_{name} has another shape")
-    _within("history_actions", state["history_actions"], n_actions)
-    _check(bool((np.diff(state["history_episodes"]) >= 0).all()), "history_episodes must ascend")
-    trees = [*unpacked_trees(part(state, "contender_")), *unpacked_trees(part(state, "student_"))]
-    for tree in trees:
-        _, actions = to_decision_tree(tree, d)  # which checks features and children
-        _within("an action of a tree", actions, n_actions)
-    n_contenders = len(state["contender_n_nodes"])
-    _check(state["numbers"].shape == (len(NUMBERS),), "numbers has another shape")
-    numbers = dict(zip(NUMBERS, state["numbers"].tolist(), strict=True))
-    _within("incumbent", np.array([numbers["incumbent"]]), n_contenders)
-    _within("stage", np.array([numbers["stage"]]), len(Stage))
-    _within("labelled_from", np.array([numbers["labelled_from"]]), n + 1)
-    if "teacher_known" in state:
-        _within("teacher_known", state["teacher_known"], n + 1)
-    _within("origins", state["contender_origin"], 4)
-    if "race_returns" in state:
-        _within("race_entrants", state["race_entrants"], n_contenders)
-        expected = (len(state["race_entrants"]), int(state["race_looks"].max(initial=0)))
-        _check(state["race_returns"].shape == expected, "race_returns has another shape")
-        _within("race_run", state["race_run"][:, 2], n)
+def _are_contenders(found: Found) -> None:
+    if sum(found.state["contender_n_returns"].tolist()) != found.sizes["earned"]:
+        raise found.refuse("contender_n_returns", "must be as many as there are returns")
 
 
-def _check(holds: bool, message: str) -> None:
-    if not holds:
-        raise ValueError(message)
+_CONTENDERS = Part(
+    {
+        "contender_returns": Stored("f8", ("earned",)),
+        "contender_n_returns": Stored("i8", "T", low=0, most="earned"),
+        "contender_origin": Stored("i8", "T", low=0, below=len(ORIGINS)),
+        "contender_imagined": Stored("f8", "T", nan=True),
+    },
+    _are_contenders,
+)
 
 
-def _within(name: str, values: NDArray[Any], size: int) -> None:
-    inside = bool(((values >= 0) & (values < size)).all())
-    _check(inside, f"{name} must lie in 0..{size - 1}")
+def _is_race(found: Found) -> None:
+    looks, run = found.state["race_looks"], found.state["race_run"]
+    if not len(looks) or (np.diff(looks, prepend=0) < 1).any() or looks[-1] != found.sizes["X"]:
+        raise found.refuse("race_looks", f"must ascend from 1 to {found.sizes['X']}, the episodes")
+    if found.sizes["R"] < 2:
+        raise found.refuse("race_entrants", "must be at least two")
+    for column, below in enumerate((found.sizes["R"], found.sizes["X"], found.sizes["N"])):
+        if (run[:, column] >= below).any():
+            raise found.refuse("race_run", f"column {column} must be in 0..{below - 1}")
+
+
+_RACE = Part(
+    {
+        "race_returns": Stored("f8", "RX", nan=True),
+        "race_entrants": Stored("i8", "R", low=0, below="T"),
+        "race_looks": Stored("i8", "K", low=1, most="X"),
+        "race_run": Stored("i8", "Q3", low=0, most=MOST),
+    },
+    _is_race,
+    optional=True,
+)

@@ -9,6 +9,7 @@ from eutree.arrays import Floats
 from eutree.learners.contender_races import ContenderRaces
 from eutree.learners.contenders import Contender, packed_trees, unpacked_trees
 from eutree.learners.dagger import DAgger
+from eutree.learners.declared import part, prefixed
 from eutree.learners.distilled_dqn_choices import DistilledDQNChoices
 from eutree.learners.episode_buffer import EpisodeBuffer
 from eutree.learners.experience import Experience
@@ -24,7 +25,6 @@ from eutree.learners.learner import (
     ValuingPolicy,
 )
 from eutree.learners.model_trust import ModelTrust
-from eutree.learners.stored_state import part, prefixed
 from eutree.learners.students import Students
 from eutree.learners.teachers import GivenTeacher, NetworkTeacher
 from eutree.policy_search.patient_race import LOOKS

@@ -20,7 +20,6 @@ expert tree is made of observations alone; only the learner's own distinctions s
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
@@ -28,10 +27,10 @@ import numpy as np
 from eutree.arrays import Booleans, Floats
 from eutree.features import FeatureMap
 from eutree.learners.confidence import Confidence
+from eutree.learners.declared import Declared, Part, Stored
 from eutree.learners.evidence import EvidentUTree
 from eutree.learners.history import History
 from eutree.learners.learner import Arrays, Decisions, Needs, Problem, Start, Step, Update
-from eutree.learners.stored_state import check_u_tree
 from eutree.learners.u_tree import UTree, UTreeMethod
 from eutree.policies import TreePolicy
 from eutree.splitting import (
@@ -110,16 +109,12 @@ class HistoryUTreeMethod(UTreeMethod):
         tree = self._kind.from_state(state, problem.n_actions, self)
         return HistoryUTree(tree, self.features(problem))
 
-    def check_state(self, path: str | Path, state: Arrays, problem: Problem) -> None:
-        """Raise FormatError unless ``restore`` can trust the state, which comes from a file."""
-        check_u_tree(
-            path,
-            state,
-            self._stacked(problem),
-            bounded=self.max_transitions is not None,
-            solves_at=self.solve_growth > 1.0,
-            keeps_actions=self.evidence is not None,
-        )
+    def declared(self, problem: Problem, start: Start) -> Declared:
+        """Return what the arrays of a ``state()`` are, in the features of present and past."""
+        own = super().declared(self._stacked(problem), start)
+        if self.evidence is None:
+            return own
+        return replace(own, parts=(*own.parts, Part({"kept_values": Stored("f8", "L")})))
 
     def features(self, problem: Problem) -> FeatureMap:
         """Return how a problem's observations and actions become features."""

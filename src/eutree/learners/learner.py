@@ -21,18 +21,26 @@ What only some learners can do is a protocol of its own, which its user checks f
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from types import MappingProxyType
-from typing import Any, ClassVar, Literal, NamedTuple, Protocol, TypeAlias, runtime_checkable
+from typing import (
+    Any,
+    ClassVar,
+    Literal,
+    NamedTuple,
+    Protocol,
+    TypeAlias,
+    runtime_checkable,
+)
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
 from eutree.features import FeatureMap
 from eutree.learners.confidence import Confidence
+from eutree.learners.declared import Arrays as Arrays
+from eutree.learners.declared import Declared, Part
 from eutree.learners.goals import reached
 from eutree.learners.history import History
 from eutree.learners.model_trust import ModelTrust
@@ -41,7 +49,6 @@ from eutree.policies import LeafStatistics, Policy, TreePolicy
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.trees import DecisionTree
 
-Arrays: TypeAlias = dict[str, NDArray[Any]]
 Figure: TypeAlias = float | int | str | list[float] | list[int] | None
 Figures: TypeAlias = dict[str, Figure]
 TrueModel: TypeAlias = Callable[[Floats, Integers], tuple[Floats, Floats, Booleans]]
@@ -123,6 +130,10 @@ class Problem:
     def high(self) -> Floats:
         """Largest possible value of each feature, inf where unbounded, shape [d]."""
         return np.array([feature.high for feature in self.schema.features])
+
+    def declare(self, *parts: Part) -> Declared:
+        """Return the declaration of a state in the features and actions of this problem."""
+        return Declared(self.n_features, self.n_actions, parts)
 
 
 class FirstLeaves(NamedTuple):
@@ -340,11 +351,11 @@ class Method(Protocol):
         """Return the learner whose ``state()`` this was; it goes on to the same bytes."""
         ...
 
-    def check_state(self, path: str | Path, state: Arrays, problem: Problem) -> None:
-        """Raise FormatError unless ``restore`` can trust the state, which comes from a file.
+    def declared(self, problem: Problem, start: Start) -> Declared:
+        """Return what the arrays of a ``state()`` are: names, elements, axes and ranges.
 
-        Compiled loops trust their indices: whatever one indexes with is compared with the size of
-        what it indexes.
+        A checkpoint is compared with it before ``restore`` is called. Compiled loops trust their
+        indices, so whatever one indexes with has the size of what it indexes as its range.
         """
         ...
 

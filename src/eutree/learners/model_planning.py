@@ -9,7 +9,6 @@ leaves: what decides are returns.
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -20,11 +19,23 @@ from eutree.c45 import C45Settings, grow
 from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
 from eutree.learners.confidence import Confidence, doubt
+from eutree.learners.declared import (
+    LESSONS_PART,
+    MOST,
+    TREE,
+    TREE_AND_HISTORY,
+    Declared,
+    Part,
+    Stored,
+    action_tree_part,
+    bounds_part,
+    part,
+    prefixed,
+)
 from eutree.learners.forgetting import RecentEpisodes
 from eutree.learners.history import TERMINAL, History
 from eutree.learners.learner import Arrays, Decisions, Needs, Problem, Start, Step, Update
 from eutree.learners.statistics import returns_by_action
-from eutree.learners.stored_state import TREE, check_planning, part, prefixed
 from eutree.learners.teaching import Lessons
 from eutree.policies import LeafStatistics
 from eutree.policy_search.planner import Plan, Planner
@@ -85,9 +96,26 @@ class PlanningMethod:
         """Return the learner whose ``state()`` this was; it goes on to the same bytes."""
         return ModelPlanning.from_state(state, problem.n_actions, self)
 
-    def check_state(self, path: str | Path, state: Arrays, problem: Problem) -> None:
-        """Raise FormatError unless ``restore`` can trust the state, which comes from a file."""
-        check_planning(path, state, problem, bounded=self.max_transitions is not None)
+    def declared(self, problem: Problem, start: Start) -> Declared:
+        """Return what the arrays of a ``state()`` are."""
+        forgetting = () if self.max_transitions is None else bounds_part("1")
+        return problem.declare(*TREE_AND_HISTORY, *forgetting, LESSONS_PART, *_PLAN)
+
+
+_COUNT = Stored("i8", "1", low=0, most="history_n_episodes")
+_PLAN = (
+    Part({
+        "actions": Stored("i8", "L", low=0, below="A"),
+        "plan_incumbent_episodes": Stored("i8", "P", low=0, below="history_n_episodes"),
+        "plan_challenger_episodes": Stored("i8", "R", low=0, below="history_n_episodes"),
+        "plan_assisted_episodes": Stored("i8", "H", low=0, below="history_n_episodes"),
+        "plan_planned_at": Stored("i8", "1", low=0, most=MOST),
+        "plan_demonstrations": _COUNT,
+        "plan_valid_from": _COUNT,
+        "plan_informed": Stored("b1", "1"),
+    }),
+    *(action_tree_part(f"plan_{name}_", optional=name != "incumbent") for name in _TREES),
+)  # fmt: skip
 
 
 class ModelPlanning:

@@ -12,7 +12,6 @@ the cell is left". What is shown is C4.5's tree of what the controller does.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -24,6 +23,17 @@ from eutree.discretization.displacements import LearnedController
 from eutree.discretization.outcomes import EXPERT, LOST, Outcomes
 from eutree.discretization.parti_game import CUT_SHORT, GOES_ON, PartiGame, Rules
 from eutree.errors import InvalidArgumentError
+from eutree.learners.declared import (
+    MOST,
+    TREE,
+    TREE_AND_HISTORY,
+    Declared,
+    Found,
+    Part,
+    Stored,
+    part,
+    prefixed,
+)
 from eutree.learners.episode_buffer import EpisodeBuffer, store, store_demonstrations
 from eutree.learners.goals import goal_boxes, reached
 from eutree.learners.history import History
@@ -31,7 +41,6 @@ from eutree.learners.learner import Arrays, Decisions, Needs, Problem, Start, St
 from eutree.learners.partition import Partition, Plane, Region, rectangles
 from eutree.learners.relabelling import relabelled
 from eutree.learners.root_box import root_box
-from eutree.learners.stored_state import TREE, StateCheck, part, prefixed
 from eutree.policies import TreePolicy
 from eutree.trees import DecisionTree
 from eutree.trees.boxes import leaf_boxes
@@ -95,26 +104,27 @@ class PartiGameMethod:
         learner.take_state(state)
         return learner
 
-    def check_state(self, path: str | Path, state: Arrays, problem: Problem) -> None:
-        """Raise FormatError unless ``restore`` can trust the state, which comes from a file."""
-        expected = {
-            "triples": ("i", "K3"), "starts": ("f", "Kd"), "means": ("f", "ATd"),
-            "errors": ("f", "AT"), "visits": ("i", "AT"), "size": ("f", "2"),
-            "exhausted": ("b", "1"),
-        }  # fmt: skip
-        check = StateCheck(path, state, problem, expected)
-        check.finite(("starts", "means", "errors", "size"))
-        check.within({"visits": (0, 2**62)})
-        fresh = _controller(np.zeros(problem.n_features), np.ones(problem.n_features), problem)
-        check.sized("size", 2, "a sum and a number")
-        if state["means"].shape != fresh.tiles.means.shape:
-            raise check.refuse("means", f"must have shape {fresh.tiles.means.shape}")
-        if state["triples"].shape[1] != 3:
-            raise check.refuse("triples", "must be rows of three: cell, aim, cell arrived in")
-        for column, least in enumerate((0, EXPERT, LOST)):
-            numbers = state["triples"][:, column]
-            if numbers.size and not least <= numbers.min() <= numbers.max() < check.n_leaves:
-                raise check.refuse("triples", f"column {column} must be in {least}..cells")
+    def declared(self, problem: Problem, start: Start) -> Declared:
+        """Return what the arrays of a ``state()`` are."""
+        d = problem.n_features
+        _, n_tiles, _ = _controller(np.zeros(d), np.ones(d), problem).tiles.means.shape
+        own = {
+            "triples": Stored("i8", "K3", low=min(EXPERT, LOST), below="L"),
+            "starts": Stored("f8", "Kd"),
+            "means": Stored("f8", ("A", n_tiles, "d")),
+            "errors": Stored("f8", ("A", n_tiles), low=0),
+            "visits": Stored("i8", ("A", n_tiles), low=0, most=MOST),
+            "size": Stored("f8", "2", low=0),  # a sum and a number
+            "exhausted": Stored("b1", "1"),
+        }
+        return problem.declare(*TREE_AND_HISTORY, Part(own, _are_triples))
+
+
+def _are_triples(found: Found) -> None:
+    """Raise FormatError unless rows are cell, aim and cell arrived in."""
+    for column, least in enumerate((0, EXPERT, LOST)):
+        if (found.state["triples"][:, column] < least).any():
+            raise found.refuse("triples", f"column {column} must be in {least}..cells")
 
 
 class PartiGameLearner:

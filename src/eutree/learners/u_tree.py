@@ -9,7 +9,6 @@ differ most, splits where the difference is significant, and solves the MDP over
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -19,6 +18,19 @@ from eutree.arrays import Floats, Int32s, Integers
 from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
 from eutree.learners.confidence import Confidence, doubt
+from eutree.learners.declared import (
+    LESSONS_PART,
+    MOST,
+    TREE,
+    TREE_AND_HISTORY,
+    Declared,
+    Found,
+    Part,
+    Stored,
+    bounds_part,
+    part,
+    prefixed,
+)
 from eutree.learners.discretizer import Discretizer
 from eutree.learners.forgetting import LeafReservoirs
 from eutree.learners.gates import AnyGain, SplitGate
@@ -38,7 +50,6 @@ from eutree.learners.learner import (
 )
 from eutree.learners.solving import Solving
 from eutree.learners.statistics import leaf_statistics
-from eutree.learners.stored_state import TREE, check_u_tree, part, prefixed
 from eutree.learners.targets import OneStep, Target
 from eutree.learners.teaching import Lessons
 from eutree.splitting import KolmogorovSmirnov, LeafSample, Naive, SignificanceTest, Split
@@ -119,15 +130,43 @@ class UTreeMethod:
         """Return the learner whose ``state()`` this was; it goes on to the same bytes."""
         return UTree.from_state(state, problem.n_actions, self)
 
-    def check_state(self, path: str | Path, state: Arrays, problem: Problem) -> None:
-        """Raise FormatError unless ``restore`` can trust the state, which comes from a file."""
-        check_u_tree(
-            path,
-            state,
-            problem,
-            bounded=self.max_transitions is not None,
-            solves_at=self.solve_growth > 1.0,
+    def declared(self, problem: Problem, start: Start) -> Declared:
+        """Return what the arrays of a ``state()`` are."""
+        return problem.declare(
+            *u_tree_parts(
+                bounded=self.max_transitions is not None, solves_at=self.solve_growth > 1.0
+            )
         )
+
+
+def u_tree_parts(*, bounded: bool, solves_at: bool) -> tuple[Part, ...]:
+    """Return what the state of every learner with a leaf MDP consists of.
+
+    Args:
+        bounded: Whether the history forgets.
+        solves_at: Whether exact solutions wait until the history has grown.
+    """
+    forgetting = bounds_part("LA") if bounded else ()
+    solving = {"solved_at": Stored("i8", "1", low=0, most="history_n_seen")} if solves_at else {}
+    gate = Part({"split_at": Stored("i8", "1", low=0, most="history_n_seen")}, optional=True)
+    return (*TREE_AND_HISTORY, *forgetting, LESSONS_PART, gate, Part(_MDP | solving, _is_queue))
+
+
+_MDP = {
+    "mdp_values": Stored("f8", "L"),
+    "mdp_action_values": Stored("f8", "LA", nan=True),
+    "mdp_reward_sums": Stored("f8", "LA"),
+    "mdp_priority": Stored("f8", "L", inf=True),
+    "mdp_queue": Stored("i4", "Q", low=0, below="L"),
+    "tested_at": Stored("i8", "L", low=0, most=MOST),
+    "prior": Stored("i8", "L", low=0, below="A"),
+}
+
+
+def _is_queue(found: Found) -> None:
+    queue = found.state["mdp_queue"]
+    if np.unique(queue).size != queue.size:
+        raise found.refuse("mdp_queue", "a state stands in it twice")
 
 
 class UTree:

@@ -10,7 +10,6 @@ The method's own policy is a look-ahead in the model. What is shown is C4.5's tr
 """
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -28,6 +27,16 @@ from eutree.discretization.corner_process import (
 from eutree.discretization.influence import CRITERIA, refined
 from eutree.discretization.kuhn import MOST_FEATURES, Grid
 from eutree.errors import InvalidArgumentError
+from eutree.learners.declared import (
+    TREE,
+    TREE_AND_HISTORY,
+    Declared,
+    Found,
+    Part,
+    Stored,
+    part,
+    prefixed,
+)
 from eutree.learners.episode_buffer import EpisodeBuffer, store, store_demonstrations
 from eutree.learners.history import History
 from eutree.learners.learner import (
@@ -44,7 +53,6 @@ from eutree.learners.model_planning import transitions_of
 from eutree.learners.partition import Partition, Plane, corners_seen, leaves_seen
 from eutree.learners.relabelling import relabelled
 from eutree.learners.root_box import root_box
-from eutree.learners.stored_state import TREE, StateCheck, part, prefixed
 from eutree.policies import TreePolicy
 from eutree.trees import DecisionTree
 from eutree.validation import check_choice, check_integer, check_number
@@ -117,26 +125,32 @@ class VariableResolutionMethod:
         """Return the learner whose ``state()`` this was; it goes on to the same bytes."""
         return VariableResolution.from_state(problem, start, self, state)
 
-    def check_state(self, path: str | Path, state: Arrays, problem: Problem) -> None:
-        """Raise FormatError unless ``restore`` can trust the state, which comes from a file."""
-        expected = {"solved_from": ("i", "1")}
-        if "values" in state:
-            expected |= {"values": ("f", "C"), "policy": ("i", "C"), "box": ("f", "2d")}
-        check = StateCheck(path, state, problem, expected)
-        check.finite(("values", "box"))
-        check.within({
-            "solved_from": (0, len(state["history_rewards"])),
-            "policy": (0, problem.n_actions - 1),
-        })  # fmt: skip
-        if "values" not in state:
-            return
+    def declared(self, problem: Problem, start: Start) -> Declared:
+        """Return what the arrays of a ``state()`` are."""
+        solved_from = Part({"solved_from": Stored("i8", "1", low=0, most="N")})
+        values = Part(
+            {
+                "box": Stored("f8", "2d"),
+                "values": Stored("f8", "C"),
+                "policy": Stored("i8", "C", low=0, below="A"),
+            },
+            self._is_solved,
+            optional=True,
+        )
+        return problem.declare(*TREE_AND_HISTORY, solved_from, values)
+
+    def _is_solved(self, found: Found) -> None:
+        """Raise FormatError unless there is a value for each corner of the tree's boxes."""
         try:
-            grid = _grid(state, problem.n_features)
+            grid = _grid(dict(found.state), found.sizes["d"])
         except InvalidArgumentError as error:
-            raise check.refuse("box", str(error)) from None
-        check.sized("values", grid.n_corners, "the corners of the tree's boxes")
-        if state["solved_from"][0] < FEWEST and not self.true_model:
-            raise check.refuse("solved_from", f"must be at least {FEWEST} where there are values")
+            raise found.refuse("box", str(error)) from None
+        if found.sizes["C"] != grid.n_corners:
+            raise found.refuse(
+                "values", f"must have {grid.n_corners} entries, the corners of the tree's boxes"
+            )
+        if found.value("solved_from") < FEWEST and not self.true_model:
+            raise found.refuse("solved_from", f"must be at least {FEWEST} where there are values")
 
 
 class VariableResolution:

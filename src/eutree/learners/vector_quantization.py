@@ -17,7 +17,6 @@ one step changes is the unit of each feature, so that units of measurement do no
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -27,19 +26,23 @@ from eutree.arrays import Floats, Integers
 from eutree.data import Episode
 from eutree.discretization.codebook import Codebook, codebook_in_leaves
 from eutree.learners import _kernels_q_learning as kernels
+from eutree.learners.declared import (
+    MOST,
+    TREE,
+    TREE_AND_HISTORY,
+    Declared,
+    Found,
+    Part,
+    Stored,
+    action_tree_part,
+    part,
+    prefixed,
+)
 from eutree.learners.episode_buffer import EpisodeBuffer, store, store_demonstrations
 from eutree.learners.history import TERMINAL, History
 from eutree.learners.learner import Arrays, Decisions, Needs, Problem, Start, Step, Update
 from eutree.learners.partition import Partition, Plane, codewords_seen
 from eutree.learners.relabelling import relabelled
-from eutree.learners.stored_state import (
-    TREE,
-    StateCheck,
-    action_tree_arrays,
-    check_action_tree,
-    part,
-    prefixed,
-)
 from eutree.learners.trial import Trial
 from eutree.mdp import TabularMDP, TransitionCounts
 from eutree.trees import DecisionTree
@@ -100,48 +103,49 @@ class VectorQuantizationMethod:
         """Return the learner whose ``state()`` this was; it goes on to the same bytes."""
         return VectorQuantization.from_state(state, problem.n_actions, self)
 
-    def check_state(self, path: str | Path, state: Arrays, problem: Problem) -> None:
-        """Raise FormatError unless ``restore`` can trust the state, which comes from a file."""
-        expected = {
-            "prior": ("i", "L"),
-            "codewords": ("f", "Rd"),
-            "first": ("i", "F"),
-            "scale": ("f", "d"),
-            "values": ("f", "RA"),
-            "tried": ("i", "RA"),
-        }
-        tried = "trial_counts" in state
-        trees = [
-            name
-            for name in ("trial_incumbent_", "trial_challenger_")
-            if tried and (f"{name}feature" in state or "incumbent" in name)
-        ]
-        for name, axis in zip(trees, "TU", strict=False):
-            expected |= action_tree_arrays(name, axis)
-        if tried:
-            expected |= {"trial_gains": ("f", "G"), "trial_returns": ("f", "V"),
-                         "trial_counts": ("i", "W")}  # fmt: skip
-        check = StateCheck(path, state, problem, expected)
-        if tried:
-            check.sized("trial_returns", 3, "a pair's first, the lowest and the highest")
-            check.sized("trial_counts", 3, "episodes, pairs and adopted challengers")
-            check.within({"trial_counts": (0, 2**62)})
-            check.finite(("trial_gains",))
-        for name in trees:
-            check_action_tree(check, state, name, problem)
-        check.sized("prior", check.n_leaves, "the tree's leaves")
-        check.sized("first", check.n_leaves + 1, "one more than the tree's leaves")
-        check.finite(("codewords", "scale"))
-        check.within({"prior": (0, problem.n_actions - 1), "tried": (0, 2**62)})
-        first, n_regions = state["first"], len(state["codewords"])
-        if first[0] != 0 or first[-1] != n_regions or (np.diff(first) < 1).any():
-            raise check.refuse("first", f"must ascend from 0 to {n_regions}, the regions")
-        if (state["scale"] <= 0.0).any():
-            raise check.refuse("scale", "must be positive")
-        if (np.isnan(state["values"]) != (state["tried"] == 0)).any():
-            raise check.refuse("values", "must be known exactly where an action was tried")
-        if np.isinf(state["values"]).any():
-            raise check.refuse("values", "must not be infinite")
+    def declared(self, problem: Problem, start: Start) -> Declared:
+        """Return what the arrays of a ``state()`` are."""
+        return problem.declare(*TREE_AND_HISTORY, Part(_BOOK, _is_book), *_TRIAL)
+
+
+def _is_book(found: Found) -> None:
+    first, n_regions = found.state["first"], found.sizes["R"]
+    if len(first) != found.sizes["L"] + 1:
+        raise found.refuse("first", "must have one entry more than the tree has leaves")
+    if first[0] != 0 or first[-1] != n_regions or (np.diff(first) < 1).any():
+        raise found.refuse("first", f"must ascend from 0 to {n_regions}, the regions")
+    if (found.state["scale"] <= 0.0).any():
+        raise found.refuse("scale", "must be positive")
+    if (np.isnan(found.state["values"]) != (found.state["tried"] == 0)).any():
+        raise found.refuse("values", "must be known exactly where an action was tried")
+
+
+def _is_trial(found: Found) -> None:
+    if "trial_incumbent_feature" not in found.state:
+        raise found.refuse("trial_incumbent_feature", "missing")
+
+
+_BOOK = {
+    "prior": Stored("i8", "L", low=0, below="A"),
+    "codewords": Stored("f8", "Rd"),
+    "first": Stored("i8", "F", low=0, most="R"),
+    "scale": Stored("f8", "d"),
+    "values": Stored("f8", "RA", nan=True),
+    "tried": Stored("i8", "RA", low=0, most=MOST),
+}
+_TRIAL = (
+    action_tree_part("trial_incumbent_", optional=True),
+    action_tree_part("trial_challenger_", optional=True),
+    Part(
+        {
+            "trial_gains": Stored("f8", "G"),
+            "trial_returns": Stored("f8", "3", nan=True, inf=True),  # the first, lowest, highest
+            "trial_counts": Stored("i8", "3", low=0, most=MOST),
+        },
+        _is_trial,
+        optional=True,
+    ),
+)
 
 
 class VectorQuantization:

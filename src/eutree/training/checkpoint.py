@@ -21,6 +21,7 @@ from eutree.errors import FormatError
 from eutree.evaluation import CurvePoint
 from eutree.files import Document, read_archive, write_archive
 from eutree.learners.model_planning import as_whole
+from eutree.learners.restoring import restored
 from eutree.training.judging import Judgement
 from eutree.training.phases import Position
 from eutree.training.progress import GatheredEpisodes, progress_to_csv
@@ -127,9 +128,8 @@ def restore_checkpoint(path: Path, run: Run) -> None:
     raced = []
     if document.race is not None:
         raced = episodes_from_arrays(path, arrays, problem.n_actions, problem.n_features)
-    method.check_state(path, arrays, problem)
     _check_events(path, events, gathered)
-    run.learner = method.restore(problem, beginning.start, arrays)
+    run.learner = restored(path, arrays, method, problem, beginning.start)
     run.state.at = Position(**msgspec.structs.asdict(document.position))
     run.evaluations.curve = [
         _point(path, event) for event in events if event["event"] == "evaluation"

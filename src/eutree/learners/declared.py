@@ -1,0 +1,312 @@
+"""What a learner's stored state consists of: each array declared once, with type, axes and range.
+
+A checkpoint may come from a damaged disk or from a stranger, and compiled loops trust their
+indices. So whatever is read is compared with what the method declares, before the learner is made:
+names, elements, sizes, ranges, and by rules what arrays must be together.
+
+An axis is a letter (or a word), which stands for one size wherever it occurs, or a number, which
+stands for itself. The letters ``d`` and ``A`` are the features and actions of the problem, ``L``
+the leaves of the tree, ``N`` the transitions of the history; all others are bound where they first
+occur.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eutree.errors import EutreeError, FormatError
+from eutree.learners.forgetting import RANKS
+from eutree.trees import DecisionTree
+from eutree.world_model import ActionTree
+from eutree.world_model.action_trees import to_decision_tree
+
+Arrays: TypeAlias = dict[str, NDArray[Any]]
+State: TypeAlias = Mapping[str, NDArray[Any]]
+Size: TypeAlias = str | int
+
+MOST = 2**62  # what is counted stays far from the largest integer
+
+
+class Stored(NamedTuple):
+    """What one array must be.
+
+    Attributes:
+        elements: Type of its elements, as NumPy writes it: "i8", "f8", "b1". Narrower ones of the
+            same kind are taken and widened.
+        axes: Its axes: letters, or words and numbers.
+        low: Least element; a number, a size, or the name of an array of one element.
+        most: Greatest element, likewise.
+        below: What all elements are less than, likewise.
+        nan: Whether NaN may be among them.
+        inf: Whether infinity may be.
+    """
+
+    elements: str
+    axes: str | tuple[Size, ...]
+    low: Size | None = None
+    most: Size | None = None
+    below: Size | None = None
+    nan: bool = False
+    inf: bool = False
+
+
+class Part(NamedTuple):
+    """Arrays that belong together.
+
+    Attributes:
+        arrays: They by name.
+        rule: What they must be together; raises FormatError.
+        optional: Whether all of them may be missing.
+    """
+
+    arrays: Mapping[str, Stored]
+    rule: "Callable[[Found], None] | None" = None
+    optional: bool = False
+
+
+@dataclass(frozen=True)
+class Declared:
+    """The state of a learner.
+
+    Attributes:
+        n_features: Number of features d of what is stored.
+        n_actions: Number of actions A.
+        parts: All arrays; a size that several share is bound by the first.
+    """
+
+    n_features: int
+    n_actions: int
+    parts: tuple[Part, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A stored state under examination.
+
+    Attributes:
+        path: The file that it comes from.
+        state: Its arrays.
+        sizes: What the letters of axes stand for, as far as that is known.
+    """
+
+    path: Path
+    state: State
+    sizes: dict[str, int]
+
+    def refuse(self, name: str, reason: str) -> FormatError:
+        """Return the error for an array."""
+        return FormatError(self.path, name, reason)
+
+    def value(self, name: str) -> Any:
+        """Return the element of an array of one."""
+        return self.state[name].reshape(-1)[0].item()
+
+    def take(self, part: Part) -> Arrays:
+        """Return the arrays of a part with the elements that are declared.
+
+        Raises:
+            FormatError: An array is not what it is declared to be.
+        """
+        for name, stored in part.arrays.items():
+            self._check_shape(name, stored)
+        for name, stored in part.arrays.items():
+            self._check_elements(name, stored)
+        if part.rule is not None:
+            part.rule(self)
+        return {
+            name: np.ascontiguousarray(self.state[name], dtype=np.dtype(stored.elements))
+            for name, stored in part.arrays.items()
+        }
+
+    def _check_shape(self, name: str, stored: Stored) -> None:
+        array, wanted = self.state[name], np.dtype(stored.elements)
+        fits = array.dtype.kind == wanted.kind and np.can_cast(array.dtype, wanted, "safe")
+        if fits and array.ndim == len(stored.axes):
+            sizes = [
+                axis if isinstance(axis, int) else self._bound(axis, size)
+                for axis, size in zip(stored.axes, array.shape, strict=True)
+            ]
+            fits = sizes == list(array.shape)
+        else:
+            fits = False
+        if not fits:
+            raise self.refuse(
+                name,
+                f"shape {array.shape} of {array.dtype} does not fit: must be of {wanted} and of "
+                f"shape {self._in_words(stored.axes)}",
+            )
+
+    def _bound(self, axis: str, size: int) -> int:
+        """Return what an axis stands for: the first size that it meets, or the digit it is."""
+        return int(axis) if axis.isdecimal() else self.sizes.setdefault(axis, size)
+
+    def _in_words(self, axes: Sequence[Size]) -> str:
+        known = (f"{axis} = {self.sizes[axis]}" if axis in self.sizes else f"{axis}"
+                 for axis in map(str, axes))  # fmt: skip
+        return f"[{', '.join(known)}]"
+
+    def _check_elements(self, name: str, stored: Stored) -> None:
+        array = self.state[name]
+        if array.dtype.kind == "f":
+            self._check_numbers(name, stored)
+        bounds = [stored.low, stored.most, stored.below]
+        if not array.size or bounds == [None] * 3:
+            return
+        low, most, below = (None if bound is None else self._bound_of(bound) for bound in bounds)
+        if below is not None:
+            most = below - 1
+        known = array[~np.isnan(array)] if array.dtype.kind == "f" else array
+        if not known.size:
+            return
+        least, greatest = known.min().item(), known.max().item()
+        if (low is not None and least < low) or (most is not None and greatest > most):
+            span = f"{'' if low is None else low}..{'' if most is None else most}"
+            raise self.refuse(name, f"must be in {span}, got {least}..{greatest}")
+
+    def _check_numbers(self, name: str, stored: Stored) -> None:
+        array = self.state[name]
+        if not stored.nan and not stored.inf and not np.isfinite(array).all():
+            raise self.refuse(name, "must be finite")
+        if not stored.nan and np.isnan(array).any():
+            raise self.refuse(name, "must be a number")
+        if not stored.inf and np.isinf(array).any():
+            raise self.refuse(name, "must not be infinite")
+
+    def _bound_of(self, bound: Size) -> int:
+        if isinstance(bound, int):
+            return bound
+        return self.sizes[bound] if bound in self.sizes else int(self.value(bound))
+
+
+def taken(path: str | Path, state: State, declared: Declared) -> Arrays:
+    """Return a stored state with the elements that are declared.
+
+    Args:
+        path: The file that it comes from.
+        state: Its arrays.
+        declared: What they must be.
+
+    Raises:
+        FormatError: They are not.
+    """
+    sizes = {"d": declared.n_features, "A": declared.n_actions}
+    found = Found(Path(path), state, sizes)
+    here = [
+        part for part in declared.parts if not part.optional or part.arrays.keys() & state.keys()
+    ]
+    expected = {name for part in here for name in part.arrays}
+    for name in sorted(state.keys() ^ expected):
+        raise found.refuse(name, "missing" if name in expected else "unexpected array")
+    return {name: array for part in here for name, array in found.take(part).items()}
+
+
+# Parts that several methods have. -----------------------------------------------------------------
+
+TREE = ("feature", "threshold", "left", "right", "leaf")
+
+
+def _is_tree(found: Found) -> None:
+    try:
+        tree = DecisionTree(found.sizes["d"], **{name: found.state[name] for name in TREE})
+    except EutreeError as error:
+        raise found.refuse("feature", f"not a tree: {error}") from None
+    found.sizes["L"] = tree.n_leaves
+
+
+def _is_history(found: Found) -> None:
+    if (np.diff(found.state["history_episodes"]) < 0).any():
+        raise found.refuse("history_episodes", "must ascend")
+
+
+TREE_PART = Part(
+    {
+        name: Stored("f8", "M", nan=True) if name == "threshold" else Stored("i8", "M")
+        for name in TREE
+    },
+    _is_tree,
+)
+HISTORY_PART = Part(
+    {
+        "history_observations": Stored("f8", "Nd"),
+        "history_next_observations": Stored("f8", "Nd"),
+        "history_actions": Stored("i4", "N", low=0, below="A"),
+        "history_rewards": Stored("f8", "N"),
+        "history_n_episodes": Stored("i8", "1", low=0, most=2**31 - 1),
+        "history_episodes": Stored("i4", "N", low=0, below="history_n_episodes"),
+        "history_continues": Stored("b1", "N"),
+        "history_terminal": Stored("b1", "N"),
+        "history_n_seen": Stored("i8", "1", low="N", most=MOST),
+    },
+    _is_history,
+)
+SHOWN_PART = Part({"history_demonstrated": Stored("b1", "N")}, optional=True)
+LOCKED_PART = Part({"locked": Stored("i8", "K", low=0, below="L")}, optional=True)
+LESSONS_PART = Part({"lessons": Stored("f8", "Sd")}, optional=True)
+
+
+def bounds_part(axes: str) -> tuple[Part]:
+    """Return what a bounded history forgets by; the axes are those of its reservoirs."""
+    ranks, bounds = Stored("u4", "N"), Stored("u8", axes, low=1, most=RANKS)
+    return (Part({"history_ranks": ranks, "history_bounds": bounds}),)
+
+
+TREE_AND_HISTORY = (TREE_PART, HISTORY_PART, SHOWN_PART, LOCKED_PART)
+
+
+def action_tree_part(prefix: str, *, optional: bool = False) -> Part:
+    """Return the arrays of one tree of actions, under names with a prefix."""
+
+    def is_tree(found: Found) -> None:
+        check_action_trees(found, prefix, [len(found.state[f"{prefix}feature"])])
+
+    return Part(_action_tree_arrays(prefix), is_tree, optional)
+
+
+def packed_trees_part(prefix: str, n_trees: Size) -> Part:
+    """Return the arrays of trees of actions one after the other, under names with a prefix."""
+
+    def are_trees(found: Found) -> None:
+        sizes = found.state[f"{prefix}n_nodes"].tolist()
+        if not sizes or sum(sizes) != found.sizes[f"{prefix}nodes"]:
+            raise found.refuse(f"{prefix}n_nodes", "must be the nodes of at least one tree")
+        check_action_trees(found, prefix, sizes)
+
+    n_nodes = Stored("i8", (n_trees,), low=1, most=f"{prefix}nodes")
+    return Part(_action_tree_arrays(prefix) | {f"{prefix}n_nodes": n_nodes}, are_trees)
+
+
+def check_action_trees(found: Found, prefix: str, sizes: Sequence[int]) -> None:
+    """Raise FormatError unless arrays under names with a prefix are trees of so many nodes."""
+    for end, size in zip(np.cumsum(sizes).tolist(), sizes, strict=True):
+        rows = slice(end - size, end)
+        tree = ActionTree(*(found.state[f"{prefix}{name}"][rows] for name in ActionTree._fields))
+        try:
+            _, actions = to_decision_tree(tree, found.sizes["d"])
+        except EutreeError as error:
+            raise found.refuse(f"{prefix}feature", f"not a tree: {error}") from None
+        if not ((actions >= 0) & (actions < found.sizes["A"])).all():
+            most = found.sizes["A"] - 1
+            raise found.refuse(f"{prefix}action", f"must be in 0..{most}")
+
+
+def _action_tree_arrays(prefix: str) -> dict[str, Stored]:
+    nodes = (f"{prefix}nodes",)
+    whole = Stored("i8", nodes, low=-(2**31), below=2**31)
+    return {
+        f"{prefix}{name}": Stored("f8", nodes, nan=True) if name == "threshold" else whole
+        for name in ActionTree._fields
+    }
+
+
+def prefixed(prefix: str, state: State) -> Arrays:
+    """Return the arrays under names that begin with ``prefix``."""
+    return {prefix + name: array for name, array in state.items()}
+
+
+def part(state: State, prefix: str) -> Arrays:
+    """Return the arrays whose names begin with ``prefix``, without it."""
+    return {k.removeprefix(prefix): v for k, v in state.items() if k.startswith(prefix)}
