@@ -140,17 +140,33 @@ def _called(function: Callable[[Argument], Result], argument: Argument) -> Resul
     return function(argument)
 
 
+class _Paths:
+    """Where this process finds modules; another one looks there too once it has read this."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _look_in, (list(sys.path),)
+
+
+def _look_in(paths: list[str]) -> None:
+    sys.path.extend(path for path in paths if path not in sys.path)
+
+
 class _Alone(Generic[Argument, Result]):
     """A function whose calls start no processes of their own: the workers have work already."""
 
     def __init__(self, function: Callable[[Argument], Result]) -> None:
         self._function = function
-        self._paths = list(sys.path)  # another process must find the modules of this one
+
+    def __getstate__(self) -> tuple[_Paths, Callable[[Argument], Result]]:
+        """Return what another process reads: where modules are, before what may need them."""
+        return _Paths(), self._function
+
+    def __setstate__(self, state: tuple[None, Callable[[Argument], Result]]) -> None:
+        self._function = state[1]
 
     def __call__(self, argument: Argument) -> Result:
         import joblib
 
-        sys.path.extend(path for path in self._paths if path not in sys.path)
         with joblib.parallel_config(backend="sequential"):
             return self._function(argument)
 

@@ -176,8 +176,7 @@ def _import_module(context: click.Context, parameter: click.Parameter, name: str
     """
     if name is None or context.resilient_parsing:
         return
-    if os.getcwd() not in sys.path:
-        sys.path.insert(0, os.getcwd())
+    look_in_this_folder()
     if not all(part.isidentifier() for part in name.split(".")):
         raise click.BadParameter(f"must be the name of a module, as in Python, got {shown(name)}")
     try:
@@ -187,6 +186,12 @@ def _import_module(context: click.Context, parameter: click.Parameter, name: str
     except (Exception, SystemExit) as error:
         reason = f"{type(error).__name__}: {error}".removesuffix(": ")
         raise click.BadParameter(f"cannot import {name!r}: it raised {reason}") from error
+
+
+def look_in_this_folder() -> None:
+    """Let modules of the current folder be imported, as ``python -m`` does."""
+    if os.getcwd() not in sys.path:
+        sys.path.insert(0, os.getcwd())
 
 
 def _parse_arguments(

@@ -5,6 +5,7 @@ import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from eutree.cli._options import look_in_this_folder
 from eutree.errors import FormatError, InvalidArgumentError
 
 if TYPE_CHECKING:
@@ -32,6 +33,8 @@ def chosen_method(
 
     if name == "auto":
         name = None
+    elif name is not None and ":" in name:
+        look_in_this_folder()
     if settings is None and not changes and discount is None:
         return name
     document = {} if settings is None else dict(_read(settings))

@@ -40,8 +40,8 @@ if TYPE_CHECKING:
               "expert; for distilled-dqn.")  # fmt: skip
 @count_option("--teacher-steps", None, "Steps in which --teacher was trained.", least=0)
 @output_option("--out", text="Run folder to write.")
-@click.option("--method", help="How to learn: planning, distilled-dqn, u-tree, ...; or a preset. "
-              "auto, the default, lets the task decide between the first two.")  # fmt: skip
+@click.option("--method", help="How to learn: planning, distilled-dqn, u-tree, ...; a preset; one "
+              "of your own, MODULE:CLASS; by default auto, between the first two.")  # fmt: skip
 @click.option("--preset", help="A method with all choices made: default, paper (literal), paper-d, "
               "corrected (the default of --offline).")  # fmt: skip
 @click.option("--set", "changes", multiple=True, metavar="KEY=VALUE",

@@ -6,12 +6,13 @@ import sys
 import traceback
 from collections.abc import Sequence
 from contextlib import nullcontext
+from importlib.metadata import entry_points
 
 import click
 
 from eutree.cli._paths import check_outputs
 from eutree.cli._standard_output import kept_for_results
-from eutree.errors import EutreeError, UnknownNameError
+from eutree.errors import EutreeError, InvalidArgumentError, UnknownNameError
 
 # Loaded when called, so that `eutree --help` does not import what it does not need.
 COMMANDS = {
@@ -37,17 +38,20 @@ EXIT_INTERRUPTED = 130
 MAX_LINE = 1500  # characters of an error
 
 
+GROUP = "eutree.commands"  # entry points by which other distributions add theirs
+
+
 class LazyGroup(click.Group):
     """A group whose commands are imported when they are called."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Return the names of the commands, in the order of the main job."""
-        return list(COMMANDS)
+        """Return the names of the commands, in the order of the main job; those of others last."""
+        return [*COMMANDS, *_added()]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import and return a command; an unknown name names the nearest."""
         if cmd_name not in COMMANDS:
-            raise UnknownNameError("command", cmd_name, COMMANDS)
+            return _added_command(cmd_name)
         command = getattr(importlib.import_module(f"eutree.cli.{cmd_name}"), cmd_name)
         if not isinstance(command, click.Command):
             raise TypeError(f"eutree.cli.{cmd_name} must hold a click command of its name")
@@ -68,7 +72,42 @@ class LazyGroup(click.Group):
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the list of commands without importing them."""
         with formatter.section("Commands"):
-            formatter.write_dl(list(COMMANDS.items()))
+            formatter.write_dl([*COMMANDS.items(), *((name, _help_of(name)) for name in _added())])
+
+
+def _added() -> list[str]:
+    """Return the names of commands that other installed distributions add."""
+    return sorted({point.name for point in entry_points(group=GROUP)} - COMMANDS.keys())
+
+
+def _added_command(name: str) -> click.Command:
+    """Import and return a command of another distribution.
+
+    Raises:
+        UnknownNameError: There is none of that name.
+        InvalidArgumentError: It cannot be imported, or is none of click's.
+    """
+    points = sorted(entry_points(group=GROUP, name=name), key=lambda point: point.value)
+    if not points:
+        raise UnknownNameError("command", name, [*COMMANDS, *_added()])
+    try:
+        command = points[0].load()
+    except (Exception, SystemExit) as error:  # whatever a package's author lets happen
+        raise InvalidArgumentError(
+            f"command {name!r}, {points[0].value}, cannot be imported: {error}"
+        ) from error
+    if not isinstance(command, click.Command):
+        raise InvalidArgumentError(
+            f"command {name!r}, {points[0].value}, must be a command of click"
+        )
+    return command
+
+
+def _help_of(name: str) -> str:
+    try:
+        return _added_command(name).get_short_help_str(limit=70)
+    except EutreeError as error:
+        return str(error)
 
 
 def _check(command: click.Command, parent: click.Context, arguments: list[str]) -> None:

@@ -32,7 +32,7 @@ from eutree.interaction.seeding import Stream
 from eutree.learners import METHODS, Method, PlanningMethod, fit_expert_tree
 from eutree.learners.learner import HasPolicy
 from eutree.learners.parti_game import PartiGameMethod
-from eutree.learners.registry import to_document
+from eutree.learners.registry import BUILT_IN, to_document
 from eutree.policies import Policy, TreePolicy
 from eutree.policy_search.planner import Planner
 from eutree.schema import EnvironmentSpec
@@ -46,7 +46,7 @@ LEFT_OUT = {
     "distilled-dqn": "its network takes minutes a run, two hundred times what the others do"
 }
 FEW_IMAGINED = Planner(n_episodes=200, n_explorer_episodes=100, n_steps=10_000)
-TAUGHT = tuple(name for name in METHODS if name not in LEFT_OUT)
+TAUGHT = tuple(name for name in BUILT_IN if name not in LEFT_OUT)
 
 Goal = tuple[tuple[float, ...], tuple[float, ...]]
 

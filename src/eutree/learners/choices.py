@@ -59,7 +59,7 @@ def with_choices(method: Method, changes: Mapping[str, Any]) -> Method:
         for step in reversed(parts):
             part = part[step]
         part[place] = value
-    return from_document(document)
+    return from_document(document, kind=type(method))
 
 
 def _choices(prefix: str, part: Any, document: Mapping[str, Any]) -> Iterator[Choice]:

@@ -1,48 +1,98 @@
-"""The methods by name, and how one is written to a file and read back."""
+"""The methods by name, and how one is written to a file and read back.
 
+A method is found by an entry point: those of eutree are listed here, one of another distribution
+names its class in the group ``eutree.methods`` of its metadata. One that is not installed is handed
+to ``learn`` itself, is named ``module:Class``, or is made known by ``register``.
+
+A file never decides what is imported: it names a method by its name alone, and its choices are read
+back by the class of the method that the run was resumed with.
+"""
+
+from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass, replace
+from importlib.metadata import EntryPoint, entry_points
+from types import MappingProxyType
 from typing import Any, cast
 
 import msgspec
 
-from eutree.errors import InvalidArgumentError
-from eutree.learners.adaptive_q import AdaptiveQMethod
-from eutree.learners.density_tree import DensityTreeMethod
-from eutree.learners.distilled_dqn import DistilledDQN
-from eutree.learners.history_u_tree import HistoryUTreeMethod
-from eutree.learners.learner import Method
-from eutree.learners.model_planning import PlanningMethod
-from eutree.learners.parti_game import PartiGameMethod
+from eutree.errors import EutreeError, InvalidArgumentError, UnknownNameError, shown
+from eutree.learners.learner import Method, Needs
 from eutree.learners.presets import PRESETS
-from eutree.learners.u_tree import UTreeMethod
-from eutree.learners.variable_resolution import VariableResolutionMethod
-from eutree.learners.vector_quantization import VectorQuantizationMethod
 from eutree.validation import check_choice
 
-METHODS: dict[str, type[Method]] = {
-    kind.name: kind
-    for kind in (
-        PlanningMethod,
-        UTreeMethod,
-        VectorQuantizationMethod,
-        AdaptiveQMethod,
-        DensityTreeMethod,
-        DistilledDQN,
-        HistoryUTreeMethod,
-        VariableResolutionMethod,
-        PartiGameMethod,
-    )
-}
+GROUP = "eutree.methods"
+_HINT = (
+    "One of your own is named MODULE:CLASS, or found by an entry point of its package "
+    "(docs/your-own-method.md)."
+)
+_OURS = MappingProxyType({
+    "planning": "eutree.learners.model_planning:PlanningMethod",
+    "u-tree": "eutree.learners.u_tree:UTreeMethod",
+    "vqql": "eutree.learners.vector_quantization:VectorQuantizationMethod",
+    "adaptive-q": "eutree.learners.adaptive_q:AdaptiveQMethod",
+    "density-tree": "eutree.learners.density_tree:DensityTreeMethod",
+    "distilled-dqn": "eutree.learners.distilled_dqn:DistilledDQN",
+    "history-u-tree": "eutree.learners.history_u_tree:HistoryUTreeMethod",
+    "vrd": "eutree.learners.variable_resolution:VariableResolutionMethod",
+    "parti-game": "eutree.learners.parti_game:PartiGameMethod",
+})  # fmt: skip
+BUILT_IN = tuple(_OURS)
+
+
+class Methods(Mapping[str, type[Method]]):
+    """The classes of all methods by name; each is imported when it is first asked for."""
+
+    def __init__(self) -> None:
+        self._known: dict[str, type[Method]] = {}
+
+    def __getitem__(self, name: str) -> type[Method]:
+        if name not in self._known:
+            found = _entry_points_of(name)
+            if not found:
+                raise KeyError(name)
+            self._known[name] = _loaded(name, found)
+        return self._known[name]
+
+    def __iter__(self) -> Iterator[str]:
+        others = {*self._known, *(point.name for point in entry_points(group=GROUP))}
+        yield from _OURS
+        yield from sorted(others - _OURS.keys())
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+    def add(self, kind: type[Method]) -> None:
+        """Make a method known in this process; see ``register``."""
+        name = checked(kind).name
+        if name in _OURS or name in PRESETS:
+            raise InvalidArgumentError(f"method {name!r} is one of eutree's; name yours otherwise")
+        self._known[name] = kind
+
+
+METHODS = Methods()
+
+
+def register(kind: type[Method]) -> type[Method]:
+    """Make a method known by its name in this process; usable as a decorator of its class.
+
+    Raises:
+        InvalidArgumentError: The class is none of a method, or has the name of one of eutree's.
+    """
+    METHODS.add(kind)
+    return kind
 
 
 def method(name: str) -> Method:
-    """Return a method by its own name or that of a preset.
+    """Return a method by its own name, that of a preset, or that of its class: ``module:Class``.
 
     Raises:
         UnknownNameError: There is no such method or preset.
+        InvalidArgumentError: The class cannot be imported, or is none of a method.
     """
-    check_choice("method", name, [*METHODS, *PRESETS])
-    return PRESETS[name] if name in PRESETS else METHODS[name]()
+    if name in PRESETS:
+        return PRESETS[name]
+    return _kind(name)()
 
 
 def preset(name: str) -> Method:
@@ -50,10 +100,80 @@ def preset(name: str) -> Method:
     return PRESETS[check_choice("preset", name, PRESETS)]
 
 
+def checked(kind: Any) -> type[Method]:
+    """Return the class of a method if it is one.
+
+    Raises:
+        InvalidArgumentError: It is no frozen dataclass with all that a method has.
+    """
+    params = getattr(kind, "__dataclass_params__", None)
+    if not isinstance(kind, type) or params is None or not params.frozen or not _has_all(kind):
+        raise InvalidArgumentError(
+            "a method must be a frozen dataclass with name, needs, start, restore and declared "
+            f"(docs/your-own-method.md), got {shown(kind)}"
+        )
+    return cast(type[Method], kind)
+
+
+def _has_all(kind: type) -> bool:
+    name, needs = getattr(kind, "name", None), getattr(kind, "needs", None)
+    verbs = (getattr(kind, verb, None) for verb in ("start", "restore", "declared"))
+    return bool(name) and isinstance(name, str) and isinstance(needs, Needs) and all(verbs)
+
+
 def to_document(chosen: Method) -> dict[str, Any]:
-    """Return a method in JSON's types: its name and all its choices."""
-    choices: dict[str, Any] = msgspec.to_builtins(chosen)
+    """Return a method in JSON's types: its name and all its choices.
+
+    Raises:
+        InvalidArgumentError: A choice is nothing that a file can hold.
+    """
+    try:
+        choices: dict[str, Any] = msgspec.to_builtins(chosen)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InvalidArgumentError(
+            f"method {chosen.name!r} must have choices that JSON can hold: {error}"
+        ) from None
     return {"name": chosen.name, **choices}
+
+
+def checked_document(chosen: Method) -> dict[str, Any]:
+    """Return ``to_document`` of a method that comes back from it as it was.
+
+    Raises:
+        InvalidArgumentError: It is none, or a run with it could not be resumed.
+    """
+    document = to_document(checked_method(chosen))
+    encoded = msgspec.json.encode(document)
+    again = from_document(msgspec.json.decode(encoded), kind=type(chosen))
+    if to_document(again) != document:
+        raise InvalidArgumentError(
+            f"method {chosen.name!r} must be made by its choices alone, got {shown(chosen)}, "
+            f"which is read back from its file as {shown(again)}"
+        )
+    return document
+
+
+def from_document(document: Mapping[str, Any], *, kind: type[Method] | None = None) -> Method:
+    """Return the method that ``to_document`` wrote; what is missing has its default.
+
+    Args:
+        document: Its name and choices.
+        kind: The class of the method, where it is known already.
+
+    Raises:
+        InvalidArgumentError: The document is of no known method, or a choice is not one of its.
+    """
+    choices = dict(document)
+    name = choices.pop("name", "")
+    if kind is None:
+        kind = _installed(name)
+    unknown = sorted(choices.keys() - {field.name for field in fields(cast(Any, kind))})
+    if unknown:
+        raise InvalidArgumentError(f"method {kind.name!r} has no choice {unknown[0]!r}")
+    try:
+        return cast(Method, _filled(msgspec.convert(choices, kind)))
+    except (msgspec.ValidationError, ValueError) as error:
+        raise InvalidArgumentError(f"method {kind.name!r}: {error}") from None
 
 
 def _filled(chosen: Any) -> Any:
@@ -67,18 +187,61 @@ def _filled(chosen: Any) -> Any:
     )
 
 
-def from_document(document: dict[str, Any]) -> Method:
-    """Return the method that ``to_document`` wrote; what is missing has its default.
+def checked_method(chosen: Any) -> Method:
+    """Return a method if it is one; see ``checked``."""
+    if isinstance(chosen, type):
+        raise InvalidArgumentError(
+            f"method must be a method with its choices, {chosen.__name__}(), got the class"
+        )
+    checked(type(chosen))
+    return cast(Method, chosen)
+
+
+def _kind(name: str) -> type[Method]:
+    """Return the class of a method by its name or by ``module:Class``."""
+    if ":" not in name:
+        return _installed(name)
+    try:
+        return checked(EntryPoint(name, name, GROUP).load())
+    except EutreeError:
+        raise
+    except (Exception, SystemExit) as error:  # whatever a module's author lets happen
+        raise InvalidArgumentError(f"method {name!r} cannot be imported: {error}") from error
+
+
+def _installed(name: str) -> type[Method]:
+    try:
+        return METHODS[name]
+    except KeyError:
+        raise UnknownNameError("method", name, [*METHODS, *PRESETS], hint=_HINT) from None
+
+
+def _entry_points_of(name: str) -> list[EntryPoint]:
+    """Return where a method is found; another distribution cannot take the place of ours."""
+    if name in _OURS:
+        return [EntryPoint(name, _OURS[name], GROUP)]
+    return list(entry_points(group=GROUP, name=name))
+
+
+def _loaded(name: str, found: list[EntryPoint]) -> type[Method]:
+    """Return the class that an entry point names, under which it must be known itself.
 
     Raises:
-        InvalidArgumentError: The document is of no known method, or a choice is not one of its.
+        InvalidArgumentError: There are several, or the one is not what it says.
     """
-    choices = dict(document)
-    kind = METHODS[check_choice("method", choices.pop("name", ""), METHODS)]
-    unknown = sorted(choices.keys() - {field.name for field in fields(cast(Any, kind))})
-    if unknown:
-        raise InvalidArgumentError(f"method {kind.name!r} has no choice {unknown[0]!r}")
+    values = sorted({point.value for point in found})
+    if len(values) > 1:
+        raise InvalidArgumentError(f"method {name!r} is offered by several: {', '.join(values)}")
     try:
-        return cast(Method, _filled(msgspec.convert(choices, kind)))
-    except (msgspec.ValidationError, ValueError) as error:
-        raise InvalidArgumentError(f"method {kind.name!r}: {error}") from None
+        kind = checked(found[0].load())
+    except EutreeError as error:
+        raise InvalidArgumentError(f"method {name!r}, {values[0]}: {error}") from None
+    except (Exception, SystemExit) as error:  # whatever a package's author lets happen
+        raise InvalidArgumentError(
+            f"method {name!r}, {values[0]}, cannot be imported: {error}"
+        ) from error
+    if kind.name != name:
+        raise InvalidArgumentError(
+            f"method {name!r}, {values[0]}, must have that name itself, got {kind.name!r}"
+        )
+    return kind

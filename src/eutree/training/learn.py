@@ -23,7 +23,7 @@ from eutree.learners import Method, Problem, Start, start_of
 from eutree.learners import method as method_of
 from eutree.learners.default_choice import Choice, Evidence, default_for
 from eutree.learners.learner import HasTeacher, check_fits
-from eutree.learners.registry import to_document
+from eutree.learners.registry import checked_document, checked_method
 from eutree.policies import Policy, TreePolicy
 from eutree.training.asking import Asking, questions_for
 from eutree.training.beginning import Arena, Beginning, generator_of
@@ -86,7 +86,7 @@ def learn(
         teacher: Who says what to do at observations that are met later, in place of the network
             that ``distilled-dqn`` would train; its training is not counted but declared.
         method: How to learn: a name of ``eutree.learners.METHODS`` or of a preset, such as
-            ``"paper"`` to be faithful, or a method of your own choices. By default, and for
+            ``"paper"`` to be faithful, or a method itself. By default, and for
             ``"auto"``, ``distilled-dqn`` for six features or more with demonstrations and 80,000
             steps to spend, else model-based planning or, offline, ``"corrected"``.
         start: Where learning begins: ``"nothing"``, ``"tree"``, ``"tree+demos"``, ``"demos"`` or
@@ -196,7 +196,7 @@ def learn(
         seed=seed,
         offline=offline,
     )
-    check_fits(chosen, problem, begin, offline=offline)
+    document = _as_document(chosen, problem, begin, offline=offline)
     beginning = Beginning(chosen, problem, begin, choice.reason)
     _check_races(plan, begin)
     run = Run(
@@ -208,7 +208,7 @@ def learn(
     )
     config = ConfigDocument(
         environment=environment,
-        method=to_document(chosen),
+        method=document,
         start=begin.name,
         episodes=plan.episodes,
         steps=steps,
@@ -231,7 +231,7 @@ def learn(
             _go_on(run, None, clock, (follow, on_progress))
         policy, against_fit = _result(run, log)
     else:
-        with RunFolder(out, config, resume=resume) as folder:
+        with RunFolder(out, config, type(chosen), resume=resume) as folder:
             folder.load_checkpoint(run)
             folder.save_start(begin.expert)
             with _followed(run, listener, tensorboard) as follow:
@@ -270,6 +270,14 @@ def _result(run: Run, log: Log | None) -> tuple[TreePolicy, OffPolicyComparison 
         return run.policy(), None
     method = run.beginning.method
     return log.chosen(run.policy(), discount=getattr(method, "discount", DISCOUNT))
+
+
+def _as_document(
+    method: Method, problem: Problem, start: Start, *, offline: bool
+) -> dict[str, Any]:
+    """Return what is stored of a method; raise InvalidArgumentError unless it fits the task."""
+    check_fits(method, problem, start, offline=offline)
+    return checked_document(method)
 
 
 def _episodes(episodes: int | None, steps: int | None, minutes: float | None) -> int:
@@ -404,7 +412,8 @@ def _choice(
     With ``plans`` something is asked of the run that only planning does.
     """
     if method is not None:
-        return Choice(method_of(method) if isinstance(method, str) else method, "")
+        own = method_of(method) if isinstance(method, str) else checked_method(method)
+        return Choice(own, "")
     if offline or plans or start not in (None, "demos", "tree+demos"):
         return Choice(method_of("corrected" if offline else "default"), "")
     return default_for(evidence)

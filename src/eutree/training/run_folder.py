@@ -31,6 +31,7 @@ from eutree.files import (
     write_text,
 )
 from eutree.files.atomic import RUN, lock, remove_orphans, reported
+from eutree.learners import Method
 from eutree.learners.registry import from_document, to_document
 from eutree.policies import TreePolicy
 from eutree.training.checkpoint import (
@@ -105,6 +106,7 @@ class RunFolder:
     Args:
         path: The folder; it is made if it does not exist.
         config: How the run is started.
+        kind: The class of its method, which reads back what is stored of it.
         resume: Go on with what is there, instead of refusing a folder that holds a run.
 
     Raises:
@@ -116,13 +118,14 @@ class RunFolder:
         self,
         path: str | Path,
         config: ConfigDocument,
+        kind: type[Method],
         *,
         resume: bool,
     ) -> None:
         self.path = make_folder(path, of=RUN)
         self._lock = _lock(self.path)
         try:
-            self._open(config, resume=resume)
+            self._open(config, kind, resume=resume)
         except BaseException:
             self.close()
             raise
@@ -168,7 +171,7 @@ class RunFolder:
         """Write the final policy."""
         policy.save(self.path / "policy.json")
 
-    def _open(self, config: ConfigDocument, *, resume: bool) -> None:
+    def _open(self, config: ConfigDocument, kind: type[Method], *, resume: bool) -> None:
         remove_orphans(self.path)
         self._longer = False
         path = self.path / "config.json"
@@ -181,16 +184,18 @@ class RunFolder:
                 "folder"
             )
         found = read_document(path, ConfigDocument)
-        _check_same(path, found, config)
+        _check_same(path, found, config, kind)
         self._longer = any(getattr(found, name) != getattr(config, name) for name in _LENGTH)
 
 
-def _check_same(path: Path, found: ConfigDocument, wanted: ConfigDocument) -> None:
+def _check_same(
+    path: Path, found: ConfigDocument, wanted: ConfigDocument, kind: type[Method]
+) -> None:
     """Raise RunFolderError unless the run was started as it is resumed; its length may differ."""
     free = ("format", "version", "made_by", "method", *_LENGTH)
     names = [name for name in ConfigDocument.__struct_fields__ if name not in free]
     pairs = {name: (repr(getattr(found, name)), repr(getattr(wanted, name))) for name in names}
-    pairs |= _choices(_method(path, found), wanted.method)
+    pairs |= _choices(_method(path, found, kind), wanted.method)
     for name, (one, other) in pairs.items():
         if one != other:
             raise RunFolderError(
@@ -199,10 +204,17 @@ def _check_same(path: Path, found: ConfigDocument, wanted: ConfigDocument) -> No
             )
 
 
-def _method(path: Path, config: ConfigDocument) -> dict[str, Any]:
-    """Return the method of a stored configuration; choices that it does not name are usual ones."""
+def _method(path: Path, config: ConfigDocument, kind: type[Method]) -> dict[str, Any]:
+    """Return the method of a stored configuration; choices that it does not name are usual ones.
+
+    A method of another name is not asked for: that the names differ is all there is to say.
+    """
+    if not isinstance(config.method.get("name"), str):
+        raise FormatError(path, "method", "must have a name")
+    if config.method["name"] != kind.name:
+        return {"name": config.method["name"]}
     try:
-        return to_document(from_document(config.method))
+        return to_document(from_document(config.method, kind=kind))
     except InvalidArgumentError as error:
         raise FormatError(path, "method", str(error)) from None
 

@@ -1,0 +1,302 @@
+"""A method of one's own, in a distribution of its own: found, run, resumed, run many times.
+
+The distribution is built here from the page that explains it, and installed by unpacking its wheel.
+"""
+
+import os
+import re
+import subprocess
+import sys
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+import gymnasium
+import numpy as np
+import pytest
+
+import eutree
+from eutree.cli.main import run
+from eutree.errors import FormatError, InvalidArgumentError, RunFolderError, UnknownNameError
+from eutree.learners import METHODS, Needs, method, register
+from eutree.learners.registry import GROUP, from_document, to_document
+
+PAGE = Path(__file__).parents[2] / "docs" / "your-own-method.md"
+PROJECT = """
+[build-system]
+requires = ["hatchling"]
+build-backend = "hatchling.build"
+
+[project]
+name = "corrected-imitation"
+version = "1.0"
+
+[tool.hatch.build.targets.wheel]
+only-include = ["corrected_imitation.py", "corrected_imitation_cli.py"]
+"""
+COMMAND = """
+import click
+
+@click.command()
+def corrections():
+    \"\"\"Say how many corrections there are.\"\"\"
+    click.echo("none yet")
+"""
+TASK = "eutree/Evasion2-v0"
+SHORT = {"episodes": 40, "evaluate_every": 20, "evaluation_episodes": 4}
+EPISODES = {"selection_episodes": 6, "judging_episodes": 6}
+
+
+def source():
+    """Return the method as the page has it."""
+    shown = r"file: corrected_imitation.py -->\n\n```python\n(.*?)```"
+    return re.search(shown, PAGE.read_text(), re.DOTALL)[1]
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """Return a folder in which the distribution is installed."""
+    pytest.importorskip("hatchling", reason="the build back end is not installed")
+    tree, out = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("wheel")
+    points = re.search(r"```toml\n(.*?)```", PAGE.read_text(), re.DOTALL)[1]
+    (tree / "pyproject.toml").write_text(PROJECT + points)
+    (tree / "corrected_imitation.py").write_text(source())
+    (tree / "corrected_imitation_cli.py").write_text(COMMAND)
+    command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(out)]
+    subprocess.run(command, cwd=tree, check=True, capture_output=True)
+    (wheel,) = out.iterdir()
+    folder = tmp_path_factory.mktemp("site")
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(folder)
+    return folder
+
+
+@pytest.fixture
+def installed(site, monkeypatch):
+    """Let this process find what is installed there."""
+    monkeypatch.syspath_prepend(str(site))
+    monkeypatch.setattr(METHODS, "_known", {})
+    yield site
+    for name in ("corrected_imitation", "corrected_imitation_cli"):
+        sys.modules.pop(name, None)
+
+
+@pytest.fixture(scope="module")
+def demos(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("recorded") / "demos"
+    assert run(["record", TASK, "--expert", "gate", "--episodes", "5", "--out", str(folder)]) == 0
+    return folder
+
+
+def bytes_of(folder):
+    files = sorted(path for path in folder.rglob("*") if path.is_file() and path.name != ".lock")
+    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
+
+
+def learned(demos, folder, **options):
+    shown = eutree.Demonstrations.load(demos)
+    own = options.pop("method", "corrected-imitation")
+    return eutree.learn(
+        gymnasium.make(TASK), demonstrations=shown, method=own, out=folder, **(SHORT | options)
+    )
+
+
+def elsewhere(site, folder, *line):
+    """Run the command line in another process, which knows the distribution; return its output."""
+    paths = os.pathsep.join([str(site), *sys.path])
+    done = subprocess.run(
+        [sys.executable, "-m", "eutree", *map(str, line)], cwd=folder, text=True, timeout=240,
+        env={**os.environ, "PYTHONPATH": paths}, capture_output=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_it_is_found_by_its_entry_point(installed, capsys):
+    assert "corrected-imitation" in METHODS
+    assert type(method("corrected-imitation")).__name__ == "CorrectedImitation"
+    chosen = type(method("corrected-imitation"))(errors=3.0)
+    assert from_document(to_document(chosen)) == chosen
+    assert run(["learn", "--list-settings", "--method", "corrected-imitation"]) == 0
+    assert "gathering_episodes = 20" in capsys.readouterr().out
+    assert run(["--help"]) == 0
+    assert "Say how many corrections there are." in capsys.readouterr().out
+    assert run(["corrections"]) == 0
+    assert capsys.readouterr().out == "none yet\n"
+
+
+def test_without_the_distribution_it_is_unknown(monkeypatch):
+    monkeypatch.setattr(METHODS, "_known", {})
+    with pytest.raises(UnknownNameError, match="MODULE:CLASS"):
+        method("corrected-imitation")
+    with pytest.raises(UnknownNameError, match="unknown command 'corrections'"):
+        eutree_command("corrections")
+
+
+def eutree_command(name):
+    from eutree.cli.main import eutree as group
+
+    return group.get_command(None, name)
+
+
+def test_it_is_resumed_by_name_in_another_process(installed, demos, tmp_path):
+    learned(demos, tmp_path / "whole")
+    steps = iter(range(10_000))
+    learned(demos, tmp_path / "parts", stop=lambda: next(steps) > 300)
+    assert bytes_of(tmp_path / "parts") != bytes_of(tmp_path / "whole")
+    line = ["learn", TASK, "--demos", demos, "--method", "corrected-imitation", "--episodes", 40]
+    line += ["--evaluate-every", 20, "--evaluation-episodes", 4, "--out", tmp_path / "parts"]
+    elsewhere(installed, tmp_path, *line, "--resume")
+    assert bytes_of(tmp_path / "whole") == bytes_of(tmp_path / "parts")
+
+
+def test_the_configuration_is_checked_when_it_is_resumed(installed, demos, tmp_path):
+    learned(demos, tmp_path / "a", episodes=20)
+    own = type(method("corrected-imitation"))
+    with pytest.raises(RunFolderError, match=r"started with errors 2\.0, .* with 4\.0"):
+        learned(demos, tmp_path / "a", method=own(errors=4.0), resume=True)
+    with pytest.raises(RunFolderError, match="started with method 'corrected-imitation', so it"):
+        learned(demos, tmp_path / "a", method="paper", resume=True)
+    config = tmp_path / "a" / "config.json"
+    text = config.read_text()
+    config.write_text(text.replace('"errors"', '"terrors"'))
+    with pytest.raises(FormatError, match="has no choice 'terrors'"):
+        learned(demos, tmp_path / "a", resume=True)
+    config.write_text(text.replace('"errors":2.0', '"errors":"two"'))
+    with pytest.raises(FormatError, match=r"method 'corrected-imitation': .*errors"):
+        learned(demos, tmp_path / "a", resume=True)
+
+
+def test_a_damaged_checkpoint_of_it_is_refused(installed, demos, tmp_path):
+    from eutree.files import read_archive, write_archive
+    from eutree.training.checkpoint import CheckpointDocument
+
+    learned(demos, tmp_path / "a", episodes=20)
+    path = tmp_path / "a" / "checkpoint.npz"
+    document, arrays = read_archive(path, CheckpointDocument)
+    for sums in (arrays["sums"][:, 1:], arrays["sums"] * np.nan, arrays["sums"][0]):
+        write_archive(path, document, {**arrays, "sums": sums})
+        with pytest.raises(FormatError, match=r"checkpoint\.npz: sums: "):
+            learned(demos, tmp_path / "a", resume=True)
+
+
+@pytest.mark.parametrize("backend", ["loky", "dask"])
+def test_it_runs_many_times_on_every_back_end(installed, demos, tmp_path, backend):
+    import joblib
+
+    shown = eutree.Demonstrations.load(demos)
+    own = method("corrected-imitation")
+    options = {"runs": 2, "demonstrations": shown, "method": own, **SHORT, **EPISODES}
+    eutree.learn_runs(TASK, out=tmp_path / "one", n_jobs=1, **options)
+    if backend == "dask":
+        distributed = pytest.importorskip("distributed", reason="dask is not installed")
+        cluster = distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None,
+            host="127.0.0.1", protocol="tcp",
+        )  # fmt: skip
+        with cluster, distributed.Client(cluster), joblib.parallel_config(backend="dask"):
+            eutree.learn_runs(TASK, out=tmp_path / "two", n_jobs=None, **options)
+    else:
+        eutree.learn_runs(TASK, out=tmp_path / "two", n_jobs=2, **options)
+    assert bytes_of(tmp_path / "one") == bytes_of(tmp_path / "two")
+
+
+def test_it_runs_many_times_on_the_command_line(installed, demos, tmp_path):
+    line = ["learn", TASK, "--demos", demos, "--method", "corrected-imitation", "--runs", 2]
+    line += ["--n-jobs", 2, "--episodes", 3, "--evaluation-episodes", 2, "--out", "many"]
+    assert "The best of 2 runs" in elsewhere(installed, tmp_path, *line)
+
+
+def test_its_class_is_named_where_it_is_not_installed(demos, tmp_path, monkeypatch, capsys):
+    (tmp_path / "not_installed.py").write_text(source())
+    (tmp_path / "broken.py").write_text("raise RuntimeError('no licence')\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [path for path in sys.path if path])
+    line = ["learn", TASK, "--demos", str(demos), "--episodes", "20", "--evaluation-episodes", "2"]
+    named = ["--method", "not_installed:CorrectedImitation", "--out", "run"]
+    assert run([*line, *named]) == 0
+    assert run([*line, *named, "--episodes", "21"]) == 2  # said twice
+    assert run([*line, *named, "--resume"]) == 0
+    assert run([*line, "--settings", "run/config.json", "--out", "other"]) == 2
+    assert "unknown method 'corrected-imitation'" in capsys.readouterr().err
+    assert run([*line, "--settings", "run/config.json", *named[:2], "--out", "other"]) == 0
+    for name, message in (
+        ("broken:Own", "method 'broken:Own' cannot be imported: no licence"),
+        ("no_such_module:Own", "No module named 'no_such_module'"),
+        ("not_installed:Corrector", "must be a frozen dataclass"),
+        ("not_installed:", "cannot be imported"),
+    ):
+        assert run([*line, "--method", name, "--out", "x"]) == 2
+        assert message in capsys.readouterr().err
+    sys.modules.pop("not_installed", None)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Idle:
+    """A method that does nothing.
+
+    Attributes:
+        weights: What JSON cannot hold.
+    """
+
+    name: ClassVar[str] = "idle"
+    needs: ClassVar[Needs] = Needs()
+
+    gathering_episodes: int = 1
+    weights: object = None
+
+    def start(self, problem, start): ...
+
+    def restore(self, problem, start, state): ...
+
+    def declared(self, problem, start): ...
+
+
+class Imposter(Idle):
+    name = "planning"
+
+
+def test_a_method_is_registered_in_one_process(monkeypatch):
+    monkeypatch.setattr(METHODS, "_known", {})
+    assert register(Idle) is Idle
+    assert isinstance(method("idle"), Idle)
+    with pytest.raises(InvalidArgumentError, match="'planning' is one of eutree's"):
+        register(Imposter)
+    with pytest.raises(InvalidArgumentError, match="must be a frozen dataclass"):
+        register(dict)
+
+
+def test_what_is_no_method_is_refused_before_the_first_step():
+    env = gymnasium.make(TASK)
+    for own, message in (
+        (Idle, r"must be a method with its choices, Idle\(\)"),
+        (Idle(weights={1, (2, 3)}.__iter__()), "must have choices that JSON can hold"),
+        (Idle(weights=(1, 2)), "must be made by its choices alone"),
+        (object(), "must be a frozen dataclass"),
+    ):
+        with pytest.raises(InvalidArgumentError, match=message):
+            eutree.learn(env, method=own, episodes=1)
+
+
+def test_entry_points_that_are_wrong_are_named(tmp_path, monkeypatch):
+    monkeypatch.setattr(METHODS, "_known", {})
+    for number, lines in enumerate((
+        "planning = nowhere:Method\ntwice = a:A\nother = tests.training.test_own_method:Idle\n",
+        "twice = b:B\ngone = nowhere:Method\n",
+    )):  # fmt: skip
+        folder = tmp_path / f"wrong{number}-1.0.dist-info"
+        folder.mkdir()
+        (folder / "METADATA").write_text(
+            f"Metadata-Version: 2.1\nName: wrong{number}\nVersion: 1.0\n"
+        )
+        (folder / "entry_points.txt").write_text(f"[{GROUP}]\n{lines}")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    assert type(method("planning")).__name__ == "PlanningMethod"  # ours stay ours
+    for name, message in (
+        ("twice", "offered by several: a:A, b:B"),
+        ("gone", "nowhere:Method, cannot be imported"),
+        ("other", "must have that name itself, got 'idle'"),
+    ):
+        with pytest.raises(InvalidArgumentError, match=message):
+            method(name)
