@@ -13,11 +13,12 @@ from eutree.envs import experts
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import evaluate_policy
 from eutree.interaction import GuardedEnv
-from eutree.interaction.acting import Actor
+from eutree.interaction.acting import Actor, as_policy
 from eutree.interaction.requests import Request, ScriptedController, Stretch
 from eutree.interaction.spaces import decoder, encoder
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
+from eutree.training.teaching import AskedTeacher
 from eutree.trees import DecisionTree
 
 SPACES = {
@@ -153,3 +154,114 @@ def test_what_is_no_action_is_refused(answer: Any) -> None:
     env = GuardedEnv(Wander(SPACES["discrete"]))
     with pytest.raises(InvalidArgumentError, match=r"answer of policy\.predict must be one action"):
         Actor(Wrong(), env).act(env.reset(0))
+
+
+class Bare:
+    """A controller whose `predict` takes the observation alone, and returns the action alone."""
+
+    def predict(self, observation: Any) -> Any:
+        return int(observation[0] > 0)
+
+
+class Keeps:
+    """One that takes a state and nothing else, and counts its steps in it."""
+
+    def predict(self, observation: Any, state: Any = None) -> tuple[Any, Any]:
+        return int((state or 0) % 2), (state or 0) + 1
+
+
+def leaning(observation: Any) -> Any:
+    return int(observation[0] > 0)
+
+
+@pytest.mark.parametrize(
+    "controller",
+    [Bare(), leaning, lambda o: (leaning(o), None), lambda o: np.array([leaning(o)]),
+     lambda env: Bare(), lambda _: 1],
+)  # fmt: skip
+def test_a_function_or_a_plain_predict_will_do(controller: Any) -> None:
+    """`evaluate(lambda o: 1, env)` and a `predict` without `state` ended in raw exceptions."""
+    env = Wander(SPACES["box"])
+    demonstrations = eutree.record(env, controller, episodes=2, seed=1)
+    asked = as_policy(controller, env)
+    wanted = [Actor(asked, GuardedEnv(env)).act(row) for row in demonstrations.observations]
+    assert demonstrations.actions.tolist() == wanted
+    assert eutree.evaluate(controller, env, episodes=2).mean_return == 5.0
+    assert eutree.play(controller, env).undiscounted_return == 5.0
+    assert evaluate_policy(controller, env, 2) == (5.0, 0.0)  # type: ignore[arg-type]
+    short = DistillationSettings(iterations=2, episodes=1, validation_episodes=2)
+    eutree.distill(controller, env, short)
+    teacher = AskedTeacher(eutree.Teacher(controller, steps=0), GuardedEnv(env))
+    assert teacher.predict(demonstrations.observations)[0].tolist() == wanted
+
+
+def test_a_state_is_kept_for_who_takes_one() -> None:
+    assert eutree.play(Keeps(), Wander(SPACES["box"])).actions.tolist() == [0, 1, 0, 1, 0]
+
+
+def test_a_batch_is_not_for_a_function_of_one_observation() -> None:
+    """With as many copies as numbers, `o[0] > 0` of a batch looks like a batch of answers."""
+    env = gymnasium.make("eutree/Evasion2-v0")
+    size = GuardedEnv(env).schema.n_features
+    returns = [
+        eutree.evaluate(policy, env, episodes=size).returns.tolist()
+        for policy in (lambda o: np.asarray(o[0] > 0).astype(int), Bare())
+    ]
+    assert returns[0] == returns[1]
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda env: eutree.distill(env, Bare()), "env must be a gymnasium.Env, an id"),
+        (lambda env: eutree.record(Bare(), env), "env must be a gymnasium.Env, an id"),
+        (lambda env: eutree.evaluate(env, Bare()), "environment must be a gymnasium.Env, an id"),
+        (lambda env: eutree.play(env, Bare()), "env must be a gymnasium.Env, an id"),
+        (lambda env: eutree.learn(Bare()), "env must be a gymnasium.Env, an id"),
+        (lambda env: eutree.evaluate(env, env), "controller must have a method predict"),
+        (lambda env: eutree.evaluate(3, env), "controller must have a method predict"),
+        (lambda env: eutree.evaluate("gate", env), "controller must have a method predict"),
+        (lambda env: eutree.evaluate(lambda o: o.speed, env), "for an observation AttributeError"),
+        (lambda env: eutree.evaluate(lambda o, p: 1, env), "for an observation TypeError"),
+        (lambda env: eutree.evaluate(lambda o: None, env), "controller.env. must have a method"),
+    ],
+)
+def test_what_cannot_act_is_one_clear_line(call: Any, message: str) -> None:
+    with pytest.raises(InvalidArgumentError, match=message):
+        call(Wander(SPACES["box"]))
+
+
+def test_a_mistake_inside_a_function_that_acts_is_its_own() -> None:
+    """After a first answer the function is known to take observations: its errors come through."""
+    answers = iter([0, 1])
+    with pytest.raises(StopIteration):
+        eutree.play(lambda o: next(answers) if o[0] > -2 else 0, Wander(SPACES["box"]))
+
+
+def test_an_environment_may_be_named_by_its_id(tmp_path: Any) -> None:
+    """`learn` and `record` refused an id where `evaluate` took one."""
+    spec = eutree.EnvironmentSpec("CartPole-v1", {"max_episode_steps": 9})
+    closed = []
+    gymnasium.register("tests/Closing-v0", lambda: Closing(closed))
+    try:
+        demos = eutree.record("tests/Closing-v0", Bare(), episodes=2)
+        eutree.play(Bare(), "tests/Closing-v0")
+        learned = eutree.learn(
+            "tests/Closing-v0", demonstrations=demos, method="paper", episodes=1,
+            evaluation_episodes=2, out=tmp_path / "run",
+        )  # fmt: skip
+    finally:
+        gymnasium.registry.pop("tests/Closing-v0")
+    assert closed == [True] * 3
+    assert learned.policy.environment == demos.environment
+    assert len(eutree.play(lambda o: int(o[2] > 0), spec, seed=0)) <= 9
+    assert eutree.record(spec, lambda o: int(o[2] > 0), episodes=1).environment == spec
+
+
+class Closing(Wander):
+    def __init__(self, closed: list[bool]) -> None:
+        super().__init__(SPACES["box"])
+        self.closed = closed
+
+    def close(self) -> None:
+        self.closed.append(True)

@@ -7,16 +7,15 @@ import gymnasium
 import numpy as np
 
 from eutree.interaction import GuardedEnv
-from eutree.interaction.acting import Actor
+from eutree.interaction.acting import Actor, Controller, as_policy
 from eutree.interaction.action_grid import acting_as
-from eutree.policies import Policy
 from eutree.validation import check_integer
 
 Callback = Callable[[dict[str, Any], dict[str, Any]], None]
 
 
 def evaluate_policy(
-    model: Policy,
+    model: Controller,
     env: gymnasium.Env[Any, Any],
     n_eval_episodes: int = 10,
     deterministic: bool = True,
@@ -33,7 +32,7 @@ def evaluate_policy(
     ``eutree.evaluate``.
 
     Args:
-        model: Anything with SB3's ``predict``.
+        model: As ``eutree.evaluate`` takes it: anything with SB3's ``predict``, or a function.
         env: A single Gymnasium environment.
         n_eval_episodes: Number of episodes.
         deterministic: Passed to ``predict``.
@@ -47,7 +46,7 @@ def evaluate_policy(
         AssertionError: The mean return is not above ``reward_threshold``.
     """
     guarded = GuardedEnv(acting_as(env, model))
-    actor = Actor(model, guarded, deterministic=deterministic)
+    actor = Actor(as_policy(model, env), guarded, deterministic=deterministic)
     episode_rewards: list[float] = []
     episode_lengths: list[int] = []
     for _ in range(check_integer("n_eval_episodes", n_eval_episodes, low=1)):

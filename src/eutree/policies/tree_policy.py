@@ -22,6 +22,7 @@ from eutree.policies.document import (
     policy_to_bytes,
 )
 from eutree.policies.leaf_statistics import LeafStatistics
+from eutree.policies.observed import rows_of
 from eutree.policies.sklearn_tree import parts_of
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.trees import DecisionTree
@@ -90,6 +91,7 @@ class TreePolicy(Displayed):
             actions=self.past_actions,
         )
         object.__setattr__(self, "_feature_map", features)
+        object.__setattr__(self, "_observed", self.schema.feature_names[: features.n_observed])
         if list(self.locked) != sorted(set(self.locked) & set(range(self.n_leaves))):
             raise InvalidArgumentError(
                 f"locked must be leaves from 0 to {self.n_leaves - 1} in order, got {self.locked}"
@@ -189,7 +191,7 @@ class TreePolicy(Displayed):
 
     def predict(
         self,
-        observation: ArrayLike,
+        observation: Any,
         state: Floats | None = None,
         episode_start: ArrayLike | None = None,
         deterministic: bool = True,
@@ -197,7 +199,8 @@ class TreePolicy(Displayed):
         """Return the action for one observation or a batch, as in Stable-Baselines3.
 
         Args:
-            observation: One observation, shape [d], or a batch, shape [E, d].
+            observation: One observation, shape [d], or a batch, shape [E, d]; or the environment's
+                own, a dict or a tuple, if its entries have the names of the policy's schema.
             state: What the last call returned, for a policy that sees the past; None at the start
                 of an episode. Others ignore it.
             episode_start: Whether each observation is the first of its episode, shape [E].
@@ -206,12 +209,8 @@ class TreePolicy(Displayed):
         Returns:
             An int for one observation, an int64 array of shape [E] for a batch; and the state.
         """
-        array = np.asarray(observation, dtype=np.float64)
-        if array.ndim not in (1, 2) or array.shape[-1] != self.observation_size:
-            raise InvalidArgumentError(
-                f"observation must have shape ({self.observation_size},) or "
-                f"(E, {self.observation_size}), got {array.shape}"
-            )
+        names: tuple[str, ...] = self._observed  # type: ignore[attr-defined]  # set when frozen
+        array = rows_of(observation, names)
         if self.features.is_identity:
             return self._decide(array), state
         state = self._remember(array, state, episode_start)
@@ -222,7 +221,7 @@ class TreePolicy(Displayed):
 
     def predict_values(
         self,
-        observation: ArrayLike,
+        observation: Any,
         state: Floats | None = None,
         episode_start: ArrayLike | None = None,
     ) -> tuple[Floats, Floats | None]:

@@ -1,0 +1,125 @@
+"""A tree reads what its environment observes, whatever the form."""
+
+from collections import OrderedDict
+from dataclasses import replace
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium import spaces
+
+import eutree
+from eutree.errors import InvalidArgumentError
+from eutree.interaction import GuardedEnv, describe
+
+SPACES = {
+    "dict": spaces.Dict(
+        {
+            "speed": spaces.Box(0, 9, (1,), np.float32),
+            "at": spaces.Dict({"floor": spaces.Discrete(4), "doors": spaces.MultiBinary(2)}),
+            "alone": spaces.Dict({"inner": spaces.Box(-1, 1, (1,))}),
+        }
+    ),
+    "tuple": spaces.Tuple(
+        [spaces.Discrete(5), spaces.Box(0, 5, (2,)), spaces.Tuple([spaces.Discrete(5)] * 2)]
+    ),
+    "tuple of equals": spaces.Tuple([spaces.Box(0, 1, (2,)), spaces.Box(0, 1, (2,))]),
+    "one code": spaces.Discrete(9),
+    "bits": spaces.MultiBinary(3),
+}
+
+
+class Sees(gymnasium.Env):
+    """Five random observations; the sum of their numbers is what the action should know."""
+
+    action_space = spaces.Discrete(2)
+
+    def __init__(self, space):
+        self.observation_space = space
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.observation_space.seed(seed)
+        self.count = 0
+        return self.observation_space.sample(), {}
+
+    def step(self, action):
+        self.count += 1
+        return self.observation_space.sample(), float(action), False, self.count == 5, {}
+
+
+def reversed_(value):
+    """Return nested dicts with their keys the other way round."""
+    if not isinstance(value, dict):
+        return value
+    return OrderedDict((key, reversed_(value[key])) for key in reversed(value))
+
+
+def learned(env, history=0):
+    """Return a tree of a rule by all numbers of an observation."""
+    guarded = GuardedEnv(env)
+    middle = np.array([(f.low + f.high) / 2 for f in guarded.schema.features])
+    weights = 1.0 + np.arange(middle.size)
+    rule = eutree.experts.RulePolicy(lambda o: ((o - middle) @ weights > 0).astype(int))
+    demos = eutree.record(env, rule, episodes=30, seed=1)
+    tree = eutree.fit_expert_tree(demos.with_history(history) if history else demos)
+    assert tree.n_leaves > 1
+    return replace(tree, history=history), guarded
+
+
+@pytest.mark.parametrize("history", [0, 1])
+@pytest.mark.parametrize("name", SPACES)
+def test_a_tree_decides_by_the_environments_own_observation(name, history):
+    """`policy.predict(env.reset()[0])` of a Dict raised a bare TypeError."""
+    env = Sees(SPACES[name])
+    tree, guarded = learned(env, history)
+    state = own_state = turned = None
+    for seed in range(40):
+        features = guarded.reset(seed)
+        own = guarded.own_observation(features)
+        wanted, state = tree.predict(features, state)
+        found, own_state = tree.predict(own, own_state)
+        assert found == wanted
+        again, turned = tree.predict(reversed_(own), turned)
+        assert again == wanted
+
+
+def stacked(samples):
+    """Return a batch as a vector environment gives it: arrays in the form of one observation."""
+    first = samples[0]
+    if isinstance(first, dict):
+        return {key: stacked([sample[key] for sample in samples]) for key in first}
+    if isinstance(first, tuple):
+        return tuple(stacked(list(entries)) for entries in zip(*samples, strict=True))
+    return np.stack(samples)
+
+
+@pytest.mark.parametrize("name", ["dict", "tuple", "tuple of equals", "bits"])
+def test_a_batch_of_them(name):
+    env = Sees(SPACES[name])
+    tree, guarded = learned(env)
+    rows = np.array([guarded.reset(seed) for seed in range(7)])
+    batch = stacked([guarded.own_observation(row) for row in rows])
+    assert tree.predict(batch)[0].tolist() == tree.predict(rows)[0].tolist()
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"speed": [1.0]}, {"speed": "fast"}, {}, (), (1.0, [2.0]), None, "left", 3.0, [[1.0], [1, 2]]],
+)
+def test_what_is_no_observation_is_one_line(wrong):
+    tree, _ = learned(Sees(SPACES["dict"]))
+    with pytest.raises(InvalidArgumentError, match="observation must have"):
+        tree.predict(wrong)
+
+
+def test_where_names_are_the_environments_own_it_says_what_helps():
+    class Named(Sees):
+        feature_names = ("a", "b", "c", "d", "e")
+
+    tree, guarded = learned(Named(SPACES["dict"]))
+    assert describe(guarded.env).feature_names == ("a", "b", "c", "d", "e")
+    own = guarded.own_observation(guarded.reset(0))
+    with pytest.raises(InvalidArgumentError, match=r"entries 'a, b.*got.*at\.doors.*eutree\.play"):
+        tree.predict(own)
+    assert len(eutree.play(tree, guarded.env)) == 5
