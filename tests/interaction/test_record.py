@@ -110,3 +110,17 @@ def test_bad_numbers_are_named(name, value):
 def test_seeds_of_different_uses_differ():
     seeds = {episode_seed(seed, k, s) for seed in range(5) for k in range(20) for s in range(6)}
     assert len(seeds) == 600
+
+
+def test_a_seed_fits_a_simulator_written_in_cpp():
+    """SUMO takes 31 bits: stock sumo-rl failed at its first reset."""
+    seeds = [episode_seed(seed, k) for seed in (0, 2**63 - 1) for k in range(200)]
+    assert 0 <= min(seeds) <= max(seeds) < 2**31
+    assert max(seeds) >= 2**30
+
+
+def test_half_of_the_seeds_are_those_of_release_2():
+    whole = [int(np.random.SeedSequence((7, 0, k)).generate_state(1)[0]) for k in range(200)]
+    kept = [seed for seed in whole if seed < 2**31]
+    assert 80 < len(kept) < 120
+    assert [episode_seed(7, k) for k, seed in enumerate(whole) if seed < 2**31] == kept

@@ -9,6 +9,7 @@ import pytest
 import eutree
 from eutree.data import Demonstrations
 from eutree.errors import InvalidArgumentError
+from eutree.interaction import GuardedEnv, run_episode
 from eutree.interaction.replay import replay
 
 
@@ -23,6 +24,16 @@ def test_a_recording_replays_bit_for_bit(demos, tmp_path):
     results = replay(Demonstrations.load(tmp_path / "demos"))
     assert [r.is_equal for r in results] == [True] * 3
     assert [r.n_steps for r in results] == [len(e) for e in demos]
+
+
+def test_an_episode_of_a_release_with_larger_seeds_replays(tmp_path):
+    env = GuardedEnv(gymnasium.make("eutree/Evasion2-v0"))
+    policy = eutree.experts.wait_at_crossing(env.env)
+    episodes = tuple(run_episode(env, policy, seed) for seed in (2**31, 2**32 - 1))
+    Demonstrations(episodes, env.schema, env.spec).save(tmp_path / "demos")
+    loaded = Demonstrations.load(tmp_path / "demos")
+    assert [episode.seed for episode in loaded] == [2**31, 2**32 - 1]
+    assert [result.problem for result in replay(loaded)] == ["", ""]
 
 
 def tampered(episode):

@@ -1,6 +1,7 @@
 """Where the seed of an episode comes from: a pure function of the run's seed and its number.
 
 So episode k can be replayed, or a run resumed at it, without knowing anything of those before.
+It has 31 bits: simulators written in C++ keep their seed in a signed integer of 32.
 """
 
 from enum import IntEnum, unique
@@ -8,6 +9,8 @@ from enum import IntEnum, unique
 import numpy as np
 
 from eutree.validation import check_integer, check_seed
+
+MAX_EPISODE_SEED = 2**31 - 1
 
 
 @unique
@@ -37,7 +40,7 @@ class Stream(IntEnum):
 
 
 def episode_seed(seed: int, episode: int, stream: int = Stream.EPISODES) -> int:
-    """Return the seed that ``reset`` gets for one episode of a run.
+    """Return the seed that ``reset`` gets for one episode of a run, from 0 to 2**31 - 1.
 
     Args:
         seed: Seed of the run, evaluation or recording.
@@ -45,4 +48,4 @@ def episode_seed(seed: int, episode: int, stream: int = Stream.EPISODES) -> int:
         stream: What the episodes are for, so that episodes of different uses never coincide.
     """
     entropy = (check_seed(seed), check_integer("stream", stream), check_integer("episode", episode))
-    return int(np.random.SeedSequence(entropy).generate_state(1)[0])
+    return int(np.random.SeedSequence(entropy).generate_state(1)[0]) & MAX_EPISODE_SEED
