@@ -137,13 +137,26 @@ def _printable(text: str) -> str:
 def shown(value: object) -> str:
     """Return ``repr(value)``, cut where it is long: messages stay one line.
 
-    An integer of more digits than Python converts to text has no ``repr``.
+    An integer of more digits than Python converts to text has no ``repr``; another author's may
+    raise.
     """
     try:
         text = repr(value)
-    except ValueError:
-        return f"a {type(value).__name__} of more than {sys.get_int_max_str_digits()} digits"
+    except Exception:
+        kind = type(value).__name__
+        digits = f" of more than {sys.get_int_max_str_digits()} digits"
+        return f"a {kind}{digits if isinstance(value, int) else ''}"
     return _cut(text)
+
+
+def described(error: BaseException) -> str:
+    """Return the type of another author's exception and, if it has one, its message in one line."""
+    try:
+        text = " ".join(str(error).split())
+    except Exception:  # of its own ``__str__``
+        text = ""
+    kind = type(error).__name__
+    return f"{kind}: {text}" if text else kind
 
 
 def _cut(text: str) -> str:

@@ -1,5 +1,6 @@
 """Environments, each with one fault that the border must stop."""
 
+import asyncio
 import datetime
 import sys
 
@@ -67,6 +68,27 @@ class ExitsInReset(Healthy):
         sys.exit("no licence")
 
 
+class Nameless:
+    def __repr__(self):
+        raise RuntimeError("no name")
+
+
+class WordlessError(Exception):
+    def __str__(self):
+        raise RuntimeError("no words")
+
+
+def raising(error, *, at="step"):
+    """Return an environment whose ``step`` or ``reset`` raises an error."""
+
+    class Raises(Healthy):
+        def answer(self, *arguments, **options):
+            raise error
+
+    setattr(Raises, at, Raises.answer)
+    return Raises()
+
+
 class ResetWithoutDict(Healthy):
     def reset(self, *, seed=None, options=None):
         return super().reset(seed=seed)[0], None
@@ -118,12 +140,22 @@ SICK = {
     "success is NaN": (answering(info={"is_success": np.nan}), "or 1 or 0.*, got nan"),
     "success by half": (answering(info={"is_success": 0.5}), "or 1 or 0.*, got 0.5"),
     "exit in step": (ExitsInStep(), "step 0: step raised SystemExit: 0"),
-    "exit in reset": (ExitsInReset(), "reset: reset raised SystemExit: no licence"),
+    "exit in reset": (ExitsInReset(), r"reset: reset\(seed=0\) raised SystemExit: no licence"),
     "reset with None as info": (ResetWithoutDict(), "reset: info must be a dict, got None"),
     "four values": (FourValues(), "a tuple of 4 values"),
     "six values": (SixValues(), "a tuple of 6 values"),
     "exception in step": (RaisesInStep(), "step 0: step raised KeyError: 'motor'"),
-    "exception in reset": (RaisesInReset(), "reset: reset raised OSError: no device"),
+    "exception in reset": (RaisesInReset(), r"reset: reset\(seed=0\) raised OSError: no device"),
+    "end of a generator in step": (raising(GeneratorExit()), "step raised GeneratorExit$"),
+    "end of a generator in reset": (
+        raising(GeneratorExit("over"), at="reset"),
+        "GeneratorExit: over",
+    ),
+    "cancelled": (raising(asyncio.CancelledError()), "step raised CancelledError$"),
+    "wordless in step": (raising(WordlessError()), "step 0: step raised WordlessError$"),
+    "wordless in reset": (raising(WordlessError(), at="reset"), r"seed=0\) raised WordlessError$"),
+    "error of several lines": (raising(OSError("a\n  b")), "step raised OSError: a b$"),
+    "nameless reward": (answering(reward=Nameless()), "finite number, got a Nameless$"),
     "reset without info": (ResetWithoutInfo(), r"reset must return \(observation, info\)"),
     "NaN at reset": (NaNAtReset(), "reset: observation must be finite"),
     "never ends": (NeverEnds(), "has not ended after 50 steps"),

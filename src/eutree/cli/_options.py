@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import click
 
 from eutree.cli._paths import Written
-from eutree.errors import shown
+from eutree.errors import described, shown
 from eutree.files.schema_document import plain_json
 from eutree.schema import MAX_ACTIONS, EnvironmentSpec
 from eutree.validation import MAX_SEED
@@ -183,9 +183,10 @@ def _import_module(context: click.Context, parameter: click.Parameter, name: str
         importlib.import_module(name)
     except ImportError as error:
         raise click.BadParameter(f"cannot import {name!r}: {error}") from error
-    except (Exception, SystemExit) as error:
-        reason = f"{type(error).__name__}: {error}".removesuffix(": ")
-        raise click.BadParameter(f"cannot import {name!r}: it raised {reason}") from error
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        raise click.BadParameter(f"cannot import {name!r}: it raised {described(error)}") from error
 
 
 def look_in_this_folder() -> None:

@@ -12,7 +12,7 @@ import click
 
 from eutree.cli._paths import check_outputs
 from eutree.cli._standard_output import kept_for_results
-from eutree.errors import EutreeError, InvalidArgumentError, UnknownNameError
+from eutree.errors import EutreeError, InvalidArgumentError, UnknownNameError, described
 
 # Loaded when called, so that `eutree --help` does not import what it does not need.
 COMMANDS = {
@@ -184,8 +184,7 @@ def _report(error: Exception, *, debug: bool) -> int:
         where = f"{error.filename}: " if error.filename else ""
         message, code = f"{where}{error.strerror or error}", EXIT_MISTAKE
     else:
-        kind = type(error).__name__
-        message, code = f"internal error, {kind}: {error} (--debug shows where)", 1
+        message, code = f"internal error, {described(error)} (--debug shows where)", 1
     line = " ".join(message.split())
     line = line if len(line) <= MAX_LINE else f"{line[:MAX_LINE]} ... {line[-100:]}"
     click.echo(f"error: {line}", err=True)

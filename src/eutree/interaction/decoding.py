@@ -15,7 +15,7 @@ import numpy as np
 from gymnasium import spaces
 
 from eutree.arrays import Integers
-from eutree.errors import InvalidArgumentError, shown
+from eutree.errors import InvalidArgumentError, described, shown
 
 DECODE = "decode"  # the argument of ``make``, as it stands in files
 MANY_CODES = 10  # of fewer values a tree separates each by a few tests
@@ -71,7 +71,7 @@ def decodes(env: gymnasium.Env[Any, Any]) -> bool:
     return False
 
 
-def warn_of_codes(env: gymnasium.Env[Any, Any]) -> None:
+def warn_of_codes(env: gymnasium.Env[Any, Any], *, stacklevel: int = 2) -> None:
     """Warn where a tree is about to take a code for an ordered number, and say what helps."""
     space = env.observation_space
     if not isinstance(space, spaces.Discrete) or space.n <= MANY_CODES:
@@ -86,7 +86,7 @@ def warn_of_codes(env: gymnasium.Env[Any, Any]) -> None:
     warnings.warn(
         f"{name} observes one code of {space.n} values, which a tree takes for an ordered number: "
         f"neighbouring codes need not have anything in common. {helps}",
-        stacklevel=3,
+        stacklevel=stacklevel + 1,
     )
 
 
@@ -97,7 +97,7 @@ def _meanings(env: gymnasium.Env[Any, Any], first: int, n: int) -> Integers:
         rows = [list(decode(first + code)) for code in range(n)]
         found = np.array(rows)
     except Exception as error:  # whatever an environment's author lets happen
-        raise InvalidArgumentError(f"decode raised {type(error).__name__}: {error}") from error
+        raise InvalidArgumentError(f"decode raised {described(error)}") from error
     if found.ndim != 2 or found.dtype.kind not in "iub" or len(np.unique(found, axis=0)) < n:
         raise InvalidArgumentError(
             f"decode must give as many whole numbers for each code, and others for each other "

@@ -12,7 +12,7 @@ import gymnasium
 import numpy as np
 
 from eutree.arrays import Floats
-from eutree.errors import EnvironmentFault, InvalidArgumentError, shown
+from eutree.errors import EnvironmentFault, InvalidArgumentError, described, shown
 from eutree.features import FeatureMap
 from eutree.interaction.action_grid import counts_from_zero, grid_around, numbered
 from eutree.interaction.spaces import decoder, describe, encoder, spec_of
@@ -90,8 +90,10 @@ class GuardedEnv:
         self.step_number = -1
         try:
             answer = self.env.reset(seed=seed)
-        except (Exception, SystemExit) as error:
-            raise self._fault(f"reset raised {type(error).__name__}: {error}") from error
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # no environment may end the process
+            raise self._fault(f"reset(seed={seed}) raised {described(error)}") from error
         if not (isinstance(answer, tuple) and len(answer) == 2):
             raise self._fault(f"reset must return (observation, info), got {_brief(answer)}")
         self._check_info(answer[1])
@@ -110,8 +112,10 @@ class GuardedEnv:
             )
         try:
             answer = self._numbered.step(action)
-        except (Exception, SystemExit) as error:  # no environment may end the process
-            raise self._fault(f"step raised {type(error).__name__}: {error}") from error
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # no environment may end the process
+            raise self._fault(f"step raised {described(error)}") from error
         if not (isinstance(answer, tuple) and len(answer) == 5):
             raise self._fault(
                 "step must return (observation, reward, terminated, truncated, info), "

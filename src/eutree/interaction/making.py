@@ -69,7 +69,9 @@ def make(spec: EnvironmentSpec | str, *, render_mode: str | None = None) -> gymn
         raise InvalidArgumentError(f"cannot make {spec}: {error.__cause__ or error}") from error
     except gymnasium.error.DependencyNotInstalled:
         raise MissingExtraError(f"a package that {spec.id} needs", "envs") from None
-    except (Exception, SystemExit) as error:  # whatever an environment's author lets happen
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # whatever an environment's author lets happen
         raise InvalidArgumentError(f"cannot make {spec}: {_reason(error)}") from error
     names = given_names()
     if names is not None:
@@ -126,10 +128,13 @@ def _texts(value: Any) -> Iterator[str]:
 
 def _reason(error: BaseException) -> str:
     """Return the first line of what was raised; its type too where that says more."""
-    lines = str(error).strip().splitlines()
+    try:
+        first = str(error).strip().partition("\n")[0]
+    except Exception:  # of its own ``__str__``
+        first = ""
     known = isinstance(error, TypeError | ValueError | AssertionError | GymnasiumError)
     kind = type(error).__name__
-    return (lines[0] if known else f"{kind}: {lines[0]}") if lines else kind
+    return (first if known else f"{kind}: {first}") if first else kind
 
 
 def _check_known(name: str) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eutree.errors import EnvironmentFault
+from eutree.errors import EnvironmentFault, described
 from eutree.interaction.events import Frame
 from eutree.interaction.guard import GuardedEnv
 from eutree.interaction.pace import FRAME_SECONDS
@@ -83,8 +83,10 @@ class Pictures:
                 picture = self._between(share)
             else:
                 picture = self._env.env.render()
-        except (Exception, SystemExit) as error:
-            raise self._fault(f"render raised {type(error).__name__}: {error}") from error
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
+            raise self._fault(f"render raised {described(error)}") from error
         pixels = np.asarray(picture)
         if pixels.ndim != 3 or pixels.shape[2] != 3 or pixels.dtype != np.uint8:
             raise self._fault(

@@ -8,7 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from eutree.data import Episode
-from eutree.errors import EnvironmentFault, EutreeError, InvalidArgumentError, MissingExtraError
+from eutree.errors import (
+    EnvironmentFault,
+    EutreeError,
+    InvalidArgumentError,
+    MissingExtraError,
+    described,
+)
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
 from eutree.interaction.making import make
 from eutree.interaction.seeding import Stream
@@ -199,12 +205,12 @@ class _Camera:
         """Take a picture of the present state."""
         try:
             picture = self._guarded.env.render()
-        except EutreeError:
+        except (EutreeError, KeyboardInterrupt):
             raise
-        except Exception as error:
+        except BaseException as error:
             raise InvalidArgumentError(
                 f"{self._guarded.name} must be able to render rgb_array, it raised "
-                f"{type(error).__name__}: {error}"
+                f"{described(error)}"
             ) from error
         self.frames.append(encode(picture))
 
