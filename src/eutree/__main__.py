@@ -2,6 +2,7 @@
 
 import signal
 import sys
+import warnings
 from types import FrameType
 
 
@@ -12,6 +13,7 @@ def main() -> None:
     while they work.
     """
     signal.signal(signal.SIGTERM, _interrupt)
+    warnings.formatwarning = _in_one_line
     try:
         from eutree.cli.main import run
 
@@ -19,6 +21,11 @@ def main() -> None:
     except KeyboardInterrupt as interrupt:  # while the command line itself was being imported
         code = 128 + (interrupt.args[0] if interrupt.args else signal.SIGINT)
     sys.exit(code)
+
+
+def _in_one_line(message: Warning | str, *_: object, **__: object) -> str:
+    """Return a warning as a user reads it: without the place in our source."""
+    return f"warning: {' '.join(str(message).split())}\n"
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

@@ -57,7 +57,7 @@ class Knows:
 
 @pytest.fixture
 def registered():
-    gymnasium.register("Grid-v0", Grid)
+    gymnasium.register("Grid-v0", Grid, max_episode_steps=1000)
     yield
     gymnasium.registry.pop("Grid-v0")
 

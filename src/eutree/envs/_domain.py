@@ -54,6 +54,11 @@ class Domain(gymnasium.Env[Floats, Any]):
         self._step, self._ended = 0, False
 
     @property
+    def max_steps(self) -> int:
+        """Steps after which an episode is cut short, by the name that others give it."""
+        return self.trial_limit
+
+    @property
     def state(self) -> Floats:
         """The full state, of which an observation may show a part."""
         if self._state is None:

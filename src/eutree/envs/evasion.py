@@ -156,6 +156,11 @@ class EvasionEnv(gymnasium.Env[Any, Any]):
         self._ending = RUNNING
 
     @property
+    def max_steps(self) -> int:
+        """Steps after which an episode ends by itself."""
+        return self.parameters.max_steps
+
+    @property
     def return_range(self) -> tuple[float, float]:
         """Lowest and highest return of an episode: ``stop`` at every step, and the worst ending."""
         p = self.parameters

@@ -7,8 +7,8 @@ from eutree.data import DemonstrationFolder, Demonstrations, Episode
 from eutree.files import check_new_folder
 from eutree.interaction.acting import Controller, as_policy
 from eutree.interaction.action_grid import acting_as
-from eutree.interaction.decoding import warn_of_codes
 from eutree.interaction.episode import run_episode
+from eutree.interaction.first_look import look_at
 from eutree.interaction.guard import GuardedEnv
 from eutree.interaction.recipe import Environment, opened
 from eutree.interaction.seeding import Stream, episode_seed
@@ -48,7 +48,7 @@ def record(
     check_seed(seed)
     with opened(env) as given:
         guarded = GuardedEnv(acting_as(given, controller), strict=strict)
-        warn_of_codes(given)
+        look_at(given, episode_seed(seed, 0, Stream.RECORDING))
         policy = as_policy(controller, given)
         name = str(getattr(controller, "__name__", type(controller).__name__))
         folder = None

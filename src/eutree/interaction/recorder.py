@@ -9,7 +9,6 @@ import gymnasium
 
 from eutree.data import DemonstrationFolder, RunningEpisode
 from eutree.errors import FileError
-from eutree.interaction.decoding import warn_of_codes
 from eutree.interaction.events import (
     EpisodeAbandoned,
     EpisodeChanged,
@@ -20,8 +19,10 @@ from eutree.interaction.events import (
     StepTaken,
     Tick,
 )
+from eutree.interaction.first_look import look_at
 from eutree.interaction.guard import GuardedEnv
 from eutree.interaction.keys import KeyMap, keys_of_environment, parse_keys
+from eutree.interaction.seeding import Stream, episode_seed
 from eutree.interaction.session import Session
 from eutree.interaction.settings import SessionSettings
 
@@ -58,7 +59,6 @@ class Recorder:
         settings: SessionSettings | None = None,
     ) -> None:
         guarded = GuardedEnv(env)
-        warn_of_codes(env)
         if isinstance(keys, str):
             keys = parse_keys(keys, guarded.schema)
         keys = keys or keys_of_environment(env, guarded.schema)
@@ -69,6 +69,7 @@ class Recorder:
         self._running: RunningEpisode | None = None
         self._failure: FileError | None = None
         settings = settings or SessionSettings()
+        look_at(env, None if recorded else episode_seed(settings.seed, 0, Stream.PERSON))
         first = max(settings.first, max(self._files, default=-1) + 1)
         self.session = Session(
             guarded,

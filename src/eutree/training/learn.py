@@ -13,9 +13,9 @@ from eutree.data import Demonstrations, check_rewards
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import Evaluation, evaluate
 from eutree.evaluation.off_policy import OffPolicyComparison
-from eutree.interaction import GuardedEnv
+from eutree.interaction import GuardedEnv, episode_seed
 from eutree.interaction.action_grid import acting_as
-from eutree.interaction.decoding import warn_of_codes
+from eutree.interaction.first_look import look_at
 from eutree.interaction.recipe import Environment, opened
 from eutree.interaction.requests import Controller
 from eutree.interaction.seeding import Stream
@@ -181,7 +181,7 @@ def learn(
         guarded = _named_as(
             expert or demonstrations, GuardedEnv(env, strict=strict, history=history)
         )
-        warn_of_codes(env)
+        look_at(env, None if resume else episode_seed(seed, 0, Stream.TRAINING))
         problem = _problem(guarded)
         if steps is not None:
             problem = replace(problem, steps=max(steps - race_steps, 0))

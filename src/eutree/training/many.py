@@ -16,6 +16,7 @@ from eutree.evaluation.curves import curves_to_pandas
 from eutree.files import make_folder, read_bytes, write_text
 from eutree.files.atomic import RUN
 from eutree.interaction import episode_seed
+from eutree.interaction.first_look import look_at
 from eutree.interaction.making import make
 from eutree.interaction.recipe import Recipe
 from eutree.interaction.seeding import Stream
@@ -130,6 +131,10 @@ def learn_runs(
         raise RunFolderError(
             f"{folder} already holds runs; go on with them (--resume) or choose another folder"
         )
+    if not resume:
+        env = make(spec)
+        look_at(env, episode_seed(seed, 0, Stream.TRAINING))
+        env.close()
     task = _Task(spec, make_folder(folder / "runs"), selection_episodes, seed, options)
     found: dict[int, FinishedRun] = {}
     for run in Workers(n_jobs).as_finished(task, range(seed, seed + runs)):
