@@ -181,5 +181,5 @@ def test_whoever_runs_is_told_in_a_sentence(run, registered, tmp_path):
 def test_an_environment_without_a_time_limit_is_said_to_be_one(make, says):
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
-        look_at(make(), None)
+        look_at(make(), 0)
     assert [("no time limit" in str(w.message)) for w in told] == [True] * says

@@ -8,8 +8,10 @@ import pytest
 
 import eutree
 from eutree.errors import EnvironmentFault, InvalidArgumentError, RunFolderError
-from eutree.interaction import GuardedEnv
+from eutree.interaction import GuardedEnv, episode_seed
+from eutree.interaction.seeding import Stream
 from eutree.learners import PAPER
+from eutree.learners.history import TERMINAL
 from tests.interaction.sick import Healthy
 from tests.worlds import FEW_IMAGINED
 
@@ -51,6 +53,54 @@ def test_the_start_follows_from_what_is_given(env, demonstrations):
     assert with_nothing.expert is None
     assert [point.episode for point in with_all.curve] == [0, 10, 20, 30]
     assert with_all.expert == expert
+
+
+class Lengthens(Healthy):
+    """Episode k of a run takes 5 (k + 1) steps, and nothing says so."""
+
+    def reset(self, *, seed=None, options=None):
+        seeds = [episode_seed(0, number, Stream.TRAINING) for number in range(9)]
+        self.length = 5 + 5 * (seeds.index(seed) if seed in seeds else 0)
+        return super().reset(seed=seed)
+
+    def step(self, action):
+        observation, reward, *_ = super().step(action)
+        return np.minimum(observation, 1.0), reward, self.count == self.length, False, {}
+
+
+@pytest.mark.parametrize(
+    ("steps", "lengths"),
+    [(1, [1]), (5, [5]), (9, [5]), (11, [5, 6]), (15, [5, 10]), (26, [5, 10, 11])],
+)
+def test_a_budget_of_steps_is_never_exceeded_where_no_limit_is_known(steps, lengths):
+    """One that outgrows the budget is cut short, which is no end of the task."""
+    result = eutree.learn(
+        Lengthens(), method="paper", steps=steps, evaluate_every=99, evaluation_episodes=1
+    )
+    assert np.bincount(result.history.episodes).tolist() == lengths
+    assert result.environment_steps.total == sum(lengths)
+    whole = lengths[-1] == 5 * len(lengths)
+    assert (result.history.entered == TERMINAL).sum() == len(lengths) - (not whole)
+
+
+@pytest.mark.parametrize("steps", [1, 40, 200])
+@pytest.mark.parametrize("share", [0, 0.5])
+def test_a_budget_of_steps_holds_in_evasion_whose_spec_has_no_limit(
+    env, demonstrations, steps, share
+):
+    """``--steps 1`` took 17 steps, and 33 with a race."""
+    result = eutree.learn(
+        env,
+        demonstrations=demonstrations,
+        steps=steps,
+        race_steps=int(share * steps),
+        evaluate_every=99,
+        evaluation_episodes=2,
+        method=FEW_IMAGINED,
+    )
+    counts = result.environment_steps
+    assert 0 < counts.learning + counts.racing <= steps
+    assert counts.learning == result.history.size - demonstrations.n_transitions
 
 
 @pytest.mark.parametrize("method", ["paper", FEW_IMAGINED], ids=["paper", "default"])

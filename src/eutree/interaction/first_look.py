@@ -30,8 +30,10 @@ def look_at(env: gymnasium.Env[Any, Any], seed: int | None) -> None:
 
     Args:
         env: The environment; nothing is done in it.
-        seed: Seed of the first episode; None where it is known whether episodes repeat.
+        seed: Seed of the first episode; None where it was played before, and all this was said.
     """
+    if seed is None:
+        return
     warn_of_codes(env, stacklevel=3)
     if not _is_limited(env):
         warnings.warn(
@@ -40,7 +42,7 @@ def look_at(env: gymnasium.Env[Any, Any], seed: int | None) -> None:
             "gymnasium.make(..., max_episode_steps=N)",
             stacklevel=3,
         )
-    step = None if seed is None else first_difference(env, seed)
+    step = first_difference(env, seed)
     if step is not None:
         moment = "reset" if step == 0 else f"step {step}"
         warnings.warn(

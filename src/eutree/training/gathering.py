@@ -24,6 +24,8 @@ class GatheringEpisode:
         state: Where the run stands; moved on when the episode is over.
         gathered: The episodes so far; this one is added when it is over.
         questions: Asks somebody to act where the learner is unsure; None asks nobody.
+        room: Steps left of the budget, at which an episode without a known limit is cut short; None
+            for no such budget.
     """
 
     def __init__(
@@ -33,12 +35,15 @@ class GatheringEpisode:
         state: RunState,
         gathered: GatheredEpisodes,
         questions: Questions | None,
+        *,
+        room: int | None = None,
     ) -> None:
         self._learner = learner
         self._env = env
         self._state = state
         self._gathered = gathered
         self._questions = questions
+        self._room = room
         self._return = 0.0
         self._is_over = False
         self._observations: list[Floats] = []
@@ -85,8 +90,9 @@ class GatheringEpisode:
 
     def _step(self, action: int, *, shown: bool) -> StepAnswer:
         """Take a step in the environment; let the learner and the listener know."""
-        answer = self._env.step(action)
-        observation, reward, terminated, truncated, info = answer
+        observation, reward, terminated, truncated, info = self._env.step(action)
+        if self._state.steps_of_episode + 1 == self._room:
+            truncated = not terminated
         step = Step(action, reward, observation, terminated, truncated, info, shown)
         self._learner.observe(step)
         self._observations.append(step.observation)
@@ -96,7 +102,7 @@ class GatheringEpisode:
             self._learner.end_episode()
             self._finish(info)
         self._state.step_taken(step)
-        return answer
+        return observation, reward, terminated, truncated, info
 
     def _reason_to_ask(self) -> str:
         """Return why somebody is to be asked now, or ""."""

@@ -96,7 +96,7 @@ def learn(
             is given, else as many as that allows.
         steps: Most environment steps of the run: those of learning, of whoever is asked, and of
             racing, without demonstrations and evaluations. An episode begins only if the longest
-            possible one still fits.
+            possible one still fits; where none is known, one is cut short at the budget.
         minutes: Most minutes of the clock for learning and racing. What is learned then depends
             on the machine; everything else repeats byte for byte.
         race_steps: Environment steps spent at the end on policy search with racing: trees proposed

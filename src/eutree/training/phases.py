@@ -36,7 +36,8 @@ class Plan:
     Attributes:
         episodes: Most episodes of experience; without gathering, most updates.
         steps: Most environment steps of the run: gathering, teachers and racing. An episode begins
-            only if the longest possible one still fits. None sets no limit.
+            only if the longest possible one still fits or, where none is known, the longest so
+            far; a longer one is cut short. None sets no limit.
         seconds: Most seconds of the clock for gathering and racing; None sets no limit.
         evaluate_every: Episodes between two evaluations; the first is before episode 0.
         gathers: Whether there is an environment to gather in.
@@ -64,6 +65,10 @@ class Plan:
         if self.seconds is not None:
             check_number("seconds", self.seconds, low=0.0, low_open=True)
         check_seed(self.seed)
+
+    def room(self, at: "Position") -> int | None:
+        """Return the steps that are left for gathering; None sets no limit."""
+        return None if self.steps is None else self.steps - self.race_steps - at.steps
 
     @property
     def race_steps(self) -> int:
@@ -144,7 +149,6 @@ def _fits(plan: Plan, at: Position, max_episode_steps: int | None) -> bool:
     """Return whether one more episode may be gathered: steps and time allow for it."""
     if plan.seconds is not None and at.seconds >= plan.seconds:
         return False
-    if plan.steps is None:
-        return True
+    room = plan.room(at)
     longest = at.longest if max_episode_steps is None else max_episode_steps
-    return at.steps + max(longest, 1) <= plan.steps - plan.race_steps
+    return room is None or max(longest, 1) <= room

@@ -50,11 +50,15 @@ class Racing:
         if heat is None:
             self._end(search)
             return
-        episode = self._run_episode(*heat, env)
+        room = self._plan.race_steps - state.at.racing_steps
+        episode = self._run_episode(*heat, env, room)
         if episode is not None:
             search.heat_run(episode)
             state.move(racing_steps=state.at.racing_steps + len(episode))
             state.note_what_was_recorded()
+        elif not state.stopped:  # longer than any before: it decides nothing
+            state.move(racing_steps=self._plan.race_steps)
+            self._end(search)
 
     def _end(self, search: PolicySearch) -> None:
         self.result, self.search = search.result, None
@@ -66,17 +70,20 @@ class Racing:
         facts = {"n_leaves": state.incumbent.n_leaves, "tried": state.tried, "won": state.won}
         self._state.note("race", facts)
 
-    def _run_episode(self, tree: TreePolicy, start: int, env: GuardedEnv) -> Episode | None:
-        """Run a tree from one of the race's starts; None if the run was stopped in between."""
+    def _run_episode(
+        self, tree: TreePolicy, start: int, env: GuardedEnv, room: int
+    ) -> Episode | None:
+        """Run a tree from one of the race's starts; None if the run or its room ends before."""
         state = self._state
         block = episode_seed(self._plan.seed, start // STARTS, Stream.RACING)
         observation = env.reset(episode_seed(block, start % STARTS))
-        observations, actions, rewards = [observation], [], []
+        observations, rewards = [observation], []
+        actions: list[int] = []
         terminated = truncated = False
         info: dict[str, Any] = {}
         try:
             while not (terminated or truncated):
-                if state.must_stop():
+                if state.must_stop() or len(actions) == room:
                     return None
                 # The environment has the history already: its observations are the features.
                 action = int(tree.actions[tree.tree.leaf_of(observation.tolist())])

@@ -175,7 +175,12 @@ class Run:
         self.state.gathering_begins()
         number = self.at.episode
         episode = GatheringEpisode(
-            self.learner, self._acting().env, self.state, self.gathered, self._questions
+            self.learner,
+            self._acting().env,
+            self.state,
+            self.gathered,
+            self._questions,
+            room=self.plan.room(self.at),
         )
         episode.run(
             seed_of_next(self.learner, self.plan.seed, number),
