@@ -8,7 +8,13 @@ from hypothesis import strategies as st
 import eutree  # noqa: F401 - registers the environments
 from eutree.errors import InvalidArgumentError
 from eutree.interaction.guard import GuardedEnv
-from eutree.interaction.keys import CONTROL_KEYS, KeyMap, keys_of_environment, parse_keys
+from eutree.interaction.keys import (
+    CONTROL_KEYS,
+    KeyMap,
+    keys_of_environment,
+    parse_keys,
+    suggested_keys,
+)
 from eutree.schema import Schema
 from tests.interaction.people import Corridor
 
@@ -41,6 +47,37 @@ def test_suggested_keys_are_arrows_where_they_fit() -> None:
     assert cart.action([], 1) == 1  # nothing is idle: the last action goes on
     acrobot = own_keys("Acrobot-v1")
     assert (acrobot.keys, acrobot.idle) == (("1", "3"), 1)
+
+
+def suggested(*actions: str) -> list[list[str]]:
+    schema = Schema(Schema.anonymous(1, 1).features, actions)
+    keys = suggested_keys(schema)
+    return [keys.keys_of(action) for action in range(len(actions))]
+
+
+def test_an_arrow_is_a_direction_and_no_particle_of_a_verb() -> None:
+    taxi = own_keys("Taxi-v4" if "Taxi-v4" in gymnasium.registry else "Taxi-v3")
+    assert [taxi.keys_of(action) for action in range(6)] == [
+        ["down"], ["up"], ["right"], ["left"], ["space"], ["enter"],
+    ]  # fmt: skip
+    assert suggested("move-up", "shut down", "Turn Left") == [["up"], ["space"], ["left"]]
+    assert suggested("pick_up", "put_down") == [["1"], ["2"]]
+    assert suggested("speed up", "give back", "accelerate to the right", "toggle", "drop") == [
+        ["space"], ["enter"], ["right"], ["4"], ["5"],
+    ]  # fmt: skip
+    assert suggested("left", "west") == [["left"], ["2"]]  # no two actions share a key
+    lander = [["left"], ["up"], ["right"]]
+    assert suggested("nothing", "left engine", "main engine", "right engine")[1:] == lander
+
+
+@given(
+    st.lists(st.text("abcdefgup downleftright_", min_size=1), min_size=1, max_size=20, unique=True)
+)
+def test_every_suggested_key_means_one_action(names: list[str]) -> None:
+    schema = Schema(Schema.anonymous(1, 1).features, tuple(f"{n} {k}" for k, n in enumerate(names)))
+    keys = suggested_keys(schema)
+    meant = [key for action in range(len(names)) for key in keys.keys_of(action)]
+    assert len(meant) == len(set(meant)) == len(names) - (keys.idle is not None)
 
 
 def test_the_key_pressed_last_counts() -> None:

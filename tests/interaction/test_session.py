@@ -21,10 +21,11 @@ from eutree.interaction.events import (
     StepTaken,
 )
 from eutree.interaction.guard import GuardedEnv
-from eutree.interaction.keys import parse_keys
+from eutree.interaction.keys import keys_of_environment, parse_keys
 from eutree.interaction.pace import SPEEDS
 from eutree.interaction.seeding import Stream, episode_seed
 from eutree.interaction.session import Session
+from eutree.interaction.settings import takes_turns
 from eutree.interaction.spaces import describe
 from eutree.interaction.views import task_description
 from tests.interaction.people import TICK, Corridor, Person
@@ -244,6 +245,41 @@ def test_turn_based_mode_waits_for_each_key() -> None:
     person.tap(person.view.controls["wait"]).wait(1.0).do("end")
     assert person.session.episodes[0].actions.tolist() == [2, 2, 1]
     assert person.session.episodes[0].extras["turn_based"] is True
+
+
+class Grid(Corridor):
+    """Observes one of six squares."""
+
+    observation_space = gymnasium.spaces.Tuple([gymnasium.spaces.Discrete(100)] * 2)
+
+    def _observation(self):
+        return int(self.place), self.steps
+
+
+class Bare(Grid):
+    """All of its actions move."""
+
+    action_names = ("left", "jump", "right")
+
+    def get_keys_to_action(self):
+        return {("left",): 0, ("space",): 1, ("right",): 2}
+
+
+@pytest.mark.parametrize(
+    ("env", "fps", "turns"),
+    [(Bare(), None, True), (Bare(), 4.0, False), (Grid(), None, False), (Corridor(), None, False)],
+)
+def test_a_grid_world_starts_with_one_step_a_key(env, fps, turns) -> None:
+    """Where one can wait, or asks for a pace, time passes."""
+    assert Person(env, fps=fps).view.turn_based is turns
+
+
+@pytest.mark.parametrize("name", ["FrozenLake-v1", "CliffWalking-v1", "Taxi-v3"])
+def test_toy_tasks_of_gymnasium_take_turns(name: str) -> None:
+    if name not in gymnasium.registry:
+        name = next(known for known in gymnasium.registry if known.startswith(name.split("-")[0]))
+    env = GuardedEnv(gymnasium.make(name, render_mode="ansi").unwrapped)
+    assert takes_turns(env, keys_of_environment(env.env, env.schema))
 
 
 def test_a_turn_before_the_picture_is_not_taken() -> None:

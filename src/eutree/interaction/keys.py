@@ -34,7 +34,18 @@ _NAMES_OF_CODES = {
 }
 NAMED_KEYS = (*sorted(set(_NAMES_OF_CODES.values())), *(f"f{n}" for n in range(1, 13)))
 _IDLE_NAMES = ("stop", "none", "nothing", "noop", "no-op", "coast", "stay", "wait", "idle")
-_SUGGESTED = {"left": "left", "right": "right", "up": "up", "down": "down", "main": "up"}
+_ARROWS = {
+    **dict.fromkeys(("left", "west"), "left"),
+    **dict.fromkeys(("right", "east"), "right"),
+    **dict.fromkeys(("up", "north", "forward", "forwards", "main", "gas"), "up"),
+    **dict.fromkeys(("down", "south", "backward", "backwards", "back", "brake"), "down"),
+}
+# Words that belong to the verb before them, unless that is one of motion: pick up, shut down.
+_PARTICLES = ("up", "down", "back", "forward")
+_MOTIONS = ("accelerate", "climb", "drive", "fly", "go", "head", "jump", "look", "move", "pull",
+            "push", "roll", "run", "slide", "step", "steer", "swim", "tilt", "turn",
+            "walk")  # fmt: skip
+_BESIDE_ARROWS = ("space", "enter")  # for what is done where one has moved to
 _NO_KEY = "none"
 
 # The first key of each row that is no action key is the one that counts.
@@ -171,18 +182,39 @@ def keys_of_environment(env: gymnasium.Env[Any, Any], schema: Schema) -> KeyMap:
 
 
 def suggested_keys(schema: Schema) -> KeyMap:
-    """Return keys that suit the names of the actions: arrows where they fit, else digits."""
+    """Return keys that suit the names of the actions.
+
+    Arrows where a name says a direction, then Space and Enter for what is done besides; digits
+    where no name says one.
+    """
     idle = _idle_by_name(schema)
+    arrows = [
+        None if action == idle else _arrow(name) for action, name in enumerate(schema.actions)
+    ]
+    others = list(_BESIDE_ARROWS) if any(arrows) else []
     combinations: dict[frozenset[str], int] = {}
-    for action, name in enumerate(schema.actions):
+    for action, arrow in enumerate(arrows):
         if action == idle:
             continue
-        arrows = [key for word, key in _SUGGESTED.items() if word in name.lower().split()]
-        key = arrows[0] if arrows else str(action + 1) if action < 9 else chr(ord("a") + action - 9)
+        digit = str(action + 1) if action < 9 else chr(ord("a") + action - 9)
+        key = arrow or (others.pop(0) if others else digit)
         if frozenset([key]) in combinations:
-            key = str((action + 1) % 10)
+            key = digit
         combinations[frozenset([key])] = action
     return KeyMap(tuple(combinations.items()), idle, chosen=False)
+
+
+def _arrow(name: str) -> str | None:
+    """Return the arrow key of the direction that an action's name says, if it says one."""
+    words = re.findall("[a-z]+", name.lower())
+    said = [
+        _ARROWS[word]
+        for place, word in enumerate(words)
+        if word in _ARROWS
+        and not (word in _PARTICLES and place and words[place - 1] not in _MOTIONS)
+    ]
+    sideways = [arrow for arrow in said if arrow in ("left", "right")]
+    return next(iter(sideways or said), None)
 
 
 def held_text(keys: Iterable[str]) -> str:

@@ -44,7 +44,7 @@ from eutree.interaction.pace import QUICK, SPEEDS, Pace
 from eutree.interaction.pictures import Pictures
 from eutree.interaction.play import FAILED, FINISHED, OPENING, PAUSED, PLAYING, REVIEW, Play
 from eutree.interaction.recording import Recording
-from eutree.interaction.settings import SessionSettings, frames_per_second
+from eutree.interaction.settings import SessionSettings, frames_per_second, takes_turns
 from eutree.interaction.tree_making import Wishes
 from eutree.interaction.views import hands_fields, pace_fields, sensed, task_description
 
@@ -95,6 +95,8 @@ class Session:
         if self.settings.fps is None and pace.fps > QUICK:
             pace.speed = SPEEDS[0]
         controls = Controls(keys or keys_of_environment(env.env, env.schema), pace)
+        if self.settings.fps is None and takes_turns(env, controls.keys):
+            controls.set_mode(Command("turn_based", 1.0))
         self.play = Play(controls, Pictures(env), self.settings.countdown)
         self.recording = Recording(env, self.settings, recorded, free_start)
         self.wishes = Wishes(self.settings.makes)

@@ -1,8 +1,12 @@
 """What a recording session is told at its start."""
 
 from dataclasses import dataclass
+from typing import Any
+
+from gymnasium import Space, spaces
 
 from eutree.interaction.guard import GuardedEnv
+from eutree.interaction.keys import KeyMap
 from eutree.validation import check_integer, check_number, check_seed
 
 
@@ -43,3 +47,19 @@ def frames_per_second(env: GuardedEnv) -> float:
     """Return the environment's ``render_fps``, or 30 where it has none."""
     own = env.env.metadata.get("render_fps") or 30.0
     return check_number("metadata['render_fps']", own, low=0.0, low_open=True)
+
+
+def takes_turns(env: GuardedEnv, keys: KeyMap) -> bool:
+    """Return whether no time passes between two steps, so that a key is one step.
+
+    That is so where finitely many things are observed, as on a grid, and no action is to wait.
+    """
+    return keys.idle is None and _is_finite(env.env.unwrapped.observation_space)
+
+
+def _is_finite(space: Space[Any]) -> bool:
+    if isinstance(space, spaces.Tuple):
+        return all(map(_is_finite, space.spaces))
+    if isinstance(space, spaces.Dict):
+        return all(map(_is_finite, space.spaces.values()))
+    return isinstance(space, spaces.Discrete | spaces.MultiDiscrete | spaces.MultiBinary)
