@@ -69,7 +69,8 @@ def test_a_person_shows_declines_and_leaves(chromium):
     assert person.page.locator("#saved").inner_text() == "request 1 of 3"
     assert person.page.locator("#episodes-section").is_hidden()
     person.page.locator("#buttons button", has_text="Show it").click()
-    person.until(state="countdown").down()
+    person.until(state="countdown").down().until(state="playing")
+    person.page.locator("#title", has_text="Request 1 of 3").wait_for(timeout=PATIENCE)
     person.page.locator("#saved", has_text="2 of 3").wait_for(timeout=PATIENCE)
     person.up().until(state="asked").tap("Escape")
     person.page.locator("#saved", has_text="3 of 3").wait_for(timeout=PATIENCE)

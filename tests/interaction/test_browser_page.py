@@ -527,10 +527,8 @@ def test_the_opening_says_the_task_and_the_focus_can_be_seen(chromium, tmp_path)
         assert "Hold the key while it counts" in person.page.locator("#text").inner_text()
         ring = "() => getComputedStyle(document.getElementById('screen')).outlineWidth"
         assert person.page.evaluate(ring) == "3px"
-        names = person.page.locator("#buttons button").evaluate_all(
-            "buttons => buttons.map(b => [b.getAttribute('aria-label'), b.ariaKeyShortcuts])"
-        )
-        assert ["Pause", "P"] in names  # the key's name is no part of the button's
+        pause = person.page.get_by_role("button", name="Pause", exact=True)
+        assert pause.get_attribute("aria-keyshortcuts") == "P"  # no part of the button's name
 
 
 def test_failures_that_are_kept_are_marked_and_explained(chromium, tmp_path) -> None:
@@ -595,7 +593,7 @@ def test_the_end_is_one_button(chromium, tmp_path) -> None:
             person.tap("Enter").until(state="playing").down("ArrowRight").until(state="review")
             person.up("ArrowRight").rest(0.8)
         first = person.page.locator("#buttons button.first")
-        assert first.get_attribute("aria-label") == "Make my tree"
+        assert first.inner_text().startswith("Make my tree")
         person.tap("Enter").until(tree="ready")
         assert person.page.locator("#verdict").inner_text() == "you 13 of 15; this tree 56 of 100"
         picture = person.page.locator("#tree")

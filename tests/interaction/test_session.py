@@ -344,6 +344,47 @@ def test_a_viewer_that_draws_nothing_pauses_the_episode() -> None:
     assert "answer" in person.view.message
 
 
+def test_an_end_is_spoken_of_when_it_has_been_seen() -> None:
+    """Counter and list once said "collision" while the picture still moved towards it."""
+    person = Person()
+    person.tap("enter").until("playing").press("right")
+    person.wait(0.05)
+    while not person.session.play.trial.is_over:
+        person.wait(TICK)
+    person.sees = False  # the last picture is on its way, and takes half a second
+    for _ in range(30):
+        person.wait(TICK)
+        assert (person.view.state, person.view.saved, person.view.episodes) == ("playing", 0, [])
+    person.sees = True
+    person.wait(0.3)
+    assert (person.view.state, person.view.saved) == ("review", 1)
+    assert [row.result for row in person.view.episodes] == ["terminated"]
+
+
+def test_a_viewer_that_never_shows_the_end_keeps_nobody_waiting() -> None:
+    person = Person()
+    person.tap("enter").until("playing").press("right")
+    while not person.session.play.trial.is_over:
+        person.wait(TICK)
+    person.sees = False
+    person.until("review", limit=2.0)
+
+
+def test_who_leaves_while_a_tree_is_made_is_asked() -> None:
+    person = Person(target=1, makes=True)
+    person.walk().session.wishes.is_busy = True
+    assert person.tap("escape").view.leaving
+    assert person.view.state == "review"
+    assert not person.tap("enter").view.leaving  # which means: wait for it
+    assert person.view.state == "review"
+    person.tap("escape").do("stay")
+    assert not person.view.leaving
+    person.tap("escape").session.wishes.is_busy = False  # it is ready meanwhile
+    assert not person.wait(TICK).view.leaving
+    person.session.wishes.is_busy = True
+    assert person.tap("escape").tap("escape").view.state == "finished"
+
+
 def test_redo_gives_the_same_start_and_keeps_the_old_one_marked() -> None:
     person = Person().walk()
     person.tap("r").until("playing").press("right").until("review")

@@ -23,6 +23,11 @@ BLOCK = 20  # of them at once, so that progress is seen
 PRACTICE = 200  # episodes of learning after the first press; each further one doubles them
 CURVE_EVERY = 10  # episodes of practice between two points of the curve
 PER_POINT = 50  # episodes played for each point
+STAGES = {
+    "choosing": "Comparing trees by playing",
+    "repairing": "Mending the best one",
+    "judging": "Judging it",
+}
 ENOUGH = 0.97  # share of successes from which practice stops paying
 
 
@@ -82,7 +87,7 @@ class PageTree:
             if stop():
                 raise _NobodyWaits
             if played % BLOCK == 0:
-                message = f"{purpose.capitalize()}: {played} of {most} episodes"
+                message = f"{STAGES.get(purpose, purpose)}: {played} of {most} episodes"
                 show(TreeView(phase=FITTING, message=message, finished=played, of=most))
 
         env = self._make()

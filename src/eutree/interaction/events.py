@@ -162,6 +162,7 @@ class View:
     actions: list[ActionView]
     controls: dict[str, str]
     episodes: list[EpisodeView]
+    leaving: bool  # whoever leaves now gives up the tree that is being made, and is asked
     coming: int  # the action that the held keys mean, taken at the next decision
     awaits_key: bool  # the first decision comes with the first action key
     interval: float  # seconds between two decisions

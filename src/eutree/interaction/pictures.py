@@ -12,6 +12,7 @@ from eutree.interaction.guard import GuardedEnv
 from eutree.interaction.pace import FRAME_SECONDS
 
 VIEWER_SECONDS = 1.5  # a viewer that draws nothing for so long has been lost
+LAST_SECONDS = 1.0  # for a viewer to draw the last picture of an episode, before it is spoken of
 _TOLERANCE = 1e-9
 
 
@@ -68,6 +69,10 @@ class Pictures:
         """Take note that the viewer has drawn a picture."""
         if self.drawn < number <= self.given:
             self.drawn, self._drawn_time = number, now
+
+    def are_seen(self, now: float) -> bool:
+        """Return whether the viewer has drawn all that was given out, or has had the time to."""
+        return self.given == self.drawn or now > self._given_time + LAST_SECONDS
 
     def wait_from(self, now: float) -> None:
         """Give the viewer time from now on."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from eutree.interaction.controls import Controls
 from eutree.interaction.events import Frame
+from eutree.interaction.pace import FRAME_SECONDS
 from eutree.interaction.pictures import Pictures
 from eutree.interaction.trial import Trial
 
@@ -57,6 +58,11 @@ class Play:
     def is_running(self) -> bool:
         """Whether an episode has begun, or begins, that has not ended."""
         return (self.is_on or self.state == PAUSED) and not self.trial.is_over
+
+    @property
+    def is_ending(self) -> bool:
+        """Whether an episode is over, and its last picture may not have been seen yet."""
+        return self.state == PLAYING and self.trial.is_over
 
     def was_reviewed(self, now: float) -> bool:
         """Return whether an episode ended long enough ago for a key to be meant for the next."""
@@ -138,7 +144,8 @@ class Play:
         if not self.pictures.is_complete or pace.elapsed(now) < 1.0 - _TOLERANCE:
             return None
         if self.trial.is_over:
-            self.state, self._review_began = REVIEW, now
+            if self.pictures.are_seen(now):
+                self.state, self._review_began = REVIEW, now
         elif self._awaits_key and not hands.is_active:
             return None
         elif not pace.turn_based:
@@ -161,6 +168,8 @@ class Play:
             return now + 1.0
         if pace.shown(now) < 1.0:
             return self.pictures.due()
+        if self.is_ending and not self.pictures.are_seen(now):
+            return max(pace.due(now), now + FRAME_SECONDS)
         return pace.due(now) if self.pictures.is_complete and not self.awaits_turn() else now
 
     def picture(self, now: float) -> Frame | None:

@@ -72,7 +72,7 @@ class Session:
 
     COMMANDS: ClassVar[tuple[str, ...]] = (
         "start", "pause", "end", "redo", "discard", "finish", "slower", "faster", "wait", "mode",
-        "speed", "toggle", "turn_based", "keep", "drop", "bind", "make", "practise",
+        "speed", "toggle", "turn_based", "keep", "drop", "bind", "make", "practise", "stay",
     )  # fmt: skip
 
     def __init__(
@@ -165,6 +165,8 @@ class Session:
 
     def _obey(self, command: Command, now: float) -> None:
         name, value, play = command.name, command.value, self.play
+        if name != "finish" and self.wishes.stay():
+            return
         if name in ("start", "pause", "end", "redo", "discard", "finish"):
             getattr(self, f"_obey_{name}")(now)
         elif name in ("make", "practise"):
@@ -233,7 +235,7 @@ class Session:
             self._obey_pause(now)
         elif self.state == PAUSED:
             self._stop(now, kept=False, comment="left early")
-        elif self.state in (OPENING, REVIEW):
+        elif self.state in (OPENING, REVIEW) and self.wishes.leave():
             self.play.state = FINISHED
 
     def _begin(self, now: float, *, again: bool = False) -> None:
@@ -265,11 +267,15 @@ class Session:
 
     def _view(self, now: float) -> View:
         controls, schema = self.play.controls, self.env.schema
+        episodes = self.recording.views()
+        if self.play.is_ending:  # nothing is said of an end that is still to be seen
+            episodes = episodes[: self.recording.last]
         return View(
             environment=self.env.name,
-            saved=self.recording.n_kept,
+            saved=sum(episode.kept for episode in episodes),
             target=self.settings.target,
-            episodes=self.recording.views(),
+            episodes=episodes,
+            leaving=self.wishes.is_leaving,
             task=self.task,
             makes=self.settings.makes,
             numbers=sensed(schema, self.play.trial) if self.settings.hud else None,

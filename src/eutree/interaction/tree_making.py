@@ -74,10 +74,15 @@ class Wishes:
 
     Args:
         are_offered: Whether there is a ``TreeMaker``.
+
+    Attributes:
+        is_busy: Whether a tree is being made; set by whoever makes it.
     """
 
     def __init__(self, are_offered: bool) -> None:
         self.are_offered = are_offered
+        self.is_busy = False
+        self._is_leaving = False
         self._wish = ""
         self._was_made = False
 
@@ -90,6 +95,21 @@ class Wishes:
         """Wish for a tree unless one has been wished for."""
         if not self._was_made:
             self.express("make")
+
+    @property
+    def is_leaving(self) -> bool:
+        """Whether the person wanted to leave while a tree is being made, and is asked again."""
+        return self._is_leaving and self.is_busy
+
+    def leave(self) -> bool:
+        """Return whether to leave now: while a tree is being made, at the second wish only."""
+        asked, self._is_leaving = self.is_leaving, True
+        return asked or not self.is_busy
+
+    def stay(self) -> bool:
+        """Take back a wish to leave; return whether there was one to answer."""
+        asked, self._is_leaving = self.is_leaving, False
+        return asked
 
     def take(self) -> str:
         """Return the wish, once; empty if there is none."""

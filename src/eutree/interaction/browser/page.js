@@ -249,7 +249,6 @@ function pad(action, key, text) {
   button.dataset.action = action;
   button.dataset.key = key;
   button.append(text, kbd(key));
-  button.setAttribute("aria-label", text || "one step without a key");
   const let_go = () => { for (const [k, source] of down) if (source === button) release(k); };
   button.addEventListener("pointerdown", (event) => {
     event.preventDefault();
@@ -268,9 +267,17 @@ function banner(text) {
   $("banner-text").textContent = text || "";
 }
 
-/* A key's cap: to be seen; a button's name for screen readers is its words alone. */
+/* A key's cap. */
+function cap(key) {
+  const element = kbd(key);
+  element.removeAttribute("aria-hidden");
+  return element;
+}
+
+/* A key's cap on a button: to be seen; the button's name for screen readers is its words alone. */
 function kbd(key) {
   const element = document.createElement("kbd");
+  element.setAttribute("aria-hidden", "true");
   element.textContent = key.split("+").map((k) => GLYPHS[k] || k.toUpperCase()).join(" + ") || "+";
   return element;
 }
@@ -316,7 +323,7 @@ function show() {
   rebuild("keys", [view.actions, view.state === "opening", binding, view.keys_chosen, view.role], showKeys);
   rebuild("controls", [view.controls, view.turn_based, view.asks], showControls);
   rebuild("pads", [view.actions, view.turn_based, view.controls], showPads);
-  rebuild("buttons", [view.state, watching, view.saved >= view.target, view.saved > 0, view.controls,
+  rebuild("buttons", [view.state, watching, asksToLeave(), view.saved >= view.target, view.saved > 0, view.controls,
     lastKept(), view.makes, phase()], showButtons);
   rebuild("practise", [view.state, watching, phase(), view.tree?.may_gain], showPractise);
   rebuild("episodes", [view.episodes, watching, isOver()], showEpisodes);
@@ -328,6 +335,11 @@ function show() {
   showPill();
   showBeat();
   lightPads();
+  const begins = works() && body.dataset.works !== "true", ends = !works() && body.dataset.works === "true";
+  body.dataset.works = works();
+  if (begins || ends) $("announce").textContent = [view.tree.message, view.tree.note].filter(Boolean).join(". ");
+  if (asksToLeave() && body.dataset.leaving !== "true") $("announce").textContent = $("title").textContent;
+  body.dataset.leaving = asksToLeave();
   if (before !== view.state) {
     if (runs() && !body.contains(document.activeElement?.closest?.("select"))) $("picture").focus();
     if (runs() && document.activeElement?.tagName === "SELECT") $("picture").focus();
@@ -354,7 +366,7 @@ function showKeys() {
     row.dataset.action = index;
     const keys = document.createElement("td");
     if (binding === index) keys.append("press a key …");
-    else if (action.keys.length) action.keys.forEach((key) => keys.append(kbd(key), " "));
+    else if (action.keys.length) action.keys.forEach((key) => keys.append(cap(key), " "));
     if (binding !== index && action.is_idle) keys.append(action.keys.length ? "or no key" : "no key");
     if (view.state === "opening" && acts() && binding !== index) {
       const change = document.createElement("button");
@@ -377,7 +389,7 @@ function showControls() {
   const rows = Object.keys(CONTROLS).filter((name) => keyFor(name) && (name !== "wait" || view.turn_based));
   words($("controls"), ...rows.map((name) => {
     const row = document.createElement("tr");
-    row.append(cell(view.asks && name === "finish" ? "hand back" : CONTROLS[name]), cell(kbd(keyFor(name))));
+    row.append(cell(view.asks && name === "finish" ? "hand back" : CONTROLS[name]), cell(cap(keyFor(name))));
     return row;
   }));
 }
@@ -406,12 +418,14 @@ function lightPads() {
 }
 
 function phase() { return view.tree ? view.tree.phase : ""; }
+function asksToLeave() { return Boolean(view.leaving) && works(); }
 function works() { return ["fitting", "playing", "practising"].includes(phase()); }
 
 function recordingButtons() {
   const enough = view.saved >= view.target;
   const more = ["end", "One more"], same = ["redo", "Same start again"], drop = ["discard", "Discard"];
   const make = ["make", view.tree ? "Make it again" : "Make my tree", enough && !view.tree ? "enter" : ""];
+  if (asksToLeave()) return [["stay", "Wait for it", "enter"], ["finish", "Finish without it"]];
   const trees = !view.makes || !view.saved || works() ? [] : [make];
   if (view.state === "opening") {
     return enough && view.makes ? [...trees, more, ["finish", "Leave"]]
@@ -445,9 +459,8 @@ function showButtons() {
     const button = document.createElement("button");
     button.type = "button";
     button.dataset.command = name;
-    if (place === 0 && !runs() && !works()) button.className = "first";
+    if (place === 0 && !runs() && (!works() || asksToLeave())) button.className = "first";
     button.append(text);
-    button.setAttribute("aria-label", text);
     const shown = key || (["make", "practise"].includes(name) ? "" : keyFor(name));
     if (shown) {
       button.append(kbd(shown));
@@ -566,6 +579,7 @@ function askingCard() {
   return {
     waiting: ["The learner practises", "It asks you here when it is unsure. Leave this page open."],
     asked: ["How would you go on?", `${view.message} ${within}`, keySentence()],
+    playing: [`Request ${view.saved} of ${view.target}`, keySentence()],
     paused: ["Paused", `${view.message || "All keys are released."} ${within}`],
     finished: ["Learning has ended", "Thank you. You can close this page."],
   }[view.state];
@@ -575,6 +589,9 @@ function recordingCard() {
   const last = (view.episodes || []).at(-1);
   const enough = view.saved >= view.target;
   const so_far = `${view.saved} of ${view.target} saved`;
+  if (asksToLeave()) {
+    return ["Finish without your tree?", "It is still being made, and would be given up. What you recorded is stored.", ""];
+  }
   const begins = view.awaits_key !== undefined && !view.actions.some((a) => a.is_idle);
   const slow = view.is_slowed ? " It is shown slowly at first, because it is quick; see Pace." : "";
   return {
@@ -582,8 +599,8 @@ function recordingCard() {
       `${keySentence()}${slow} ${view.saved ? `${so_far}; this goes on with the next.` : "Failures may stay."}`],
     countdown: () => ["Get ready", begins ? `The episode begins with your first ${KEY}.`
       : `Hold the ${KEY} while it counts: what you hold counts from the first decision on.`, keySentence()],
-    playing: () => [view.awaits_key ? `Press a ${KEY} to begin` : `Episode ${view.saved + 1} of ${view.target}`,
-      keySentence(), ""],
+    playing: () => [view.awaits_key ? `Press a ${KEY} to begin`
+      : `Episode ${view.saved + 1}${enough ? "" : ` of ${view.target}`}`, keySentence(), ""],
     paused: () => ["Paused", view.message || "All keys are released. Go on when you are ready.", ""],
     review: () => [last ? sentence(last) : "Nothing was recorded", enough ? `${view.saved} of ${view.target} done.`
       : `${so_far}, ${view.target - view.saved} to go.`,
@@ -604,9 +621,18 @@ function showCard() {
     if ($(id).textContent !== words) $(id).textContent = words;
     $(id).hidden = !words;
   }
+  reachCard();
   body.dataset.result = view.state === "review" && last ? mark(last)
     : view.state === "finished" && view.saved >= view.target ? GOOD : view.state === "failed" ? BAD : "";
 }
+
+/* Words that have to be scrolled can be reached without a mouse. */
+function reachCard() {
+  const card = $("card");
+  card.toggleAttribute("tabindex", card.scrollHeight > card.clientHeight);
+  if (card.hasAttribute("tabindex")) card.tabIndex = 0;
+}
+addEventListener("resize", reachCard);
 
 /* Without an idle action nothing is under way before the first key. */
 function awaitsKey() {
@@ -652,9 +678,26 @@ function svg(parent, name, attributes, text = "") {
   return element;
 }
 
-/* Small enough to survey, large enough to read: what does not fit is scrolled. */
-const LEAST_SCALE = 0.75;
-$("tree").addEventListener("load", () => { $("tree").style.minWidth = `${LEAST_SCALE * $("tree").naturalWidth}px`; });
+/* The whole tree at first; where its words are too small then, a button makes it larger, which is
+   scrolled, and its rules stand below. A tree that would be a stripe is large at first. */
+const READABLE = 0.75, STRIPE = 0.4; // shares of the drawing's own size
+let isLarge = false;
+
+function fitTree(large) {
+  const tree = $("tree"), own = tree.naturalWidth;
+  if (!own || $("drawing").hidden) return;
+  const share = $("drawing").clientWidth / own;
+  isLarge = large ?? share < STRIPE;
+  tree.style.minWidth = isLarge ? `${READABLE * own}px` : "0";
+  $("larger").hidden = share >= READABLE;
+  $("larger").textContent = isLarge ? "The whole tree" : "Larger";
+}
+$("tree").addEventListener("load", () => {
+  fitTree();
+  $("rules-details").open ||= !$("larger").hidden;
+});
+$("larger").addEventListener("click", () => fitTree(!isLarge));
+addEventListener("resize", () => fitTree());
 
 let scrolledAt = ""; // the phase at which the tree was last brought into view
 
@@ -672,8 +715,10 @@ function showTree() {
   $("work").hidden = !works();
   if (tree.of) { $("work").max = tree.of; $("work").value = tree.finished; } else { $("work").removeAttribute("value"); }
   $("drawing").hidden = !tree.svg;
-  if (tree.svg) {
-    $("tree").src = `data:image/svg+xml;charset=utf-8,${encodeURIComponent(tree.svg)}`;
+  if (!tree.svg) $("larger").hidden = true;
+  const drawing = `data:image/svg+xml;charset=utf-8,${encodeURIComponent(tree.svg)}`;
+  if (tree.svg && $("tree").src !== drawing) {
+    $("tree").src = drawing;
     $("tree").alt = `Drawing of the tree, ${tree.n_leaves === 1 ? "one leaf" : `${tree.n_leaves} leaves`}; the same as rules below`;
   }
   $("rules-details").hidden = !tree.rules;
@@ -746,8 +791,13 @@ async function copyText(code, text, button) {
     getSelection().selectAllChildren(code);
     document.execCommand("copy");
   }
-  button.textContent = "Copied";
-  setTimeout(() => { button.textContent = "Copy"; }, 1500);
+  label(button, "Copied");
+  setTimeout(() => label(button, "Copy"), 1500);
+
+  function label(of, word) {
+    of.textContent = word;
+    of.setAttribute("aria-label", `${word}: ${text}`);
+  }
 }
 
 function sentence(episode) {

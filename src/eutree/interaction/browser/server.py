@@ -352,7 +352,7 @@ class PageServer:
         if not wish or self._maker is None or (self._work is not None and self._work.is_alive()):
             return
         work = self._maker.make if wish == "make" else self._maker.practise
-        loop = asyncio.get_running_loop()
+        loop, wishes = asyncio.get_running_loop(), self.recorder.session.wishes
 
         def show(view: TreeView) -> None:
             with suppress(RuntimeError):  # the loop is closed: nobody looks any more
@@ -365,7 +365,10 @@ class PageServer:
                 show(TreeView(phase=FAILED, message=str(error)))
             except Exception as error:
                 show(TreeView(phase=FAILED, message=f"{type(error).__name__}: {error}"))
+            finally:
+                wishes.is_busy = False
 
+        wishes.is_busy = True
         self._show_tree(TreeView(phase=FITTING, message="Making your tree"))
         self._work = threading.Thread(target=run, name="eutree tree", daemon=True)
         self._work.start()
