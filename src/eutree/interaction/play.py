@@ -59,11 +59,6 @@ class Play:
         """Whether an episode has begun, or begins, that has not ended."""
         return (self.is_on or self.state == PAUSED) and not self.trial.is_over
 
-    @property
-    def is_ending(self) -> bool:
-        """Whether an episode is over, and its last picture may not have been seen yet."""
-        return self.state == PLAYING and self.trial.is_over
-
     def was_reviewed(self, now: float) -> bool:
         """Return whether an episode ended long enough ago for a key to be meant for the next."""
         return self.state == REVIEW and now >= self._review_began + REVIEW_SECONDS
@@ -168,7 +163,7 @@ class Play:
             return now + 1.0
         if pace.shown(now) < 1.0:
             return self.pictures.due()
-        if self.is_ending and not self.pictures.are_seen(now):
+        if self.trial.is_over and not self.pictures.are_seen(now):
             return max(pace.due(now), now + FRAME_SECONDS)
         return pace.due(now) if self.pictures.is_complete and not self.awaits_turn() else now
 

@@ -268,7 +268,8 @@ class Session:
     def _view(self, now: float) -> View:
         controls, schema = self.play.controls, self.env.schema
         episodes = self.recording.views()
-        if self.play.is_ending:  # nothing is said of an end that is still to be seen
+        if self.state == PLAYING and self.play.trial.is_over:
+            # Nothing is said of an end that is still to be seen.
             episodes = episodes[: self.recording.last]
         return View(
             environment=self.env.name,
