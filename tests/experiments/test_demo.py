@@ -63,15 +63,15 @@ def test_the_demo_makes_all_its_files_and_a_self_contained_report(tmp_path, envi
     assert small.environment.arguments.get("opponent_speed") == story.change.get("opponent_speed")
 
 
-def evaluation(returns):
+def evaluation(returns, successes=None):
     size = len(returns)
-    return Evaluation(np.array(returns), np.ones(size), np.array(["goal"] * size))
+    return Evaluation(np.array(returns), np.ones(size), np.array(["goal"] * size), successes)
 
 
-def facts(before, after):
+def facts(before, after, *, successes=(None, None)):
     policies = {"Expert tree": policy_of(tree(9, 3), EVASION)}
     policies["Compressed tree"] = policy_of(tree(4, 3), EVASION)
-    one, two = evaluation(before), evaluation(after)
+    one, two = evaluation(before, successes[0]), evaluation(after, successes[1])
     nothing = SimpleNamespace()
     return DemoFacts(
         settings=quick("eutree/Evasion2-v0", FASTER),
@@ -98,6 +98,27 @@ def test_the_verdict_says_better_only_where_the_interval_does():
     assert "Learning harms it" in facts(noise, noise - 20).verdict
     assert "40 episodes cannot tell apart" in facts(noise, noise[::-1] + 5).verdict
     assert "cannot tell apart" in facts(noise, noise).verdict
+
+
+def test_the_verdict_names_the_figure_that_changed():
+    """It said "Learning mends it" at 59 % before and 59 % after."""
+    noise, share = np.linspace(-3, 3, 500) + 50, np.arange(500) % 100
+    mostly, always = share < 59, share < 97
+    often = (share + 30) % 100 < 60  # other episodes
+    more = facts(noise, noise + 20, successes=(mostly, mostly)).verdict
+    assert more == (
+        "The tree that was shown succeeds in 59 % of all episodes once they are faster. "
+        "Learning makes it earn more, 70 in place of 50: with 4 leaves it succeeds in 59 % of all "
+        "episodes. Whether it succeeds more often, 500 episodes cannot tell."
+    )
+    assert (
+        "earn less, 30 in place of 50"
+        in facts(noise, noise - 20, successes=(mostly, always)).verdict
+    )
+    assert "Learning mends it" in facts(noise, noise + 20, successes=(mostly, always)).verdict
+    assert "Learning mends it" in facts(noise, noise, successes=(mostly, always)).verdict
+    assert "Learning harms it" in facts(noise, noise, successes=(always, mostly)).verdict
+    assert "cannot tell apart" in facts(noise, noise, successes=(mostly, often)).verdict
 
 
 def test_every_story_is_of_an_environment_with_a_demonstrator():

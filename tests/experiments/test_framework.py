@@ -329,5 +329,8 @@ def test_the_command_runs_one_method_and_knows_the_others(tmp_path, capsys, monk
     assert run_cli(line) == 0
     found = json.loads(capsys.readouterr().out)
     assert [v["method"] for v in found["verdicts"]] == ["u-tree"] * 3
+    assert found["smoke"]
+    assert "A smoke run" in (tmp_path / "r" / "framework.md").read_text()
+    assert not framework.is_smoke(specs(runs=1, methods=("u-tree",)))
     assert run_cli(["reproduce", "framework", "--method", "utree"]) == 2
     assert "Did you mean 'u-tree'" in capsys.readouterr().err

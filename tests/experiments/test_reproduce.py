@@ -9,7 +9,7 @@ import pytest
 from eutree.cli.main import run as run_cli
 from eutree.evaluation.intervals import Estimate, Interval
 from eutree.experiments import results as results_module
-from eutree.experiments.claims import FAILS, HOLDS, OPEN, close_to, judged
+from eutree.experiments.claims import FAILS, HOLDS, OPEN, SMOKE_RUN, close_to, judged
 from eutree.experiments.experiment import FULL, SMOKE
 from eutree.experiments.registry import EXPERIMENTS, chosen
 from eutree.experiments.reproduce import claims_to_markdown, reproduce
@@ -141,13 +141,24 @@ def test_verdicts_follow_from_the_interval(interval, verdict):
     assert f"**{verdict}**" in claims_to_markdown([claim])
 
 
+def test_a_smoke_run_says_so_wherever_it_gives_verdicts(tmp_path):
+    """They stood there like verdicts on the paper."""
+    for scale, smoke in ((TINY, True), (dataclasses.replace(TINY, smoke=False), False)):
+        reproduce(chosen("expert"), tmp_path, scale=scale, presets=("paper",))
+        page, table = ((tmp_path / name).read_text() for name in ("report.html", "claims.md"))
+        assert (SMOKE_RUN in page, SMOKE_RUN in table) == (smoke, smoke)
+        assert json.loads((tmp_path / "claims.json").read_text())["smoke"] == smoke
+
+
 def test_the_command_lists_and_runs(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert run_cli(["reproduce", "--list", "--json"]) == 0
     assert list(json.loads(capsys.readouterr().out)) == [*EXPERIMENTS, "framework", "search"]
     line = ["reproduce", "expert", "--smoke", "--preset", "paper", "--json", "--out", "r"]
     assert run_cli(line) == 0
-    for claim in json.loads(capsys.readouterr().out)["claims"]:
+    answer = json.loads(capsys.readouterr().out)
+    for claim in answer["claims"]:
         assert claim.keys() >= {"id", "paper", "ours", "interval", "holds"}
+    assert answer["smoke"]
     assert run_cli(["reproduce", "figure-9"]) == 2
     assert "Did you mean 'figure-" in capsys.readouterr().err

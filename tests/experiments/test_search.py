@@ -335,7 +335,9 @@ def test_the_command_searches_in_small(searched, tmp_path, capsys, monkeypatch):
     )
     assert all((tmp_path / "r" / "runs" / name).exists() for name in missing)
     assert (tmp_path / "r" / "search.csv").stat().st_size > 1000
-    assert "The nearest settings" in (tmp_path / "r" / "search.md").read_text(encoding="utf-8")
+    page = (tmp_path / "r" / "search.md").read_text(encoding="utf-8")
+    assert page.startswith("**A smoke run")
+    assert "The nearest settings" in page
     assert run_cli(["reproduce", "--list", "--json"]) == 0
     assert "search" in json.loads(capsys.readouterr().out)
 

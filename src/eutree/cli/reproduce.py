@@ -103,10 +103,18 @@ def reproduce(
     table = Table(Column("claim", no_wrap=True), "preset", "paper", "ours [95 %]", "verdict")
     for claim in result.claims:
         table.add_row(claim.id, claim.preset, claim.paper, number_text(claim), claim.holds)
-    output.result(
-        {"claims": [asdict(claim) for claim in result.claims], "path": str(result.folder)}, table
-    )
+    claims = [asdict(claim) for claim in result.claims]
+    output.result({"smoke": smoke, "claims": claims, "path": str(result.folder)}, table)
+    _say_smoke(output, smoke=smoke)
     output.say(f"report: {result.folder / 'report.html'}")
+
+
+def _say_smoke(output: Output, *, smoke: bool) -> None:
+    """Say that the verdicts above are of a smoke run, if they are."""
+    from eutree.experiments.claims import SMOKE_RUN
+
+    if smoke:
+        output.say(SMOKE_RUN)
 
 
 def _shown_on(progress: ProgressLine) -> "Callable[[int, int, FrameworkSpec | RunSpec], None]":
@@ -122,6 +130,7 @@ def _framework(output: Output, wanted: "list[FrameworkSpec]", out: Path, n_jobs:
     """Run every method from every start, and say what teaching is worth to each."""
     from rich.table import Column, Table
 
+    from eutree.experiments.framework import is_smoke
     from eutree.experiments.framework_report import reproduce_framework, verdicts_to_facts
 
     with output.progress("runs", 100) as progress:
@@ -132,8 +141,10 @@ def _framework(output: Output, wanted: "list[FrameworkSpec]", out: Path, n_jobs:
         table.add_row(
             said.method, said.sentence, verdict.number, verdict.holds, verdict.as_expected
         )
-    facts = {"verdicts": verdicts_to_facts(result.verdicts), "path": str(result.folder)}
-    output.result(facts, table)
+    smoke = is_smoke(wanted)
+    facts = {"smoke": smoke, "verdicts": verdicts_to_facts(result.verdicts)}
+    output.result(facts | {"path": str(result.folder)}, table)
+    _say_smoke(output, smoke=smoke)
     output.say(f"tables: {result.folder / 'framework.md'}")
 
 
@@ -163,7 +174,7 @@ def _search(
         plan = SMOKE_PLAN if smoke else PLAN
         search = Search(out, plan=plan, demonstrations=demos, n_jobs=n_jobs, on_run=show)
         scored = search.run()
-    write_tables(out, scored)
+    write_tables(out, scored, smoke=smoke)
     table = Table("setting", "stage", "final policy", "numbers that agree", "mean cost")
     for index, one in enumerate(scored[:SHOWN], start=1):
         agreeing = f"{one.distance.n_agreeing} of {len(one.distance.costs)}"
@@ -178,5 +189,6 @@ def _search(
         }
         for one in scored
     ]
-    output.result({"settings": found, "path": str(out)}, table)
+    output.result({"smoke": smoke, "settings": found, "path": str(out)}, table)
+    _say_smoke(output, smoke=smoke)
     output.say(f"{len(scored)} settings: {out / 'search.md'}")

@@ -7,6 +7,10 @@ import numpy as np
 from eutree.evaluation import Estimate
 
 HOLDS, FAILS, OPEN = "holds", "does not hold", "cannot be told"
+SMOKE_RUN = (
+    "A smoke run: a few tiny runs, to see that everything works. Its verdicts say nothing of the "
+    "paper or of any method."
+)
 
 
 @dataclass(frozen=True)

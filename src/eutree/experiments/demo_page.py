@@ -8,7 +8,7 @@ import numpy as np
 from eutree.arrays import Floats
 from eutree.compression import CompressionReport
 from eutree.data import Demonstrations, Episode
-from eutree.evaluation import CurvePoint, Evaluation
+from eutree.evaluation import CurvePoint, Evaluation, Interval
 from eutree.experiments.stories import DemoSettings
 from eutree.inspection import PolicyDiff
 from eutree.parallel import Workers
@@ -128,14 +128,27 @@ class DemoFacts:
         once = f" once {story.changed}" if story.changed else ""
         leaves = counted(self.small.n_leaves, "leaf")
         first = f"The tree that was shown {_does(self.before)}{once}"
-        if change.is_start or change.return_interval.low <= 0.0 <= change.return_interval.high:
+        earns = 0 if change.is_start else _told(change.return_interval)
+        succeeds = None if change.success_interval is None else _told(change.success_interval)
+        told = {earns, succeeds} - {None, 0}
+        if not told:
             return [
                 f"{first}; what was learned {_does(self.after)} with {leaves}, which "
                 f"{self.after.episodes:,} episodes cannot tell apart."
             ]
-        better = "Learning mends it" if change.return_change > 0.0 else "Learning harms it"
         end = f": with {leaves} it {_does(self.after)}."
-        return [f"{first}. ", Pointer(better, CHANGES_ID), end]
+        if succeeds is None or (succeeds and told != {1, -1}):
+            better = "Learning mends it" if told == {1} else "Learning harms it"
+            return [f"{first}. ", Pointer(better, CHANGES_ID), end]
+        before, after = self.before.mean_return, self.after.mean_return
+        better = f"Learning makes it earn {'more' if earns > 0 else 'less'}"
+        figures = f", {after:.4g} in place of {before:.4g}"
+        as_often = (
+            ""
+            if succeeds
+            else (f" Whether it succeeds more often, {self.after.episodes:,} episodes cannot tell.")
+        )
+        return [f"{first}. ", Pointer(better, CHANGES_ID), figures + end + as_often]
 
 
 def demo_report(facts: DemoFacts) -> RunReport:
@@ -172,6 +185,11 @@ def demo_report(facts: DemoFacts) -> RunReport:
             ("the compressed tree, drawn", "small.svg"),
         ],
     )
+
+
+def _told(interval: Interval) -> int:
+    """Return 1 or -1 where an interval of a difference lies above or below 0, else 0."""
+    return int(interval.low > 0.0) - int(interval.high < 0.0)
 
 
 def _does(evaluation: Evaluation) -> str:

@@ -32,6 +32,7 @@ class Scale:
             ``"Evasion"``, in which things were measured before those were found.
         setting: What the paper leaves open, where it is not left to the environment, its scripted
             expert and the preset.
+        smoke: Whether it only shows that everything works.
     """
 
     runs: int = 15
@@ -43,6 +44,7 @@ class Scale:
     first_seed: int = 0
     domain: str = "PaperEvasion"
     setting: Setting | UnsetType = UNSET
+    smoke: bool = False
 
     def environment(self, opponents: int) -> str:
         """Return the id of the domain with two or three opponents."""
@@ -75,6 +77,7 @@ SMOKE = Scale(
     evaluation_episodes=10,
     final_episodes=20,
     speeds=(2.2, 3.2, 4.2),
+    smoke=True,
 )
 
 

@@ -10,6 +10,7 @@ A start that a method cannot take is a record too: its reason stands where the f
 
 import hashlib
 import time
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cache
 from typing import Any, ClassVar, cast
@@ -287,6 +288,11 @@ def specs(
         for method, arm in cells
         if (arm in MAIN_ARMS) == is_main
     ]
+
+
+def is_smoke(specs: Sequence[FrameworkSpec]) -> bool:
+    """Return whether some of the runs are tiny ones."""
+    return any(spec.settings == TASKS[spec.task].small() for spec in specs)
 
 
 def run(spec: FrameworkSpec) -> tuple[FrameworkRecord, float]:

@@ -20,6 +20,7 @@ import numpy as np
 
 from eutree.arrays import Floats
 from eutree.errors import InvalidArgumentError, MissingExtraError
+from eutree.experiments.claims import SMOKE_RUN
 from eutree.experiments.framework import (
     ARMS,
     EXPERT_ARMS,
@@ -30,6 +31,7 @@ from eutree.experiments.framework import (
     Arm,
     FrameworkRecord,
     FrameworkSpec,
+    is_smoke,
     run,
 )
 from eutree.experiments.framework_verdicts import (
@@ -141,10 +143,16 @@ def report(specs: Sequence[FrameworkSpec], results: FrameworkResults) -> Reprodu
     if not records:
         raise InvalidArgumentError("specs must hold a run that is done, got none")
     runs, found = Runs(records), tuple(verdicts(records))
-    text = json.dumps({"verdicts": verdicts_to_facts(found)}, indent=1)
+    smoke = is_smoke(specs)
+    facts = {"smoke": smoke, "verdicts": verdicts_to_facts(found)}
+    text = json.dumps(facts, indent=1)
     write_text(results.folder / "verdicts.json", text + "\n")
     text = "\n\n".join(
-        [verdicts_to_markdown(runs, found), tables_to_markdown(runs, results.seconds())]
+        [
+            *[f"**{SMOKE_RUN}**"] * smoke,
+            verdicts_to_markdown(runs, found),
+            tables_to_markdown(runs, results.seconds()),
+        ]
     )
     write_text(results.folder / "framework.md", text + "\n")
     for task in runs.tasks:

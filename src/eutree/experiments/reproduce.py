@@ -18,7 +18,7 @@ from dataclasses import asdict, dataclass, replace
 from html import escape
 from pathlib import Path
 
-from eutree.experiments.claims import FAILS, HOLDS, OPEN, Claim
+from eutree.experiments.claims import FAILS, HOLDS, OPEN, SMOKE_RUN, Claim
 from eutree.experiments.drawing import side_by_side, svg_and_png
 from eutree.experiments.experiment import Experiment, Records, Scale
 from eutree.experiments.results import Results
@@ -83,21 +83,26 @@ def reproduce(
                 p: records[experiment.id, p] for p in _distinct(needed, experiment, presets)
             }
             figures[experiment.id] = _draw(experiment, shown, results.folder)
-    write_text(results.folder / "claims.json", claims_to_json(claims))
-    write_text(results.folder / "claims.md", claims_to_markdown(claims))
+    write_text(results.folder / "claims.json", claims_to_json(claims, smoke=scale.smoke))
+    write_text(results.folder / "claims.md", claims_to_markdown(claims, smoke=scale.smoke))
     write_text(results.folder / "points.csv", _points(records))
-    write_text(results.folder / "report.html", _page(experiments, claims, figures))
+    said = [SMOKE_RUN] * scale.smoke
+    write_text(results.folder / "report.html", _page(experiments, claims, figures, said))
     return Reproduction(claims, results.folder)
 
 
-def claims_to_json(claims: Sequence[Claim]) -> str:
-    """Return the claims as JSON text."""
-    return json.dumps({"claims": [asdict(claim) for claim in claims]}, indent=1) + "\n"
+def claims_to_json(claims: Sequence[Claim], *, smoke: bool = False) -> str:
+    """Return the claims as JSON text, and whether they are of a smoke run."""
+    found = {"smoke": smoke, "claims": [asdict(claim) for claim in claims]}
+    return json.dumps(found, indent=1) + "\n"
 
 
-def claims_to_markdown(claims: Sequence[Claim]) -> str:
-    """Return the claims as a table of Markdown, the presets of a claim one below the other."""
-    lines = [
+def claims_to_markdown(claims: Sequence[Claim], *, smoke: bool = False) -> str:
+    """Return the claims as a table of Markdown, the presets of a claim one below the other.
+
+    Above it stands whether they are of a smoke run.
+    """
+    lines = [f"**{SMOKE_RUN}**\n"] * smoke + [
         "| claim | the paper says | paper | preset | ours [95 % interval] | verdict | rule |",
         "|---|---|---|---|---|---|---|",
     ]
@@ -175,9 +180,12 @@ def _points(records: Mapping[tuple[str, str], Records]) -> str:
 
 
 def _page(
-    experiments: Sequence[Experiment], claims: Sequence[Claim], figures: dict[str, str]
+    experiments: Sequence[Experiment],
+    claims: Sequence[Claim],
+    figures: dict[str, str],
+    warnings: Sequence[str],
 ) -> str:
-    """Return everything on one self-contained page."""
+    """Return everything on one self-contained page, which begins with the warnings."""
     sections = []
     for experiment in experiments:
         mine = [c for c in claims if c.id.split("/")[0] == experiment.id]
@@ -185,7 +193,8 @@ def _page(
         drawn = _figure(figures[experiment.id], title) if experiment.id in figures else ""
         sections.append(f"<section><h2>{title}</h2>{drawn}{_table(mine)}</section>")
     title = "The paper's results, reproduced"
-    top = head(title, [_verdict(claims)], ["Brackets are 95 % intervals; a rule decides each."])
+    verdict = " ".join([*warnings, _verdict(claims)])
+    top = head(title, [verdict], ["Brackets are 95 % intervals; a rule decides each."])
     body = f"<main>{top}{''.join(sections)}</main>"
     return page(title=title, body=body, style=asset("run.css"))
 

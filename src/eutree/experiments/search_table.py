@@ -5,6 +5,7 @@ from itertools import combinations, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from eutree.experiments.claims import SMOKE_RUN
 from eutree.experiments.drawing import blank, svg_and_png
 from eutree.experiments.finals import FINAL
 from eutree.experiments.objective import NUMBERS, Number
@@ -23,10 +24,17 @@ WELL_TRIED = 20  # settings that make it unlikely that another one shows both
 LEAST_TRIED = 3  # settings that must have told both numbers before they can exclude each other
 
 
-def write_tables(folder: Path, scored: Sequence[Scored]) -> None:
-    """Write ``search.csv``, a row each setting, ``search.md`` and ``search.svg``."""
+def write_tables(folder: Path, scored: Sequence[Scored], *, smoke: bool = False) -> None:
+    """Write ``search.csv``, a row each setting, ``search.md`` and ``search.svg``.
+
+    Args:
+        folder: Where.
+        scored: The settings.
+        smoke: Whether the page is to say that they are of a smoke run.
+    """
     write_text(folder / "search.csv", to_csv(scored))
-    write_text(folder / "search.md", to_markdown(scored))
+    said = f"**{SMOKE_RUN}**\n\n" if smoke else ""
+    write_text(folder / "search.md", said + to_markdown(scored))
     svg, png = svg_and_png("search", lambda: _figure(scored))
     write_bytes(folder / "search.svg", svg)
     write_bytes(folder / "search.png", png)
