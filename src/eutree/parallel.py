@@ -5,7 +5,6 @@ What is called depends on its argument alone and results come back in order, so 
 is made from them are the same for any number of processes, on any machines of one type.
 """
 
-import itertools
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -18,7 +17,7 @@ from eutree.validation import check_integer
 PATIENCE = 2.0  # s; starting processes that know eutree takes about as long
 BLOCKS = 4  # a worker, so that one with long episodes does not keep the others waiting
 
-_DASK, _RAY = "DaskDistributedBackend", "RayBackend"
+_CLUSTERS = ("DaskDistributedBackend", "RayBackend")
 
 Argument = TypeVar("Argument")
 Result = TypeVar("Result")
@@ -76,14 +75,17 @@ class Workers:
     def as_finished(
         self, function: Callable[[Argument], Result], arguments: Sequence[Argument]
     ) -> Iterator[Result]:
-        """Yield what ``function`` returns for the arguments as it is done, in any order."""
+        """Yield what ``function`` returns for the arguments as it is done, in any order.
+
+        Ray's back end hands everything back at the end.
+        """
         import joblib
+        from joblib.parallel import get_active_backend
 
         alone = _Alone(function)
-        if _active_backend() == _RAY:
-            yield from (result for _, result in self._on_ray(alone, arguments))
-            return
-        parallel = joblib.Parallel(n_jobs=self.n_jobs, return_as="generator_unordered")
+        one_by_one = get_active_backend()[0].supports_return_generator
+        ways = "generator_unordered" if one_by_one else "list"
+        parallel = joblib.Parallel(n_jobs=self.n_jobs, return_as=ways)
         yield from parallel(joblib.delayed(alone)(argument) for argument in arguments)
 
     def blocks(self, n: int, most: int) -> list[range]:
@@ -102,42 +104,9 @@ class Workers:
         import joblib
 
         alone = _Alone(function)
-        if _active_backend() == _RAY:
-            returned = dict(self._on_ray(alone, arguments))
-            return [returned[number] for number in range(len(arguments))]
         parallel = joblib.Parallel(n_jobs=self.n_jobs)
         results: list[Result] = parallel(joblib.delayed(alone)(argument) for argument in arguments)
         return results
-
-    def _on_ray(
-        self, alone: "_Alone[Argument, Result]", arguments: Sequence[Argument]
-    ) -> Iterator[tuple[int, Result]]:
-        """Yield the number of each argument and what was returned for it, as it is done.
-
-        These are Ray's own tasks: its back end of joblib starts new processes for each batch, and
-        a race or DAgger has dozens of batches, while tasks go to processes that are there already.
-        """
-        import ray
-
-        call = ray.remote(_called)
-        function = ray.put(alone)
-        waiting: dict[Any, int] = {}  # numbers by task; never more than ``count`` of them
-        left = iter(enumerate(arguments))
-        while True:
-            for number, argument in itertools.islice(left, self.count - len(waiting)):
-                waiting[call.remote(function, argument)] = number
-            if not waiting:
-                return
-            (task, *_), _ = ray.wait(list(waiting), num_returns=1)
-            try:
-                result = ray.get(task)
-            except ray.exceptions.RayTaskError as error:
-                raise error.cause from None  # what the call raised, without Ray's wrapping
-            yield waiting.pop(task), result
-
-
-def _called(function: Callable[[Argument], Result], argument: Argument) -> Result:
-    return function(argument)
 
 
 class _Paths:
@@ -173,12 +142,6 @@ class _Alone(Generic[Argument, Result]):
 
 def _on_a_cluster() -> bool:
     """Return whether ``joblib.parallel_config`` sends calls to other machines."""
-    return _active_backend() in (_DASK, _RAY)
-
-
-def _active_backend() -> str:
-    """Return the name of the class that runs joblib's calls."""
     from joblib.parallel import get_active_backend
 
-    backend: Any = get_active_backend()[0]
-    return type(backend).__name__
+    return type(get_active_backend()[0]).__name__ in _CLUSTERS

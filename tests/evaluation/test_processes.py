@@ -2,14 +2,12 @@
 
 import os
 import pickle
-import sys
-from functools import partial
-from types import SimpleNamespace
 
 import gymnasium
 import joblib
 import numpy as np
 import pytest
+from joblib._parallel_backends import SequentialBackend
 
 import eutree
 from eutree.compression import RealEpisodes
@@ -82,54 +80,16 @@ def test_workers_start_no_processes_of_their_own(impatient):
     assert set(Workers(2).map(number_of_processes, range(4))) == {(1, 1)}
 
 
-class TaskError(Exception):
-    """As Ray wraps what a task raises."""
+class Whole(SequentialBackend):
+    """Hands everything back at the end, as Ray's back end does."""
 
-    def __init__(self, cause):
-        self.cause = cause
-
-
-class FakeRay:
-    """What of Ray is used, in this process; of those waiting the last task is done first."""
-
-    def __init__(self):
-        self.most = 0
-        self.exceptions = SimpleNamespace(RayTaskError=TaskError)
-
-    def put(self, value):
-        return value
-
-    def remote(self, function):
-        return SimpleNamespace(remote=lambda *arguments: partial(function, *arguments))
-
-    def wait(self, tasks, num_returns):
-        self.most = max(self.most, len(tasks))
-        return [tasks[-1]], tasks[:-1]
-
-    def get(self, task):
-        try:
-            return task()
-        except Exception as error:
-            raise TaskError(error) from error
+    supports_return_generator = False
 
 
-@pytest.fixture
-def fake_ray(monkeypatch):
-    monkeypatch.setattr("eutree.parallel._active_backend", lambda: "RayBackend")
-    monkeypatch.setitem(sys.modules, "ray", FakeRay())
-    return sys.modules["ray"]
-
-
-def test_tasks_of_ray_come_in_order_and_no_more_than_asked_for_wait(fake_ray):
-    assert Workers(3).map(abs, range(-9, 0)) == list(range(9, 0, -1))
-    assert fake_ray.most == 3
-    assert sorted(Workers(3).as_finished(abs, range(-9, 0))) == list(range(1, 10))
-    assert Workers(3).map(abs, [-1, -2]) == [1, 2]
-
-
-def test_what_a_task_of_ray_raises_is_what_the_call_raised(fake_ray):
-    with pytest.raises(ZeroDivisionError):
-        Workers(2).map(lambda number: 1 / number, [1, 0, 2])
+def test_a_back_end_that_hands_back_whole_batches_will_do():
+    joblib.register_parallel_backend("whole", Whole)
+    with joblib.parallel_config(backend="whole"):
+        assert list(Workers(None).as_finished(abs, range(-3, 0))) == [3, 2, 1]
 
 
 def test_one_process_is_what_nobody_asked_otherwise():

@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import gymnasium
 import joblib
@@ -17,7 +18,6 @@ from eutree.compression import RealEpisodes
 from eutree.distillation import DistillationSettings
 from eutree.experiments.experiment import SMOKE
 
-LINE = ["reproduce", "expert", "--smoke", "--preset", "paper"]
 LEARNING = ["reproduce", "table-2", "--smoke", "--preset", "paper"]
 
 
@@ -155,21 +155,68 @@ def test_a_package_that_is_not_there_is_a_clear_error(
 ):
     monkeypatch.setitem(sys.modules, package, None)
     line = ["reproduce", "expert", "--smoke", "--out", str(tmp_path / "results")]
-    assert run([*line, "--backend", backend]) == 2
+    assert run([*line, "--backend", backend, "--address", "auto"]) == 2
     assert f"{package} is not installed; get it with: pip install" in capsys.readouterr().err
+
+
+def listening(session):
+    """Return where the processes of a session listen, as the kernel writes addresses."""
+    inodes = {}
+    for table in ("tcp", "tcp6"):
+        for line in Path("/proc/net", table).read_text().splitlines()[1:]:
+            fields = line.split()
+            if fields[3] == "0A":
+                inodes[f"socket:[{fields[9]}]"] = fields[1]
+    found = set()
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            if int((process / "stat").read_text().rpartition(")")[2].split()[3]) == session:
+                links = [os.readlink(link) for link in (process / "fd").iterdir()]
+                found |= {inodes[link] for link in links if link in inodes}
+        except OSError:
+            continue  # it has ended
+    return found
+
+
+def heard(*arguments):
+    """Run Python in a session of its own; return where anything in it ever listened."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    process = subprocess.Popen(
+        [sys.executable, *map(str, arguments)], env=environment, start_new_session=True,
+        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    found, seen = set(), 0
+    while process.poll() is None:
+        found |= listening(process.pid)
+        seen += 1
+        time.sleep(0.1)
+    assert process.returncode == 0, process.stderr.read()
+    process.stderr.close()
+    assert seen > 5
+    return found
+
+
+needs_proc = pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="needs Linux's /proc")
+
+
+@needs_proc
+@pytest.mark.parametrize("backend", ["loky", "dask", "ray"])
+def test_nothing_listens_where_no_address_is_given(tmp_path, backend):
+    """Dask's dashboard did, on all addresses; its scheduler ran what any client sent."""
+    line = ["learn", "eutree/Evasion2-v0", "--runs", 2, "--n-jobs", 2, "--episodes", 2]
+    line += ["--evaluation-episodes", 2, "--preset", "paper", "--out", tmp_path / "runs"]
+    assert heard("-m", "eutree", *line, "--backend", backend) == set()
+    assert (tmp_path / "runs" / "policy.json").exists()
+
+
+@needs_proc
+def test_what_listens_is_heard():
+    program = "import socket, time; s = socket.create_server(('127.0.0.1', 0)); time.sleep(1)"
+    assert len(heard("-c", program)) == 1
 
 
 @pytest.mark.slow
 def test_a_ray_instance_gives_the_same_bytes(tmp_path):
-    pytest.importorskip("ray", reason="ray is not installed")
-    for line in (LINE, FRAMEWORK):
-        command(*line, "--out", tmp_path / "one", "--n-jobs", "1")
-        command(*line, "--out", tmp_path / "ray", "--backend", "ray", "--n-jobs", "2")
-    assert files_of(tmp_path / "one") == files_of(tmp_path / "ray")
-
-
-@pytest.mark.slow
-def test_all_that_is_divided_is_the_same_on_a_ray_instance_with_an_address(tmp_path):
     ray = pytest.importorskip("ray", reason="ray is not installed")
     from eutree.cli._cluster import cluster
 

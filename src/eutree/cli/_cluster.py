@@ -1,4 +1,9 @@
-"""Where independent work of a command runs: in processes here, or on a Dask or Ray cluster."""
+"""Where independent work of a command runs: in processes here, or on a Dask or Ray cluster.
+
+A cluster is one that the user has started and names. None is started here: its scheduler would obey
+any process of this machine, and its dashboard would listen to the network, for the sake of work
+that the processes of joblib do as well.
+"""
 
 import socket
 import time
@@ -37,12 +42,12 @@ def workers_options(of_what: str) -> Callable[[_Command], _Command]:
             type=click.Choice(["loky", "dask", "ray"]),
             default="loky",
             show_default=True,
-            help="What runs the processes: this machine (loky), or a cluster.",
+            help="What runs the processes: this machine (loky), or the cluster at --address.",
         )
         address = click.option(
             "--address",
             help="Scheduler of the cluster, or the file that --scheduler-file of dask wrote; "
-            "without, a cluster is started here.",
+            "auto for Ray on this machine. Without, this machine does the work.",
         )
         return jobs(backend(address(command)))
 
@@ -51,15 +56,15 @@ def workers_options(of_what: str) -> Callable[[_Command], _Command]:
 
 @contextmanager
 def cluster(backend: str, address: str | None) -> Iterator[None]:
-    """Send joblib's tasks to a cluster while the context lasts.
+    """Send joblib's tasks to a cluster while the context lasts; without an address, nowhere.
 
     Raises:
         InvalidArgumentError: There is no such cluster.
         MissingExtraError: Dask or Ray is not installed.
     """
-    if backend == "loky":
-        if address is not None:
-            raise InvalidArgumentError("--address is of a cluster: --backend dask or ray")
+    if backend == "loky" and address is not None:
+        raise InvalidArgumentError("--address is of a cluster: --backend dask or ray")
+    if address is None:
         yield
         return
     import joblib
@@ -69,22 +74,22 @@ def cluster(backend: str, address: str | None) -> Iterator[None]:
         with _dask_client(address), joblib.parallel_config(**options):
             yield
     else:
-        _start_ray(address)
+        _join_ray(address)
         with joblib.parallel_config(backend="ray"):
             yield
 
 
-def _dask_client(address: str | None) -> Any:
+def _dask_client(address: str) -> Any:
     try:
         from distributed import Client
     except ImportError:
         raise MissingExtraError("dask.distributed", "cluster") from None
     where = {"address": address}
-    if address is not None and address.endswith(".json"):
+    if address.endswith(".json"):
         where = {"scheduler_file": address}
     try:
         if "scheduler_file" in where:
-            _wait_for(Path(str(address)))
+            _wait_for(Path(address))
         return Client(**where, timeout=PATIENCE)
     except (OSError, ValueError) as error:
         raise InvalidArgumentError(
@@ -106,11 +111,11 @@ def _wait_for(path: Path) -> None:
         time.sleep(0.05)
 
 
-def _check_answers(address: str | None) -> None:
+def _check_answers(address: str) -> None:
     """Raise InvalidArgumentError if nobody answers at HOST:PORT; Ray itself would wait minutes."""
-    host, _, port = (address or "").removeprefix("ray://").rpartition(":")
+    host, _, port = address.removeprefix("ray://").rpartition(":")
     if not port.isdecimal():
-        return  # auto, or none
+        return  # auto
     try:
         socket.create_connection((host, int(port)), timeout=PATIENCE).close()
     except (OSError, OverflowError) as error:
@@ -119,7 +124,7 @@ def _check_answers(address: str | None) -> None:
         ) from None
 
 
-def _start_ray(address: str | None) -> None:
+def _join_ray(address: str) -> None:
     _check_answers(address)
     try:
         import ray
