@@ -57,7 +57,6 @@ if TYPE_CHECKING:
     from eutree.schema import Schema as Schema
     from eutree.training import LearningResult as LearningResult
     from eutree.training import Teacher as Teacher
-    from eutree.training import callbacks as callbacks
     from eutree.training.learn import learn as learn
     from eutree.training.many import LearningRuns as LearningRuns
     from eutree.training.many import learn_runs as learn_runs
@@ -68,7 +67,6 @@ if TYPE_CHECKING:
 _PUBLIC = {
     "C45Classifier": "eutree.c45.estimator:C45Classifier",
     "C45Settings": "eutree.c45:C45Settings",
-    "callbacks": "eutree.training.callbacks",
     "compress": "eutree.compression.compress:compress",
     "CompressionReport": "eutree.compression:CompressionReport",
     "diff": "eutree.inspection.diff:diff",

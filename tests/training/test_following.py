@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 import eutree
-from eutree import callbacks
 from eutree.errors import InvalidArgumentError, MissingExtraError
-from eutree.training.callback import as_callback
+from eutree.training.callback import Logger
 from tests.worlds import FEW_IMAGINED
 
 SHORT = {"episodes": 45, "evaluate_every": 15, "evaluation_episodes": 10, "seed": 4}
@@ -27,33 +26,37 @@ def demonstrations(env):
     return eutree.record(env, eutree.experts.wait_at_crossing, episodes=8, seed=0)
 
 
-class Witness(callbacks.BaseCallback):
+class Witness:
     """Notes every call, and all rewards and ends."""
 
     def __init__(self):
-        super().__init__()
         self.seen = []
         self.rewards = []
         self.ends = []
 
-    def _on_training_start(self):
+    def init_callback(self, model):
+        self.model = model
+
+    def on_training_start(self, locals_, globals_):
         self.seen.append("training start")
 
-    def _on_rollout_start(self):
+    def on_rollout_start(self):
         self.seen.append(f"rollout start {self.model.run.episode}")
 
-    def _on_step(self):
-        self.rewards += self.locals["rewards"]
-        self.ends += self.locals["dones"]
-        assert self.model.num_timesteps == len(self.rewards) == self.num_timesteps == self.n_calls
+    def update_locals(self, known):
+        self.rewards += known["rewards"]
+        self.ends += known["dones"]
+
+    def on_step(self):
+        assert self.model.num_timesteps == len(self.rewards)
         return True
 
-    def _on_rollout_end(self):
+    def on_rollout_end(self):
         self.seen.append(f"rollout end {self.model.run.episode}")
-        self.logger.record("own/steps", self.num_timesteps)
-        self.logger.record("own/nothing", np.nan)
+        self.model.logger.record("own/steps", self.model.num_timesteps)
+        self.model.logger.record("own/nothing", np.nan)
 
-    def _on_training_end(self):
+    def on_training_end(self):
         self.seen.append("training end")
 
 
@@ -120,10 +123,12 @@ def test_calls_come_in_order_and_change_nothing(env, demonstrations, tmp_path):
 
 @pytest.mark.promise(8)
 def test_what_callbacks_record_survives_an_interruption(env, demonstrations, tmp_path):
-    class Recorder(callbacks.BaseCallback):
-        def _on_step(self):
-            self.logger.record("own/reward", self.locals["rewards"][0])
-            return True
+    class Recorder:
+        def init_callback(self, model):
+            self.model = model
+
+        def update_locals(self, known):
+            self.model.logger.record("own/reward", known["rewards"][0])
 
     def interrupt(run):
         if run.episode == 27:
@@ -171,55 +176,25 @@ def test_a_fault_in_a_callback_leaves_the_run_resumable(env, demonstrations, tmp
     assert resumed.policy == eutree.learn(env, **options).policy
 
 
-def test_a_threshold_ends_the_run(env, demonstrations):
+def test_any_callback_of_several_ends_the_run(env, demonstrations):
+    class Ending(Witness):
+        def on_step(self):
+            return np.bool_(len(self.rewards) < 50)
+
     options = {"demonstrations": demonstrations, **SHORT}
-    own = callbacks.StopTrainingOnRewardThreshold(-1000.0)
-    assert eutree.learn(env, callback=own, **options).episodes == 0
-    never = callbacks.StopTrainingOnRewardThreshold(1000.0)
-    assert eutree.learn(env, callback=never, **options).episodes == 45
-    assert (
-        eutree.learn(env, callback=callbacks.StopTrainingOnMaxEpisodes(7), **options).episodes == 7
-    )
-
-
-def test_eval_callback_keeps_the_best_policy_and_a_log(env, demonstrations, tmp_path):
-    other = gymnasium.make("eutree/Evasion2-v0")
-    callback = callbacks.EvalCallback(
-        other,
-        callback_after_eval=callbacks.StopTrainingOnMaxEpisodes(30),
-        n_eval_episodes=6,
-        eval_freq=150,
-        log_path=tmp_path / "log",
-        best_model_save_path=tmp_path / "best",
-    )
-    saver = callbacks.CheckpointCallback(200, tmp_path / "saved")
-    result = eutree.learn(env, demonstrations=demonstrations, callback=[callback, saver], **SHORT)
-    with np.load(tmp_path / "log" / "evaluations.npz") as log:
-        assert log["timesteps"].tolist() == list(range(150, 150 * len(log["timesteps"]) + 1, 150))
-        means = log["results"].mean(axis=1)
-        assert log["results"].shape == log["ep_lengths"].shape == log["successes"].shape
-        assert log["results"].shape[1] == 6
-    assert callback.best_mean_reward == means.max()
-    assert callback.last_mean_reward == means[-1]
-    assert 30 <= result.episodes < 45
-    best = eutree.TreePolicy.load(tmp_path / "best" / "best_model.json")
-    assert eutree.evaluate(best, other, episodes=6, seed=0).mean_return == means.max()
-    saved = {path.name for path in (tmp_path / "saved").iterdir()}
-    assert {"policy_200_steps.json", "policy_400_steps.json"} <= saved
-
-
-def test_eval_callback_refuses_the_environment_that_is_learned_in(env, demonstrations):
-    with pytest.raises(InvalidArgumentError, match="eval_env must not be the environment"):
-        eutree.learn(env, callback=callbacks.EvalCallback(env), **SHORT)
+    other = Witness()
+    result = eutree.learn(env, callback=[Ending(), other, lambda *_: None], **options)
+    assert result.steps <= 50 == len(other.rewards)
+    assert other.seen[-1] == "training end"
 
 
 def test_what_is_no_callback_is_refused(env, demonstrations):
     with pytest.raises(InvalidArgumentError, match="callback must be a function"):
-        as_callback("progress")
+        eutree.learn(env, callback="progress", **SHORT)
     with pytest.raises(InvalidArgumentError, match="offline learning, which takes no steps"):
         eutree.learn(None, demonstrations=demonstrations, callback=lambda *_: True)
     with pytest.raises(InvalidArgumentError, match="value of 'a' must be a number, got 'b'"):
-        callbacks.Logger({}).record("a", "b")
+        Logger({}).record("a", "b")
 
 
 def scalars(folder):

@@ -3,6 +3,7 @@
 import re
 from html import unescape
 from pathlib import Path
+from typing import Any
 
 from eutree.errors import InvalidArgumentError
 from eutree.files import make_folder, read_bytes, write_text
@@ -10,7 +11,7 @@ from eutree.learners.looking import partition_of, plane_of
 from eutree.learners.partition import Plane
 from eutree.report.partition_chart import partition_chart
 from eutree.schema import Schema
-from eutree.training.callbacks import BaseCallback
+from eutree.training.callback import TrainingModel
 from eutree.wording import counted
 
 DRAWINGS = "partitions"
@@ -21,7 +22,7 @@ _MOST = 2**24  # bytes of a drawing
 _SAID = re.compile(r"<desc>(.*?)</desc>", re.DOTALL)
 
 
-class PartitionCallback(BaseCallback):
+class PartitionCallback:
     """Draws a learner's partition over two of its features while it learns.
 
     There is a drawing after 0, 1, 2, 4, 8, ... updates, and one at the end: what is in ``folder``
@@ -38,28 +39,34 @@ class PartitionCallback(BaseCallback):
     """
 
     def __init__(self, x: str, y: str, folder: str | Path) -> None:
-        super().__init__()
         if x == y:
             raise InvalidArgumentError(f"x and y must be two features, got {x!r} twice")
         self.x, self.y = x, y
         self.folder = Path(folder)
 
-    def _on_training_start(self) -> None:
+    def init_callback(self, model: TrainingModel) -> None:
+        """Take the run."""
+        self._run = model.run
+
+    def on_training_start(self, locals_: dict[str, Any], globals_: dict[str, Any]) -> None:
+        """Find the features."""
         self._plane(self._schema())  # an unknown name is no news for the end of a run
 
-    def _on_rollout_start(self) -> None:
-        updates = self.model.run.at.updates
+    def on_rollout_start(self) -> None:
+        """Draw after 0, 1, 2, 4, ... updates."""
+        updates = self._run.at.updates
         if updates & (updates - 1) == 0:  # 0 or a power of two
             self._draw(updates)
 
-    def _on_training_end(self) -> None:
-        self._draw(self.model.run.at.updates)
+    def on_training_end(self) -> None:
+        """Draw what has come of it."""
+        self._draw(self._run.at.updates)
 
     def _draw(self, updates: int) -> None:
         path = make_folder(self.folder) / f"after-{updates:06d}-updates.svg"
         if path.exists():
             return
-        learner, schema = self.model.run.learner, self._schema()
+        learner, schema = self._run.learner, self._schema()
         plane = self._plane(schema)
         partition = partition_of(learner, plane)
         history = learner.history
@@ -67,12 +74,11 @@ class PartitionCallback(BaseCallback):
         write_text(path, partition_chart(partition, schema, path=last[:, plane.axes]))
 
     def _schema(self) -> Schema:
-        run = self.model.run
-        schema: Schema = run.learner.decisions().policy(run.beginning.problem).schema
-        return schema
+        run = self._run
+        return run.learner.decisions().policy(run.beginning.problem).schema
 
     def _plane(self, schema: Schema) -> Plane:
-        return plane_of(self.model.run.learner, schema, self.x, self.y)
+        return plane_of(self._run.learner, schema, self.x, self.y)
 
 
 def drawings(folder: str | Path) -> list[tuple[str, str]]:

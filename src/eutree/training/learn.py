@@ -122,7 +122,7 @@ def learn(
         tensorboard: Folder for the log that TensorBoard shows; one for each run. Needs the extra
             ``tensorboard``.
         callback: Follows the run and may end it, as in SB3: a function of ``(locals, globals)``
-            called after each step, an ``eutree.callbacks.BaseCallback``, or a list of them. Not
+            called after each step, a callback of SB3's kind, or a list of them. Not
             for offline learning, which takes no steps.
         ask: Who acts for a stretch where the learner is unsure: a policy, or a controller such as
             a person in a browser (``eutree.interaction.browser.AskInBrowser``). Nobody by default.
