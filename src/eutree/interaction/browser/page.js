@@ -397,10 +397,8 @@ function showControls() {
 function showPads() {
   const pads = view.actions.filter((a) => a.keys.length)
     .map((a) => pad(a.name, a.keys[0].split("+")[0], a.name));
-  if (view.turn_based && keyFor("wait")) {
-    const idle = view.actions.find((a) => a.is_idle);
-    pads.push(pad("", keyFor("wait"), idle ? idle.name : "same again"));
-  }
+  const idle = view.actions.find((a) => a.is_idle);
+  if (view.turn_based && idle && keyFor("wait")) pads.push(pad("", keyFor("wait"), idle.name));
   words($("pads"), ...pads);
 }
 
