@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from eutree.compression import RealEpisodes, compress
 from eutree.trees.boxes import leaf_boxes
-from tests.compression.test_compress import actions_on, random_policy
+from tests.compression.policies import actions_on, random_policy
 
 WAYS = {
     "auto": {},

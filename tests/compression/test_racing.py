@@ -3,7 +3,7 @@
 import pytest
 
 from eutree.compression.racing import Arena, Demand, race
-from tests.compression.test_gates import Corridor, striped
+from tests.corridor import Corridor, striped
 
 RIGHT = striped(0, 5.0, 1)
 # Wrong on 2 % of the places: 10 visits at 1 each make 0.2 a run.

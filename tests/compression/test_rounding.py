@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from eutree.compression import compress
 from eutree.compression.rounding import multiple, rounded, shortest
 from eutree.trees.boxes import leaf_boxes
-from tests.compression.test_compress import actions_on, random_policy
+from tests.compression.policies import actions_on, random_policy
 
 
 def digits(number):

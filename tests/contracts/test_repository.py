@@ -1,7 +1,9 @@
 """What holds for every tracked file: no host names, no lost lock, small promises about words."""
 
+import ast
 import re
 import subprocess
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -44,6 +46,46 @@ def test_no_tracked_file_names_a_registry() -> None:
         if (match := forbidden.search(path.read_bytes()))
     ]
     assert found == []
+
+
+def test_no_test_module_imports_another() -> None:
+    """What several need stands in a module of its own, so that each runs its own tests alone."""
+    found = [
+        f"{path.relative_to(ROOT)}: {name}"
+        for path in sorted((ROOT / "tests").rglob("*.py")) + sorted(ROOT.glob("benchmarks/*.py"))
+        for name in imported_by(path)
+        if re.match(r"tests\.(.*\.)?test_", name)
+    ]
+    assert found == []
+
+
+def imported_by(path: Path) -> Iterator[str]:
+    """Yield the full name of everything that a file imports."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            here = path.relative_to(ROOT).with_suffix("").parts[: -node.level or None]
+            package = ".".join(here) if node.level else ""
+            module = ".".join(filter(None, (package, node.module)))
+            yield from (f"{module}.{alias.name}" for alias in node.names)
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "import tests.a.test_b",
+        "from tests.a.test_b import c",
+        "from tests.a import test_b",
+        "from . import test_b",
+    ],
+)
+def test_an_import_of_a_test_module_is_seen(source: str, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setitem(globals(), "ROOT", tmp_path)
+    path = tmp_path / "tests" / "a" / "test_c.py"
+    path.parent.mkdir(parents=True)
+    path.write_text(source)
+    assert any(re.match(r"tests\.(.*\.)?test_b", name) for name in imported_by(path))
 
 
 @pytest.mark.parametrize("name", LOCKS)

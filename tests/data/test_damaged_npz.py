@@ -5,7 +5,7 @@ import pytest
 
 from eutree.data import Demonstrations
 from eutree.errors import FormatError
-from tests.learners.test_damaged_states import damages
+from tests.damages import damages
 
 OBS = np.arange(18.0).reshape(9, 2)
 LAYOUTS = {

@@ -21,8 +21,9 @@ from eutree.errors import FileError, FormatError, InvalidArgumentError
 from eutree.files import atomic
 from eutree.files.arrays import encode_archive
 from eutree.schema import EnvironmentSpec, Schema
+from tests.data.journals import journal_of
 from tests.data.strategies import demonstrations, episodes, same, three_episodes
-from tests.files.test_atomic import faults_until_success
+from tests.files.faults import faults_until_success
 
 
 def contents(folder):
@@ -195,24 +196,6 @@ def test_an_episode_that_breaks_a_rule_is_refused(case):
         content = encode_archive(content, document)
     with pytest.raises(FormatError, match=message):
         episode_from_bytes(content, "episode.npz")
-
-
-def journal_of(episode, path):
-    """Write the episode to a journal, step by step."""
-    journal = EpisodeJournal(
-        path, episode.observations[0], seed=episode.seed, extras=dict(episode.extras)
-    )
-    for t in range(len(episode)):
-        last = t == len(episode) - 1
-        journal.append(
-            int(episode.actions[t]),
-            float(episode.rewards[t]),
-            episode.observations[t + 1],
-            terminated=episode.terminated and last,
-            truncated=episode.truncated and last,
-            steps={name: array[t].tolist() for name, array in episode.steps.items()},
-        )
-    return journal
 
 
 @pytest.mark.promise(9)

@@ -17,7 +17,7 @@ from eutree.envs._walls import walk
 from eutree.envs.experts import EXPERTS
 from eutree.envs.registration import DOMAINS
 from eutree.errors import InvalidArgumentError, UnknownNameError
-from tests.envs.test_evasion import HEADINGS
+from tests.envs.cards import HEADINGS
 
 MODELLED = [name for name in DOMAINS if name in EXPERTS]
 

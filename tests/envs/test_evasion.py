@@ -11,17 +11,7 @@ from gymnasium.error import ResetNeeded
 from eutree.envs._dynamics import EvasionParameters
 from eutree.envs.evasion import RIGHT_ARROW, SPACE, EvasionEnv
 from eutree.errors import InvalidArgumentError, UnknownNameError
-
-HEADINGS = [
-    "Description",
-    "Action Space",
-    "Observation Space",
-    "Rewards",
-    "Starting State",
-    "Episode End",
-    "Arguments",
-    "Version History",
-]
+from tests.envs.cards import HEADINGS
 
 
 def section(heading: str) -> str:

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from eutree.evaluation import evaluate_policy
-from tests.evaluation.test_evaluate import random_policy
+from tests.evaluation.acting import random_policy
 
 
 class Halting:

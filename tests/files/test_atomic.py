@@ -1,6 +1,5 @@
 """Whole files or nothing: the old content or the new after every fault."""
 
-import errno
 import os
 import signal
 import stat
@@ -13,53 +12,9 @@ import pytest
 
 from eutree.errors import FileError, FormatError
 from eutree.files import atomic
+from tests.files.faults import Fault, faults_until_success
 
 OLD, NEW = b"old " * 5000, b"new " * 6000
-
-
-class Fault(atomic.Operations):
-    """Raises at the n-th operation, or writes only half of it first."""
-
-    def __init__(self, n: int, number: int = errno.ENOSPC) -> None:
-        self.left, self.number = n, number
-
-    def _step(self, descriptor: int | None = None, data: bytes = b"") -> None:
-        self.left -= 1
-        if self.left == 0:
-            if descriptor is not None:
-                os.write(descriptor, data[: len(data) // 2])
-            raise OSError(self.number, os.strerror(self.number))
-
-    def write(self, descriptor, data):
-        self._step(descriptor, data)
-        return super().write(descriptor, data[:7000])
-
-    def fsync(self, descriptor):
-        self._step()
-        super().fsync(descriptor)
-
-    def replace(self, source, target):
-        self._step()
-        super().replace(source, target)
-
-
-def faults_until_success(save, check):
-    """Call ``save`` with a fault at operation 1, 2, 3, ... until none is hit; check each time."""
-    for n in range(1, 1000):
-        operations = Fault(n)
-        try:
-            with atomic.use_operations(operations):
-                save()
-        except FileError as error:
-            message = str(error)
-            assert operations.left <= 0
-            check(n, False)
-        else:
-            assert operations.left > 0
-            check(n, True)
-            return n
-        assert "disk is full" in message
-    raise AssertionError("never succeeded")
 
 
 @pytest.mark.promise(7)

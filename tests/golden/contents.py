@@ -8,9 +8,9 @@ from eutree.interaction.making import make
 from eutree.learners import PAPER, PlanningMethod
 from eutree.policy_search.planner import Planner
 from eutree.schema import EnvironmentSpec
+from tests.data.journals import journal_of
 from tests.data.strategies import three_episodes
-from tests.data.test_files import journal_of
-from tests.policies.test_document import small_policy
+from tests.policies.small import small_policy
 
 
 def policy():

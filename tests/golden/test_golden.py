@@ -3,7 +3,6 @@
 import re
 import shutil
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,8 +17,8 @@ from eutree.training.run_folder import ConfigDocument
 from tests.data.strategies import same
 from tests.files.loaders import unstarted
 from tests.golden import contents
+from tests.golden.versions import VERSIONS
 
-VERSIONS = sorted(path for path in Path(__file__).parent.glob("v*") if path.is_dir())
 MADE_BY = re.compile(rb'"made_by": "eutree [^"]*"')
 
 

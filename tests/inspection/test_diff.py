@@ -12,23 +12,9 @@ from eutree.inspection import diff
 from eutree.policies import TreePolicy
 from eutree.schema import Feature, Schema
 from eutree.trees import DecisionTree
-from tests import naive_trees
+from tests.inspection.lattices import lattice, lattice_policy
 
 seeds = st.integers(0, 2**32)
-
-
-def lattice_policy(generator, n_features, n_actions=2, size=6):
-    """Return a policy with thresholds on a lattice and bounds 0 and ``size``."""
-    tree = naive_trees.random_tree(generator, int(generator.integers(1, 12)), n_features)
-    schema = Schema(
-        tuple(Feature(f"x{j}", "m", 0.0, float(size)) for j in range(n_features)),
-        tuple(f"do {action}" for action in range(n_actions)),
-    )
-    return TreePolicy(tree, generator.integers(0, n_actions, tree.n_leaves), schema)
-
-
-def lattice(policy):
-    return naive_trees.cells(*np.array([(f.low, f.high) for f in policy.schema.features]).T)
 
 
 @settings(max_examples=100, deadline=None)

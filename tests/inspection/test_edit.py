@@ -13,8 +13,8 @@ from eutree.policies import TreePolicy
 from eutree.schema import Feature, Schema
 from eutree.trees import DecisionTree
 from eutree.trees.boxes import leaf_boxes
-from tests.inspection.test_diff import lattice, lattice_policy
-from tests.inspection.test_why import crossing
+from tests.inspection.crossings import crossing
+from tests.inspection.lattices import lattice, lattice_policy
 
 
 def test_a_threshold_and_an_action_change_and_nothing_else():

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 import eutree
 from eutree.errors import InvalidArgumentError
 from eutree.inspection import edit, enforce, verify
-from tests.inspection.test_diff import lattice, lattice_policy
-from tests.inspection.test_why import crossing
+from tests.inspection.crossings import crossing
+from tests.inspection.lattices import lattice, lattice_policy
 
 
 @settings(max_examples=60, deadline=None)

@@ -13,7 +13,7 @@ from eutree.inspection.properties import parse
 from eutree.policies import TreePolicy
 from eutree.schema import Feature, Schema
 from eutree.trees import DecisionTree
-from tests.inspection.test_diff import lattice_policy
+from tests.inspection.lattices import lattice_policy
 
 seeds = st.integers(0, 2**32)
 # Bounds and thresholds are whole, so whole numbers and halves meet every case there is.

@@ -10,10 +10,9 @@ from hypothesis import strategies as st
 from eutree.data import Demonstrations
 from eutree.errors import InvalidArgumentError
 from eutree.inspection import why
-from eutree.policies import LeafStatistics, TreePolicy
-from eutree.schema import Feature, Schema
-from eutree.trees import DecisionTree
-from tests.inspection.test_diff import lattice_policy
+from eutree.policies import LeafStatistics
+from tests.inspection.crossings import crossing
+from tests.inspection.lattices import lattice_policy
 
 
 @settings(max_examples=120, deadline=None)
@@ -54,12 +53,6 @@ def test_the_path_leads_to_the_leaf(seed):
         assert step.distance == abs(observation[step.feature] - step.threshold)
         node = int((policy.tree.left if step.is_true else policy.tree.right)[node])
     assert policy.tree.leaf[node] == found.leaf
-
-
-def crossing(statistics=None):
-    schema = Schema((Feature("position", "m", 0.0, 30.0), Feature("gap", "s")), ("stop", "go"))
-    tree = DecisionTree.single_leaf(2).split(0, 0, 8.0).split(0, 1, 2.5)
-    return TreePolicy(tree, np.array([0, 1, 1]), schema, leaves=statistics)
 
 
 def test_an_explanation_in_words():

@@ -9,7 +9,7 @@ import pytest
 from eutree.interaction.tree_making import TreeView
 from tests.interaction.people import Corridor
 from tests.interaction.serving import serving
-from tests.interaction.test_browser_page import PATIENCE, Person, ScriptedMaker, evasion
+from tests.interaction.typists import PATIENCE, Person, ScriptedMaker, evasion
 
 PHONE = {"has_touch": True, "is_mobile": True}
 SCREENS = {

@@ -13,7 +13,7 @@ from eutree.interaction.settings import SessionSettings
 from eutree.training import Asking
 from tests.interaction.asking import Asked
 from tests.interaction.serving import ENOUGH
-from tests.interaction.test_browser_page import PATIENCE, Person
+from tests.interaction.typists import PATIENCE, Person
 
 
 def learned(env, ask):

@@ -16,8 +16,8 @@ from eutree.errors import EnvironmentFault, FileError, InvalidArgumentError
 from eutree.files import atomic
 from eutree.interaction.recorder import Recorder
 from eutree.interaction.settings import SessionSettings
+from tests.interaction.broken import Broken
 from tests.interaction.people import Corridor, Person
-from tests.interaction.test_session import Broken
 
 ROOT = Path(__file__).parents[2]
 

@@ -28,6 +28,7 @@ from eutree.interaction.session import Session
 from eutree.interaction.settings import takes_turns
 from eutree.interaction.spaces import describe
 from eutree.interaction.views import task_description
+from tests.interaction.broken import Broken
 from tests.interaction.people import TICK, Corridor, Person
 
 
@@ -536,27 +537,6 @@ def test_numbers_are_hidden_unless_asked_for() -> None:
     person.tap("enter").until("playing").wait(0.3)
     assert person.view.numbers[0][0] == "place"
     assert person.view.numbers[0][1].endswith(" m")
-
-
-class Broken(Corridor):
-    """Raises in ``step`` at the third step, or where it is told to."""
-
-    def __init__(self, where="step"):
-        super().__init__()
-        self.where = where
-
-    def reset(self, *, seed=None, options=None):
-        if self.where == "reset":
-            raise OSError("no device")
-        return super().reset(seed=seed)
-
-    def step(self, action):
-        if self.where == "step" and self.steps == 3:
-            raise KeyError("motor")
-        return super().step(action)
-
-    def render(self):
-        return "no picture" if self.where == "render" else super().render()
 
 
 def test_a_fault_of_the_environment_ends_in_a_clear_screen() -> None:

@@ -19,7 +19,7 @@ from eutree.schema import Schema
 from eutree.splitting import Naive, Split
 from eutree.trees import DecisionTree
 from tests import naive_forgetting, naive_learning
-from tests.learners.test_history import assert_consistent
+from tests.learners.histories import assert_consistent
 from tests.worlds import Walk
 
 SPLITS = replace(CORRECTED, significance=Naive(), max_transitions=200)

@@ -8,6 +8,7 @@ from eutree.learners.history import History
 from eutree.learners.targets import LambdaReturn, OneStep
 from eutree.trees import DecisionTree
 from tests import naive_learning
+from tests.learners.histories import assert_consistent
 
 N_FEATURES = 2
 
@@ -37,16 +38,6 @@ def random_history(generator, n_operations):
         tree = tree.split(leaf, feature, threshold)
         history.split(leaf, tree.n_leaves - 1, feature, threshold)
     return tree, history
-
-
-def assert_consistent(tree, history):
-    left, entered = naive_learning.labels_of(tree, history)
-    assert history.left.tolist() == left
-    assert history.entered.tolist() == entered
-    for leaf in range(tree.n_leaves):
-        assert history.leaving.of(leaf).tolist() == naive_learning.rows_of(left, leaf)
-        assert history.entering.of(leaf).tolist() == naive_learning.rows_of(entered, leaf)
-        assert history.leaving.counts[leaf] == left.count(leaf)
 
 
 @settings(max_examples=60, deadline=None)

@@ -17,7 +17,7 @@ from eutree.learners.partition import (
     rectangles,
 )
 from eutree.trees import DecisionTree
-from tests.learners.test_battery import case_of
+from tests.learners.battery import case_of
 
 
 def area(outline):

@@ -11,7 +11,7 @@ from eutree.learners.restoring import checked_state
 from eutree.learners.trial import FEWEST, MOST, Trial
 from eutree.learners.vector_quantization import VectorQuantizationMethod
 from eutree.trees import DecisionTree
-from tests.learners.test_battery import case_of
+from tests.learners.battery import case_of
 
 ONE, TWO = DecisionTree.single_leaf(1), DecisionTree.single_leaf(1).split(0, 0, 0.5)
 

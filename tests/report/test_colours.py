@@ -21,7 +21,7 @@ from eutree.report import WatchedEpisode, demonstrations_page, policy_page, run_
 from eutree.schema import EnvironmentSpec
 from tests.report.browser import open_page
 from tests.report.colours import palette, wrong_colours
-from tests.report.test_run_page import report
+from tests.report.pages import report
 
 PAGES = ("demonstrations", "policy", "run", "demo", "reproduce")
 

@@ -15,7 +15,7 @@ from eutree.report.time_chart import panels
 from eutree.schema import Feature, Schema
 from tests.export.policies import NASTY
 from tests.report.browser import grave_violations, open_page
-from tests.report.test_run_page import Outline
+from tests.report.pages import Outline
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,5 @@
 """A policy watched in a browser: it plays, steps, answers clicks and keys, and stays quiet."""
 
-import json
-import re
 import subprocess
 from collections.abc import Iterator
 from dataclasses import replace
@@ -23,6 +21,7 @@ from eutree.schema import Feature, Schema
 from tests.export.policies import EVASION, NASTY, policy_of, tree
 from tests.export.tools import need
 from tests.report.browser import ENOUGH, Opened, grave_violations, open_page
+from tests.report.pages import page_data
 from tests.report.watched import PIXEL, episodes
 
 ASSETS = Path(__file__).parents[2] / "src" / "eutree" / "report" / "assets"
@@ -357,12 +356,6 @@ def test_pictures_that_do_not_fit_are_left_out() -> None:
     assert len(content.encode()) <= 1_000_000
     frames = [episode["frames"] is not None for episode in page_data(content)["episodes"]]
     assert frames == [True] + [False] * 8
-
-
-def page_data(content: str) -> dict:
-    match = re.search(r'<script type="application/json" id="data">(.*?)</script>', content)
-    assert match
-    return json.loads(match[1])
 
 
 def test_policies_with_a_history_see_their_past() -> None:

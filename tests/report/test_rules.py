@@ -15,7 +15,7 @@ from eutree.report import WatchedEpisode, policy_page
 from eutree.schema import Feature, Schema
 from tests.export.policies import NASTY, policy_of, tree
 from tests.report.browser import ENOUGH, Opened, grave_violations, open_page
-from tests.report.test_policy_page import page_data
+from tests.report.pages import page_data
 from tests.report.watched import episodes
 
 THRESHOLD = '[data-rule="{}"] input'

@@ -15,7 +15,7 @@ from eutree.training.checkpoint import (
 )
 from tests.files.loaders import unstarted
 from tests.golden.contents import METHODS
-from tests.golden.test_golden import VERSIONS
+from tests.golden.versions import VERSIONS
 
 
 def test_a_run_with_more_to_tell_than_a_document_holds_is_saved_and_goes_on(tmp_path):

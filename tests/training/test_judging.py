@@ -12,9 +12,8 @@ from eutree.errors import InvalidArgumentError
 from eutree.evaluation import Evaluation
 from eutree.training.judging import Judgement, judged
 from eutree.wording import counted
-from tests.compression.test_gates import Corridor
+from tests.corridor import WRONG, Corridor, policy_of
 from tests.interaction.sick import Healthy
-from tests.training.test_racing import WRONG, policy_of
 
 SHORT = {"evaluate_every": 5, "evaluation_episodes": 40, "seed": 2}
 

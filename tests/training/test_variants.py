@@ -21,10 +21,18 @@ def test_variants_differ_and_keep_the_limit_of_leaves():
     assert all(np.array_equal(*pair) for pair in zip(again[-1], kept[-1], strict=True))
 
 
-def test_nothing_is_left_of_a_tree_that_cannot_vary():
-    visited = np.zeros((5, 2))
-    tree = Variation(2, 2, np.random.default_rng(0)).of(packed((0, 0.5, 0, 1)), visited)
-    assert tree is None or n_leaves(tree) == 2
+def test_a_variant_that_comes_out_too_large_or_too_small_is_none():
+    visited, stump = np.random.default_rng(0).random((200, 2)), packed((0, 0.5, 0, 1))
+
+    def sizes(visited, most):
+        variation = Variation(2, most, np.random.default_rng(1))
+        made = [variation.of(stump, visited) for _ in range(300)]
+        return {0 if tree is None else n_leaves(tree) for tree in made}
+
+    assert sizes(visited, 2) == {0, 2}
+    assert sizes(visited, 3) == {0, 2, 3}
+    # Where all that was visited is one place, no box can be cut: nothing grows, a leaf can go.
+    assert sizes(np.zeros((5, 2)), 9) == {0, 2}
 
 
 def test_gains_add_up_what_follows_within_an_episode():

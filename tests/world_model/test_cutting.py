@@ -5,7 +5,7 @@ import numpy as np
 from eutree.policy_search.improvement import Improvement
 from eutree.world_model.action_trees import n_leaves, packed
 from eutree.world_model.dynamics import fit_model_tree
-from tests.world_model.test_world_model import GO, STAY, mean_return, rollouts_of, walks
+from tests.world_model.walks import GO, STAY, mean_return, rollouts_of, walks
 
 # Waits before the pit while it is open; all other tests do harm or nothing.
 WAITS = (0, 3.1, (0, 1.0, GO, (1, 0.9, GO, STAY)), (0, 4.9, (1, 0.0, STAY, GO), GO))

@@ -1,0 +1,132 @@
+"""Somebody at the recorder's page, by script."""
+
+from dataclasses import replace
+
+import gymnasium
+
+import eutree  # noqa: F401 - registers the environments
+from eutree.errors import InvalidArgumentError
+from eutree.interaction.tree_making import TreeView
+from tests.interaction.serving import ENOUGH
+
+PATIENCE = ENOUGH * 1000.0
+
+
+# The page keeps all that it has shown, so that nothing passes unseen while the test is not awake.
+KEEP = """
+window.past = [];
+new MutationObserver(() => {
+  const [body, pill, coming] = ["body", "#pill", "#coming"].map((s) => document.querySelector(s));
+  if (!pill) return;
+  const { frame, latency, ...shown } = body.dataset;
+  shown.acting = pill.hidden ? "" : document.querySelector("#acting").textContent;
+  shown.coming = pill.hidden || coming.hidden ? "" : coming.textContent;
+  if (JSON.stringify(shown) !== JSON.stringify(past.at(-1))) past.push(shown);
+}).observe(document, { subtree: true, childList: true, attributes: true, characterData: true });
+"""
+
+
+REACHED = """([wanted, step]) => {
+  const fits = (shown) => Object.entries(wanted).every(([name, value]) => shown[name] === value);
+  const place = past.findIndex((shown) => fits(shown) && (step === null || shown.step >= step));
+  past.splice(0, place);  // the next wait begins here
+  return place >= 0;
+}"""
+
+
+class Person:
+    """Somebody at the page, who remembers every key they pressed."""
+
+    def __init__(self, chromium, served, **options) -> None:
+        self.context = chromium.new_context(viewport={"width": 1180, "height": 800}, **options)
+        self.context.set_default_timeout(PATIENCE)
+        self.context.add_init_script(KEEP)
+        self.served = served
+        self.keys: list[tuple[str, bool]] = []
+        self.messages: list[str] = []
+        self.requests: list[str] = []
+        self.open()
+
+    def open(self) -> "Person":
+        self.page = self.context.new_page()
+        self.page.on("console", lambda message: self.messages.append(message.text))
+        self.page.on("pageerror", lambda error: self.messages.append(str(error)))
+        self.page.on("request", lambda request: self.requests.append(request.url))
+        self.page.on("websocket", lambda opened: self.requests.append(opened.url))
+        self.page.goto(self.served.server.url)
+        return self
+
+    def until(self, *, step: int | None = None, **shown) -> "Person":
+        """Wait until the page shows all of this at once, or has since the last wait.
+
+        Time goes on meanwhile: ``step`` stands for that step or a later one.
+        """
+        wanted = {name: str(value) for name, value in shown.items()}
+        self.page.wait_for_function(REACHED, arg=[wanted, step], polling=20)
+        return self
+
+    def down(self, key="Space") -> "Person":
+        self.page.keyboard.down(key)
+        self.keys.append((key.lower().removeprefix("arrow"), True))
+        return self
+
+    def up(self, key="Space") -> "Person":
+        self.page.keyboard.up(key)
+        self.keys.append((key.lower().removeprefix("arrow"), False))
+        return self
+
+    def tap(self, key) -> "Person":
+        return self.down(key).up(key)
+
+    def rest(self, seconds=0.9) -> "Person":
+        self.page.wait_for_timeout(seconds * 1000.0)
+        return self
+
+    def data(self, name) -> str:
+        return self.page.locator("body").get_attribute(f"data-{name}")
+
+
+def evasion():
+    return gymnasium.make("eutree/Evasion2-v0", render_mode="rgb_array")
+
+
+DRAWING = (
+    '<svg xmlns="http://www.w3.org/2000/svg" width="80" height="20">'
+    '<rect width="80" height="20"/></svg>'
+)
+
+
+class ScriptedMaker:
+    """Says what a real one says, without learning anything."""
+
+    def __init__(self) -> None:
+        self.calls = []
+        self.ready = TreeView(
+            phase="ready",
+            message="you 13 of 15; this tree 56 of 100",
+            verdict="worse",
+            may_gain=True,
+            n_leaves=1,
+            svg=DRAWING,
+            rules="go",
+            yours=13 / 15,
+            commands=("eutree show demos-tree.json", "eutree evaluate demos-tree.json"),
+        )
+
+    def make(self, show, stop) -> None:
+        self.calls.append("make")
+        show(TreeView(phase="playing", message="The tree plays", finished=20, of=100))
+        show(self.ready)
+
+    def practise(self, show, stop) -> None:
+        self.calls.append("practise")
+        curve = ((10, 0.5), (20, 0.9))
+        show(replace(self.ready, phase="practising", curve=curve, of=100))
+        if len(self.calls) > 2:
+            raise InvalidArgumentError("the folder is gone")
+        better = "you 13 of 15; this tree 96 of 100"
+        show(
+            replace(
+                self.ready, message=better, verdict="better", may_gain=False, curve=curve, of=100
+            )
+        )
