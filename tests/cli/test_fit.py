@@ -23,7 +23,7 @@ def test_the_tree_is_set_beside_the_person(eutree, stands_still):
     answer = eutree(*line, "--json")
     assert answer.code == 0
     values = answer.json
-    assert values["person"]["success_rate"] == pytest.approx(0.6)
+    assert values["person"]["success_rate"] == pytest.approx(11 / 15)
     assert values["played"]["success_rate"] < 0.1
     low, high = values["played"]["interval"]
     assert low <= values["played"]["success_rate"] <= high < 0.3

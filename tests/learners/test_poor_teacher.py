@@ -63,7 +63,7 @@ def test_what_the_tree_has_played_itself_can_be_trusted():
 
 
 def test_what_was_shown_is_where_the_first_planning_begins_too():
-    demonstrations = folder("evasion", 1)
+    demonstrations = folder("evasion", 35)
     expert = eutree.fit_expert_tree(demonstrations)
     assert expert.n_leaves == 1
     start = Start(expert, demonstrations.kept)
@@ -110,7 +110,7 @@ def after(episodes, demonstrations, env):
 @pytest.mark.slow
 def test_a_run_from_one_leaf_does_not_stall():
     """Five seeds: 200 episodes, where the plain method stays at its 59 %."""
-    demonstrations = folder("evasion", 1)
+    demonstrations = folder("evasion", 35)
     reached = []
     for seed in range(5):
         env = TASKS["evasion"].make()

@@ -175,7 +175,8 @@ def test_declined_and_handed_back(env, tmp_path, steps):
     brief = Brief(steps)
     result = learn(env, tmp_path / "run", ask=brief, episodes=12)
     events = requests_in(tmp_path / "run")
-    assert [r.number for r in brief.requests] == [1, 2, 3, 4, 5, 6]
+    assert len(events) >= 3
+    assert [r.number for r in brief.requests] == list(range(1, len(events) + 1))
     assert {event["outcome"] for event in events} == {HANDED_BACK if steps else DECLINED}
     assert result.history.demonstrated.sum() == steps * len(events)
     first = brief.requests[0]

@@ -143,7 +143,7 @@ class ThreeStripes(Corridor):
 def test_a_limit_of_leaves_of_a_race_does_not_limit_learning_before():
     """What is planned decides what is stored, and from that the race's models are fitted."""
     env = ThreeStripes()
-    shown = eutree.record(env, careless(lambda env: WRONG, 0.3), episodes=12, seed=1000)
+    shown = eutree.record(env, careless(lambda env: WRONG, 0.3), episodes=12, seed=1001)
     options = {"demonstrations": shown, "expert": WRONG, "episodes": 40, **SHORT}
     free = eutree.learn(env, **options)
     raced = eutree.learn(env, race_steps=100, max_leaves=2, **options)
