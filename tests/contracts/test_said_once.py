@@ -19,6 +19,8 @@ OTHERWISE = {  # said on two pages, and why
     "87.9": "of two variants of different methods: not the same figure",
     "91.2": "of the paper's table in the README, and of a variant: not the same figure",
     "84.1": "of the paper's table in the README, and of a scripted expert: not the same figure",
+    "99.4": "of a scripted expert, and an end of the tutorial's interval: not the same figure",
+    "99.9": "of a scripted expert and of the tutorial's pump: not the same figure",
     "96.1": "of a scripted expert and of a variant: not the same figure",
 }
 
