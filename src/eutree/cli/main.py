@@ -26,6 +26,7 @@ COMMANDS = {
     "export": "Export a policy to C, ONNX, DOT, SVG, JSON, text, Python and more.",
     "diff": "Say where two policies decide differently, and how they are built.",
     "verify": "Prove a property of a policy, or refute it with an observation.",
+    "prove": "Prove how every episode of a policy goes, or refute it with a start.",
     "edit": "Change a policy by hand, and lock what must stay.",
     "why": "Say why a policy decides as it does for an observation.",
     "show": "Show a policy's tree in the terminal or as a page.",

@@ -60,6 +60,16 @@ def parse(text: str, schema: Schema) -> Property:
     return _Parser(text, schema).property()
 
 
+def conditions(text: str, schema: Schema) -> Region:
+    """Return where conditions hold, such as ``-2 <= position <= 2 and speed < 1``.
+
+    Raises:
+        InvalidArgumentError: The text is none; says where.
+        UnknownNameError: It names no feature of the schema; names the nearest.
+    """
+    return _Parser(text, schema).everything()
+
+
 class _Parser:
     def __init__(self, text: str, schema: Schema) -> None:
         self.text, self.schema = text, schema
@@ -90,6 +100,12 @@ class _Parser:
             self._conditions()
         self._end()
         return Property(kind, self._region(), action, feature, falls, self.text)
+
+    def everything(self) -> Region:
+        """Return where the conditions hold of which the text consists."""
+        self._conditions()
+        self._end()
+        return self._region()
 
     def _conditions(self) -> None:
         self._condition()

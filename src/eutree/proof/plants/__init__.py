@@ -1,0 +1,27 @@
+"""The plants that are known, by the ids of their environments."""
+
+from collections.abc import Callable
+
+from eutree.proof.plant import Plant
+from eutree.proof.plants.mountain_car import MountainCar
+from eutree.schema import EnvironmentSpec
+
+Factory = Callable[[EnvironmentSpec], Plant]
+
+_PLANTS: dict[str, Factory] = {"MountainCar-v0": MountainCar}
+
+
+def register_plant(environment: str, factory: Factory) -> None:
+    """Let ``eutree prove`` find the plant of an environment, by the environment's id.
+
+    Args:
+        environment: The id, such as ``"MyTank-v0"``; a namespace belongs to it, a module does not.
+        factory: Returns the plant for the id and the arguments of ``gymnasium.make``.
+    """
+    _PLANTS[environment] = factory
+
+
+def plant_of(spec: EnvironmentSpec | None) -> Plant | None:
+    """Return the plant of an environment, or None where none is known."""
+    factory = None if spec is None else _PLANTS.get(spec.id.rpartition(":")[2])
+    return None if spec is None or factory is None else factory(spec)

@@ -1,0 +1,239 @@
+"""``prove``: a policy, a plant and a property make a certificate."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from eutree.arrays import Booleans, Floats, Integers
+from eutree.errors import InvalidArgumentError
+from eutree.inspection import Region
+from eutree.policies import TreePolicy
+from eutree.proof.certificate import NEVER, PROOF, PROVEN, REFUTED, UNDECIDED, Certificate, Pieces
+from eutree.proof.intervals import Intervals, Truth, middle
+from eutree.proof.plant import Plant, State
+from eutree.proof.properties import EVER, Property, parse
+from eutree.proof.reach import Acting, Effort, Reach
+from eutree.proof.replay import replay
+
+_TRIES = 20  # starts of undecided pieces that are replayed
+_SUMMED = 1e-9  # of the steps: what adding up shares may be off
+
+
+def prove(
+    policy: TreePolicy,
+    plant: Plant,
+    question: str | Property | None = None,
+    *,
+    effort: Effort | None = None,
+) -> Certificate:
+    """Prove a property of all episodes of a policy in a plant, or refute it.
+
+    A proof is about the program that runs: doubles in the environment's order of operations, and
+    observations of its precision. A counterexample is a start from which the real environment
+    was replayed and breaks the property.
+
+    Args:
+        policy: A policy that decides by the present observation.
+        plant: How boxes of states move.
+        question: A property (see :mod:`eutree.proof.properties`); the plant's own by default.
+        effort: How far to go before a piece of the starts is left undecided.
+
+    Raises:
+        InvalidArgumentError: The text is no property, the plant cannot answer it, or the policy
+            is not one of the plant's environment.
+    """
+    text = plant.question if question is None else question
+    asked = parse(text, plant.schema) if isinstance(text, str) else text
+    plant.check_fits(policy)
+    horizon = plant.limit if asked.horizon is None else asked.horizon
+    if asked.kind not in ("arrives", "stays", "avoids"):
+        raise InvalidArgumentError(
+            f"property {asked.text!r} is about chance, and nothing in the plant of "
+            f"{plant.environment} is left to chance but the start; ask whether it arrives, stays "
+            "in or avoids"
+        )
+    if horizon is None or horizon == EVER:
+        raise InvalidArgumentError(
+            f"property {asked.text!r} must be about a number of steps: add 'for N steps' or "
+            "'within N steps'"
+        )
+    return _Proof(policy, plant, asked, horizon, effort or Effort()).certificate()
+
+
+class _Proof:
+    """A property that is decided by following boxes for some steps."""
+
+    def __init__(
+        self, policy: TreePolicy, plant: Plant, asked: Property, horizon: int, effort: Effort
+    ) -> None:
+        self._policy, self._plant, self._asked = policy, plant, asked
+        self._horizon, self._effort = horizon, effort
+        self._arriving = asked.kind == "arrives"
+
+    def certificate(self) -> Certificate:
+        """Return the answer."""
+        plant = self._plant
+        if not self._arriving:
+            self._check_start()
+        reach = Reach(
+            Acting(self._policy, plant),
+            plant,
+            plant.arrives if self._arriving else self._broken,
+            horizon=self._horizon,
+            effort=self._effort,
+            is_over=None if self._arriving else plant.arrives,
+        )
+        pieces = reach.pieces()
+        shares = _shares(pieces, plant)
+        fails, open_ = self._failing(pieces)
+        start = self._counterexample(pieces, fails, open_)
+        verdict = PROVEN if not (fails | open_).any() else UNDECIDED
+        if start is not None:
+            verdict = REFUTED
+        undecided = min(float(shares[open_].sum()), 1.0)
+        bounds = self._bounds(pieces, shares)
+        worst = self._worst(pieces) if self._arriving else None
+        return Certificate(
+            sentence=self._sentence(verdict, undecided, float(shares[fails].sum()), bounds),
+            kind=PROOF,
+            verdict=verdict,
+            bounds=bounds,
+            undecided=undecided,
+            worst_start=None if worst is None else self._named(*worst),
+            counterexample=None if start is None else self._named(*start),
+            pieces=pieces,
+            work={"pieces": len(pieces.first), "box_steps": reach.box_steps},
+        )
+
+    def _failing(self, pieces: Pieces) -> tuple[Booleans, Booleans]:
+        """Return which pieces break the property surely, and which perhaps."""
+        if self._arriving:
+            return pieces.first == NEVER, (pieces.last == NEVER) & (pieces.first != NEVER)
+        return pieces.last != NEVER, (pieces.first != NEVER) & (pieces.last == NEVER)
+
+    def _broken(self, state: State) -> Truth:
+        """Return whether states break what must hold at every step."""
+        region = self._asked.region
+        assert region is not None  # noqa: S101 - the parser gives one to these kinds
+        inside = _inside(region, state)
+        return ~inside if self._asked.kind == "stays" else inside
+
+    def _check_start(self) -> None:
+        start = np.array(self._plant.start)
+        state = [Intervals(low[None], high[None]) for low, high in start[:, :, None]]
+        if self._broken([Intervals(one.low[0], one.high[0]) for one in state]).maybe.any():
+            raise InvalidArgumentError(
+                f"property {self._asked.text!r} must hold where episodes begin, in "
+                f"{dict(zip(self._plant.state, self._plant.start, strict=True))}"
+            )
+
+    def _counterexample(
+        self, pieces: Pieces, fails: Booleans, open_: Booleans
+    ) -> tuple[Floats, int] | None:
+        """Return a start from which the real environment breaks the property, and when."""
+        if fails.any():
+            for start in _middles(pieces, fails):
+                steps = self._breaks(start)
+                if steps is not None:
+                    return start, steps
+            raise InvalidArgumentError(
+                f"plant must move as {self._plant.environment} does, but it refutes "
+                f"{self._asked.text!r} where the environment keeps it; see check_plant"
+            )
+        for start in _middles(pieces, open_):
+            steps = self._breaks(start)
+            if steps is not None:
+                return start, steps
+        return None
+
+    def _breaks(self, start: Floats) -> int | None:
+        """Return after how many steps a real episode has broken the property; None if it keeps."""
+        path = replay(self._plant, self._policy, start, self._horizon)
+        state = [Intervals.of(column) for column in path.states.T]
+        if self._arriving:
+            arrived = path.is_over and bool(self._plant.arrives(state).surely[-1])
+            return None if arrived else len(path.states) - 1
+        broken = np.flatnonzero(self._broken(state).surely)
+        return int(broken[0]) if broken.size else None
+
+    def _worst(self, pieces: Pieces) -> tuple[Floats, int] | None:
+        """Return a start that takes longest of those that arrive, and its steps when replayed."""
+        arrives = pieces.last != NEVER
+        if not arrives.any():
+            return None
+        slowest = np.where(arrives, pieces.first, -1).argmax()
+        chosen = np.arange(len(pieces.first)) == slowest
+        start = next(_middles(pieces, chosen))
+        return start, len(replay(self._plant, self._policy, start, self._horizon).states) - 1
+
+    def _bounds(self, pieces: Pieces, shares: Floats) -> dict[str, tuple[float, float]]:
+        if not self._arriving:
+            return {}
+        known = pieces.last[pieces.last != NEVER]
+        bounds: dict[str, tuple[float, float]] = {}
+        if known.size:
+            bounds["steps"] = (int(pieces.first.min()), int(known.max()))
+        limit, reward = self._plant.limit, self._plant.reward
+        if reward is not None and limit == self._horizon:
+            least, most = (
+                float((shares * np.minimum(steps, limit)).sum()) + sign * _SUMMED * limit
+                for steps, sign in ((pieces.first, -1), (pieces.last, 1))
+            )
+            low, high = sorted((reward * least, reward * most))
+            bounds["mean_return"] = (low, high)
+        return bounds
+
+    def _sentence(
+        self, verdict: str, undecided: float, failing: float, bounds: dict[str, tuple[float, float]]
+    ) -> str:
+        name, asked = self._plant.environment, self._asked.text
+        parts = []
+        if verdict == PROVEN:
+            steps = f" within {bounds['steps'][1]} steps" if "steps" in bounds else ""
+            said = f"arrives{steps}" if self._arriving else asked
+            parts.append(f"from every start of {name} it {said}")
+        elif verdict == REFUTED:
+            share = f": not from {failing:.3g} of all starts" if failing else ""
+            parts.append(f"it is not true that from every start of {name} it {asked}{share}")
+        else:
+            parts.append(
+                f"whether from every start of {name} it {asked} is open for a share of "
+                f"{undecided:.3g} of them"
+            )
+        if "mean_return" in bounds:
+            low, high = bounds["mean_return"]
+            parts.append(f"the mean return over all starts is in [{low:.6g}, {high:.6g}]")
+        return "; ".join(parts)
+
+    def _named(self, start: Floats, steps: int) -> dict[str, float]:
+        return {**dict(zip(self._plant.state, start.tolist(), strict=True)), "steps": steps}
+
+
+def _inside(region: Region, state: State) -> Truth:
+    """Return whether states are in a region, whose lower bounds are exclusive."""
+    size = np.shape(state[0].low)
+    found = Truth(np.ones(size, dtype=bool), np.ones(size, dtype=bool))
+    for one, low, high in zip(state, region.low.tolist(), region.high.tolist(), strict=True):
+        if low != -np.inf:
+            found = found & (one > low)
+        if high != np.inf:
+            found = found & (one <= high)
+    return found
+
+
+def _shares(pieces: Pieces, plant: Plant) -> Floats:
+    """Return the share of all starts that each piece takes, shape [N]."""
+    start = np.array(plant.start)
+    width = start[:, 1] - start[:, 0]
+    varies = width > 0
+    sides = (pieces.high - pieces.low)[:, varies] / width[varies]
+    shares: Floats = sides.prod(axis=1)
+    return shares
+
+
+def _middles(pieces: Pieces, chosen: Booleans) -> Iterator[Floats]:
+    """Yield the middles of the largest of some pieces."""
+    sides = (pieces.high - pieces.low)[chosen].sum(axis=1)
+    order: Integers = np.flatnonzero(chosen)[np.argsort(-sides, kind="stable")]
+    for k in order[:_TRIES]:
+        yield middle(pieces.low[k], pieces.high[k])

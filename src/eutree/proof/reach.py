@@ -1,0 +1,352 @@
+"""Where all starts lead: boxes carried forward, cut at their starts until each is decided.
+
+A piece of the starts is carried as one box. While its box is in leaves of one action, it moves by
+that action. Where the tree is of two minds in the box, or where the event has happened to a part
+of it, the *starts* of the piece are cut in two and both halves begin again: their boxes are
+smaller from the first step on. A piece that is small enough is not cut any further but follows
+every action that is possible in it, so it is still true of each of its starts that the event
+comes not before the earliest and not after the latest of these branches.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from eutree.arrays import Booleans, Floats, Integers
+from eutree.errors import InvalidArgumentError
+from eutree.policies import TreePolicy
+from eutree.policies.sklearn_tree import float64_thresholds
+from eutree.proof import _kernels
+from eutree.proof.affine import Affine, Doubt
+from eutree.proof.certificate import NEVER, Pieces
+from eutree.proof.intervals import Truth, middle
+from eutree.proof.plant import Plant, State
+
+MOST_ACTIONS = 64  # bits of a set of actions
+_AT_ONCE = 1 << 14  # boxes that are moved together: their arrays stay in the cache
+_MOST_BRANCHES = 8  # moments at which a piece may follow several actions, before it is given up
+
+
+@dataclass(frozen=True, kw_only=True)
+class Effort:
+    """How far a proof goes before it leaves a piece undecided.
+
+    Attributes:
+        smallest: Share of the starts' width, in each number, below which a piece is not cut.
+        box_steps: Steps of boxes in all; what is not decided then stays undecided.
+    """
+
+    smallest: float = 2.0**-26
+    box_steps: int = 300_000_000
+
+
+class Acting:
+    """A policy on boxes of states.
+
+    Args:
+        policy: The policy.
+        plant: What it sees of them, and with which precision.
+
+    Raises:
+        InvalidArgumentError: It has more than ``MOST_ACTIONS`` actions.
+    """
+
+    def __init__(self, policy: TreePolicy, plant: Plant) -> None:
+        if policy.schema.n_actions > MOST_ACTIONS:
+            raise InvalidArgumentError(
+                f"a policy must have at most {MOST_ACTIONS} actions to be proven, got "
+                f"{policy.schema.n_actions}"
+            )
+        nodes = policy.tree.nodes
+        if np.dtype(plant.precision) == np.float32:
+            # The tree sees single precision: rounding is monotone, so a test of what was rounded
+            # is the test of the double itself at one other threshold.
+            nodes = nodes._replace(threshold=float64_thresholds(nodes.threshold))
+        self._nodes = _kernels.ActingNodes(nodes, policy.actions)
+        self._plant = plant
+
+    def __call__(self, state: State) -> Integers:
+        """Return which actions are possible in boxes, a bit for each action, shape [N]."""
+        seen = self._plant.observe(state)
+        size = np.shape(state[0].low)
+        low, high = (
+            np.stack([np.broadcast_to(getattr(one, end), size) for one in seen], axis=1)
+            for end in ("low", "high")
+        )
+        found = np.empty(size, dtype=np.uint64)
+        _kernels.decide(self._nodes, low, high, found)
+        return found.view(np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class _Boxes:
+    """Boxes on their way.
+
+    Attributes:
+        start_low: Lower bounds of the starts.
+        start_high: Upper bounds of the starts.
+        center: Where the middle of their starts is.
+        slope: Half of how it changes across them, along each number of the start that varies.
+        error: What that may be off.
+        steps: How many steps they have gone.
+        owner: Number of the piece of which a box is one branch of several; -1 where it is all.
+        branches: How often several actions were followed.
+    """
+
+    start_low: Floats  # [d, N]
+    start_high: Floats  # [d, N]
+    center: Floats  # [d, N]
+    slope: Floats  # [d, k, N]
+    error: Floats  # [d, N]
+    steps: Integers  # [N]
+    owner: Integers  # [N]
+    branches: Integers  # [N]
+
+    @classmethod
+    def beginning(cls, low: Floats, high: Floats, varies: Booleans) -> "_Boxes":
+        """Return boxes at their starts [d, N]; each number that varies is a variable."""
+        zeros = np.zeros(low.shape[1], dtype=np.int64)
+        center = middle(low, high)
+        radius = np.maximum(high - center, center - low)
+        slope = np.eye(len(low))[:, varies, None] * radius[:, None]
+        error = np.where(radius > 0, 2.0**-51 * (np.abs(center) + radius), 0.0)
+        return cls(low, high, center, slope, error, zeros, zeros - 1, zeros)
+
+    @classmethod
+    def joined(cls, parts: Sequence["_Boxes"]) -> "_Boxes":
+        columns = (np.concatenate([getattr(p, f.name) for p in parts], -1) for f in fields(cls))
+        return cls(*columns)
+
+    def __len__(self) -> int:
+        return int(self.steps.size)
+
+    def __getitem__(self, chosen: Booleans | slice) -> "_Boxes":
+        return _Boxes(*(getattr(self, f.name)[..., chosen] for f in fields(self)))
+
+    def at(self, state: State) -> "_Boxes":
+        """Return the boxes one step later, in a state."""
+        center, slope, error = (
+            np.stack([getattr(one, name) for one in state]) for name in ("center", "slope", "error")
+        )
+        return replace(self, center=center, slope=slope, error=error, steps=self.steps + 1)
+
+    @property
+    def state(self) -> State:
+        return self.state_with(Doubt(np.zeros_like(self.steps), np.full_like(self.steps, -1)))
+
+    def state_with(self, doubt: Doubt) -> State:
+        """Return the state, for a step that notes or settles its doubts."""
+        columns = zip(self.center, self.slope, self.error, strict=True)
+        return [Affine(*column, doubt) for column in columns]
+
+
+class Reach:
+    """When an event happens, from each start of a plant.
+
+    Args:
+        acting: The policy on boxes.
+        plant: The plant.
+        event: Whether it has happened in states.
+        horizon: Steps that are looked at.
+        effort: How far to go.
+        is_over: Whether an episode has ended in states without the event; None where none does.
+    """
+
+    def __init__(
+        self,
+        acting: Acting,
+        plant: Plant,
+        event: Callable[[State], Truth],
+        *,
+        horizon: int,
+        effort: Effort,
+        is_over: Callable[[State], Truth] | None = None,
+    ) -> None:
+        self._acting, self._plant, self._event = acting, plant, event
+        self._horizon, self._is_over = horizon, is_over
+        self._effort = effort
+        start = np.array(plant.start, dtype=np.float64)  # [d, 2]
+        self._width = start[:, 1] - start[:, 0]
+        self._varies = self._width > 0
+        self._waiting = [_Boxes.beginning(start[:, :1], start[:, 1:], self._varies)]
+        self._found: list[tuple[_Boxes, Integers, Integers]] = []
+        self._owners = 0
+        self.box_steps = 0
+
+    def pieces(self) -> Pieces:
+        """Return the pieces of the starts, and when the event happens to each."""
+        boxes = self._next(None)
+        with np.errstate(all="ignore"):  # what cannot be bounded is NaN, and then nothing is sure
+            self._carry(boxes)
+        return self._joined()
+
+    def _carry(self, boxes: _Boxes) -> None:
+        while len(boxes):
+            if self.box_steps > self._effort.box_steps:
+                self._give_up(boxes)
+                boxes = self._next(None)
+                continue
+            boxes = self._moved(self._decided(boxes))
+            if len(boxes) < _AT_ONCE // 2 and self._waiting:
+                boxes = self._next(boxes)
+
+    def _next(self, boxes: _Boxes | None) -> _Boxes:
+        """Return boxes together with some of those that wait."""
+        parts = [] if boxes is None else [boxes]
+        size = sum(map(len, parts))
+        while self._waiting and size < _AT_ONCE:
+            part = self._waiting.pop()
+            room = _AT_ONCE - size
+            if len(part) > room:
+                self._waiting.append(part[room:])
+                part = part[:room]
+            parts.append(part)
+            size += len(part)
+        none = np.empty((self._width.size, 0))
+        return _Boxes.joined(parts or [_Boxes.beginning(none, none, self._varies)])
+
+    def _decided(self, boxes: _Boxes) -> tuple[_Boxes, Integers]:
+        """Return boxes and the one action that is taken in each; others are cut, or branch."""
+        possible = self._acting(boxes.state)
+        several = (possible & (possible - 1)) != 0
+        if not several.any():
+            return boxes, _action(possible)
+        cut = several & self._is_wide(boxes)
+        self._cut(boxes[cut])
+        lost = several & ~cut & (boxes.branches >= _MOST_BRANCHES)
+        self._give_up(boxes[lost])
+        parts, actions = [boxes[~several]], [_action(possible[~several])]
+        branching = several & ~cut & ~lost
+        if branching.any():
+            small, sets = self._owned(boxes[branching]), possible[branching]
+            for bit in range(int(sets.max()).bit_length()):
+                takes = (sets >> bit) & 1 == 1
+                parts.append(small[takes])
+                actions.append(np.full(int(takes.sum()), bit))
+        return _Boxes.joined(parts), np.concatenate(actions)
+
+    def _owned(self, boxes: _Boxes) -> _Boxes:
+        """Return boxes with the number of the piece whose branches they are now."""
+        fresh = boxes.owner < 0
+        owner = boxes.owner.copy()
+        owner[fresh] = self._owners + np.arange(int(fresh.sum()))
+        self._owners += int(fresh.sum())
+        return replace(boxes, owner=owner, branches=boxes.branches + 1)
+
+    def _moved(self, chosen: tuple[_Boxes, Integers]) -> _Boxes:
+        """Return the boxes that are still on their way one step later."""
+        boxes, action = chosen
+        if not len(boxes):
+            return boxes
+        boxes, state = self._stepped(boxes, action)
+        event = self._event(state)
+        self._keep(boxes[event.surely], boxes.steps[event.surely], boxes.steps[event.surely])
+        over = event.surely
+        if self._is_over is not None:
+            safe = self._is_over(state).surely & ~event.maybe
+            self._keep_never(boxes[safe])
+            over = over | safe
+        perhaps = event.maybe & ~event.surely
+        if perhaps.any():
+            cut = perhaps & self._is_wide(boxes)
+            self._cut(boxes[cut])
+            small = perhaps & ~cut
+            boxes = self._marked(boxes, small)
+            over = over | cut
+        late = ~over & (boxes.steps >= self._horizon)
+        self._keep_never(boxes[late])
+        return boxes[~(over | late)]
+
+    def _stepped(self, boxes: _Boxes, action: Integers) -> tuple[_Boxes, State]:
+        """Return boxes and their state one step later.
+
+        What straddles a jump of the plant is cut too, or followed on both of its sides; boxes that
+        straddle two jumps in one step are left as wide as both make them.
+        """
+        self.box_steps += len(boxes)
+        doubt = Doubt(np.zeros_like(boxes.steps), np.full_like(boxes.steps, -1))
+        later = boxes.at(self._plant.step(boxes.state_with(doubt), action))
+        unsure = doubt.unsure > 0
+        if not unsure.any():
+            return later, later.state
+        wide = unsure & self._is_wide(boxes)
+        self._cut(boxes[wide])
+        once = ~wide & (doubt.unsure == 1)
+        small = self._owned(boxes[once])
+        parts = [later[~wide & ~once]]
+        for side in (0, 1):
+            doubt = Doubt(np.zeros_like(small.steps), np.full_like(small.steps, side))
+            parts.append(small.at(self._plant.step(small.state_with(doubt), action[once])))
+        later = _Boxes.joined(parts)
+        return later, later.state
+
+    def _marked(self, boxes: _Boxes, small: Booleans) -> _Boxes:
+        """Note that the event may have happened to small pieces; they go on, for it may not."""
+        owned = self._owned(boxes[small])
+        self._keep(owned, owned.steps, owned.steps)
+        owner = boxes.owner.copy()
+        owner[small] = owned.owner
+        return replace(boxes, owner=owner)
+
+    def _is_wide(self, boxes: _Boxes) -> Booleans:
+        """Return which pieces may be cut: they are wide enough, and have not branched."""
+        width = boxes.start_high - boxes.start_low
+        wide = width > self._effort.smallest * self._width[:, None]
+        return np.asarray(wide.any(axis=0) & (boxes.owner < 0))
+
+    def _cut(self, boxes: _Boxes) -> None:
+        """Let both halves of pieces begin again, cut across their widest number."""
+        if not len(boxes):
+            return
+        known = np.where(self._width > 0, self._width, 1.0)
+        width = (boxes.start_high - boxes.start_low) / known[:, None]
+        widest = width.argmax(axis=0)
+        column = np.arange(len(boxes))
+        halves = middle(boxes.start_low[widest, column], boxes.start_high[widest, column])
+        low, high = boxes.start_low.copy(), boxes.start_high.copy()
+        high[widest, column] = low[widest, column] = halves
+        self._waiting.append(
+            _Boxes.joined(
+                [
+                    _Boxes.beginning(boxes.start_low, high, self._varies),
+                    _Boxes.beginning(low, boxes.start_high, self._varies),
+                ]
+            )
+        )
+
+    def _give_up(self, boxes: _Boxes) -> None:
+        """Note that the event may happen to pieces from the next step on, or never."""
+        self._keep(boxes, boxes.steps + 1, np.full(len(boxes), NEVER))
+
+    def _keep_never(self, boxes: _Boxes) -> None:
+        never = np.full(len(boxes), NEVER)
+        self._keep(boxes, never, never)
+
+    def _keep(self, boxes: _Boxes, first: Integers, last: Integers) -> None:
+        if len(boxes):
+            self._found.append((boxes, first, last))
+
+    def _joined(self) -> Pieces:
+        """Return what was found, the branches of each piece together."""
+        boxes = _Boxes.joined([part for part, _, _ in self._found])
+        first, last = (np.concatenate([part[k] for part in self._found]) for k in (1, 2))
+        earliest = np.full(self._owners, NEVER)
+        latest = np.zeros(self._owners, dtype=np.int64)
+        has_owner = boxes.owner >= 0
+        owner = boxes.owner[has_owner]
+        np.minimum.at(earliest, owner, first[has_owner])
+        np.maximum.at(latest, owner, last[has_owner])
+        first[has_owner], last[has_owner] = earliest[owner], latest[owner]
+        _, representative = np.unique(owner, return_index=True)
+        kept = np.concatenate(
+            [np.flatnonzero(~has_owner), np.flatnonzero(has_owner)[representative]]
+        )
+        low, high = boxes.start_low.T[kept], boxes.start_high.T[kept]
+        return Pieces(self._plant.state, low, high, first[kept], last[kept])
+
+
+def _action(possible: Integers) -> Integers:
+    """Return the number of the only bit of each set."""
+    found: Integers = np.log2(possible.astype(np.float64)).round().astype(np.int64)
+    return found

@@ -1,0 +1,216 @@
+"""Certificates from episodes that were drawn, where no plant is known: plainly statistical.
+
+They are wrong with a probability that is stated, and say nothing about any one start. What they
+rest on: episodes are independent draws of one kind, as an environment's seeds make them.
+
+References: C. J. Clopper, E. S. Pearson, *The use of confidence or fiducial limits*, Biometrika 26
+(1934); S. S. Wilks, *Determination of sample sizes for setting tolerance limits*, Annals of
+Mathematical Statistics 12 (1941); for means :mod:`eutree.contests.betting`.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from eutree.arrays import Booleans, Floats
+from eutree.contests.betting import lower_bound
+from eutree.errors import InvalidArgumentError
+from eutree.evaluation import Evaluation, Interval
+from eutree.evaluation.intervals import check_confidence
+from eutree.proof.certificate import PROVEN, REFUTED, STATISTICAL, UNDECIDED, Certificate
+from eutree.proof.properties import Property, parse
+from eutree.validation import check_integer
+
+_SLACK = 1e-9  # of a probability: what the sums of its tails may be off
+_BISECTIONS = 60
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sampling:
+    """What a statistical certificate takes for granted, and how sure it is to be.
+
+    Attributes:
+        confidence: Probability with which both bounds hold together.
+        returns: Lowest and highest return there can be; None where that is not known.
+    """
+
+    confidence: float = 0.99
+    returns: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        check_confidence(self.confidence)
+        if self.returns is not None and not self.returns[0] < self.returns[1]:
+            raise InvalidArgumentError(
+                f"range must be a lower and a higher return, got {list(self.returns)}"
+            )
+
+    @property
+    def error(self) -> float:
+        """Probability with which one of the two bounds is wrong."""
+        return (1.0 - self.confidence) / 2.0
+
+
+def certify_sample(
+    evaluation: Evaluation,
+    question: str | Property | None = None,
+    *,
+    environment: str,
+    sampling: Sampling | None = None,
+) -> Certificate:
+    """Return the statistical certificate of a property from the episodes of a policy.
+
+    - ``succeeds with probability at least P``: exact binomial bounds of the environment's success.
+    - ``returns at least R with probability at least P``: the same, of episodes that do.
+    - ``returns at least R``: betting bounds of the mean return, which need its range.
+    - none: bounds of the success where the environment reports it, of the mean return where its
+      range is known, and how often at least an episode returns what the worst one here did.
+
+    Args:
+        evaluation: Episodes of the policy, drawn without regard to what they came to.
+        question: The property.
+        environment: The environment, for the sentence.
+        sampling: Confidence, and the range of returns.
+
+    Raises:
+        InvalidArgumentError: The text is no property, or the episodes cannot answer it.
+    """
+    sampling = sampling or Sampling()
+    asked = parse(question, None) if isinstance(question, str) else question
+    if asked is None:
+        return _plain(evaluation, environment, sampling)
+    if asked.kind not in ("succeeds", "returns"):
+        raise InvalidArgumentError(
+            f"property {asked.text!r} needs a plant, which says how the states move; none is known "
+            f"for {environment}. Without one: 'succeeds with probability at least P', 'returns at "
+            "least R [with probability at least P]'"
+        )
+    if asked.kind == "succeeds":
+        name, reached = "success", _successes(evaluation, environment)
+    else:
+        name, reached = "share", evaluation.returns >= float(asked.least or 0.0)
+    if asked.chance is not None:
+        least, found = asked.chance, share_bounds(int(reached.sum()), evaluation, sampling)
+    else:
+        name, least = "mean_return", float(asked.least or 0.0)
+        found = mean_bounds(evaluation.returns, sampling)
+    conditions = _words_of(evaluation, environment, sampling)
+    return _judged(asked, {name: found}, least, conditions, evaluation.episodes)
+
+
+def share_bounds(successes: int, evaluation: Evaluation, sampling: Sampling) -> Interval:
+    """Return exact bounds of the probability of which so many episodes are a sample."""
+    return binomial_bounds(successes, evaluation.episodes, error=sampling.error)
+
+
+def binomial_bounds(successes: int, n: int, *, error: float) -> Interval:
+    """Return Clopper and Pearson's bounds of a probability, each wrong with ``error`` at most."""
+    n = check_integer("n", n, low=1)
+    successes = check_integer("successes", successes, high=n)
+    low = 0.0 if successes == 0 else _quantile(successes, n, error)
+    high = 1.0 if successes == n else 1.0 - _quantile(n - successes, n, error)
+    return Interval(max(low - _SLACK, 0.0), min(high + _SLACK, 1.0))
+
+
+def mean_bounds(returns: Floats, sampling: Sampling) -> Interval:
+    """Return betting bounds of the mean of returns whose range is known, shape [E]."""
+    if sampling.returns is None:
+        raise InvalidArgumentError(
+            "bounds of a mean return need the lowest and the highest return there can be "
+            "(--range LOW HIGH): without a range no number of episodes rules out a rare disaster"
+        )
+    worst, best = sampling.returns
+    if returns.min() < worst or returns.max() > best:
+        raise InvalidArgumentError(
+            f"range must hold every return, got {[worst, best]} and returns from "
+            f"{returns.min():g} to {returns.max():g}"
+        )
+    low = lower_bound(returns, worst, sampling.error)
+    return Interval(low, -lower_bound(-returns, -best, sampling.error))
+
+
+def _plain(evaluation: Evaluation, environment: str, sampling: Sampling) -> Certificate:
+    """Return all bounds that the episodes allow, with nothing to be proven."""
+    worst = float(evaluation.returns.min())
+    # Wilks: what so many draws all reach, a further one reaches with this probability at least.
+    reaching = (1.0 - sampling.confidence) ** (1.0 / evaluation.episodes) - _SLACK
+    bounds = {"share_at_least_worst_seen": Interval(reaching, 1.0)}
+    parts = [f"an episode returns at least {worst:g} with probability at least {reaching:.4g}"]
+    if evaluation.successes is not None:
+        successes = int(np.sum(evaluation.successes))
+        bounds["success"] = share_bounds(successes, evaluation, sampling)
+        parts.append(f"it succeeds with probability in {_words(bounds['success'])}")
+    if sampling.returns is not None:
+        bounds["mean_return"] = mean_bounds(evaluation.returns, sampling)
+        parts.append(f"the mean return is in {_words(bounds['mean_return'])}")
+    return Certificate(
+        sentence=f"{_words_of(evaluation, environment, sampling)}: {'; '.join(parts)}",
+        kind=STATISTICAL,
+        verdict=PROVEN,
+        bounds=bounds,
+        work={"episodes": evaluation.episodes},
+    )
+
+
+def _judged(
+    asked: Property, bounds: dict[str, Interval], least: float, conditions: str, episodes: int
+) -> Certificate:
+    """Return whether a number that lies between bounds is at least what was asked for."""
+    ((name, found),) = bounds.items()
+    verdict = PROVEN if found.low >= least else REFUTED if found.high < least else UNDECIDED
+    holds = {PROVEN: "holds", REFUTED: "does not hold", UNDECIDED: "is open"}[verdict]
+    return Certificate(
+        sentence=f"{conditions}: '{asked.text}' {holds}; {name.replace('_', ' ')} is in "
+        f"{_words(found)}",
+        kind=STATISTICAL,
+        verdict=verdict,
+        bounds=bounds,
+        undecided=1.0 if verdict == UNDECIDED else 0.0,
+        work={"episodes": episodes},
+    )
+
+
+def _successes(evaluation: Evaluation, environment: str) -> Booleans:
+    if evaluation.successes is None:
+        raise InvalidArgumentError(
+            f"{environment} reports no success (is_success in the info of a last step); ask for "
+            "'returns at least R with probability at least P'"
+        )
+    return evaluation.successes
+
+
+def _quantile(successes: int, n: int, error: float) -> float:
+    """Return the largest p at which so many successes or more have at most this probability."""
+    low, high = 0.0, successes / n
+    for _ in range(_BISECTIONS):
+        between = low + (high - low) * 0.5
+        if _tail(successes, n, between) <= error:
+            low = between
+        else:
+            high = between
+    return low
+
+
+def _tail(successes: int, n: int, p: float) -> float:
+    """Return P(X >= successes) of a binomial number X of n trials."""
+    if p <= 0.0:
+        return 0.0
+    k = np.arange(successes, n + 1)
+    # log of n over k, from the ratios of neighbours
+    first = math.lgamma(n + 1) - math.lgamma(successes + 1) - math.lgamma(n - successes + 1)
+    steps = np.log((n - k[:-1]) / (k[:-1] + 1.0))
+    logs = first + np.concatenate([[0.0], np.cumsum(steps)])
+    logs = logs + k * math.log(p) + (n - k) * math.log1p(-p)
+    return float(np.exp(np.logaddexp.reduce(logs)))
+
+
+def _words_of(evaluation: Evaluation, environment: str, sampling: Sampling) -> str:
+    """Return what a statistical statement rests on."""
+    return (
+        f"in {environment}, with {100 * sampling.confidence:g} % confidence by "
+        f"{evaluation.episodes:,} episodes"
+    )
+
+
+def _words(found: Interval) -> str:
+    return f"[{found.low:.4g}, {found.high:.4g}]"

@@ -1,0 +1,81 @@
+"""``eutree prove``: one JSON object, exit codes, a page; mistakes are one line."""
+
+import json
+
+import pytest
+
+from eutree.cli.main import run
+from tests.proof.policies import BAD, GOOD, policy_of
+
+
+@pytest.fixture
+def car(tmp_path):
+    path = tmp_path / "car.json"
+    policy_of(GOOD).save(path)
+    return path
+
+
+def result(capsys, *arguments):
+    code = run(["prove", *map(str, arguments), "--json"])
+    return code, json.loads(capsys.readouterr().out)
+
+
+def test_proven_refuted_and_undecided_have_their_codes(car, tmp_path, capsys):
+    code, found = result(capsys, car)
+    assert (code, found["proven"], found["kind"]) == (0, True, "proof")
+    assert found["bounds"]["steps"] == [83, 108]
+    assert found["undecided"] == 0
+    assert found["worst_start"]["steps"] == 108
+    assert found["counterexample"] is None
+    bad = tmp_path / "bad.json"
+    policy_of(BAD).save(bad)
+    code, found = result(capsys, bad, "arrives")
+    assert (code, found["proven"]) == (1, False)
+    assert -0.6 <= found["counterexample"]["position"] <= -0.4
+    question = "returns at least -98 with probability at least 0.5"
+    code, found = result(capsys, car, question, "--sampled", "--episodes", 20)
+    assert (code, found["kind"]) == (3, "statistical")
+
+
+def test_a_page_shows_the_starts(car, tmp_path, capsys):
+    page = tmp_path / "proof.html"
+    code, found = result(capsys, car, "--html", page)
+    assert code == 0
+    text = page.read_text()
+    assert found["path"] == str(page)
+    assert text.count("<rect") == 320
+    assert "arrives within 108 steps" in text
+    assert "http" not in text.replace("http-equiv", "")
+
+
+def test_an_environment_without_a_plant_gets_a_statistical_certificate(tmp_path, capsys):
+    path = tmp_path / "lander.json"
+    policy_of((0, 0.0, 0, 1), "Acrobot-v1").save(path)
+    code, found = result(capsys, path, "--episodes", 5)
+    assert (code, found["kind"]) == (0, "statistical")
+    assert found["work"] == {"episodes": 5}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["flies"], "property must be"),
+        (["stays in speed <= 1"], "unknown feature 'speed'"),
+        (["--env", "CartPole-v1"], "must have the features and actions of CartPole-v1"),
+        (["--sampled", "--confidence", "2"], "confidence must be"),
+        (["--sampled", "returns at least 1"], "--range LOW HIGH"),
+        (["--sampled", "arrives"], "needs a plant"),
+    ],
+)
+def test_mistakes_are_one_line(car, capsys, arguments, message):
+    assert run(["prove", str(car), *arguments]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+
+
+def test_the_page_never_overwrites_the_policy(car, capsys):
+    before = car.read_bytes()
+    assert run(["prove", str(car), "--html", str(car)]) == 2
+    assert "must not be the policy's own file" in capsys.readouterr().err
+    assert car.read_bytes() == before

@@ -1,0 +1,170 @@
+"""Proofs of MountainCar's trees: sound for the program that runs, tight, and quick."""
+
+import gymnasium
+import numpy as np
+import pytest
+
+from eutree.errors import InvalidArgumentError
+from eutree.proof import Effort, Plant, check_plant, plant_of, prove, register_plant, replay
+from eutree.proof.certificate import NEVER
+from eutree.proof.intervals import cos
+from eutree.proof.plants.mountain_car import MountainCar
+from eutree.schema import EnvironmentSpec
+from tests.proof.policies import BAD, GOOD, SWITCH, policy_of
+
+SPEC = EnvironmentSpec("MountainCar-v0")
+PLANT = MountainCar(SPEC)
+
+
+@pytest.fixture(scope="module")
+def good():
+    return prove(policy_of(GOOD), PLANT)
+
+
+def test_a_learned_tree_arrives_from_every_start(good):
+    assert good.proven
+    assert good.kind == "proof"
+    assert good.undecided == 0.0
+    assert good.bounds["steps"] == (83, 108)
+    low, high = good.bounds["mean_return"]
+    assert high - low < 0.04
+    assert "arrives within 108 steps" in good.sentence
+    assert good.worst_start["steps"] == 108
+
+
+def test_a_tree_that_never_arrives_from_some_start_is_refuted_by_gymnasium():
+    """Its mean return of 200 episodes was among the best of its table."""
+    policy = policy_of(BAD)
+    found = prove(policy, PLANT)
+    assert found.verdict == "refuted"
+    env = gymnasium.make("MountainCar-v0")
+    position = found.counterexample["position"]
+    observation, _ = env.reset(options={"low": position, "high": position})
+    steps, over = 0, False
+    while not over and steps < 200:
+        observation, _, over, _, _ = env.step(policy.predict(observation)[0])
+        steps += 1
+    assert not over
+
+
+@pytest.mark.parametrize("nested", [SWITCH, GOOD, BAD])
+def test_real_episodes_end_at_the_certified_step(nested):
+    policy = policy_of(nested)
+    pieces = prove(policy, PLANT).pieces
+    generator = np.random.default_rng(7)
+    order = np.argsort(pieces.low[:, 0])
+    for position in generator.uniform(-0.6, -0.4, 150):
+        k = order[np.searchsorted(pieces.low[order, 0], position, side="right") - 1]
+        assert pieces.low[k, 0] <= position <= pieces.high[k, 0]
+        path = replay(PLANT, policy, np.array([position, 0.0]), 200)
+        steps = len(path.states) - 1 if path.is_over else NEVER
+        assert pieces.first[k] <= steps <= pieces.last[k]
+
+
+def test_the_pieces_are_all_starts_and_do_not_overlap(good):
+    low, high = np.sort(good.pieces.low[:, 0]), np.sort(good.pieces.high[:, 0])
+    assert low[0] == -0.6
+    assert high[-1] == -0.4
+    assert (low[1:] == high[:-1]).all()
+
+
+def test_the_plant_moves_as_gymnasium_does():
+    check_plant(PLANT, episodes=40, generator=np.random.default_rng(0))
+
+
+class Slippery(MountainCar):
+    """A plant with another hill."""
+
+    def step(self, state, action):
+        position, velocity = state
+        velocity = velocity + (cos(3 * position) * -0.00251 + (action - 1) * 0.001)
+        return position + velocity, velocity
+
+
+class Inward(MountainCar):
+    """A plant that is rounded the wrong way."""
+
+    def step(self, state, action):
+        return [type(one)(one.high, one.low) for one in super().step(state, action)]
+
+
+@pytest.mark.parametrize("wrong", [Slippery, Inward])
+def test_a_wrong_plant_is_caught_by_sampling(wrong):
+    with pytest.raises(InvalidArgumentError, match="plant must move as MountainCar-v0 does"):
+        check_plant(wrong(SPEC), episodes=3, generator=np.random.default_rng(0))
+
+
+def test_coarser_pieces_leave_bounds_that_are_wider_and_true(good):
+    coarse = prove(policy_of(GOOD), PLANT, effort=Effort(smallest=2.0**-14))
+    assert coarse.bounds["mean_return"][0] <= good.bounds["mean_return"][0]
+    assert coarse.bounds["mean_return"][1] >= good.bounds["mean_return"][1]
+    assert coarse.work["pieces"] < good.work["pieces"]
+
+
+def test_without_effort_nothing_is_decided_and_nothing_is_claimed():
+    found = prove(policy_of(GOOD), PLANT, effort=Effort(box_steps=2000))
+    assert found.verdict == "undecided"
+    assert 0 < found.undecided <= 1
+
+
+def test_what_must_hold_at_every_step():
+    policy = policy_of(GOOD)
+    assert prove(policy, PLANT, "stays in position <= 0.6 for 150 steps").proven
+    assert prove(policy, PLANT, "avoids velocity >= 0.071").proven
+    broken = prove(policy, PLANT, "stays in position >= -0.9")
+    assert broken.verdict == "refuted"
+    assert broken.counterexample["steps"] > 0
+
+
+def test_single_precision_of_observations_is_exact():
+    """A threshold between two doubles of one float32 decides by the float32 alone."""
+    start = np.float32(-0.5)
+    threshold = float(np.nextafter(start, np.float32(1)) / 2 + start / 2)
+    for nudge in (-1e-9, 0.0, 1e-9):
+        found = prove(policy_of((0, threshold + nudge, 2, 0)), PLANT, "arrives within 1 steps")
+        assert found.verdict == "refuted"
+    from eutree.proof.reach import Acting, _Boxes
+
+    acting = Acting(policy_of((0, threshold, 2, 0)), PLANT)
+    for position in np.linspace(-0.5, -0.5 + 1.2e-7, 2001):
+        point = np.array([[position], [0.0]])
+        box = _Boxes.beginning(point, point, np.array([True, False]))
+        action = policy_of((0, threshold, 2, 0)).act([float(np.float32(position)), 0.0])
+        assert acting(box.state)[0] == 1 << action
+
+
+@pytest.mark.parametrize(
+    ("question", "message"),
+    [
+        ("flies", "property must be 'arrives"),
+        ("stays in speed <= 1", "unknown feature 'speed'"),
+        ("stays in position <= 1 for ever", "must be about a number of steps"),
+        ("arrives within 0 steps", "must be about 1 to"),
+        ("succeeds with probability at least 0.9", "is about chance"),
+        ("succeeds with probability at least 1.5", "between 0 and 1"),
+        ("returns at least --", "must have a return in digits"),
+        ("stays in position <= -0.5", "must hold where episodes begin"),
+    ],
+)
+def test_a_property_that_cannot_be_asked_is_one_line(question, message):
+    with pytest.raises(InvalidArgumentError, match=message) as raised:
+        prove(policy_of(GOOD), PLANT, question)
+    assert "\n" not in str(raised.value)
+
+
+def test_a_plant_without_a_step_and_a_policy_of_another_task():
+    class Empty(MountainCar):
+        step = Plant.step
+
+    with pytest.raises(InvalidArgumentError, match="must have a step that moves boxes"):
+        prove(policy_of(GOOD), Empty(SPEC))
+    with pytest.raises(InvalidArgumentError, match="features and actions of MountainCar-v0"):
+        prove(policy_of((0, 0.0, 0, 1), "CartPole-v1"), PLANT)
+    with pytest.raises(InvalidArgumentError, match="knows no argument 'gravity'"):
+        plant_of(EnvironmentSpec("MountainCar-v0", {"gravity": 1.0}))
+
+
+def test_a_plant_of_ones_own_is_found_by_the_id():
+    register_plant("TestCar-v0", MountainCar)
+    assert isinstance(plant_of(EnvironmentSpec("TestCar-v0")), MountainCar)
+    assert plant_of(EnvironmentSpec("LunarLander-v3")) is None
