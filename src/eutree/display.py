@@ -1,10 +1,14 @@
-"""What notebooks show: objects of this package as HTML, drawn by the top of the package.
+"""How objects and numbers are shown: as HTML in notebooks, in the digits that matter everywhere.
 
-A policy or an evaluation must not import the pages that show it. The package root, which may
-import everything, says where the drawing is (``draw_with``); it is loaded when a notebook asks.
+Numbers: as few digits as a reader needs, the exact ones are in the files.
+
+Objects: a policy or an evaluation must not import the pages that show it. The package root, which
+may import everything, says where the drawing is (``draw_with``); it is loaded when a notebook asks.
 """
 
-from collections.abc import Callable
+import math
+import sys
+from collections.abc import Callable, Iterable
 from typing import Any
 
 _load: Callable[[], Any] | None = None
@@ -34,3 +38,81 @@ def framed(drawing: str) -> str:
 def _notebook() -> Any:
     assert _load is not None  # noqa: S101 - the root of the package sets it while it is imported
     return _load()
+
+
+SAME = 1e-6  # of a quantity's range: two values that are nearer are one
+_TINY = 1e-12  # where nothing bounds a quantity
+_HUGE = 1e30  # a bound beyond is none
+_USUAL = 6  # digits after the point of which nothing is known
+
+
+def usual_width(low: float, high: float, values: Iterable[float]) -> float:
+    """Return over how wide a range the digits of a quantity's values matter.
+
+    That is the range between its bounds, or ten times the largest of the values where this is
+    less: where a speed may be 10 m/s and never is 0.3, hundredths matter. What is called 0 by the
+    bounds, or by ``_TINY`` without any, has no digits that matter.
+
+    Args:
+        low: Its lower bound, or -inf.
+        high: Its upper bound, or inf.
+        values: Values that are to be shown, or that were seen.
+    """
+    width = high / 2 - low / 2 if max(-low, high) < _HUGE else math.inf
+    sizes = [abs(value) for value in values if math.isfinite(value)]
+    least = _TINY if math.isinf(width) else max(SAME * 2 * width, sys.float_info.min)
+    return max(min(2 * width, 10 * max(sizes, default=width)), least)
+
+
+def decimals_of(width: float) -> int:
+    """Return how many digits after the point matter in a range: a thousandth of it is seen."""
+    return _USUAL if math.isinf(width) else max(0, 3 - math.floor(math.log10(width)))
+
+
+def number(value: float, decimals: int) -> str:
+    """Return a number with at most so many digits after the point; there is no minus zero.
+
+    >>> number(8.2578, 2), number(24.0, 2), number(-6e-17, 3)
+    ('8.26', '24', '0')
+    """
+    return repr(round(float(value), decimals) + 0.0).removesuffix(".0")
+
+
+def told_apart(values: Iterable[float], width: float, *, down: bool = False) -> dict[float, str]:
+    """Return each value in as few digits as tell it from the others.
+
+    Two that are nearer than a millionth of the range may look the same.
+
+    Args:
+        values: The values.
+        width: The range over which their digits matter, see ``usual_width``.
+        down: Whether a number shown is at most the value, but for a millionth of the range: what
+            is "at most 8.257" is shown as at most 8.25, which it is.
+
+    >>> told_apart([8.2578, 8.2581, 20.0], width=20.0)
+    {8.2578: '8.2578', 8.2581: '8.2581', 20.0: '20'}
+    """
+    known = sorted(set(values))
+    return {value: _told_apart(known, place, width, down=down) for place, value in enumerate(known)}
+
+
+def _told_apart(known: list[float], place: int, width: float, *, down: bool) -> str:
+    """Return a value so that it looks like none that is no nearer than a millionth."""
+    value, decimals = known[place], decimals_of(width)
+    lower = next((v for v in reversed(known[:place]) if value - v > SAME * width), -math.inf)
+    upper = next((v for v in known[place + 1 :] if v - value > SAME * width), math.inf)
+    most = decimals + sys.float_info.dig
+    while True:
+        texts = [_shown(v, decimals, SAME * width if down else math.inf) for v in (lower, upper)]
+        text = _shown(value, decimals, SAME * width if down else math.inf)
+        if text not in texts or decimals == most:
+            return text
+        decimals += 1
+
+
+def _shown(value: float, decimals: int, above: float) -> str:
+    """Return a rounded number that is at most so far above the value."""
+    text = number(value, decimals)
+    if float(text) <= value + above:
+        return text
+    return number(float(text) - 10.0**-decimals, decimals)

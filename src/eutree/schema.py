@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from eutree.display import decimals_of, number, told_apart, usual_width
 from eutree.errors import InvalidArgumentError, shown
 
 MAX_FEATURES = 10_000  # the past included
@@ -25,7 +26,7 @@ _NUMBERED_ACTION = re.compile(r"action[ _]-?\d+|control_\d+ -?\d+(, control_\d+ 
 
 def combined_actions(controls: "Sequence[Control]") -> tuple[str, ...]:
     """Return the names of actions that set some controls: ``"valve 25 %, heater 3 kW"``."""
-    words = ([control.at(level) for level in control.levels] for control in controls)
+    words = (control.names() for control in controls)
     return tuple(", ".join(parts) for parts in itertools.product(*words))
 
 
@@ -67,6 +68,10 @@ class Feature:
                 f"feature {self.name!r} must have low <= high, got {self.low} and {self.high}"
             )
 
+    def text(self, value: float) -> str:
+        """Return a value in the digits that matter."""
+        return number(value, decimals_of(usual_width(self.low, self.high, [value])))
+
 
 @dataclass(frozen=True)
 class Control:
@@ -106,11 +111,12 @@ class Control:
         """Its name with its unit in brackets."""
         return f"{self.name} [{self.unit}]" if self.unit else self.name
 
-    def at(self, level: float) -> str:
-        """Return a level in words: ``"valve 25 %"``."""
-        short = f"{level:g}"
-        number = short if float(short) == level else repr(level)
-        return f"{self.name} {number} {self.unit}".rstrip()
+    def names(self) -> tuple[str, ...]:
+        """Return each level in words, in the digits that tell it from the others: "valve 25 %"."""
+        texts = told_apart(self.levels, max(self.levels) - min(self.levels))
+        if len(set(texts.values())) < len(texts):  # some are one, but for a millionth
+            texts = {level: repr(level) for level in self.levels}
+        return tuple(f"{self.name} {texts[level]} {self.unit}".rstrip() for level in self.levels)
 
 
 def n_combinations(controls: Iterable[Control]) -> int:
@@ -238,15 +244,15 @@ class Schema:
         Raises:
             InvalidArgumentError: That would be more than ``MAX_FEATURES`` features.
         """
-        for name, number, size in (
+        for name, amount, size in (
             ("history", steps, self.n_features),
             ("past_actions", actions, self.n_actions),
         ):
             most = MAX_FEATURES // size - 1
-            if not 0 <= number <= most:
+            if not 0 <= amount <= most:
                 raise InvalidArgumentError(
-                    f"{name} must be from 0 to {most}, so that {size} numbers a step make at "
-                    f"most {MAX_FEATURES:,}, got {shown(number)}"
+                    f"{name} must be from 0 to {most}, so that {size} amounts a step make at "
+                    f"most {MAX_FEATURES:,}, got {shown(amount)}"
                 )
         past = [
             Feature(f"{feature.name}, {k} ago", feature.unit, feature.low, feature.high)

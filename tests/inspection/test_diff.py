@@ -56,19 +56,22 @@ def test_a_moved_threshold_in_words():
     moved = replace(policy, tree=replace(tree, threshold=np.array([5.0, np.nan, np.nan])))
     found = diff(policy, moved)
     assert found.share == pytest.approx(0.1)
-    assert found.boxes[0].words == "brake became go where 4.0 < speed <= 5.0 m/s"
-    assert found.structure == ("node 0: speed <= 4.0 m/s ? became speed <= 5.0 m/s ? (node 0)",)
+    assert found.boxes[0].words == "brake became go where 4 < speed <= 5 m/s"
+    assert found.structure == ("node 0: speed <= 4 m/s ? became speed <= 5 m/s ? (node 0)",)
     assert "another action on 10.0000% of the box" in str(found)
 
 
-def test_a_change_in_brief_has_bounds_that_can_be_read():
+def test_bounds_have_the_digits_that_matter():
+    """They had all of them: 4.123456789 < speed <= 5.98765."""
     schema = Schema((Feature("speed", "m/s", 0.0, 10.0),), ("brake", "go"))
     tree = DecisionTree.single_leaf(1).split(0, 0, 4.123456789)
     policy = TreePolicy(tree, np.array([1, 0]), schema)
     moved = replace(policy, tree=replace(tree, threshold=np.array([5.98765, np.nan, np.nan])))
     (box,) = diff(policy, moved).boxes
-    assert box.words == "brake became go where 4.123456789 < speed <= 5.98765 m/s"
-    assert box.brief(schema) == "brake became go where 4.123 < speed <= 5.988 m/s"
+    assert box.words == "brake became go where 4.12 < speed <= 5.98 m/s"
+    near = replace(tree, threshold=np.array([4.123456789 + 1e-9, np.nan, np.nan]))
+    assert diff(policy, replace(policy, tree=near)).boxes == ()
+    assert diff(policy, replace(policy, tree=near)).structure == ()
 
 
 def test_changed_actions_and_replaced_subtrees_in_words():
@@ -78,7 +81,7 @@ def test_changed_actions_and_replaced_subtrees_in_words():
     other = TreePolicy(tree.split(1, 1, 2.0), np.array([1, 1, 0]), schema)
     assert set(diff(policy, other).structure) == {
         "node 1: action_0 became action_1 (node 1)",
-        "node 2: action_1 became x1 <= 2.0 ? (node 2)",
+        "node 2: action_1 became x1 <= 2 ? (node 2)",
     }
 
 

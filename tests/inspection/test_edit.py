@@ -20,7 +20,7 @@ from tests.inspection.lattices import lattice, lattice_policy
 def test_a_threshold_and_an_action_change_and_nothing_else():
     edited = edit(crossing(), thresholds={0: 9.0}, actions={1: "stop"})
     assert edited.changes == (
-        "node 0: position <= 8.0 m became position <= 9.0 m",
+        "node 0: position <= 8 m became position <= 9 m",
         "leaf 1: go became stop",
     )
     assert edited.policy.tree.threshold[[0, 1]].tolist() == [9.0, 2.5]

@@ -118,7 +118,7 @@ def test_one_leaf_is_a_leaf():
 def test_a_refutation_in_words():
     found = verify(one_cut(), "never go when position <= 10")
     assert str(found) == (
-        "refuted: never go when position <= 10; go where position <= 8.0 m (leaf 0)"
+        "refuted: never go when position <= 10; go where position <= 8 m (leaf 0)"
     )
     assert found.share == pytest.approx(0.8)
     assert "proven" in str(verify(one_cut(), "never go when position > 8"))

@@ -65,10 +65,10 @@ def test_an_explanation_in_words():
     )  # fmt: skip
     found = why(crossing(known), [7.25, 1.5], demonstrations=shown)
     assert found.text.splitlines() == [
-        "stop, by leaf 0: position <= 8.0 m and gap <= 2.5 s",
-        "  position <= 8.0 m ? yes: 7.25, by 0.75 m",
+        "stop, by leaf 0: position <= 8 m and gap <= 2.5 s",
+        "  position <= 8 m ? yes: 7.25, by 0.75 m",
         "  gap <= 2.5 s ? yes: 1.5, by 1 s",
-        "  go from position > 8.0 m (by 0.75) on",
+        "  go from position > 8 m (by 0.75) on",
         "  stop: 30 visits, value 1.5 +- 0.25",
         "  go: 2 visits, value -3 +- 0.25",
         "  2 demonstrated steps of 1 episodes: 1 x stop, 1 x go",

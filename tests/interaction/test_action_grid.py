@@ -18,6 +18,7 @@ from eutree.export import export, to_c, to_c_header, to_c_test, to_python, to_st
 from eutree.interaction import GriddedAction, describe
 from eutree.interaction.making import make
 from eutree.interaction.spaces import spec_of
+from eutree.policies import TreePolicy
 from eutree.schema import Control, EnvironmentSpec, Schema, combined_actions
 from tests.export.policies import NASTY, policy_of, tree
 from tests.export.readers import C_FLAGS, compiled_c
@@ -278,3 +279,22 @@ def test_minari_keeps_the_actions_and_says_what_it_cannot_keep(tmp_path, monkeyp
     assert again.schema.controls == demos.schema.controls
     assert again.environment == demos.environment
     assert np.array_equal(again.actions, demos.actions)
+
+
+def test_levels_have_the_digits_that_tell_them_apart(tmp_path):
+    """An action was called torque -1.6363636363636365 N m; the level stays what it is."""
+    grid = [["torque [N m]", [-2 + 4 * k / 11 for k in range(12)]]]
+    schema = describe(make(EnvironmentSpec("Pendulum-v1", {"action_grid": grid})))
+    assert schema.actions[:3] == ("torque -2 N m", "torque -1.636 N m", "torque -1.273 N m")
+    assert schema.controls[0].levels[1] == -2 + 4 / 11
+    near = Control("torque", "N m", (1.0, 1.0 + 1e-9, 5.0))
+    assert len(set(near.names())) == 3
+
+    path = tmp_path / "policy.json"  # as an earlier release wrote it
+    policy_of(tree(5, 3), schema).save(path)
+    document = json.loads(path.read_text())
+    document.pop("checksum", None)
+    for k, level in enumerate(schema.controls[0].levels):
+        document["schema"]["actions"][k] = f"torque {level!r} N m".replace(".0 ", " ")
+    path.write_text(json.dumps(document))
+    assert TreePolicy.load(path, hand_edited=True).schema.actions == schema.actions

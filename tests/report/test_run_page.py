@@ -61,6 +61,26 @@ def test_ticks_enclose_the_interval(low: float, high: float) -> None:
     assert 2 <= len(found) <= 9
 
 
+@pytest.mark.parametrize(
+    ("values", "choices", "low", "high"),
+    [
+        ((0.33, 0.999), {"percent": True}, 0.0, 1.0),  # reached 120 %
+        ((1.0, 1.0), {"percent": True}, 0.0, 1.0),
+        ((8.0, 9.0), {"whole": True}, 0, 100),  # had 8.4 leaves
+        ((48.8, 48.8), {}, 40.0, 60.0),  # went from 48.3 to 49.3
+    ],
+)
+def test_axes_show_what_can_be(values, choices, low, high) -> None:
+    points = [(float(x), value, value, value) for x, value in enumerate(values)]
+    drawing = chart("measure", {"one": points}, **choices)
+    texts = re.findall(r'text-anchor="end">([^<]*)<', drawing)
+    marks = [float(text.removesuffix(" %")) / (100 if "%" in text else 1) for text in texts]
+    assert low <= marks[0] <= min(values)
+    assert max(values) <= marks[-1] <= high
+    assert marks[-1] - marks[0] > 0.09 * max(values)
+    assert not choices.get("whole") or all(mark == int(mark) for mark in marks)
+
+
 def test_chart_without_points_says_so() -> None:
     assert "No return was recorded" in chart("return", {"EU-Tree": []})
 

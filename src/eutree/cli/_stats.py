@@ -105,15 +105,16 @@ def _text(
         f"{demonstrations.n_transitions} transitions",
         f"shown: {result_in_words(Person.of(demonstrations).whole)}",
         *(
-            f"{entry.name}: {entry.low:.6g} to {entry.high:.6g}, {entry.share:.0%} of its range"
-            for entry in summary.coverage
+            f"{entry.name}: {feature.text(entry.low)} to {feature.text(entry.high)}, "
+            f"{entry.share:.0%} of its range"
+            for feature, entry in zip(demonstrations.schema.features, summary.coverage, strict=True)
         ),
         f"{summary.disagreement:.1%} of the transitions disagree with near-equal ones "
         f"({summary.n_conflicts} places)",
     ]
     for conflict in values["conflicts"]:
-        seen = conflict["observation"].items()
-        where = ", ".join(f"{name} {value:.4g}" for name, value in seen)
+        seen, features = conflict["observation"], demonstrations.schema.features
+        where = ", ".join(f"{f.name} {f.text(seen[f.name])}" for f in features)
         counts = ", ".join(
             f"{name} ({count})" for name, count in conflict["counts"].items() if count
         )

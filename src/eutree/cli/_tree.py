@@ -3,6 +3,7 @@
 from rich.text import Text
 
 from eutree.policies import TreePolicy
+from eutree.trees.digits import Digits
 from eutree.trees.text import condition, printable
 from eutree.wording import counted
 
@@ -17,22 +18,23 @@ def drawn(policy: TreePolicy) -> Text:
     made_for = f" for {name if name.isprintable() else printable(name)}" if name else ""
     leaves = counted(policy.n_leaves, "leaf")
     lines = [Text(f"{leaves}, depth {tree.depth}{made_for}", style="bold")]
-    guides = {0: ""}
+    guides, digits = {0: ""}, Digits(policy.schema, tree)
     for node in tree.preorder():
         line, parent = Text(), int(tree.parent[node])
         if parent != tree.NO_NODE:
             is_yes = tree.left[parent] == node
             line.append(guides[parent] + ("├─ yes  " if is_yes else "└─ no   "), style="dim")
             guides[node] = guides[parent] + ("│  " if is_yes else "   ")
-        lines.append(line + _words(policy, node))
+        lines.append(line + _words(policy, node, digits))
     return Text("\n").join(lines)
 
 
-def _words(policy: TreePolicy, node: int) -> Text:
+def _words(policy: TreePolicy, node: int, digits: Digits) -> Text:
     """Return the test of an inner node, or the action of a leaf with its share of the visits."""
     tree = policy.tree
     if tree.leaf[node] == tree.NO_LEAF:
-        words = condition(policy.schema, int(tree.feature[node]), float(tree.threshold[node]))
+        feature, cut = int(tree.feature[node]), float(tree.threshold[node])
+        words = condition(policy.schema, feature, cut, digits)
         return Text(f"{words} ?")
     leaf = int(tree.leaf[node])
     action = int(policy.actions[leaf])

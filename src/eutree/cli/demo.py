@@ -114,7 +114,7 @@ def _story(result: "DemoResult") -> "Group":
         table.add_row(*row)
     small = tuple(result.policies.values())[-1]
     changes = [
-        f"  {box.visited:.0%} of the steps: {box.brief(small.schema)}"
+        f"  {box.visited:.0%} of the steps: {box.words}"
         for box in result.changes.boxes[:3]
         if box.visited
     ]

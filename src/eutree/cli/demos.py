@@ -116,7 +116,7 @@ def replay(folder: Path, number: int, window: bool, as_json: bool) -> None:
     if window:
         _show(opened, episode)
     names = opened.schema.feature_names
-    steps = [
+    steps: list[dict[str, Any]] = [
         {
             "step": step,
             "observation": dict(zip(names, episode.observations[step].tolist(), strict=True)),
@@ -127,7 +127,10 @@ def replay(folder: Path, number: int, window: bool, as_json: bool) -> None:
     ]
     lines = [
         f"{step['step']:5}  "
-        + ", ".join(f"{name} {value:.6g}" for name, value in _items(step["observation"]))
+        + ", ".join(
+            f"{feature.name} {feature.text(step['observation'][feature.name])}"
+            for feature in opened.schema.features
+        )
         + f"  -> {step['action']}"
         + (f"  reward {step['reward']:g}" if episode.has_rewards else "")
         for step in steps
@@ -395,10 +398,6 @@ def _table(rows: "list[EpisodeSummary]", title: str) -> Any:
             escape(row.comment),
         )
     return table
-
-
-def _items(mapping: Any) -> list[tuple[str, Any]]:
-    return list(mapping.items())
 
 
 def _written(demonstrations: "Demonstrations", path: str, as_json: bool) -> None:

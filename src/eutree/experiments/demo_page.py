@@ -168,9 +168,9 @@ def demo_report(facts: DemoFacts) -> RunReport:
             "The tree that learning and compression made. A dashed outline marks leaves that "
             "decide otherwise than the tree that was shown; the lit path follows the episode.",
         ),
-        changes=[
-            (b.brief(small.schema), b.visited or 0.0) for b in facts.changes.boxes if b.visited
-        ][:MOST_CHANGES],
+        changes=[(b.words, b.visited or 0.0) for b in facts.changes.boxes if b.visited][
+            :MOST_CHANGES
+        ],
         curves=_curves(facts),
         tables={"The runs": _runs(facts), "The trees": _trees(facts)},
         trees={name: policy for name, policy in facts.policies.items() if policy is not small},

@@ -9,6 +9,7 @@ from eutree.export._graph import branches, words_of_leaf, words_of_test
 from eutree.export._layout import column_lefts, layout, text_width
 from eutree.export.palette import fill
 from eutree.policies import TreePolicy
+from eutree.trees.digits import Digits
 from eutree.trees.text import printable
 from eutree.wording import counted
 
@@ -34,8 +35,8 @@ _ROW, _BOX, _GAP, _MARGIN, _PADDING, _LONGEST = 30.0, 22.0, 46.0, 12.0, 9.0, 34
 def to_svg(policy: TreePolicy, *, standalone: bool = True) -> str:
     """Return a drawing of the tree: leaves coloured by action, branches as wide as their use.
 
-    Thresholds are shown with four digits; pointing at a node shows the exact one, which the
-    element also carries as ``data-threshold``.
+    Thresholds are shown in the digits that tell them apart; pointing at a node shows the exact
+    one, which the element also carries as ``data-threshold``.
 
     Args:
         policy: The policy.
@@ -43,7 +44,8 @@ def to_svg(policy: TreePolicy, *, standalone: bool = True) -> str:
             drawings includes ``STYLE`` once instead.
     """
     tree, places = policy.tree, layout(policy.tree)
-    labels = [_label(policy, node) for node in range(tree.n_nodes)]
+    digits = Digits(policy.schema, tree)
+    labels = [_label(policy, node, digits) for node in range(tree.n_nodes)]
     widths = [text_width(label) + 2 * _PADDING for label in labels]
     lefts = column_lefts(places, widths, gap=_GAP, margin=_MARGIN)
     visits = None if policy.leaves is None else _node_visits(policy)
@@ -75,14 +77,15 @@ def to_svg(policy: TreePolicy, *, standalone: bool = True) -> str:
     return "\n".join([*lines, "</svg>"]) + "\n"
 
 
-def _label(policy: TreePolicy, node: int) -> str:
+def _label(policy: TreePolicy, node: int, digits: Digits) -> str:
     """Return the short words on a node."""
     tree = policy.tree
     if tree.feature[node] == tree.NO_FEATURE:
         return _shortened(words_of_leaf(policy, node))
     feature = policy.schema.features[tree.feature[node]]
     unit = f" {_shortened(printable(feature.unit))}" if feature.unit else ""
-    return f"{_shortened(printable(feature.name))} ≤ {tree.threshold[node]:.4g}{unit}"
+    test = digits.at_most(int(tree.feature[node]), float(tree.threshold[node])).replace("<=", "≤")
+    return f"{_shortened(printable(feature.name))} {test}{unit}"
 
 
 def _shortened(text: str) -> str:

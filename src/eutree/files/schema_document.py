@@ -1,5 +1,6 @@
 """Schema and environment as parts of documents; a bound of null means unbounded."""
 
+import itertools
 import math
 from pathlib import Path
 from typing import Annotated, Any
@@ -8,7 +9,7 @@ import msgspec
 import numpy as np
 
 from eutree.errors import FormatError, InvalidArgumentError, shown
-from eutree.schema import Control, EnvironmentSpec, Feature, Schema
+from eutree.schema import Control, EnvironmentSpec, Feature, Schema, combined_actions
 
 _MAX_NESTING = 40  # of what others hand in; leaves room for the document around it
 
@@ -81,9 +82,25 @@ def schema_from_document(document: SchemaDocument, path: str | Path) -> Schema:
             Control(control.name, control.unit, tuple(control.levels))
             for control in document.controls or ()
         )
-        return Schema(features, tuple(document.actions), controls)
+        actions = tuple(document.actions)
+        if controls and actions == _names_up_to_0_2(controls):
+            actions = combined_actions(controls)
+        return Schema(features, actions, controls)
     except InvalidArgumentError as error:
         raise FormatError(path, "schema", str(error)) from None
+
+
+def _names_up_to_0_2(controls: tuple[Control, ...]) -> tuple[str, ...]:
+    """Return the names of actions as releases up to 0.2 wrote them: levels with all digits."""
+
+    def text(level: float) -> str:
+        return f"{level:g}" if float(f"{level:g}") == level else repr(level)
+
+    words = (
+        [f"{control.name} {text(level)} {control.unit}".rstrip() for level in control.levels]
+        for control in controls
+    )
+    return tuple(", ".join(parts) for parts in itertools.product(*words))
 
 
 def environment_to_document(spec: EnvironmentSpec | None) -> EnvironmentDocument | None:

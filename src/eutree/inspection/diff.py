@@ -7,11 +7,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from eutree.arrays import Floats, Integers
-from eutree.display import Displayed
+from eutree.display import SAME, Displayed
 from eutree.inspection.regions import Region, domain, finite_box, volumes
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
 from eutree.trees.boxes import leaf_boxes, meetings
+from eutree.trees.digits import Digits
 from eutree.trees.text import condition, printable
 from eutree.validation import check_observations
 from eutree.wording import counted
@@ -37,14 +38,8 @@ class Disagreement:
     words: str
     visited: float | None = None
 
-    def brief(self, schema: Schema) -> str:
-        """Return it in words with bounds of four significant digits, as drawings of trees have."""
-        return _became(self.region, (self.first, self.second), schema, digits=4)
 
-
-def _became(
-    region: Region, actions: tuple[int, int], schema: Schema, digits: int | None = None
-) -> str:
+def _became(region: Region, actions: tuple[int, int], schema: Schema, digits: Digits) -> str:
     """Return which action became which other one, and where."""
     first, second = (printable(schema.actions[action]) for action in actions)
     return f"{first} became {second} where {region.words(schema, domain(schema), digits=digits)}"
@@ -95,7 +90,8 @@ def diff(
     """Return what changed between two policies of the same features and actions.
 
     The box is that of the schema's bounds; where they are infinite it reaches a tenth beyond the
-    outermost thresholds of both trees and of what was observed, if that is given.
+    outermost thresholds of both trees and of what was observed, if that is given. Two thresholds
+    that are nearer than a millionth of the range are one.
 
     Args:
         first: The policy before.
@@ -117,6 +113,9 @@ def diff(
     low, high, actions = _joined(
         np.maximum(low, inside.low), np.minimum(high, inside.high), actions
     )
+    digits = Digits(mine, first.tree, second.tree)
+    wide = ((high - low > SAME * np.array(digits.widths)) | (low <= inside.low)).all(axis=1)
+    low, high, actions = low[wide], high[wide], actions[wide]
     shares = volumes(low, high, box_low, box_high)
     visited: list[float] | None = None
     order = np.argsort(-shares, kind="stable")
@@ -128,13 +127,13 @@ def diff(
     for number in order.tolist():
         region = Region(low[number], high[number])
         one, two = (int(action) for action in actions[number])
-        words = _became(region, (one, two), mine)
+        words = _became(region, (one, two), mine, digits)
         steps = None if visited is None else visited[number]
         boxes.append(Disagreement(region, float(shares[number]), one, two, words, steps))
     return PolicyDiff(
         share=float(shares.sum()),
         boxes=tuple(boxes),
-        structure=tuple(_structure(first, second)),
+        structure=tuple(_structure(first, second, digits)),
         n_leaves=(first.n_leaves, second.n_leaves),
         visited=None if visited is None else sum(visited),
     )
@@ -220,7 +219,7 @@ def _cuts(first: TreePolicy, second: TreePolicy, seen: Floats | None) -> list[Fl
     ]
 
 
-def _structure(first: TreePolicy, second: TreePolicy) -> list[str]:
+def _structure(first: TreePolicy, second: TreePolicy, digits: Digits) -> list[str]:
     """Walk both trees side by side from the root and say where they part."""
     changes, schema = [], first.schema
     pairs = [(0, 0)]
@@ -228,7 +227,10 @@ def _structure(first: TreePolicy, second: TreePolicy) -> list[str]:
     while pairs:
         node, other = pairs.pop()
         mine, theirs = int(one.feature[node]), int(two.feature[other])
-        is_same = mine == theirs and (mine < 0 or one.threshold[node] == two.threshold[other])
+        is_same = mine == theirs and (
+            mine < 0
+            or digits.are_one(mine, float(one.threshold[node]), float(two.threshold[other]))
+        )
         if mine == theirs and mine >= 0:
             pairs += [
                 (int(one.right[node]), int(two.right[other])),
@@ -238,16 +240,17 @@ def _structure(first: TreePolicy, second: TreePolicy) -> list[str]:
             actions = first.actions[one.leaf[node]], second.actions[two.leaf[other]]
             is_same = actions[0] == actions[1]
         if not is_same:
-            words = [_at(policy, at) for policy, at in ((first, node), (second, other))]
+            words = [_at(policy, at, digits) for policy, at in ((first, node), (second, other))]
             changes.append(f"node {node}: {words[0]} became {words[1]} (node {other})")
     if replace(schema, actions=second.schema.actions) != second.schema:
         changes.append("units or bounds of the features changed")
     return changes
 
 
-def _at(policy: TreePolicy, node: int) -> str:
+def _at(policy: TreePolicy, node: int, digits: Digits) -> str:
     """Return a test, or a leaf's action, in words."""
     tree = policy.tree
     if tree.feature[node] == tree.NO_FEATURE:
         return printable(policy.schema.actions[policy.actions[tree.leaf[node]]])
-    return f"{condition(policy.schema, int(tree.feature[node]), float(tree.threshold[node]))} ?"
+    feature, cut = int(tree.feature[node]), float(tree.threshold[node])
+    return f"{condition(policy.schema, feature, cut, digits)} ?"

@@ -12,6 +12,7 @@ from eutree.inspection.regions import domain, is_box
 from eutree.policies import TreePolicy
 from eutree.trees import DecisionTree
 from eutree.trees.boxes import leaf_boxes
+from eutree.trees.digits import Digits
 from eutree.trees.text import condition, printable
 from eutree.validation import check_integer, check_number
 
@@ -80,6 +81,7 @@ def edit(
 def numbered(policy: TreePolicy) -> str:
     """Return the tree with the numbers of its nodes and leaves, which edits refer to."""
     tree, lines, depth = policy.tree, [], {0: 0}
+    digits = Digits(policy.schema, tree)
     for node in tree.preorder():
         if tree.feature[node] == tree.NO_FEATURE:
             leaf = int(tree.leaf[node])
@@ -87,7 +89,7 @@ def numbered(policy: TreePolicy) -> str:
             words = f"leaf {leaf}: {printable(policy.schema.actions[policy.actions[leaf]])}{lock}"
         else:
             feature, cut = int(tree.feature[node]), float(tree.threshold[node])
-            words = f"{condition(policy.schema, feature, cut)} ?"
+            words = f"{condition(policy.schema, feature, cut, digits)} ?"
             depth[int(tree.left[node])] = depth[int(tree.right[node])] = depth[node] + 1
         lines.append(f"{node:>4} {'    ' * depth[node]}{words}")
     return "\n".join(lines)
@@ -107,8 +109,12 @@ def _moved(policy: TreePolicy, locked: set[int], node: int, value: float) -> str
         raise InvalidArgumentError(
             f"node {node} must have no locked leaves below it, got {held}; unlock them first"
         )
-    old = condition(policy.schema, feature, float(tree.threshold[node]))
-    return f"node {node}: {old} became {condition(policy.schema, feature, float(value))}"
+    digits = Digits(policy.schema, tree, others=[(feature, float(value))])
+    old, new = (
+        condition(policy.schema, feature, float(cut), digits)
+        for cut in (tree.threshold[node], value)
+    )
+    return f"node {node}: {old} became {new}"
 
 
 def _relabelled(

@@ -5,13 +5,15 @@ are given as >= or < are moved to the neighbouring double, so that every stateme
 exact for every observation of doubles. NaN is in no box.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from eutree.arrays import Booleans, Floats, frozen
 from eutree.schema import Schema
-from eutree.trees.text import above, at_most, printable
+from eutree.trees.digits import Digits
+from eutree.trees.text import printable
 
 _FLIPPED = {">": "<", ">=": "<="}
 
@@ -44,15 +46,16 @@ class Region:
         )
 
     def words(
-        self, schema: Schema, within: "Region | None" = None, *, digits: int | None = None
+        self, schema: Schema, within: "Region | None" = None, *, digits: Digits | None = None
     ) -> str:
         """Return the box in words; bounds that ``within`` implies are left out.
 
         Args:
             schema: Names and units.
             within: A box that is known to hold this one.
-            digits: Significant digits of the bounds, to be read and not relied on; all by default.
+            digits: Which digits of the bounds are shown; by default those that tell them apart.
         """
+        digits = Digits(schema, others=self._bounds()) if digits is None else digits
         parts = []
         for number, feature in enumerate(schema.features):
             low, high = float(self.low[number]), float(self.high[number])
@@ -60,12 +63,16 @@ class Region:
                 low = -np.inf
             if within is not None and high >= within.high[number]:
                 high = np.inf
-            if digits is not None:
-                low, high = (float(f"{bound:.{digits}g}") for bound in (low, high))
-            text = _bounds(printable(feature.name), low, high)
+            text = _in_words(printable(feature.name), (number, low, high), digits)
             if text:
                 parts.append(text + (f" {printable(feature.unit)}" if feature.unit else ""))
         return " and ".join(parts) or "everywhere"
+
+    def _bounds(self) -> Iterator[tuple[int, float]]:
+        """Yield feature and value of each finite bound."""
+        for bounds in (self.low, self.high):
+            for number in np.flatnonzero(np.isfinite(bounds)).tolist():
+                yield number, float(bounds[number])
 
 
 def domain(schema: Schema) -> Region:
@@ -128,12 +135,14 @@ def _between(low: float, high: float) -> float:
     return middle if low < middle <= high else float(high)
 
 
-def _bounds(name: str, low: float, high: float) -> str:
+def _in_words(name: str, interval: tuple[int, float, float], digits: Digits) -> str:
+    """Return the interval (low, high] of a feature; nothing where it has no end."""
+    feature, low, high = interval
     if np.isinf(low) and np.isinf(high):
         return ""
     if np.isinf(low):
-        return f"{name} {at_most(high)}"
+        return f"{name} {digits.at_most(feature, high)}"
     if np.isinf(high):
-        return f"{name} {above(low)}"
-    sign, number = above(low).split()
-    return f"{number} {_FLIPPED[sign]} {name} {at_most(high)}"
+        return f"{name} {digits.above(feature, low)}"
+    sign, number = digits.above(feature, low).split()
+    return f"{number} {_FLIPPED[sign]} {name} {digits.at_most(feature, high)}"

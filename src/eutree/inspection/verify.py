@@ -19,6 +19,7 @@ from eutree.inspection.regions import Region, domain, finite_box, is_box, volume
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
 from eutree.trees.boxes import leaf_boxes, meetings
+from eutree.trees.digits import Digits
 from eutree.trees.text import printable
 from eutree.validation import check_observations
 from eutree.wording import counted
@@ -200,10 +201,13 @@ def _switch(
     raised[j] = Region(low[other, j : j + 1], high[other, j : j + 1]).point()[0]
     action = int(policy.actions[other])
     names = [printable(schema.actions[number]) for number in (asked.action, action)]
+    ends = [float(point[j]), float(raised[j])]
+    digits = Digits(schema, policy.tree, others=[(j, end) for end in ends])
+    values = [digits.text(j, end) for end in ends]
     words = (
-        f"{names[0]} becomes {names[1]} where {region.words(schema, domain(schema))} when "
-        f"{printable(schema.features[j].name)} goes from {float(point[j])!r} to "
-        f"{float(raised[j])!r}"
+        f"{names[0]} becomes {names[1]} where "
+        f"{region.words(schema, domain(schema), digits=digits)} when "
+        f"{printable(schema.features[j].name)} goes from {values[0]} to {values[1]}"
     )
     return CounterExample(region, point, raised, action, leaf, share, words)
 

@@ -11,6 +11,7 @@ from eutree.display import Displayed
 from eutree.inspection.regions import Region, domain, is_box
 from eutree.policies import TreePolicy
 from eutree.trees.boxes import leaf_boxes
+from eutree.trees.digits import Digits
 from eutree.trees.text import condition, printable
 from eutree.validation import check_vector
 
@@ -129,10 +130,11 @@ def why(
     leaf = tree.leaf_of(point.tolist())
     action = int(policy.actions[leaf])
     low, high = leaf_boxes(tree)
-    region = Region(low[leaf], high[leaf]).words(schema, domain(schema))
+    digits = Digits(schema, tree, others=enumerate(point.tolist()))
+    region = Region(low[leaf], high[leaf]).words(schema, domain(schema), digits=digits)
     known = policy.leaves
-    path = _path(policy, point, leaf)
-    alternatives = _alternatives(policy, point, action, _scale(policy, scale))
+    path = _path(policy, point, leaf, digits)
+    alternatives = _alternatives(policy, point, action, _scale(policy, scale), digits)
     support = None if demonstrations is None else _support(policy, leaf, demonstrations)
     visits = None if known is None else tuple(known.visits[leaf].tolist())
     values = None if known is None else tuple(known.values[leaf].tolist())
@@ -148,7 +150,7 @@ def why(
     )
 
 
-def _path(policy: TreePolicy, point: Floats, leaf: int) -> tuple[Step, ...]:
+def _path(policy: TreePolicy, point: Floats, leaf: int, digits: Digits) -> tuple[Step, ...]:
     tree, steps = policy.tree, []
     for node in tree.path(leaf)[:-1]:
         feature, cut = int(tree.feature[node]), float(tree.threshold[node])
@@ -156,15 +158,16 @@ def _path(policy: TreePolicy, point: Floats, leaf: int) -> tuple[Step, ...]:
         unit = policy.schema.features[feature].unit
         answer = "yes" if value <= cut else "no"
         words = (
-            f"{condition(policy.schema, feature, cut)} ? {answer}: {value!r}, by "
-            f"{abs(value - cut):g}" + (f" {printable(unit)}" if unit else "")
+            f"{condition(policy.schema, feature, cut, digits)} ? {answer}: "
+            f"{digits.text(feature, value)}, by {digits.text(feature, abs(value - cut))}"
+            + (f" {printable(unit)}" if unit else "")
         )
         steps.append(Step(node, feature, cut, value, value <= cut, abs(value - cut), words))
     return tuple(steps)
 
 
 def _alternatives(
-    policy: TreePolicy, point: Floats, action: int, scale: Floats
+    policy: TreePolicy, point: Floats, action: int, scale: Floats, digits: Digits
 ) -> tuple[Alternative, ...]:
     """Return the nearest observation of each other action, the nearest first."""
     inside = domain(policy.schema)
@@ -180,12 +183,14 @@ def _alternatives(
         if other == action or not leaves.size:
             continue
         leaf = int(leaves[np.lexsort((totals[leaves], distances[leaves]))[0]])
-        words = _changes(policy, point, nearest[leaf], other)
+        words = _changes(policy, point, nearest[leaf], other, digits)
         found.append(Alternative(other, nearest[leaf], float(distances[leaf]), leaf, words))
     return tuple(sorted(found, key=lambda alternative: alternative.distance))
 
 
-def _changes(policy: TreePolicy, point: Floats, nearest: Floats, action: int) -> str:
+def _changes(
+    policy: TreePolicy, point: Floats, nearest: Floats, action: int, digits: Digits
+) -> str:
     parts = []
     for j in np.flatnonzero(nearest != point).tolist():
         feature = policy.schema.features[j]
@@ -193,8 +198,9 @@ def _changes(policy: TreePolicy, point: Floats, nearest: Floats, action: int) ->
         bound = float(nearest[j])
         # Just above an exclusive bound: name the bound, not its neighbour.
         below = float(np.nextafter(bound, -np.inf))
-        words = f"> {below!r}" if bound > point[j] else f"<= {bound!r}"
-        parts.append(f"{printable(feature.name)} {words}{unit} (by {abs(bound - point[j]):g})")
+        words = digits.above(j, below) if bound > point[j] else digits.at_most(j, bound)
+        by = digits.text(j, abs(bound - float(point[j])))
+        parts.append(f"{printable(feature.name)} {words}{unit} (by {by})")
     return f"{printable(policy.schema.actions[action])} from {' and '.join(parts)} on"
 
 

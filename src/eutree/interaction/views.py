@@ -68,7 +68,7 @@ def sensed(schema: Schema, trial: Trial | None) -> list[tuple[str, str]]:
     if trial is None or trial.observation is None:
         return []
     return [
-        (feature.name, f"{value:.3g} {feature.unit}".strip())
+        (feature.name, f"{feature.text(float(value))} {feature.unit}".strip())
         for feature, value in zip(schema.features, trial.observation, strict=True)
     ]
 

@@ -13,28 +13,32 @@ Series = Mapping[str, Sequence[CurvePoint]]
 _WIDTH, _HEIGHT = 420.0, 250.0
 _LEFT, _RIGHT, _TOP, _BOTTOM = 46.0, 10.0, 10.0, 36.0
 _STYLES = 5
+_LEAST = 0.1  # of the largest value: what an axis spans at least
 
 
-def chart(title: str, series: Series, *, percent: bool = False) -> str:
+def chart(title: str, series: Series, *, percent: bool = False, whole: bool = False) -> str:
     """Return one chart of several series over episodes.
 
     Args:
         title: What is measured; said by screen readers together with each last value.
         series: Points of each learner, in the order of their episodes.
         percent: Whether the values are shares, to be shown as percentages.
+        whole: Whether they are counts, of which there are no halves.
     """
     points = [point for entries in series.values() for point in entries]
     if not points:
         return f'<p class="quiet">No {escape(title)} was recorded.</p>'
-    x_ticks = ticks(min(p[0] for p in points), max(p[0] for p in points))
-    y_ticks = ticks(min(p[2] for p in points), max(p[3] for p in points))
+    x_ticks = ticks(min(p[0] for p in points), max(p[0] for p in points), whole=True)
+    ends = min(p[2] for p in points), max(p[3] for p in points)
+    y_ticks = _shares(*ends) if percent else ticks(*_with_room(*ends), whole=whole)
 
     def x(value: float) -> float:
         share = (value - x_ticks[0]) / (x_ticks[-1] - x_ticks[0])
         return _LEFT + share * (_WIDTH - _LEFT - _RIGHT)
 
     def y(value: float) -> float:
-        share = (value - y_ticks[0]) / (y_ticks[-1] - y_ticks[0])
+        inside = min(max(value, y_ticks[0]), y_ticks[-1])
+        share = (inside - y_ticks[0]) / (y_ticks[-1] - y_ticks[0])
         return _HEIGHT - _BOTTOM - share * (_HEIGHT - _TOP - _BOTTOM)
 
     last = ", ".join(
@@ -140,15 +144,30 @@ def legend(names: Sequence[str]) -> str:
     return f'<ul class="legend">{"".join(entries)}</ul>'
 
 
-def ticks(low: float, high: float, *, about: int = 5) -> list[float]:
-    """Return round numbers, evenly spaced, that enclose the interval."""
+def ticks(low: float, high: float, *, about: int = 5, whole: bool = False) -> list[float]:
+    """Return round numbers, evenly spaced, that enclose the interval; ``whole`` ones if asked."""
     if high <= low:
         low, high = low - 0.5, low + 0.5
-    raw = (high - low) / about
+    raw = max((high - low) / about, 1.0 if whole else 0.0)
     power = 10.0 ** math.floor(math.log10(raw))
-    step = next(power * factor for factor in (1.0, 2.0, 2.5, 5.0, 10.0) if power * factor >= raw)
+    step = next(power * factor for factor in (1.0, 2.0, 2.5, 5.0, 10.0)
+                if power * factor >= raw and not (whole and power * factor % 1))  # fmt: skip
     first, last = math.floor(low / step + 1e-9), math.ceil(high / step - 1e-9)
     return [number * step for number in range(first, last + 1)]
+
+
+def _with_room(low: float, high: float) -> tuple[float, float]:
+    """Return the interval, wide enough that a flat line looks flat."""
+    missing = _LEAST * max(abs(low), abs(high)) - (high - low)
+    if missing <= 0.0:
+        return low, high
+    return (low - missing / 2 if low < 0.0 else max(0.0, low - missing / 2)), high + missing / 2
+
+
+def _shares(low: float, high: float) -> list[float]:
+    """Return round shares from 0 to 1 that enclose the interval."""
+    inside = max(0.0, min(low, 0.9)), min(1.0, max(high, 0.1))
+    return [min(max(tick, 0.0), 1.0) for tick in ticks(*inside)]
 
 
 def _number(value: float, percent: bool) -> str:

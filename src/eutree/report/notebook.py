@@ -16,7 +16,7 @@ from eutree.export import to_svg
 from eutree.export.svg import STYLE
 from eutree.inspection import Edited
 from eutree.policies import TreePolicy
-from eutree.report.chart import chart
+from eutree.report.chart import Series, chart
 from eutree.report.html import asset
 from eutree.training import LearningResult
 from eutree.wording import counted
@@ -121,10 +121,14 @@ def _charts(result: LearningResult) -> list[str]:
     label = result.method.name
     return [
         f"<figure><figcaption>{title.capitalize()}</figcaption>"
-        f"{chart(title, {label: points(name)}, percent=name == 'success_rate')}</figure>"
+        f"{_drawn_curve(name, title, {label: points(name)})}</figure>"
         for name, title in names.items()
         if points(name)
     ]
+
+
+def _drawn_curve(name: str, title: str, series: Series) -> str:
+    return chart(title, series, percent=name == "success_rate", whole=name == "n_leaves")
 
 
 def _drawn(policy: TreePolicy) -> str:

@@ -209,10 +209,14 @@ def _charts(report: RunReport) -> str:
     complete = [{name: series.get(name, ()) for name in names} for series in report.curves.values()]
     figures = [
         f"<figure><figcaption>{escape(measure.capitalize())}</figcaption>\n"
-        f"{chart(measure, series, percent=measure == 'success rate')}</figure>"
+        f"{_drawn_curve(measure, series)}</figure>"
         for measure, series in zip(report.curves, complete, strict=True)
     ]
     return f'<div class="charts">{"".join(figures)}</div>\n{legend(names)}'
+
+
+def _drawn_curve(measure: str, series: Series) -> str:
+    return chart(measure, series, percent=measure == "success rate", whole=measure == "leaves")
 
 
 def _trust(trust: ModelTrust) -> str:

@@ -9,11 +9,13 @@ import numpy as np
 
 from eutree.arrays import Floats
 from eutree.data import Demonstrations, Episode
+from eutree.display import decimals_of, usual_width
 from eutree.errors import InvalidArgumentError
 from eutree.export.palette import FILLS
 from eutree.policies import TreePolicy
 from eutree.report.changes import LeafChange
 from eutree.report.watching import WatchedEpisode
+from eutree.trees.digits import Digits
 
 SIZE_LIMIT = 5_000_000
 
@@ -43,8 +45,9 @@ def tree_data(
             "unit": feature.unit,
             "low": _finite(feature.low),
             "high": _finite(feature.high),
+            "decimals": decimals,
         }
-        for feature in schema.features
+        for feature, decimals in zip(schema.features, _decimals(policy, episodes), strict=True)
     ]
     recorded = () if demonstrations is None else demonstrations.episodes
     n_numbers = sum(watched.episode.observations.size for watched in episodes) * (
@@ -61,6 +64,7 @@ def tree_data(
     return {
         "tree": {name: getattr(tree, name).tolist() for name in names}
         | {"threshold": [_finite(value) for value in tree.threshold.tolist()]},
+        "tests": _tests(policy),
         "features": shown,
         "actions": list(schema.actions),
         "fills": FILLS,
@@ -74,6 +78,33 @@ def tree_data(
         ],
         "demonstrations": [_episode(policy, episode, whole=False) for episode in recorded],
     }
+
+
+def _tests(policy: TreePolicy) -> list[list[str] | None]:
+    """Return each inner node's test and its opposite, as they are shown; None for a leaf."""
+    tree, digits = policy.tree, Digits(policy.schema, policy.tree)
+    return [
+        None
+        if feature == tree.NO_FEATURE
+        else [
+            digits.at_most(feature, threshold).replace("<=", "≤"),
+            digits.above(feature, threshold).replace(">=", "≥"),
+        ]
+        for feature, threshold in zip(tree.feature.tolist(), tree.threshold.tolist(), strict=True)
+    ]
+
+
+def _decimals(policy: TreePolicy, episodes: Sequence[WatchedEpisode]) -> list[int]:
+    """Return how many digits after the point matter in each feature's values."""
+    tree, seen = policy.tree, [policy_features(policy, w.episode) for w in episodes]
+    found = []
+    for number, feature in enumerate(policy.schema.features):
+        values = tree.threshold[tree.feature == number].tolist()
+        for rows in seen:
+            column = rows[np.isfinite(rows[:, number]), number]
+            values += [float(column.min()), float(column.max())] if len(column) else []
+        found.append(decimals_of(usual_width(feature.low, feature.high, values)))
+    return found
 
 
 def add_pictures(data: dict[str, Any], episodes: Sequence[WatchedEpisode], room: int) -> None:

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from eutree.schema import Feature, Schema
+from eutree.trees.digits import Digits
 from eutree.trees.tree import DecisionTree
 
 # Fine in every kind of text: letters, digits, single blanks, and signs that end nothing.
@@ -40,10 +41,18 @@ def quoted(name: str) -> str:
     )
 
 
-def condition(schema: Schema, feature: int, threshold: float) -> str:
-    """Return one test in words, for example ``opponent_1 <= 8.25 m``; the number is exact."""
+def condition(schema: Schema, feature: int, threshold: float, digits: Digits | None = None) -> str:
+    """Return one test in words, for example ``opponent_1 <= 8.25 m``.
+
+    Args:
+        schema: Names and units.
+        feature: Which feature is tested.
+        threshold: The largest value that passes.
+        digits: Which digits are shown; without, the number is exact.
+    """
     name, unit = schema.features[feature].name, schema.features[feature].unit
-    return f"{printable(name)} {at_most(threshold)}" + (f" {printable(unit)}" if unit else "")
+    test = at_most(threshold) if digits is None else digits.at_most(feature, threshold)
+    return f"{printable(name)} {test}" + (f" {printable(unit)}" if unit else "")
 
 
 def at_most(threshold: float) -> str:
@@ -52,28 +61,11 @@ def at_most(threshold: float) -> str:
     >>> at_most(8.25), at_most(23.999999999999996)
     ('<= 8.25', '< 24.0')
     """
-    limit = _short_successor(threshold)
-    return f"<= {threshold!r}" if limit is None else f"< {limit!r}"
-
-
-def above(threshold: float) -> str:
-    """Return the opposite test in the fewest digits.
-
-    >>> above(8.25), above(23.999999999999996)
-    ('> 8.25', '>= 24.0')
-    """
-    limit = _short_successor(threshold)
-    return f"> {threshold!r}" if limit is None else f">= {limit!r}"
-
-
-def _short_successor(threshold: float) -> float | None:
-    """Return the next larger double where it takes far fewer digits, else None.
-
-    Between two neighbours there is no double: ``x <= 23.999999999999996`` is ``x < 24``.
-    """
     following = math.nextafter(threshold, math.inf)
-    shorter = len(repr(following)) + 8 <= len(repr(threshold))
-    return following if shorter and math.isfinite(following) else None
+    # Between two neighbours there is no double: ``x <= 23.999999999999996`` is ``x < 24``.
+    if math.isfinite(following) and len(repr(following)) + 8 <= len(repr(threshold)):
+        return f"< {following!r}"
+    return f"<= {threshold!r}"
 
 
 def labelled(feature: Feature) -> str:
@@ -129,17 +121,19 @@ def nested(
         work.append((level + 1, int(tree.left[node]), False))
 
 
-def rules(tree: DecisionTree, schema: Schema, leaves: Sequence[str]) -> str:
+def rules(tree: DecisionTree, schema: Schema, leaves: Sequence[str], *, exact: bool = False) -> str:
     """Return the tree as nested rules.
 
     Args:
         tree: The tree.
         schema: Names and units of its features.
         leaves: What to write at each leaf.
+        exact: Whether thresholds have all their digits, in place of those that a reader needs.
     """
+    digits = None if exact else Digits(schema, tree)
 
     def test(node: int) -> str:
-        return condition(schema, int(tree.feature[node]), float(tree.threshold[node]))
+        return condition(schema, int(tree.feature[node]), float(tree.threshold[node]), digits)
 
     syntax = Syntax(
         opening=lambda node: f"if {test(node)}:",

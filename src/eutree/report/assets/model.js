@@ -61,10 +61,24 @@ function leafOf(observation) {
   return tree.leaf[node];
 }
 
-/** Return a number with four significant digits, as people write it. */
+/** Return a number with four significant digits, as people write it; what only rounding left is 0. */
 function short(value) {
-  return value === null || !Number.isFinite(value) ? "unknown" : String(Number(value.toPrecision(4)));
+  if (value === null || !Number.isFinite(value)) return "unknown";
+  return Math.abs(value) < 1e-12 ? "0" : String(Number(value.toPrecision(4)));
 }
+
+/** Return a value of a feature in the digits that matter. */
+function digits(value, feature) {
+  if (value === null || !Number.isFinite(value)) return "unknown";
+  return String(Number(value.toFixed(features[feature].decimals)) + 0);
+}
+
+/* The words of each test and of its opposite, by feature and threshold; those of moved ones are new. */
+const testWords = new Map();
+tree.feature.forEach((feature, node) => data.tests[node] && testWords.set(`${feature} ${tree.threshold[node]}`, data.tests[node]));
+const atMost = (feature, threshold) => testWords.get(`${feature} ${threshold}`)?.[0] ?? `≤ ${threshold}`;
+const above = (feature, threshold) => testWords.get(`${feature} ${threshold}`)?.[1] ?? `> ${threshold}`;
+const testOf = (node) => atMost(tree.feature[node], tree.threshold[node]);
 
 const withUnit = (text, feature) => (features[feature].unit ? `${text} ${features[feature].unit}` : text);
 
@@ -72,7 +86,7 @@ const withUnit = (text, feature) => (features[feature].unit ? `${text} ${feature
 function wordsOf(node) {
   if (isLeaf(node)) return actions[data.leafActions[tree.leaf[node]]];
   const feature = tree.feature[node];
-  return withUnit(`${features[feature].name} ≤ ${short(tree.threshold[node])}`, feature);
+  return withUnit(`${features[feature].name} ${testOf(node)}`, feature);
 }
 
 /** Return a box as conditions in words, one for each feature that it bounds. */
@@ -81,9 +95,9 @@ function conditionsOf(node) {
   boxOf(node).forEach(([low, high], feature) => {
     const name = features[feature].name;
     if (low > -Infinity && high < Infinity) {
-      words.push(withUnit(`${name} > ${short(low)} and ≤ ${short(high)}`, feature));
-    } else if (low > -Infinity) words.push(withUnit(`${name} > ${short(low)}`, feature));
-    else if (high < Infinity) words.push(withUnit(`${name} ≤ ${short(high)}`, feature));
+      words.push(withUnit(`${name} ${above(feature, low)} and ${atMost(feature, high)}`, feature));
+    } else if (low > -Infinity) words.push(withUnit(`${name} ${above(feature, low)}`, feature));
+    else if (high < Infinity) words.push(withUnit(`${name} ${atMost(feature, high)}`, feature));
   });
   return words;
 }

@@ -38,9 +38,10 @@ function change(edit) {
 function problemWith(text, feature) {
   const value = Number(text);
   const { name, low, high } = features[feature];
+  const bound = (end, none) => (end === null ? none : digits(end, feature));
   if (text.trim() === "" || !Number.isFinite(value)) return `The threshold of ${name} must be a number.`;
   if ((low !== null && value < low) || (high !== null && value > high)) {
-    return `The threshold of ${name} must be from ${low ?? "-∞"} to ${high ?? "∞"}.`;
+    return `The threshold of ${name} must be from ${bound(low, "-∞")} to ${bound(high, "∞")}.`;
   }
   return "";
 }
@@ -62,17 +63,18 @@ function lockButton(node) {
 function testRule(node) {
   const feature = tree.feature[node];
   const { name, unit } = features[feature];
-  const field = element("input", { type: "text", inputmode: "decimal", autocomplete: "off", value: String(tree.threshold[node]), "aria-label": `Threshold of ${name}${unit ? ` in ${unit}` : ""}, test ${node}` });
+  const [sign, text] = testOf(node).split(" ");
+  const field = element("input", { type: "text", inputmode: "decimal", autocomplete: "off", value: text, "aria-label": `Threshold of ${name}${unit ? ` in ${unit}` : ""}, test ${node}` });
   field.disabled = !editable || holdsLocked(node);
   field.addEventListener("change", () => {
     const problem = problemWith(field.value, feature);
     byId("rules-problem").textContent = problem;
     field.setAttribute("aria-invalid", problem !== "");
-    if (!problem && Number(field.value) !== tree.threshold[node]) {
+    if (!problem && field.value !== text && Number(field.value) !== tree.threshold[node]) {
       change((policy) => (policy.threshold[node] = Number(field.value)));
     }
   });
-  return [element("span", { class: "what", title: name }, name), " ≤ ", field, unit ? ` ${cut(unit, 8)}` : ""];
+  return [element("span", { class: "what", title: name }, name), ` ${sign} `, field, unit ? ` ${cut(unit, 8)}` : ""];
 }
 
 /** Return the choice of a leaf's action. */

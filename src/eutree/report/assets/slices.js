@@ -94,11 +94,11 @@ function drawAxes(pen, x, y, colour) {
   pen.font = '11px system-ui, "Segoe UI", Helvetica, Arial, sans-serif';
   const bottom = height - AXIS.bottom + 14;
   pen.textAlign = "left";
-  pen.fillText(short(ranges[x][0]), AXIS.left, bottom);
+  pen.fillText(digits(ranges[x][0], x), AXIS.left, bottom);
   pen.textAlign = "right";
-  pen.fillText(short(ranges[x][1]), width - AXIS.right, bottom);
-  pen.fillText(short(ranges[y][1]), AXIS.left - 5, AXIS.top + 10);
-  pen.fillText(short(ranges[y][0]), AXIS.left - 5, height - AXIS.bottom);
+  pen.fillText(digits(ranges[x][1], x), width - AXIS.right, bottom);
+  pen.fillText(digits(ranges[y][1], y), AXIS.left - 5, AXIS.top + 10);
+  pen.fillText(digits(ranges[y][0], y), AXIS.left - 5, height - AXIS.bottom);
   pen.textAlign = "center";
   pen.fillText(axisTitle(x), (AXIS.left + width) / 2, height - 5);
   pen.save();
@@ -118,7 +118,7 @@ function under(event) {
   const inside = [x, y].every((feature) => observation[feature] >= ranges[feature][0] && observation[feature] <= ranges[feature][1]);
   if (!inside) return null;
   const leaf = leafOf(observation);
-  const place = [x, y].map((feature) => withUnit(`${features[feature].name} ${short(observation[feature])}`, feature)).join(", ");
+  const place = [x, y].map((feature) => withUnit(`${features[feature].name} ${digits(observation[feature], feature)}`, feature)).join(", ");
   return { leaf, words: `${place}: ${actions[data.leafActions[leaf]]} (leaf ${leaf})` };
 }
 

@@ -40,7 +40,7 @@ function visibleNodes() {
 /** Return the two lines on a test: its feature, its threshold. */
 function linesOf(node) {
   const feature = tree.feature[node];
-  return [cut(features[feature].name, 24), cut(withUnit(`≤ ${short(tree.threshold[node])}`, feature), 24)];
+  return [cut(features[feature].name, 24), cut(withUnit(testOf(node), feature), 24)];
 }
 
 /** Return what a leaf did before, in a few words; nothing where it decides as before. */
@@ -165,7 +165,7 @@ function drawNode(node, { x, y, width }) {
     group.append(...drawLines(node, (width - KNOB) / 2), drawKnob(node, width));
   }
   if (pointed.has(node)) group.append(drawing("path", { class: "pointed", d: POINTER, transform: `translate(${width + 6} 0)` }));
-  group.append(drawing("title", {}, leaf ? words : `${features[tree.feature[node]].name} ≤ ${tree.threshold[node]}`));
+  group.append(drawing("title", {}, leaf ? words : wordsOf(node)));
   return group;
 }
 
