@@ -4,12 +4,14 @@ import json
 import sys
 
 import gymnasium
+import numpy as np
 import pytest
 
 import eutree as library
-from eutree.data import DemonstrationFolder, Demonstrations
+from eutree.data import DemonstrationFolder, Demonstrations, Episode
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
+from eutree.trees import DecisionTree
 
 MODULE = """
 import gymnasium
@@ -160,3 +162,51 @@ def test_a_folder_with_names_is_continued_without_them(tmp_path):
     DemonstrationFolder.create(tmp_path / "b", unnamed)
     with pytest.raises(ValueError, match="other features or actions"):
         DemonstrationFolder.create(tmp_path / "b", named)
+
+
+def unnamed(folder, *, history=0):
+    """Write a policy and demonstrations whose features and actions have numbers for names."""
+    episode = Episode(np.arange(6.0).reshape(3, 2), [0, 1], [0.0, 1.0], True, False)
+    demos = Demonstrations((episode,), Schema.anonymous(2, 2))
+    demos.save(folder / "shown")
+    tree = DecisionTree.single_leaf(2 * (history + 1)).split(0, 0, 2.0)
+    schema = Schema.anonymous(2, 2).with_history(history)
+    TreePolicy(tree, np.array([0, 1]), schema, history=history).save(folder / "p.json")
+
+
+@pytest.mark.parametrize("history", [0, 1])
+def test_show_takes_names(eutree, tmp_path, history):
+    """They were ignored."""
+    unnamed(tmp_path, history=history)
+    (tmp_path / "names.json").write_text(json.dumps(NAMES))
+    shown = eutree("show", "p.json", "--names", "names.json").out
+    assert "room <= 2 °C ?" in shown
+    assert "on" in shown
+    page = ("show", "p.json", "--names", "names.json", "--html", "p.html", "--episodes", 0)
+    assert eutree(*page).code == 0
+    assert '"room"' in (tmp_path / "p.html").read_text()
+
+
+def test_names_are_given_after_recording(eutree, tmp_path):
+    unnamed(tmp_path, history=1)
+    (tmp_path / "names.json").write_text(json.dumps(NAMES))
+    before = DemonstrationFolder(tmp_path / "shown").read(0)
+    assert "features: room [°C], hour [h]" in eutree("demos", "rename", "shown", "names.json").out
+    renamed = DemonstrationFolder(tmp_path / "shown")
+    assert renamed.schema.feature_names == ("room", "hour")
+    assert renamed.schema.actions == ("off", "on")
+    assert renamed.read(0).observations.tobytes() == before.observations.tobytes()
+
+    line = ("edit", "p.json", "--rename", "names.json")
+    assert "--out must name the file" in eutree(*line).err
+    said = eutree(*line, "--out", "q.json").out
+    assert "named: room [°C], hour [h]; off, on" in said
+    policy = TreePolicy.load(tmp_path / "q.json")
+    assert policy.schema.feature_names == ("room", "hour", "room, 1 ago", "hour, 1 ago")
+    (tmp_path / "few.json").write_text('{"features": ["room"]}')
+    for command in (("demos", "rename", "shown", "few.json"),
+                    ("edit", "q.json", "--rename", "few.json", "--out", "r.json"),
+                    ("show", "q.json", "--names", "few.json")):  # fmt: skip
+        answer = eutree(*command)
+        assert answer.code == 2
+        assert "names must have one for each of the 2 features" in answer.err

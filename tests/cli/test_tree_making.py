@@ -52,6 +52,8 @@ def test_a_tree_is_fitted_and_plays_and_its_verdict_is_true(folder) -> None:
     assert views[-1].rules == str(tree)
     assert views[-1].svg.startswith("<svg")
     assert views[-1].commands[0] == f"eutree show {folder}-tree.json"
+    # Learning goes on from the tree on the page, and not from another one of the demonstrations.
+    assert f"eutree learn --demos {folder} --expert {folder}-tree.json" in views[-1].commands[2]
 
 
 def test_practice_keeps_the_better_tree_and_shows_its_curve(folder, monkeypatch) -> None:

@@ -15,6 +15,7 @@ NOT_HERE = {
     "reproduce": "tests/experiments runs the smoke settings; the figures take hours",
     "demos replay": "opens a window",
     "demos merge": "needs folders that the session does not make",
+    "demos rename": "needs a file of names, which a person writes",
     "demos import": "needs a data set that the session does not make",
 }
 # The example needs a person; the rest of the session needs what it would have recorded.

@@ -1,22 +1,35 @@
 """The policy that a command is about: a file, or the run folder that holds one."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eutree.errors import InvalidArgumentError
 
 if TYPE_CHECKING:
+    from eutree.interaction.names import Names
     from eutree.policies import TreePolicy
 
 
 def load_policy(path: Path, *, hand_edited: bool = False) -> "TreePolicy":
-    """Return the policy in a file, or the one that a run folder ended with.
+    """Return the policy in a file, or the one that a run folder ended with, with ``--names``.
 
     With ``hand_edited`` the file may have been changed after it was written.
     """
+    from eutree.interaction.names import given_names
     from eutree.policies import TreePolicy
 
-    return TreePolicy.load(policy_file(path), hand_edited=hand_edited)
+    policy, names = TreePolicy.load(policy_file(path), hand_edited=hand_edited), given_names()
+    return policy if names is None else renamed(policy, names)
+
+
+def renamed(policy: "TreePolicy", names: "Names") -> "TreePolicy":
+    """Return a policy with these names; those of the past follow."""
+    from eutree.schema import Schema
+
+    known, size = policy.schema, policy.observation_size
+    schema = names.of(Schema(known.features[:size], known.actions, known.controls))
+    return replace(policy, schema=schema.with_history(policy.history, policy.past_actions))
 
 
 def policy_file(path: Path) -> Path:

@@ -1,5 +1,6 @@
 """The button *Make my tree* of the recorder's page: fit, play, practise where it falls short."""
 
+import shlex
 from collections.abc import Callable
 from dataclasses import replace
 from math import isnan
@@ -209,18 +210,22 @@ class PageTree:
             note=" ".join(filter(None, parts)),
             verdict=found.word,
             may_gain=may_gain,
-            commands=self._commands(path),
+            commands=self._commands(path, tree),
             **_scale(person, played),
             **_drawn(tree),
         )
 
-    def _commands(self, path: Path) -> tuple[str, ...]:
-        return (
-            f"eutree show {path}",
-            f"eutree evaluate {path} --episodes 1000",
-            f"eutree learn --demos {self._folder} --out {path.with_name('run')}",
-            f"eutree export {path} --format c --out {path.with_suffix('.c')}",
+    def _commands(self, path: Path, tree: "TreePolicy") -> tuple[str, ...]:
+        """Return what to do next with the tree on the page; learning goes on from it."""
+        history = ("--history", str(tree.history)) if tree.history else ()
+        run, source = path.with_name("run"), path.with_suffix(".c")
+        lines: tuple[tuple[object, ...], ...] = (
+            ("show", path),
+            ("evaluate", path, "--episodes", 1000),
+            ("learn", "--demos", self._folder, "--expert", path, *history, "--out", run),
+            ("export", path, "--format", "c", "--out", source),
         )
+        return tuple(shlex.join(["eutree", *map(str, line)]) for line in lines)
 
 
 class _NobodyWaits(Exception):  # noqa: N818 - no error: whoever pressed the button has left

@@ -11,6 +11,7 @@ from eutree.cli._options import env_arg_option, import_option, json_option, outp
 from eutree.cli._output import Output
 from eutree.cli._paths import Written
 from eutree.errors import InvalidArgumentError
+from eutree.trees.text import labelled
 from eutree.wording import counted
 
 if TYPE_CHECKING:
@@ -100,6 +101,24 @@ def trim(folder: Path, number: int, steps: int, as_json: bool) -> None:
     Output(as_json=as_json).result(
         {"episode": number, "length": steps}, f"episode {number} now has {steps} steps"
     )
+
+
+@demos.command(epilog="Example: eutree demos rename demos/ names.json")
+@_folder
+@click.argument("names", type=click.Path(path_type=Path))
+@json_option
+def rename(folder: Path, names: Path, as_json: bool) -> None:
+    """Name the features and actions of FOLDER by the file NAMES, which is as for --names."""
+    from eutree.interaction.names import Names
+
+    opened = _open_to_edit(folder)
+    opened.rename(Names.load(names).of(opened.schema))
+    said = {
+        "features": [labelled(feature) for feature in opened.schema.features],
+        "actions": list(opened.schema.actions),
+    }
+    lines = [f"{kind}: {', '.join(entries)}" for kind, entries in said.items()]
+    Output(as_json=as_json).result(said, "\n".join(lines))
 
 
 @demos.command(epilog="Example: eutree demos replay demos/ 3 --window")

@@ -3,7 +3,7 @@
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -13,11 +13,16 @@ from eutree.cli._options import (
     json_option,
     output_option,
     override,
+    path_option,
     seed_option,
 )
 from eutree.cli._output import Output
-from eutree.cli._policies import load_policy, policy_file
+from eutree.cli._policies import load_policy, policy_file, renamed
 from eutree.errors import InvalidArgumentError, shown
+from eutree.trees.text import labelled
+
+if TYPE_CHECKING:
+    from eutree.policies import TreePolicy
 
 _NUMBER = re.compile(r"[0-9]{1,9}")  # of a node or a leaf
 
@@ -36,6 +41,7 @@ _NUMBER = re.compile(r"[0-9]{1,9}")  # of a node or a leaf
               help="Node below which nothing stays locked; repeatable.")  # fmt: skip
 @click.option("--enforce", "rules", multiple=True, metavar="PROPERTY",
               help="Make true, and lock: 'always ACTION when CONDITIONS'; repeatable.")  # fmt: skip
+@path_option("--rename", text="File of names for features and actions, as for --names.")
 @click.option("--reseal", is_flag=True,
               help="Accept a file that was changed by hand; without --out it is written "
               "again where it is.")  # fmt: skip
@@ -57,6 +63,7 @@ def edit(
     lock: tuple[int, ...],
     unlock: tuple[int, ...],
     rules: tuple[str, ...],
+    rename: Path | None,
     reseal: bool,
     out: Path | None,
     episodes: int,
@@ -69,6 +76,7 @@ def edit(
     from eutree.files import check_writable
     from eutree.inspection import edit as change
     from eutree.inspection import enforce, numbered
+    from eutree.interaction.names import Names
 
     output, before = Output(as_json=as_json), load_policy(policy, hand_edited=reseal)
     out = policy_file(policy) if reseal and out is None else out
@@ -79,6 +87,9 @@ def edit(
         lock=lock,
         unlock=unlock,
     )
+    if rename is not None:
+        named = renamed(edited.policy, Names.load(rename))
+        edited = replace(edited, policy=named, changes=(*edited.changes, _names_of(named)))
     if rules:
         ruled = enforce(edited.policy, rules)
         edited = replace(ruled, changes=edited.changes + ruled.changes, warnings=edited.warnings)
@@ -112,6 +123,12 @@ def edit(
         },
         "\n".join(lines),
     )
+
+
+def _names_of(policy: "TreePolicy") -> str:
+    """Return the names of the features of an observation and of the actions."""
+    features = policy.schema.features[: policy.observation_size]
+    return f"named: {', '.join(map(labelled, features))}; {', '.join(policy.schema.actions)}"
 
 
 def _pairs(what: str, texts: tuple[str, ...]) -> list[tuple[int, str]]:

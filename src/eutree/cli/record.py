@@ -1,5 +1,6 @@
 """``eutree record``: demonstrations by a person or a scripted expert."""
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -173,7 +174,8 @@ def _record_in_browser(
                 "THIS-MACHINE"
             )
 
-    steps = (f"demos stats {out} --html demos.html", f"fit {out} --out expert.json",
+    place = shlex.quote(str(out))
+    steps = (f"demos stats {place} --html demos.html", f"fit {place} --out expert.json",
              "show expert.json")  # fmt: skip
     with opened_by() as browser:
         record_in_browser(

@@ -155,6 +155,11 @@ class DemonstrationFolder:
         self.write(number, episode)
         return number
 
+    def rename(self, schema: Schema) -> None:
+        """Give features and actions other names and units; what was recorded stays."""
+        atomic.write_bytes(self.path / HEADER, _header(schema, self.environment, self.expert))
+        self.schema = schema
+
     def write(self, number: int, episode: Episode) -> None:
         """Write or replace an episode, atomically."""
         problem = _misfit(episode, self.schema)

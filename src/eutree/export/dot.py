@@ -1,13 +1,13 @@
 """DOT, the language of Graphviz."""
 
 from eutree.export._graph import branches, words_of_leaf, words_of_test
-from eutree.export.palette import fill
+from eutree.export.palette import fills
 from eutree.policies import TreePolicy
 
 
 def to_dot(policy: TreePolicy) -> str:
     """Return the tree as a Graphviz digraph, root at the left, leaves coloured by action."""
-    tree = policy.tree
+    tree, colours = policy.tree, fills(policy.schema)
     lines = [
         "digraph policy {",
         '    graph [rankdir="LR", ordering="out", nodesep="0.15"];',
@@ -19,7 +19,7 @@ def to_dot(policy: TreePolicy) -> str:
         if tree.feature[node] != tree.NO_FEATURE:
             lines.append(f"    n{node} [label={_string(words_of_test(policy, node))}];")
             continue
-        colour = fill(int(policy.actions[tree.leaf[node]]))
+        colour = colours[int(policy.actions[tree.leaf[node]])]
         label = _string(words_of_leaf(policy, node))
         lines.append(f'    n{node} [label={label}, fillcolor="{colour}", color="{colour}"];')
     lines += [

@@ -2,7 +2,7 @@
 
 from eutree.export._graph import branches, words_of_leaf, words_of_test
 from eutree.export._layout import column_lefts, layout, text_width
-from eutree.export.palette import FILLS
+from eutree.export.palette import fills
 from eutree.policies import TreePolicy
 
 _SIGNS = {
@@ -48,7 +48,7 @@ def to_latex(policy: TreePolicy, *, document: bool = False) -> str:
         "  answer/.style={font=\\tiny, text=black!60, fill=white, inner sep=1pt},",
         "]",
     ]
-    for number, fill in enumerate(FILLS):
+    for number, fill in enumerate(fills(policy.schema)):
         lines.insert(number, rf"\definecolor{{eutree{number}}}{{HTML}}{{{fill[1:].upper()}}}")
     is_leaf = tree.feature == tree.NO_FEATURE
     labels = [
@@ -61,7 +61,7 @@ def to_latex(policy: TreePolicy, *, document: bool = False) -> str:
         where = f"({lefts[node]:.2f},{-places.row[node] * 0.75:.4f})"
         words = _escaped(labels[node])
         if is_leaf[node]:
-            colour = int(policy.actions[tree.leaf[node]]) % len(FILLS)
+            colour = int(policy.actions[tree.leaf[node]])
             lines.append(rf"  \node[leaf, fill=eutree{colour}] (n{node}) at {where} {{{words}}};")
         else:
             words = words.replace(r"\textless{}=", r"$\leq$")

@@ -7,7 +7,7 @@ import numpy as np
 from eutree.arrays import Floats
 from eutree.export._graph import branches, words_of_leaf, words_of_test
 from eutree.export._layout import column_lefts, layout, text_width
-from eutree.export.palette import fill
+from eutree.export.palette import fills
 from eutree.policies import TreePolicy
 from eutree.trees.digits import Digits
 from eutree.trees.text import printable
@@ -44,7 +44,7 @@ def to_svg(policy: TreePolicy, *, standalone: bool = True) -> str:
             drawings includes ``STYLE`` once instead.
     """
     tree, places = policy.tree, layout(policy.tree)
-    digits = Digits(policy.schema, tree)
+    digits, colours = Digits(policy.schema, tree), fills(policy.schema)
     labels = [_label(policy, node, digits) for node in range(tree.n_nodes)]
     widths = [text_width(label) + 2 * _PADDING for label in labels]
     lefts = column_lefts(places, widths, gap=_GAP, margin=_MARGIN)
@@ -67,7 +67,8 @@ def to_svg(policy: TreePolicy, *, standalone: bool = True) -> str:
         start, end = lefts[parent] + widths[parent], lefts[child]
         lines += _branch(start, middles[parent], end, middles[child], answer, _share(visits, child))
     for node in tree.preorder():
-        lines += _node(policy, node, labels[node], (lefts[node], middles[node], widths[node]))
+        box = lefts[node], middles[node], widths[node]
+        lines += _node(policy, node, labels[node], box, colours)
         if visits is not None and tree.leaf[node] != tree.NO_LEAF:
             x, share = lefts[node] + widths[node] + 6, 100 * _share(visits, node)
             note = f"{share:.0f} %" if share >= 1 or share == 0 else f"{share:.1g} %"
@@ -123,13 +124,17 @@ def _branch(x: float, y: float, to_x: float, to_y: float, answer: str, share: fl
 
 
 def _node(
-    policy: TreePolicy, node: int, label: str, place: tuple[float, float, float]
+    policy: TreePolicy,
+    node: int,
+    label: str,
+    place: tuple[float, float, float],
+    colours: tuple[str, ...],
 ) -> list[str]:
     """Return one node: a box with a label, its exact words, and its data for programs."""
     tree, (x, y, width) = policy.tree, place
     if tree.feature[node] == tree.NO_FEATURE:
         action = int(policy.actions[tree.leaf[node]])
-        kind, radius, paint = "leaf", _BOX / 2, f' fill="{fill(action)}"'
+        kind, radius, paint = "leaf", _BOX / 2, f' fill="{colours[action]}"'
         data = f'data-leaf="{tree.leaf[node]}" data-action="{action}"'
         words = f"leaf {tree.leaf[node]}: {words_of_leaf(policy, node)}"
     else:

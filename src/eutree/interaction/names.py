@@ -18,7 +18,7 @@ import msgspec
 from eutree.errors import InvalidArgumentError
 from eutree.files.documents import read_plain
 from eutree.interaction.spaces import describe
-from eutree.schema import Feature
+from eutree.schema import Feature, Schema
 
 MAX_FILE = 2**20
 
@@ -45,8 +45,20 @@ class Names(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         Raises:
             InvalidArgumentError: There are not as many names as features or actions.
         """
-        schema = describe(env)
+        schema = self.of(describe(env))
         inner: Any = env.unwrapped  # where describe looks for names
+        if self.features:
+            inner.feature_names = schema.feature_names
+            inner.feature_units = tuple(feature.unit for feature in schema.features)
+        if self.actions:
+            inner.action_names = self.actions
+
+    def of(self, schema: Schema) -> Schema:
+        """Return a schema with these names and units, whatever it called them itself.
+
+        Raises:
+            InvalidArgumentError: There are not as many names as features or actions.
+        """
         for kind, mine, theirs in (
             ("features", self.features, schema.feature_names),
             ("actions", self.actions, schema.actions),
@@ -56,12 +68,14 @@ class Names(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
                     f"names must have one for each of the {len(theirs)} {kind}, "
                     f"{', '.join(theirs)}, got {len(mine)}"
                 )
+        features = schema.features
         if self.features:
-            named = [Feature.from_label(label) for label in self.features]
-            inner.feature_names = tuple(feature.name for feature in named)
-            inner.feature_units = tuple(feature.unit for feature in named)
-        if self.actions:
-            inner.action_names = self.actions
+            labels = map(Feature.from_label, self.features)
+            features = tuple(
+                Feature(mine.name, mine.unit, was.low, was.high)
+                for mine, was in zip(labels, features, strict=True)
+            )
+        return Schema(features, self.actions or schema.actions, schema.controls)
 
 
 _given: ContextVar[Names | None] = ContextVar("names", default=None)

@@ -9,12 +9,13 @@ import numpy as np
 
 from eutree.arrays import Floats
 from eutree.data import Demonstrations, Episode
-from eutree.display import decimals_of, usual_width
+from eutree.display import decimals_of, told_apart, usual_width
 from eutree.errors import InvalidArgumentError
-from eutree.export.palette import FILLS
+from eutree.export.palette import fills
 from eutree.policies import TreePolicy
 from eutree.report.changes import LeafChange
 from eutree.report.watching import WatchedEpisode
+from eutree.schema import Schema
 from eutree.trees.digits import Digits
 
 SIZE_LIMIT = 5_000_000
@@ -67,7 +68,8 @@ def tree_data(
         "tests": _tests(policy),
         "features": shown,
         "actions": list(schema.actions),
-        "fills": FILLS,
+        "fills": fills(schema),
+        "levels": _levels(schema),
         "leafActions": policy.actions.tolist(),
         "leaves": statistics,
         "changes": {str(leaf): change.facts() for leaf, change in (changes or {}).items()},
@@ -78,6 +80,15 @@ def tree_data(
         ],
         "demonstrations": [_episode(policy, episode, whole=False) for episode in recorded],
     }
+
+
+def _levels(schema: Schema) -> dict[str, Any] | None:
+    """Return the quantity that the actions set, and its levels in words, where it is one alone."""
+    if len(schema.controls) != 1:
+        return None
+    (control,) = schema.controls
+    texts = told_apart(control.levels, max(control.levels) - min(control.levels))
+    return {"label": control.label, "texts": [texts[level] for level in control.levels]}
 
 
 def _tests(policy: TreePolicy) -> list[list[str] | None]:

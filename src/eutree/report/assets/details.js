@@ -27,7 +27,7 @@ function heading(node, leaves) {
   if (isLeaf(node)) {
     const action = data.leafActions[tree.leaf[node]];
     const badge = element("span", { class: "badge" }, actions[action]);
-    badge.style.background = fills[action % fills.length];
+    badge.style.background = fills[action];
     line.append(badge);
   } else {
     line.append(element("strong", {}, `${wordsOf(node)}?`), ` ${leaves.length} leaves below. `);

@@ -224,6 +224,6 @@ const byId = (id) => document.getElementById(id);
 /** Return a dot in the colour of an action. */
 function swatch(action) {
   const dot = element("span", { class: "swatch" });
-  dot.style.background = fills[action % fills.length];
+  dot.style.background = fills[action];
   return dot;
 }

@@ -60,7 +60,7 @@ function drawSlice() {
   const node = shownNode();
   const marked = new Set(leavesBelow(node));
   for (const { leaf, left, right, low, high } of rectangles(x, y, observation)) {
-    pen.fillStyle = fills[data.leafActions[leaf] % fills.length];
+    pen.fillStyle = fills[data.leafActions[leaf]];
     pen.globalAlpha = marked.has(leaf) ? 1 : 0.55;
     pen.fillRect(toX(left), toY(high), toX(right) - toX(left), toY(low) - toY(high));
     pen.globalAlpha = 1;

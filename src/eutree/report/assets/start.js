@@ -1,7 +1,7 @@
 "use strict";
 /* Everything is there: draw it. */
 
-const READABLE = 0.8; // the smallest scale that a page begins with
+const READABLE = 0.6; // the smallest scale that a page begins with
 
 /** Within a report the tree's panel is as high as the tree, where there is room on the screen. */
 function settle() {
@@ -15,7 +15,9 @@ function settle() {
 onChange(markTree);
 drawTree();
 settle();
-fit(READABLE);
+openToFit(READABLE);
+settle();
+fit();
 show({});
 follow(location);
 
@@ -30,6 +32,6 @@ addEventListener("beforeprint", () => {
 });
 addEventListener("afterprint", () => {
   canvas.removeAttribute("viewBox");
-  fit(READABLE);
+  fit();
 });
 document.body.dataset.ready = "true";

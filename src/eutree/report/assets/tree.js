@@ -2,7 +2,8 @@
 /* The tree: layout, drawing, pan and zoom, keys. */
 
 const LEAF_BOX = 30, CHANGED_BOX = 46, TEST_BOX = 46, GAP = 44, PADDING = 11, KNOB = 8;
-const CLOSEST = 52, WIDEST = 96, LARGEST = 1.5;
+const CLOSEST = 52, WIDEST = 96, LARGEST = 1.5, ROOM = 56;
+const RARE = 0.02; // share of the visits below which a page begins with what is below a test folded
 const canvas = byId("canvas");
 const view = { x: 0, y: 0, scale: 1 };
 const collapsed = new Set();
@@ -152,7 +153,7 @@ function drawNode(node, { x, y, width }) {
   const ring = drawing("rect", { class: "ring", x: -4, y: -height / 2 - 4, width: width + 8, height: height + 8, rx: leaf ? height / 2 + 4 : 10 });
   group.append(ring, box);
   if (leaf) {
-    box.style.fill = fills[data.leafActions[tree.leaf[node]] % fills.length];
+    box.style.fill = fills[data.leafActions[tree.leaf[node]]];
     const label = drawing("text", { x: width / 2, y: change ? -2 : 5, "text-anchor": "middle" }, `${cut(wordsOf(node))} `);
     label.append(drawing("tspan", { class: "share", dx: 2 }, percent(shareOf(node))));
     group.append(label);
@@ -226,22 +227,55 @@ function applyView() {
   byId("view").setAttribute("transform", `translate(${view.x} ${view.y}) scale(${view.scale})`);
 }
 
+/** Return what the buttons take below the drawing where they lie over it, and as much above. */
+const room = () => (getComputedStyle(document.querySelector(".tools")).position === "absolute" ? ROOM : 16);
+
 /** Show the whole tree, but never larger than life; rows spread where there is room. */
 function fit(smallest = 0) {
   const { clientWidth, clientHeight } = canvas;
-  const room = 56;
   const across = Math.min(LARGEST, (clientWidth - 32) / extent().width);
   const nRows = [...places.keys()].filter((node) => !isOpen(node)).length;
-  const wanted = (clientHeight - 2 * room) / Math.max(smallest, across) / nRows;
+  const wanted = (clientHeight - 2 * room()) / Math.max(smallest, across) / nRows;
   rowHeight = Math.min(WIDEST, Math.max(CLOSEST, wanted));
   drawTree();
   const { width, height } = extent();
-  view.scale = Math.max(smallest, Math.min(across, (clientHeight - 2 * room) / height));
+  view.scale = Math.max(smallest, Math.min(across, (clientHeight - 2 * room()) / height));
   const wide = width * view.scale > clientWidth - 32;
   view.x = wide ? 16 : (clientWidth - width * view.scale) / 2;
   const tall = height * view.scale > clientHeight;
   view.y = tall ? clientHeight / 2 - places.get(0).y * view.scale : (clientHeight - height * view.scale) / 2;
   applyView();
+}
+
+/** Return the scale at which all that is visible fits, with rows as close as they may be. */
+function scaleThatFits() {
+  rowHeight = CLOSEST;
+  placeNodes();
+  const { width, height } = extent();
+  return Math.min((canvas.clientWidth - 32) / width, (canvas.clientHeight - 2 * room()) / height);
+}
+
+/** Fold nothing where the whole tree can be read, else open what is reached most as long as that can. */
+function openToFit(legible) {
+  if (scaleThatFits() >= legible) return;
+  const size = new Array(nNodes).fill(1); // leaves below each node
+  for (let node = nNodes - 1; node >= 0; node--) {
+    if (!isLeaf(node)) {
+      size[node] = size[tree.left[node]] + size[tree.right[node]];
+      if (node) collapsed.add(node);
+    }
+  }
+  const named = new Set([...pointed].flatMap((node) => (node < nNodes ? pathTo(node) : [])));
+  const weight = (node) => (visitsOf[0] ? shareOf(node) : size[node] / nLeaves) + named.has(node);
+  const work = childrenOf(0);
+  while (work.length) {
+    const node = work.splice(work.indexOf(work.reduce((most, other) => (weight(other) > weight(most) ? other : most))), 1)[0];
+    if (isLeaf(node) || weight(node) < RARE) continue;
+    collapsed.delete(node);
+    if (scaleThatFits() < legible) collapsed.add(node);
+    else work.push(...childrenOf(node));
+  }
+  placeNodes();
 }
 
 /** Zoom by a factor around a point of the canvas. */
@@ -257,12 +291,12 @@ function zoom(factor, x = canvas.clientWidth / 2, y = canvas.clientHeight / 2) {
 function bringIntoView(node) {
   const { x, y, width } = places.get(node);
   const left = view.x + x * view.scale;
-  const right = left + (width + 20) * view.scale;
+  const right = left + (width + KNOB) * view.scale;
   const middle = view.y + y * view.scale;
-  const margin = Math.min(70, canvas.clientHeight / 5);
-  if (right > canvas.clientWidth - 20) view.x -= right - canvas.clientWidth + 20;
-  if (left < 20 || right - left > canvas.clientWidth) view.x += 20 - left;
-  if (middle < margin || middle > canvas.clientHeight - margin) view.y += canvas.clientHeight / 2 - middle;
+  const half = (TEST_BOX / 2) * view.scale;
+  if (right > canvas.clientWidth) view.x -= right - canvas.clientWidth + 20;
+  if (left < 0 || right - left > canvas.clientWidth) view.x += 20 - left;
+  if (middle < half || middle > canvas.clientHeight - half) view.y += canvas.clientHeight / 2 - middle;
   applyView();
 }
 
@@ -401,7 +435,8 @@ document.addEventListener("click", (event) => {
 });
 
 const pointer = drawing("svg", { viewBox: "0 -6 9 12", "aria-hidden": "true" }, drawing("path", { class: "pointed", d: POINTER }));
-byId("key").append(...actions.map((name, action) => element("li", {}, swatch(action), name)));
+if (data.levels) byId("key").append(element("li", {}, data.levels.label));
+byId("key").append(...actions.map((name, action) => element("li", { title: name }, swatch(action), data.levels?.texts[action] ?? name)));
 if (Object.keys(data.changes).length) {
   byId("key").append(element("li", {}, element("span", { class: "swatch outlined" }), "decided otherwise before"));
 }
