@@ -92,7 +92,6 @@ TRIED = {  # and not taken; measured on seeds from 1000
     "short-trials": replace(GATE, method=planning(min_episodes=20, memory=30)),
     "seldom-planned": replace(GATE, method=planning(growth=1.15)),
     "dear-leaves": replace(GATE, method=planning(improvement=replace(IMPROVEMENT, price=0.004))),
-    "networks": replace(GATE, method=planning(world_model="neural")),
 }
 
 

@@ -57,7 +57,6 @@ SAID = {
         f"(asked after each gathering phase of {DEFAULT.gathering_episodes} episodes):",
         f"with probability {plans.explorer_share} the explorer acts",
         f"as long as the incumbent has fewer than {plans.incumbent_first} episodes",
-        f"in an ensemble of {word(EnsembleSettings().members)} networks",
         f"the chance of a bad end exceeds {percent(1 - plans.pessimism)}, an *optimist* where it "
         f"exceeds {percent(1 - plans.optimism)}.",
         f"{plans.n_episodes:,} rollouts start from stored first observations, "

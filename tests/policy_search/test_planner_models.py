@@ -1,27 +1,15 @@
-"""Planning in either world model."""
+"""Planning in a world model of trees."""
 
-import gymnasium
 import numpy as np
 import pytest
 
-import eutree
-from eutree.envs.experts import follow_the_fall
-from eutree.errors import InvalidArgumentError, UnknownNameError
-from eutree.learners.choices import with_choices
+from eutree.errors import InvalidArgumentError
 from eutree.learners.model_planning import PlanningMethod
-from eutree.policy_search import planner as module
+from eutree.learners.registry import from_document, to_document
 from eutree.policy_search.improvement import Improvement
 from eutree.policy_search.planner import Plan, Planner
 from eutree.world_model import Transitions, leaf_node
 from eutree.world_model.action_trees import single_action
-from eutree.world_model.ensemble import EnsembleSettings
-
-QUICK = EnsembleSettings(members=2, hidden=16, batch=64, updates=1200, memory=True, rate=3e-3)
-
-
-@pytest.fixture(autouse=True)
-def quick(monkeypatch):
-    monkeypatch.setattr(module, "_NETWORKS", QUICK)
 
 
 def known():
@@ -42,11 +30,8 @@ def known():
     return Transitions(before, actions, rewards, after, ends, np.repeat(np.arange(n), length), 2)
 
 
-@pytest.mark.parametrize("world_model", ["trees", "neural"])
-def test_a_challenger_is_found_in_either_model(world_model):
-    planner = Planner(
-        world_model=world_model, n_steps=4_000, improvement=Improvement(deviations=1000)
-    )
+def test_a_challenger_is_found_in_model_trees():
+    planner = Planner(n_steps=4_000, improvement=Improvement(deviations=1000))
     plan = planner.plan(Plan(single_action(0)), known(), np.random.default_rng(1))
     assert plan.challenger is not None
     assert plan.model_steps > 0
@@ -56,25 +41,13 @@ def test_a_challenger_is_found_in_either_model(world_model):
             assert plan.challenger.action[at] == action
 
 
-def test_the_choice_is_checked():
-    with pytest.raises(UnknownNameError, match="world_model"):
-        Planner(world_model="crystal")
-    with pytest.raises(InvalidArgumentError, match="discount must be 1"):
-        Planner(world_model="neural", discount=0.9)
-    chosen = with_choices(PlanningMethod(), {"world_model": "neural"})
-    assert chosen.planner.world_model == "neural"
-
-
-def test_a_run_plans_in_networks_to_the_same_bytes():
-    env = gymnasium.make("CartPole-v1")
-    shown = eutree.record(env, follow_the_fall, episodes=3)
-    method = PlanningMethod(
-        planner=Planner(world_model="neural", n_steps=1_000, improvement=Improvement(deviations=50))
-    )
-    one, other = (
-        eutree.learn(
-            env, demonstrations=shown, method=method, episodes=20, evaluation_episodes=1, seed=2
-        )
-        for _ in range(2)
-    )
-    assert one.policy.to_bytes() == other.policy.to_bytes()
+def test_an_older_file_without_networks_loads_and_one_with_them_says_so():
+    document = to_document(PlanningMethod())
+    older = document | {"planner": document["planner"] | {"world_model": "trees"}}
+    assert from_document(older) == PlanningMethod()
+    neural = document | {"planner": document["planner"] | {"world_model": "neural"}}
+    with pytest.raises(
+        InvalidArgumentError, match=r"'planner.world_model' no more, which was 'neural'"
+    ):
+        from_document(neural)
+    assert neural["planner"]["world_model"] == "neural"  # the document is left as it was

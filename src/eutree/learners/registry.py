@@ -38,6 +38,10 @@ _OURS = MappingProxyType({
     "parti-game": "eutree.learners.parti_game:PartiGameMethod",
 })  # fmt: skip
 BUILT_IN = tuple(_OURS)
+# Choices of earlier releases, and the value of each at which a method learns as it does now.
+_DELETED: Mapping[str, Mapping[str, Any]] = {
+    "planning": {"planner.world_model": "trees"},
+}
 
 
 class Methods(Mapping[str, type[Method]]):
@@ -167,6 +171,7 @@ def from_document(document: Mapping[str, Any], *, kind: type[Method] | None = No
     name = choices.pop("name", "")
     if kind is None:
         kind = _installed(name)
+    choices = _without_deleted(kind.name, choices)
     unknown = sorted(choices.keys() - {field.name for field in fields(cast(Any, kind))})
     if unknown:
         raise InvalidArgumentError(f"method {kind.name!r} has no choice {unknown[0]!r}")
@@ -174,6 +179,33 @@ def from_document(document: Mapping[str, Any], *, kind: type[Method] | None = No
         return cast(Method, _filled(msgspec.convert(choices, kind)))
     except (msgspec.ValidationError, ValueError) as error:
         raise InvalidArgumentError(f"method {kind.name!r}: {error}") from None
+
+
+def _without_deleted(name: str, choices: dict[str, Any]) -> dict[str, Any]:
+    """Return the choices of an older file without those that are no more.
+
+    Raises:
+        InvalidArgumentError: One of them was not at the value that changes nothing.
+    """
+    choices = _copied(choices)
+    for choice, usual in _DELETED.get(name, {}).items():
+        *outer, last = choice.split(".")
+        part: Any = choices
+        for key in outer:
+            part = part.get(key) if isinstance(part, dict) else None
+        if not isinstance(part, dict) or last not in part:
+            continue
+        if (was := part.pop(last)) != usual:
+            raise InvalidArgumentError(
+                f"method {name!r} has the choice {choice!r} no more, which was {shown(was)}: "
+                "go on with the release that made the file, or begin a new run"
+            )
+    return choices
+
+
+def _copied(value: Any) -> Any:
+    """Return nested dicts as new ones."""
+    return {k: _copied(v) for k, v in value.items()} if isinstance(value, dict) else value
 
 
 def _filled(chosen: Any) -> Any:

@@ -8,24 +8,16 @@ what the model did not know. The incumbent never changes without an online evalu
 """
 
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
 from eutree.arrays import Floats, Integers
-from eutree.errors import InvalidArgumentError
 from eutree.policy_search.improvement import Improvement
-from eutree.validation import check_choice, check_integer, check_number
+from eutree.validation import check_integer, check_number
 from eutree.world_model import ActionTree, PairedRollouts, Transitions, fit_world_models
 from eutree.world_model.action_trees import n_leaves
 from eutree.world_model.common_chance import Rollouts
-from eutree.world_model.ensemble import EnsembleSettings, fit_ensemble
-from eutree.world_model.ensemble_rollouts import EnsembleRollouts
 
-WORLD_MODELS = ("trees", "neural")
-DEARER = 3  # a step of the networks takes several of model trees: there are fewer episodes
-_NETWORKS = EnsembleSettings(hidden=32, batch=128, updates=2_500, memory=True)
-_DEVIATIONS = 0.5  # of the members' means
 FEWEST_ROLLOUTS = 100  # episodes
 _FEWEST_EPISODES = 5  # episodes
 _FEW_OWN = 10  # episodes
@@ -126,9 +118,6 @@ class Planner:
             adopted after five lucky episodes would else stay a bar that no challenger passes.
         trust_demonstrations: Whether what was demonstrated counts as what the incumbent can do: if
             it has played that itself. What somebody else has played is no evidence on it.
-        world_model: ``"trees"``, model trees, pessimistic about what is unknown; or ``"neural"``,
-            an ensemble of networks, fitted anew at each planning, pessimistic where its members
-            disagree. Networks take ten times as long, or more.
     """
 
     n_episodes: int = 1000
@@ -145,7 +134,6 @@ class Planner:
     discount: float = 1.0
     incumbent_first: int = 30
     trust_demonstrations: bool = False
-    world_model: Literal["trees", "neural"] = "trees"
 
     def __post_init__(self) -> None:
         check_integer("n_episodes", self.n_episodes, low=8)
@@ -162,11 +150,6 @@ class Planner:
         check_integer("max_transitions", self.max_transitions, low=1)
         check_number("discount", self.discount, low=0.0, high=1.0)
         check_integer("incumbent_first", self.incumbent_first, low=0)
-        check_choice("world_model", self.world_model, WORLD_MODELS)
-        if self.world_model == "neural" and self.discount != 1.0:
-            raise InvalidArgumentError(
-                f'discount must be 1 with world_model="neural", got {self.discount}'
-            )
 
     def incumbent_acts(self, plan: Plan) -> bool:
         """Return whether too little is known of the incumbent: it acts in a challenger's place."""
@@ -234,18 +217,10 @@ class Planner:
         """Return where the challenger and where the explorer is planned."""
         n_episodes = self._affordable(known)
         n_explorer_episodes = min(n_episodes, self.n_explorer_episodes)
-        if self.world_model == "trees":
-            pessimist, optimist = fit_world_models(known, (self.pessimism, self.optimism))
-            return (
-                PairedRollouts(pessimist, n_episodes, self.discount, generator),
-                PairedRollouts(optimist, n_explorer_episodes, self.discount, generator),
-            )
-        ensemble = fit_ensemble(known, _NETWORKS, generator)
-        n_starts = max(n_episodes // DEARER // _NETWORKS.members, 1)
-        n_explorer_starts = max(n_explorer_episodes // DEARER // _NETWORKS.members, 1)
+        pessimist, optimist = fit_world_models(known, (self.pessimism, self.optimism))
         return (
-            EnsembleRollouts(ensemble, n_starts, generator, pessimism=_DEVIATIONS),
-            EnsembleRollouts(ensemble, n_explorer_starts, generator, pessimism=-_DEVIATIONS),
+            PairedRollouts(pessimist, n_episodes, self.discount, generator),
+            PairedRollouts(optimist, n_explorer_episodes, self.discount, generator),
         )
 
     def _affordable(self, data: Transitions) -> int:
