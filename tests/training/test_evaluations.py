@@ -7,6 +7,7 @@ from eutree.errors import InvalidArgumentError
 from eutree.evaluation import Evaluation
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
+from eutree.training.beginning import Arena
 from eutree.training.evaluations import Evaluations
 from eutree.training.phases import Plan
 from eutree.training.run_state import RunState
@@ -31,6 +32,10 @@ class Evaluator:
             successes.astype(float), np.ones(4), np.full(4, "end"),
             successes if self._reports else None,
         )  # fmt: skip
+
+
+def arena_of(evaluator):
+    return Arena(None, evaluator, lambda policy, starts, seed: evaluator(policy, seed))
 
 
 def test_a_policy_evaluated_twice_in_a_row_runs_once_on_the_same_episodes() -> None:
@@ -64,7 +69,7 @@ def test_the_judgement_is_on_other_episodes_than_the_curve() -> None:
     state, evaluator = RunState(), Evaluator()
     found = Evaluations(Plan(), state)
     found.add(policy_of(2), evaluator)
-    found.judge(policy_of(1), policy_of(2), 5, evaluator)
+    found.judge(policy_of(1), policy_of(2), 5, arena_of(evaluator))
     assert found.judgement is not None
     assert (found.judgement.return_change, found.judgement.challengers) == (0.25, 5)
     assert len({seed for _, seed in evaluator.asked}) == 2
@@ -74,5 +79,5 @@ def test_the_judgement_is_on_other_episodes_than_the_curve() -> None:
 
 def test_a_result_that_is_the_start_is_not_run() -> None:
     found, evaluator = Evaluations(Plan(), RunState()), Evaluator()
-    found.judge(policy_of(1), policy_of(1), 5, evaluator)
+    found.judge(policy_of(1), policy_of(1), 5, arena_of(evaluator))
     assert (evaluator.asked, found.judgement.is_start) == ([], True)

@@ -93,11 +93,14 @@ def as_values(result: "LearningResult", out: Path) -> dict[str, Any]:
             "teacher": steps.teacher,
             "learning": steps.learning,
             "racing": steps.racing,
+            "judging": steps.judging,
             "total": steps.total,
             "declared": steps.declared,
         },
         "n_leaves": result.policy.n_leaves,
         "challengers": result.challengers,
+        "handed_over": "learned" if judgement is None else judgement.handed_over,
+        "why": "" if judgement is None else judgement.why,
         "against_start": None if judgement is None else judgement.facts(),
         "against_fit": None if result.against_fit is None else result.against_fit.facts(),
         "model_trust": None if result.model_trust is None else result.model_trust.figures(),
@@ -139,7 +142,9 @@ def in_words(result: "LearningResult", out: Path, *, recorded: int | None) -> st
             f"; its teacher was trained in {counted(result.environment_steps.declared, 'step')}, "
             "as declared, which are not among these"
         )
-    return f"{words}; written to {out}"
+    judgement = result.against_start
+    verdict = "" if judgement is None else judgement.verdict()
+    return f"{words}; written to {out}" + (f"\n{verdict}" if verdict else "")
 
 
 def _against_start(result: "LearningResult") -> str:
@@ -174,7 +179,11 @@ def many_results(learned: "LearningRuns", out: Path) -> "tuple[dict[str, Any], T
     from rich.table import Table
 
     result, judged = learned.result, learned.judged
+    judgement = learned.judgement or result.against_start
     values = as_values(result, out) | {
+        "n_leaves": learned.policy.n_leaves,
+        "handed_over": "learned" if judgement is None else judgement.handed_over,
+        "why": "" if judgement is None else judgement.why,
         "runs": [
             {
                 "seed": run.seed,
@@ -202,7 +211,8 @@ def many_results(learned: "LearningRuns", out: Path) -> "tuple[dict[str, Any], T
         "", "seed", "return [95 %]", "success [95 %]", "leaves",
         caption=f"The best of {counted(len(learned.runs), 'run')} on "
         f"{counted(best.selection.episodes, 'episode')} of their own is that of seed {best.seed}"
-        f"{_against_start(result)}. On {judged}. Written to {out / 'policy.json'}.",
+        f"{_against_start(result)}. On {judged}. Written to {out / 'policy.json'}."
+        + ("" if judgement is None else f"\n{judgement.verdict()}"),
         caption_justify="left",
     )  # fmt: skip
     for number, run in enumerate(learned.runs):

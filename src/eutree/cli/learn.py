@@ -70,6 +70,9 @@ if TYPE_CHECKING:
 @count_option("--max-leaves", None, "Most leaves of the result.", least=2)
 @click.option("--keep-success", is_flag=True,
               help="Replace the policy only by one that succeeds as often.")  # fmt: skip
+@count_option("--judge-episodes", None, "Most fresh episodes of start and result at the end; the "
+              "start is handed over where the result is not shown to be better. 0: none.",
+              least=0)  # fmt: skip
 @count_option("--max-transitions", None, "Most transitions to remember; by default all.")
 @click.option("--ask", help="Ask for a demonstration where the learner is unsure: web (a "
               "person), or a scripted expert.")  # fmt: skip

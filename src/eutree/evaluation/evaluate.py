@@ -79,6 +79,21 @@ def evaluate(
         env.close()
 
 
+def evaluate_starts(
+    policy: Policy, env: gymnasium.Env[Any, Any], starts: Sequence[int], *, seed: int
+) -> Evaluation:
+    """Return how ``policy`` does from some of the starts of an evaluation with this seed.
+
+    Args:
+        policy: Anything with SB3's ``predict``.
+        env: The environment.
+        starts: Numbers of the episodes, ascending: episode k has ``episode_seed(seed, k)``.
+        seed: Seed of the evaluation.
+    """
+    seeds = [episode_seed(seed, k) for k in starts]
+    return _evaluate(policy, env, seeds, first=starts[0])
+
+
 @dataclass(frozen=True)
 class _Block:
     """Some of the episodes of an evaluation, in whichever process."""

@@ -86,6 +86,16 @@ class Evaluation(Displayed):
         return float(self.returns.mean())
 
     @property
+    def worst_return(self) -> float:
+        """The lowest return of an episode."""
+        return float(self.returns.min())
+
+    @property
+    def return_quantile_05(self) -> float:
+        """The 5 % quantile of the returns: one episode in twenty returned no more."""
+        return float(np.quantile(self.returns, 0.05, method="inverted_cdf"))
+
+    @property
     def mean_length(self) -> float:
         """Mean number of steps."""
         return float(self.lengths.mean())
@@ -106,6 +116,17 @@ class Evaluation(Displayed):
         if self.successes is None:
             return None
         return wilson_interval(int(self.successes.sum()), self.episodes)
+
+    def of_episodes(self, numbers: Sequence[int]) -> "Evaluation":
+        """Return the evaluation of some of the episodes, by their numbers."""
+        rows = np.asarray(numbers, dtype=np.int64)
+        return Evaluation(
+            self.returns[rows],
+            self.lengths[rows],
+            self.endings[rows],
+            None if self.successes is None else self.successes[rows],
+            self.n_leaves,
+        )
 
     @classmethod
     def join(cls, parts: Sequence["Evaluation"]) -> "Evaluation":

@@ -98,14 +98,14 @@ def run_demo(settings: DemoSettings, out: Path, *, say: Say, follow: Follow) -> 
     learned = runs.result
     margin = settings.story.margin
     small, compression = compress(
-        learned.policy,
+        runs.policy,
         learned.history.observations,
         round_thresholds=True,
         real=None if margin is None else RealEpisodes(settings.changed, margin),
         seed=settings.seed,
     )
     _export(small, folder)
-    policies = {EXPERT: expert, LEARNED: learned.policy, COMPRESSED: small}
+    policies = {EXPERT: expert, LEARNED: runs.policy, COMPRESSED: small}
     say(f"judging each tree on {settings.story.final_episodes} fresh episodes")
     evaluations = {
         EXPERT: _judge(settings, expert),
@@ -263,7 +263,7 @@ def _learn_a_little(settings: DemoSettings, demonstrations: Demonstrations) -> N
     leaf = DecisionTree.single_leaf(schema.n_features)
     start = TreePolicy(leaf, np.zeros(1, dtype=np.int64), schema)
     options = dict(settings.story.learning) | {"episodes": 2, "evaluate_every": 2}
-    options |= {"evaluation_episodes": 2, "race_steps": 0}
+    options |= {"evaluation_episodes": 2, "race_steps": 0, "judge_episodes": 0}
     env = make(settings.changed)
     try:
         learn(env, demonstrations=demonstrations, expert=start, seed=settings.seed, **options)

@@ -422,6 +422,7 @@ def _learned(
             episodes=task.episodes,
             evaluate_every=task.evaluate_every,
             evaluation_episodes=task.evaluation_episodes,
+            judge_episodes=0,
             seed=spec.seed,
             on_progress=keep,
         )

@@ -180,6 +180,7 @@ def _learn(
         episodes=spec.episodes,
         evaluate_every=spec.evaluate_every,
         evaluation_episodes=spec.evaluation_episodes,
+        judge_episodes=0,
         seed=spec.seed,
         on_progress=kept,
     )

@@ -74,6 +74,7 @@ def practise(
         episodes=episodes,
         evaluate_every=max(episodes, 1),
         evaluation_episodes=1,
+        judge_episodes=0,
         seed=seed,
         callback=callback,
         stop=stop,

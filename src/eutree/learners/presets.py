@@ -38,6 +38,15 @@ CORRECTED = replace(
 
 DEFAULT = PlanningMethod()
 
+
+def reads_the_paper(method: Method) -> bool:
+    """Return whether a method splits by the paper's stopping criterion, read literally.
+
+    What such a learner ends with is what is studied, so nothing takes its place.
+    """
+    return isinstance(method, UTreeMethod) and isinstance(method.significance, Naive)
+
+
 PRESETS: dict[str, Method] = {
     "default": DEFAULT,
     "paper": PAPER,

@@ -70,8 +70,9 @@ def _report(path: Path, config: Event, events: Sequence[Event]) -> RunReport:
         notes.append(f"Its teacher is one's own: {config['teacher']}, which are not counted.")
     verdict = "This run has not ended yet, or had nothing to be judged against."
     if judged:
-        sentence = Judgement.from_facts(judged[-1]).describe("the tree that it started from")
-        verdict = f"{sentence[0].upper()}{sentence[1:]}."
+        judgement = Judgement.from_facts(judged[-1])
+        sentences = judgement.describe("the tree that it started from"), judgement.verdict()
+        verdict = " ".join(f"{one[0].upper()}{one[1:]}." for one in sentences if one)
     return RunReport(
         title=f"{path.resolve().name}: {config['method']['name']} in {config['environment']}",
         curves=_curves(events, taught),

@@ -1,6 +1,6 @@
 """What a run begins with, where it acts, who follows it, and where its chance comes from."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -14,6 +14,7 @@ from eutree.learners.learner import ChoosesStarts
 from eutree.policies import TreePolicy
 
 Evaluator = Callable[[TreePolicy, int], Evaluation]  # (policy, seed) -> evaluation
+Player = Callable[[TreePolicy, Sequence[int], int], Evaluation]  # (policy, starts, seed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,10 +61,14 @@ class Arena:
     Attributes:
         env: Where episodes are gathered and raced.
         evaluator: How to evaluate a frozen policy.
+        play: How to play a frozen policy from some starts of an evaluation with a seed.
+        return_range: Lowest and highest return of an episode; None where they are not known.
     """
 
     env: GuardedEnv
     evaluator: Evaluator
+    play: Player
+    return_range: tuple[float, float] | None = None
 
 
 def generator_of(seed: int, stream: int, number: int) -> np.random.Generator:

@@ -5,7 +5,8 @@ from eutree.evaluation import CurvePoint, Evaluation
 from eutree.interaction import episode_seed
 from eutree.interaction.seeding import Stream
 from eutree.policies import TreePolicy
-from eutree.training.beginning import Evaluator
+from eutree.training.beginning import Arena, Evaluator
+from eutree.training.handover import Duel, judge
 from eutree.training.judging import Judgement, judged
 from eutree.training.phases import Plan
 from eutree.training.proposals import key
@@ -52,16 +53,28 @@ class Evaluations:
         state.move(evaluated_at=state.at.episode)
         state.note("evaluation", vars(point) | {"mean_length": evaluation.mean_length})
 
-    def judge(
-        self, first: TreePolicy, policy: TreePolicy, challengers: int, evaluator: Evaluator
-    ) -> None:
-        """Compare the result with the start, on episodes that chose nothing."""
+    def judge(self, first: TreePolicy, policy: TreePolicy, challengers: int, arena: Arena) -> None:
+        """Decide whether the result or the start is handed over, on episodes that chose nothing."""
         self._state.whole = True
         if key(policy) == key(first):
             judgement = Judgement.same(challengers=challengers)
-        else:
-            pair = (self._evaluated(one, Stream.JUDGING, evaluator) for one in (first, policy))
+        elif (handover := self._plan.handover) is None:
+            pair = (
+                self._evaluated(one, Stream.JUDGING, arena.evaluator) for one in (first, policy)
+            )
             judgement = judged(*pair, challengers=challengers)
+        else:
+            at, seed = self._state.at, episode_seed(self._plan.seed, 0, Stream.JUDGING)
+            duel = Duel(
+                first,
+                policy,
+                lambda tree, starts: arena.play(tree, starts, seed),
+                most=handover.pairs(at.episode),
+                steps=handover.steps(at.steps + at.racing_steps),
+            )
+            sizes = first.n_leaves, policy.n_leaves
+            known = arena.return_range
+            judgement = judge(handover, duel, sizes, known=known, challengers=challengers)
         self._state.whole = False
         self.judgement = judgement
         self._state.move(judged=True)

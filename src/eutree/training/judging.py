@@ -1,29 +1,85 @@
 """What a run gained against its start: both policies on the same fresh episodes."""
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
 
 import numpy as np
 
-from eutree.arrays import Floats
-from eutree.contests.betting import lower_bound
-from eutree.evaluation import Evaluation, Interval, mean_interval
+from eutree.contests import bounds_of_change
+from eutree.evaluation import Evaluation, Interval
 from eutree.wording import counted
 
-ERROR = 0.05
+LEARNED: Literal["learned"] = "learned"
+START: Literal["start"] = "start"
+
+
+@dataclass(frozen=True)
+class Standing:
+    """What one of the two trees did.
+
+    Attributes:
+        n_leaves: Its leaves.
+        mean_return: Mean return.
+        return_interval: Its 95 % interval (Student's).
+        worst: The worst return of all episodes.
+        quantile_05: One episode in twenty returned no more.
+        success_rate: Share of successes; None where none is reported.
+        success_interval: Its 95 % interval (Wilson's).
+    """
+
+    n_leaves: int
+    mean_return: float
+    return_interval: Interval
+    worst: float
+    quantile_05: float
+    success_rate: float | None = None
+    success_interval: Interval | None = None
+
+    @classmethod
+    def of(cls, evaluation: Evaluation, n_leaves: int) -> "Standing":
+        """Return what an evaluation says."""
+        return cls(
+            n_leaves,
+            evaluation.mean_return,
+            evaluation.return_interval,
+            evaluation.worst_return,
+            evaluation.return_quantile_05,
+            evaluation.success_rate,
+            evaluation.success_interval,
+        )
+
+    def describe(self) -> str:
+        """Return it in words, intervals in brackets."""
+        success = ""
+        if self.success_rate is not None and self.success_interval is not None:
+            low, high = self.success_interval
+            success = f"{self.success_rate:.1%} [{low:.1%}, {high:.1%}], "
+        low, high = self.return_interval
+        return (
+            f"{counted(self.n_leaves, 'leaf')}, {success}return {self.mean_return:.1f} "
+            f"[{low:.1f}, {high:.1f}], worst {self.worst:.1f}"
+        )
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """The result of a run minus its start.
+    """The learned tree of a run against its start.
 
     Attributes:
-        episodes: Episodes that both ran; 0 where both decide the same.
-        return_change: Mean of the difference of returns.
-        return_interval: Its 95 % interval (Student's, paired).
+        episodes: Episodes that both played; 0 where both decide the same.
+        return_change: Mean of learned minus start.
+        return_interval: Its 95 % interval, true for any share of losses however rare (betting), on
+            the ``condition``.
         success_change: Mean of the difference of successes; None where none is reported.
-        success_interval: Its 95 % interval, true for any share however rare (betting).
+        success_interval: Its 95 % interval, by betting.
         challengers: Trees that were put to the test on the way.
+        start: What the start did; None where nothing was played.
+        learned: What the learned tree did; None where nothing was played.
+        steps: Environment steps of both, where they decide what is handed over; else 0.
+        handed_over: "learned" or "start".
+        why: Why that one, in words.
+        condition: What the interval of the return depends on, where the range of returns is not
+            known; else "".
     """
 
     episodes: int
@@ -32,6 +88,12 @@ class Judgement:
     success_change: float | None = None
     success_interval: Interval | None = None
     challengers: int = 0
+    start: Standing | None = None
+    learned: Standing | None = None
+    steps: int = 0
+    handed_over: Literal["learned", "start"] = LEARNED
+    why: str = ""
+    condition: str = ""
 
     @classmethod
     def same(cls, *, challengers: int) -> "Judgement":
@@ -53,19 +115,33 @@ class Judgement:
             "success": self.success_change,
             "success_interval": None if success is None else list(success),
             "challengers": self.challengers,
+            "start": None if self.start is None else asdict(self.start),
+            "learned": None if self.learned is None else asdict(self.learned),
+            "steps_of_judging": self.steps,
+            "handed_over": self.handed_over,
+            "why": self.why,
+            "condition": self.condition,
         }
 
     @classmethod
     def from_facts(cls, facts: dict[str, Any]) -> "Judgement":
-        """Take back ``facts()``."""
-        success = facts["success_interval"]
+        """Take back ``facts()``, also those of a run before version 0.3."""
+        handed_over = facts.get("handed_over", LEARNED)
+        if handed_over not in (LEARNED, START):
+            raise ValueError(f"handed_over must be learned or start, got {handed_over!r}")
         return cls(
             int(facts["episodes_compared"]),
             float(facts["return"]),
-            Interval(*map(float, facts["return_interval"])),
+            _interval(facts["return_interval"]),
             None if facts["success"] is None else float(facts["success"]),
-            None if success is None else Interval(*map(float, success)),
+            None if facts["success_interval"] is None else _interval(facts["success_interval"]),
             int(facts["challengers"]),
+            _standing(facts.get("start")),
+            _standing(facts.get("learned")),
+            int(facts.get("steps_of_judging", 0)),
+            handed_over,
+            str(facts.get("why", "")),
+            str(facts.get("condition", "")),
         )
 
     def describe(self, start: str) -> str:
@@ -76,25 +152,77 @@ class Judgement:
         words = f"return {_signed(self.return_change, self.return_interval, 1.0, '')}"
         if self.success_change is not None and self.success_interval is not None:
             words += f", success {_signed(self.success_change, self.success_interval, 100.0, ' %')}"
-        return f"{words} against {start}, on {self.episodes} episodes of their own"
+        words += f" against {start}, on {self.episodes} episodes of their own"
+        return f"{words}, {self.condition}" if self.condition else words
+
+    def verdict(self) -> str:
+        """Return which tree is handed over and how both did, in a sentence; "" if not played."""
+        if self.start is None or self.learned is None:
+            return ""
+        both = (self.learned, self.start)
+        taken, other = both if self.handed_over == LEARNED else both[::-1]
+        name = "start" if self.handed_over == LEARNED else "learned"
+        words = f"handed over: {taken.describe()} of {self.episodes:,}; {name}: {other.describe()}"
+        if self.handed_over == START:
+            words += f". The start is handed over, because {self.why}"
+        return words
 
 
-def judged(start: Evaluation, result: Evaluation, *, challengers: int) -> Judgement:
-    """Return the judgement of two evaluations on the same episodes."""
-    gain = result.returns - start.returns
-    success = interval = None
-    if start.successes is not None and result.successes is not None:
-        more = result.successes.astype(np.float64) - start.successes
-        success, interval = float(more.mean()), _bounds(more)
+def judged(
+    start: Evaluation,
+    learned: Evaluation,
+    *,
+    known: tuple[float, float] | None = None,
+    challengers: int = 0,
+    sizes: tuple[int, int] | None = None,
+) -> Judgement:
+    """Return the judgement of two evaluations on the same episodes.
+
+    Args:
+        start: What the start did.
+        learned: What the learned tree did.
+        known: Lowest and highest return of an episode; None where they are not known.
+        challengers: Trees that were put to the test.
+        sizes: Leaves of both; by default as the evaluations say.
+    """
+    change = interval = None
+    if start.successes is not None and learned.successes is not None:
+        successes = np.stack([start.successes, learned.successes]).astype(np.float64)
+        bounds = bounds_of_change(successes, known=(0.0, 1.0))
+        change, interval = bounds.mean, Interval(bounds.low, bounds.high)
+    bounds = bounds_of_change(np.stack([start.returns, learned.returns]), known=known)
+    sizes = sizes or (start.n_leaves or 0, learned.n_leaves or 0)
     return Judgement(
-        gain.size, float(gain.mean()), mean_interval(gain), success, interval, challengers
+        episodes=start.episodes,
+        return_change=bounds.mean,
+        return_interval=Interval(bounds.low, bounds.high),
+        success_change=change,
+        success_interval=interval,
+        challengers=challengers,
+        start=Standing.of(start, sizes[0]),
+        learned=Standing.of(learned, sizes[1]),
+        condition=bounds.condition(),
     )
 
 
-def _bounds(differences: Floats) -> Interval:
-    """Return bounds of the mean of differences of successes, which lie in [-1, 1]."""
-    low = lower_bound(differences, -1.0, ERROR / 2)
-    return Interval(low, -lower_bound(-differences, -1.0, ERROR / 2))
+def _interval(ends: Any) -> Interval:
+    low, high = ends
+    return Interval(float(low), float(high))
+
+
+def _standing(facts: dict[str, Any] | None) -> Standing | None:
+    if facts is None:
+        return None
+    success = facts["success_rate"]
+    return Standing(
+        int(facts["n_leaves"]),
+        float(facts["mean_return"]),
+        _interval(facts["return_interval"]),
+        float(facts["worst"]),
+        float(facts["quantile_05"]),
+        None if success is None else float(success),
+        None if facts["success_interval"] is None else _interval(facts["success_interval"]),
+    )
 
 
 def _signed(value: float, interval: Interval, scale: float, unit: str) -> str:

@@ -11,13 +11,15 @@ import gymnasium
 
 from eutree.data import Demonstrations, check_rewards
 from eutree.errors import InvalidArgumentError
-from eutree.evaluation import Evaluation, evaluate
+from eutree.evaluation import evaluate
+from eutree.evaluation.evaluate import evaluate_starts
 from eutree.evaluation.off_policy import OffPolicyComparison
 from eutree.interaction import GuardedEnv, episode_seed
 from eutree.interaction.action_grid import acting_as
 from eutree.interaction.first_look import look_at
 from eutree.interaction.recipe import Environment, opened
 from eutree.interaction.requests import Controller
+from eutree.interaction.return_range import return_range
 from eutree.interaction.seeding import Stream
 from eutree.learners import Method, Problem, Start, start_of
 from eutree.learners import method as method_of
@@ -28,6 +30,7 @@ from eutree.policies import Policy, TreePolicy
 from eutree.training.asking import Asking, questions_for
 from eutree.training.beginning import Arena, Beginning, generator_of
 from eutree.training.callback import CallbackLike, CallbackListener
+from eutree.training.handover import handover_for
 from eutree.training.log import DISCOUNT, Log
 from eutree.training.phases import MANY, Plan
 from eutree.training.proposals import SearchSettings
@@ -57,6 +60,7 @@ def learn(
     race_steps: int = 0,
     max_leaves: int | None = None,
     keep_success: bool = False,
+    judge_episodes: int | None = None,
     seed: int = 0,
     evaluate_every: int = 20,
     evaluation_episodes: int = 100,
@@ -104,7 +108,13 @@ def learn(
             policy in episodes with common starts. They are part of ``steps``.
         max_leaves: Most leaves of the result; for methods that plan, or with ``race_steps``. Where
             a race ends the run it keeps the limit, and what is planned before may be larger.
-        keep_success: Replace the policy only by one that succeeds as often, in the same episodes.
+        keep_success: Replace the policy only by one that succeeds as often, in the same episodes;
+            and the start only by one that succeeds as often on fresh ones.
+        judge_episodes: Most fresh episodes that the start and the learned tree both play at the
+            end: the start is handed over unless the other is shown to earn more, or to be smaller
+            and earn no less, and succeeds less often by a point at most. None takes five for each
+            episode of the run, 300 to 5,000; 0 plays none and hands over what was learned, as the
+            presets that read the paper literally do.
         seed: The same seed gives the same result, byte for byte.
         evaluate_every: Episodes between two frozen evaluations.
         evaluation_episodes: Episodes of each frozen evaluation.
@@ -166,6 +176,7 @@ def learn(
         if race_steps
         else None,
         keep_success=keep_success,
+        handover=handover_for(chosen, judge_episodes, max_leaves, keep_success=keep_success),
         seed=seed,
     )
     if demonstrations is not None and history:
@@ -202,7 +213,7 @@ def learn(
     run = Run(
         beginning,
         plan,
-        None if env is None else Arena(guarded, _evaluator(env, evaluation_episodes)),
+        None if env is None else _arena(guarded, env, evaluation_episodes),
         stop=stop,
         questions=questions_for(ask, asking, out),
     )
@@ -224,6 +235,7 @@ def learn(
         strict=strict,
         race=None if plan.race is None else asdict(plan.race),
         keep_success=keep_success,
+        judge_episodes=judge_episodes,
     )
     listener = None if callback is None else _listener(callback, run, env)
     if out is None:
@@ -237,10 +249,12 @@ def learn(
             with _followed(run, listener, tensorboard) as follow:
                 _go_on(run, folder, clock, (follow, on_progress))
             policy, against_fit = _result(run, log)
-            folder.save_result(policy)
+            folder.save_result(policy, run.learned())
     recorded_steps = 0 if demonstrations is None else sum(map(len, begin.episodes))
     return LearningResult(
         policy=policy,
+        learned=run.learned(),
+        first=run.first,
         expert=begin.expert,
         curve=tuple(run.curve),
         history=run.learner.history,
@@ -253,6 +267,7 @@ def learn(
             teacher=run.at.teacher_steps,
             learning=run.at.steps - run.at.teacher_steps,
             racing=run.at.racing_steps,
+            judging=0 if run.evaluations.judgement is None else run.evaluations.judgement.steps,
             declared=0 if teacher is None else teacher.cost,
         ),
         challengers=run.challengers,
@@ -343,10 +358,14 @@ def _check_acts_nowhere(
         raise InvalidArgumentError("ask must be None without an environment: nothing is acted in")
 
 
-def _evaluator(
-    env: gymnasium.Env[Any, Any], episodes: int
-) -> Callable[[TreePolicy, int], Evaluation]:
-    return lambda policy, seed: evaluate(policy, env, episodes=episodes, seed=seed)
+def _arena(guarded: GuardedEnv, env: gymnasium.Env[Any, Any], episodes: int) -> Arena:
+    """Return where a run acts, and frozen policies are evaluated in so many episodes."""
+    return Arena(
+        guarded,
+        lambda policy, seed: evaluate(policy, env, episodes=episodes, seed=seed),
+        lambda policy, starts, seed: evaluate_starts(policy, env, starts, seed=seed),
+        return_range(env),
+    )
 
 
 def _listener(

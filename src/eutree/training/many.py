@@ -2,7 +2,8 @@
 
 Run k has the seed ``seed + k`` and is what ``learn`` would do alone, so the bytes do not depend on
 the number of processes or machines. The best by its mean return on selection episodes, which no run
-has learned from, is the winner; a winner was lucky too, so what it earns is measured on others.
+has learned from, is the winner. A winner was lucky too, so on others again it has to deserve to
+take the place of the start, by the rule of a single run (:mod:`eutree.training.handover`).
 """
 
 from collections.abc import Callable, Sequence
@@ -19,9 +20,13 @@ from eutree.interaction import episode_seed
 from eutree.interaction.first_look import look_at
 from eutree.interaction.making import make
 from eutree.interaction.recipe import Recipe
+from eutree.interaction.return_range import return_range
 from eutree.interaction.seeding import Stream
 from eutree.parallel import Workers
+from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
+from eutree.training.handover import Duel, Handover, judge
+from eutree.training.judging import START, Judgement
 from eutree.training.learn import learn
 from eutree.training.result import LearningResult
 from eutree.validation import check_integer, check_seed
@@ -69,13 +74,23 @@ class LearningRuns:
         runs: All of them, by seed.
         winner: Number of the best in ``runs``.
         result: What the best run learned.
-        judged: What its policy earned on episodes that chose nothing.
+        judged: What the policy that is handed over earned on episodes that chose nothing.
+        judgement: The winner's policy against the start on the same episodes, and which of them is
+            handed over; None where it is the start, or was handed over without a contest.
     """
 
     runs: tuple[FinishedRun, ...]
     winner: int
     result: LearningResult
     judged: Evaluation
+    judgement: Judgement | None = None
+
+    @property
+    def policy(self) -> TreePolicy:
+        """The policy that is handed over."""
+        if self.judgement is not None and self.judgement.handed_over == START:
+            return self.result.first
+        return self.result.policy
 
     def to_pandas(self) -> Any:
         """Return the learning curves of all runs as one data frame; index: seed, episode.
@@ -149,14 +164,44 @@ def learn_runs(
         winner = ordered[best]
         result = learn(env, out=winner.path, seed=winner.seed, resume=True, **options)
         judging_seed = episode_seed(seed, 0, Stream.WINNER)
-        judged = evaluate(
-            result.policy, spec, episodes=judging_episodes, seed=judging_seed, n_jobs=n_jobs
-        )
+
+        def evaluated(policy: TreePolicy) -> Evaluation:
+            return evaluate(
+                policy, spec, episodes=judging_episodes, seed=judging_seed, n_jobs=n_jobs
+            )
+
+        judged, judgement = evaluated(result.policy), None
+        if result.against_start is not None and result.against_start.why and not result.is_start:
+            start = evaluated(result.first)
+            handover = Handover(max_leaves=options.get("max_leaves"))
+            judgement = _against_start(handover, result, start, judged, return_range(env))
+            judged = start if judgement.handed_over == START else judged
     finally:
         env.close()
-    result.policy.save(folder / "policy.json")
+    learned = LearningRuns(ordered, best, result, judged, judgement)
+    learned.policy.save(folder / "policy.json")
     write_text(folder / "runs.csv", _table(ordered, best))
-    return LearningRuns(ordered, best, result, judged)
+    return learned
+
+
+def _against_start(
+    handover: Handover,
+    result: LearningResult,
+    start: Evaluation,
+    judged: Evaluation,
+    known: tuple[float, float] | None,
+) -> Judgement:
+    """Return which is handed over, the start or the winner, by episodes that both have played."""
+    by_policy = {id(result.first): start, id(result.policy): judged}
+    duel = Duel(
+        result.first,
+        result.policy,
+        lambda policy, starts: by_policy[id(policy)].of_episodes(starts),
+        most=start.episodes,
+        steps=None,
+    )
+    sizes = result.first.n_leaves, result.policy.n_leaves
+    return judge(handover, duel, sizes, known=known, challengers=result.challengers)
 
 
 def folder_of_winner(path: str | Path) -> Path:

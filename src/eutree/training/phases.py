@@ -13,6 +13,7 @@ episodes alone has no gathering phase: it updates until nothing changes.
 from dataclasses import dataclass
 from enum import StrEnum
 
+from eutree.training.handover import Handover
 from eutree.training.proposals import SearchSettings
 from eutree.validation import check_integer, check_number, check_seed
 
@@ -43,7 +44,8 @@ class Plan:
         gathers: Whether there is an environment to gather in.
         race: The policy search at the end; None for none.
         keep_success: Whether the policy is replaced only by one that succeeds as often.
-        judge: Whether the result is compared with the start.
+        handover: How it is decided whether the result or the start is handed over; None hands over
+            the result, and says how it did against the start.
         seed: Seed of the run.
     """
 
@@ -54,7 +56,7 @@ class Plan:
     gathers: bool = True
     race: SearchSettings | None = None
     keep_success: bool = False
-    judge: bool = True
+    handover: Handover | None = None
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -142,7 +144,8 @@ def due(
 def _after_the_race(plan: Plan, at: Position) -> Phase | None:
     if at.evaluated_at < at.episode:
         return Phase.EVALUATE
-    return Phase.JUDGE if plan.judge and not at.judged else None
+    judges = plan.handover is None or plan.handover.judges
+    return Phase.JUDGE if judges and not at.judged else None
 
 
 def _fits(plan: Plan, at: Position, max_episode_steps: int | None) -> bool:

@@ -1,7 +1,7 @@
 """What a learning run gives back."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 from eutree.display import Displayed
 from eutree.evaluation import CurvePoint
@@ -11,7 +11,7 @@ from eutree.learners import History, Method
 from eutree.learners.learner import ValuingPolicy
 from eutree.learners.model_trust import ModelTrust
 from eutree.policies import TreePolicy
-from eutree.training.judging import Judgement
+from eutree.training.judging import LEARNED, START, Judgement
 from eutree.wording import counted
 
 
@@ -25,6 +25,7 @@ class StepCounts:
             the network of ``distilled-dqn`` while it learned.
         learning: Taken by the learner's trees.
         racing: Taken by trees that raced.
+        judging: Taken at the end by the start and the learned tree, of which one is handed over.
         declared: Those in which a teacher of your own was trained before, by its word or yours.
             They are no part of ``total``.
     """
@@ -33,12 +34,13 @@ class StepCounts:
     teacher: int = 0
     learning: int = 0
     racing: int = 0
+    judging: int = 0
     declared: int = 0
 
     @property
     def total(self) -> int:
         """All of the run and of the demonstrations."""
-        return self.demonstrations + self.teacher + self.learning + self.racing
+        return self.demonstrations + self.teacher + self.learning + self.racing + self.judging
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +48,10 @@ class LearningResult(Displayed):
     """A finished learning run.
 
     Attributes:
-        policy: The final policy.
+        policy: The policy that is handed over: the learned one, or the start where it was not shown
+            that the learned one is better, or smaller and no worse.
+        learned: The policy that was learned, also where the start is handed over.
+        first: The policy that it began with.
         expert: The expert tree it started from; None where it started from none.
         curve: Frozen evaluations along the way, the first before any learning.
         history: All stored transitions.
@@ -56,7 +61,8 @@ class LearningResult(Displayed):
         steps: Environment steps of experience, without those of evaluations and racing.
         environment_steps: Environment steps by what they were for.
         challengers: Trees that were put to the test.
-        against_start: What was gained against the start; None offline, and where the run stopped.
+        against_start: How the learned tree did against the start, which of them is handed over and
+            why; None offline, where the run stopped, and where nothing may be judged.
         against_fit: Offline, what held-out episodes say against the tree of ``fit``, which is the
             policy unless the learned tree is believed to beat it.
         teacher: Who taught, where the method has a teacher: a policy with ``action_values``, for
@@ -67,6 +73,8 @@ class LearningResult(Displayed):
     """
 
     policy: TreePolicy
+    learned: TreePolicy
+    first: TreePolicy
     expert: TreePolicy | None
     curve: tuple[CurvePoint, ...]
     history: History
@@ -81,6 +89,17 @@ class LearningResult(Displayed):
     teacher: ValuingPolicy | None = None
     model_trust: ModelTrust | None = None
     reason: str = ""
+
+    @property
+    def is_start(self) -> bool:
+        """Whether ``policy`` is the one that it began with, or decides as that one does."""
+        judgement = self.against_start
+        return judgement is not None and (judgement.is_start or judgement.handed_over == START)
+
+    @property
+    def handed_over(self) -> Literal["learned", "start"]:
+        """Which tree ``policy`` is."""
+        return LEARNED if self.against_start is None else self.against_start.handed_over
 
     def __repr__(self) -> str:
         """Return the result in one line; the stored transitions would be pages."""

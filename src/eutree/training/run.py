@@ -20,6 +20,7 @@ from eutree.training.asking import Questions
 from eutree.training.beginning import Arena, Beginning, generator_of, seed_of_next
 from eutree.training.evaluations import Evaluations
 from eutree.training.gathering import GatheringEpisode
+from eutree.training.judging import START
 from eutree.training.phases import Phase, Plan, Position, due
 from eutree.training.progress import GatheredEpisodes
 from eutree.training.racing import Racing
@@ -69,7 +70,7 @@ class Run:
         self._arena = arena
         self._questions = questions
         self._clock = time.monotonic()
-        self.first = self.policy()
+        self.first = beginning.start.expert or self.policy()
 
     @property
     def at(self) -> Position:
@@ -125,6 +126,13 @@ class Run:
         return learner.model_trust() if isinstance(learner, KnowsItsModel) else None
 
     def policy(self) -> TreePolicy:
+        """Return the policy to hand over: the present one, unless the start is preferred to it."""
+        judgement = self.evaluations.judgement
+        if self.at.judged and judgement is not None and judgement.handed_over == START:
+            return self.first
+        return self.learned()
+
+    def learned(self) -> TreePolicy:
         """Return the present policy, frozen."""
         if self.racing.search is not None:
             return self.racing.search.incumbent
@@ -217,6 +225,4 @@ class Run:
 
     def _judge(self) -> None:
         """Compare the result with the start."""
-        self.evaluations.judge(
-            self.first, self.policy(), self.challengers, self._acting().evaluator
-        )
+        self.evaluations.judge(self.first, self.learned(), self.challengers, self._acting())

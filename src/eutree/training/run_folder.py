@@ -7,7 +7,8 @@
     events.jsonl       one line for each thing that happened
     answers.jsonl      what was shown where the learner asked
     expert.json        the expert tree
-    policy.json        the final policy
+    policy.json        the policy that is handed over
+    learned.json       the learned one, where the start is handed over
     .lock              held by the process that writes here
 
 A checkpoint is written whole or not at all, so the folder can always be resumed from the old one
@@ -71,6 +72,7 @@ class ConfigDocument(Document, frozen=True, kw_only=True):
     strict: bool = False
     race: dict[str, Any] | None = None
     keep_success: bool = False
+    judge_episodes: int | None = None
 
 
 class SavingClock:
@@ -167,9 +169,14 @@ class RunFolder:
             )
         return True
 
-    def save_result(self, policy: TreePolicy) -> None:
-        """Write the final policy."""
+    def save_result(self, policy: TreePolicy, learned: TreePolicy) -> None:
+        """Write the policy that is handed over; beside it the learned one where it is another."""
         policy.save(self.path / "policy.json")
+        beside = self.path / "learned.json"
+        if learned is not policy:
+            learned.save(beside)
+        else:
+            beside.unlink(missing_ok=True)
 
     def _open(self, config: ConfigDocument, kind: type[Method], *, resume: bool) -> None:
         remove_orphans(self.path)

@@ -71,7 +71,7 @@ def behaviour(preset, start, task, seed):
         race_steps=RACING_STEPS[task] if preset.endswith("-raced") else 0,
         seed=seed,
     )
-    policy, history = result.policy, result.history
+    policy, history = result.learned, result.history  # what was learned, handed over or not
     tree = {name: column(getattr(policy.tree, name)) for name in ("feature", "threshold", "left",
             "right", "leaf")}  # fmt: skip
     found = {

@@ -1,0 +1,189 @@
+"""Which tree a run hands over: the one it learned, or the one that it began with.
+
+Both play the same fresh episodes, one pair after the other, until it is decided. The learned tree
+takes the place of the start only if a contest *shows* that it earns more, or that it is smaller and
+earns no less; and if it does not succeed less often by more than a point. Otherwise the start is
+handed over, and the learned tree is kept beside it. What is said of the two is about these
+episodes alone, which chose nothing before.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from eutree.arrays import Floats
+from eutree.contests import Better, NotWorse, Verdict, hold, new_table
+from eutree.contests.table import seen_range
+from eutree.evaluation import Evaluation
+from eutree.learners import Method
+from eutree.learners.presets import reads_the_paper
+from eutree.policies import TreePolicy
+from eutree.training.judging import LEARNED, START, Judgement, judged
+from eutree.validation import check_integer, check_number
+
+FEWEST, MOST = 300, 5000  # pairs of episodes, where nobody names a number
+PAIRS = 5  # for each episode gathered
+STEPS = 10  # of judging for each environment step of the run
+FEW_STEPS = 20_000  # that any run may spend on judging
+FOR_SUCCESS = 1000  # pairs: the standard error of a difference of successes is then half a point
+STAKE = 0.9  # of the largest
+MARGIN = 0.005  # of the range of returns: how much less a smaller tree may earn
+
+Play = Callable[[TreePolicy, Sequence[int]], Evaluation]  # (policy, numbers of starts)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Handover:
+    """How it is decided which tree a run hands over.
+
+    Attributes:
+        episodes: Most episodes of each of the two trees. None for five for each episode of the run,
+            300 to 5,000, in ten times as many steps as the run took. 0 hands over what was learned.
+        error: Chance that a tree that does not deserve it is taken for better.
+        success_margin: How much less often than the start the learned tree may succeed.
+        max_leaves: Most leaves that are wanted; a start that has more is not handed over. None for
+            any number.
+    """
+
+    episodes: int | None = None
+    error: float = 0.05
+    success_margin: float = 0.01
+    max_leaves: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.episodes is not None:
+            check_integer("judge_episodes", self.episodes, low=0)
+        check_number("error", self.error, low=0.0, high=1.0, low_open=True)
+        check_number("success_margin", self.success_margin, low=0.0, high=1.0)
+
+    @property
+    def judges(self) -> bool:
+        """Whether the learned tree has to deserve it."""
+        return self.episodes != 0
+
+    def pairs(self, gathered: int) -> int:
+        """Return the most pairs of episodes after a run of so many episodes."""
+        if self.episodes is not None:
+            return self.episodes
+        return min(max(PAIRS * gathered, FEWEST), MOST)
+
+    def steps(self, taken: int) -> int | None:
+        """Return the most steps of judging after a run of so many steps; None for no limit."""
+        return None if self.episodes is not None else max(STEPS * taken, FEW_STEPS)
+
+
+def handover_for(
+    method: Method, episodes: int | None, max_leaves: int | None, *, keep_success: bool
+) -> Handover | None:
+    """Return how it is decided for a method; None for the learned tree, whatever it is."""
+    if episodes is None and reads_the_paper(method):
+        return None
+    margin = 0.0 if keep_success else Handover().success_margin
+    return Handover(episodes=episodes, success_margin=margin, max_leaves=max_leaves)
+
+
+class Duel:
+    """The start and the learned tree in the same episodes; row 0 of the table is the start.
+
+    Args:
+        start: The policy that the run began with.
+        learned: The policy that it learned.
+        play: Plays a policy from some starts, all of them fresh.
+        most: Most pairs.
+        steps: Most steps of both; None for no limit.
+    """
+
+    def __init__(
+        self, start: TreePolicy, learned: TreePolicy, play: Play, *, most: int, steps: int | None
+    ) -> None:
+        self._trees = (start, learned)
+        self._play = play
+        self._left = steps
+        self._parts: tuple[list[Evaluation], list[Evaluation]] = ([], [])
+        self.table = new_table(2, most)
+        self.steps = 0
+
+    def run(self, tree: int, starts: Sequence[int]) -> Floats | None:
+        """Return the returns of a tree from some starts; None where the steps are spent."""
+        if self._left is not None and self.steps >= self._left and tree == 0:
+            return None
+        found = self._play(self._trees[tree], starts)
+        self._parts[tree].append(found)
+        self.steps += found.steps
+        return found.returns
+
+    def extend(self, pairs: int) -> None:
+        """Play on until both trees have played so many starts."""
+        for tree in (0, 1):
+            starts = np.flatnonzero(np.isnan(self.table[tree, :pairs])).tolist()
+            if starts and (returns := self.run(tree, starts)) is not None:
+                self.table[tree, starts] = returns
+            elif starts:
+                return
+
+    def evaluations(self) -> tuple[Evaluation, Evaluation]:
+        """Return what both did, in the starts that both have played."""
+        start, learned = (Evaluation.join(parts) for parts in self._parts)
+        both = range(min(start.episodes, learned.episodes))
+        return start.of_episodes(both), learned.of_episodes(both)
+
+
+def judge(
+    handover: Handover,
+    duel: Duel,
+    sizes: tuple[int, int],
+    *,
+    known: tuple[float, float] | None,
+    challengers: int,
+) -> Judgement:
+    """Return which of the two is handed over, and what is known of both.
+
+    Args:
+        handover: How it is decided.
+        duel: The two, before their first episode.
+        sizes: Leaves of the start and of the learned tree.
+        known: Lowest and highest return of an episode; None where they are not known.
+        challengers: Trees that were put to the test in the run.
+    """
+    verdict = hold(_rule(handover, duel, sizes, known), duel.table, duel.run)
+    if verdict.winner and duel.evaluations()[0].successes is not None:
+        duel.extend(min(FOR_SUCCESS, duel.table.shape[1]))
+    found = judged(*duel.evaluations(), known=known, challengers=challengers, sizes=sizes)
+    why = _why(handover, verdict, found.success_change, smaller=sizes[1] < sizes[0])
+    if handover.max_leaves is not None and sizes[0] > handover.max_leaves:
+        why = TOO_LARGE
+    taken = LEARNED if why in _TAKEN else START
+    return replace(found, steps=duel.steps, handed_over=taken, why=why)
+
+
+EARNS_MORE = "it is shown to earn more"
+NO_LESS = "it is smaller and shown to earn no less"
+NOT_SHOWN = "that the learned tree earns more was not shown"
+NOT_SHOWN_SMALLER = "that the learned tree, which is smaller, earns no less was not shown"
+FAILS_MORE = "the learned tree succeeds less often"
+TOO_LARGE = "the start has more leaves than were asked for"
+_TAKEN = (EARNS_MORE, NO_LESS, TOO_LARGE)
+
+
+def _rule(
+    handover: Handover, duel: Duel, sizes: tuple[int, int], known: tuple[float, float] | None
+) -> NotWorse:
+    """Return the rule: a tree as large as the start, or larger, has to earn more."""
+    most = duel.table.shape[1]
+    if sizes[1] >= sizes[0]:
+        return Better(error=handover.error, most=most, known=known)
+    duel.extend(min(FEWEST // 3, most))
+    low, high = seen_range(duel.table, known)
+    margin = MARGIN * (high - low)
+    # Most of two near trees' returns are equal: what shows that soonest is a large stake.
+    stake = STAKE / (high - low - margin) if high > low else None
+    return NotWorse(margin=margin, error=handover.error, most=most, known=known, stake=stake)
+
+
+def _why(handover: Handover, verdict: Verdict, success: float | None, *, smaller: bool) -> str:
+    if not verdict.winner:
+        return NOT_SHOWN_SMALLER if smaller else NOT_SHOWN
+    if success is not None and success < -handover.success_margin:
+        return FAILS_MORE
+    return NO_LESS if smaller else EARNS_MORE

@@ -1,0 +1,229 @@
+"""Which tree a run hands over: never one that is worse than what it began with."""
+
+import gymnasium
+import numpy as np
+import pytest
+
+import eutree
+from eutree.errors import InvalidArgumentError
+from eutree.evaluation import Evaluation
+from eutree.policies import TreePolicy
+from eutree.schema import Schema
+from eutree.training.handover import (
+    EARNS_MORE,
+    FAILS_MORE,
+    NO_LESS,
+    NOT_SHOWN,
+    NOT_SHOWN_SMALLER,
+    TOO_LARGE,
+    Duel,
+    Handover,
+    judge,
+)
+from eutree.training.judging import Judgement, judged
+from eutree.trees import DecisionTree
+
+
+def policy_of(action, n_leaves=1):
+    tree = DecisionTree.single_leaf(1)
+    for leaf in range(n_leaves - 1):
+        tree = tree.split(leaf, 0, float(leaf))
+    return TreePolicy(tree, np.full(n_leaves, action), Schema.anonymous(1, 2))
+
+
+START, LEARNED = policy_of(0), policy_of(1)
+
+
+class Game:
+    """Plays action 0 or 1 from numbered starts, each as a function of the start's chance says."""
+
+    def __init__(self, *returns, successes=None, seed=0):
+        self._returns = returns
+        self._successes = successes
+        self._seed = seed
+
+    def __call__(self, policy, starts):
+        action = int(policy.actions[0])
+        chance = [np.random.default_rng((self._seed, k)) for k in starts]
+        returns = np.array([self._returns[action](one) for one in chance])
+        n = len(starts)
+        successes = None
+        if self._successes is not None:
+            chance = [np.random.default_rng((self._seed, k, 1)) for k in starts]
+            successes = np.array([one.random() < self._successes[action] for one in chance])
+        return Evaluation(returns, np.full(n, 3), np.full(n, "end"), successes)
+
+
+def verdict(game, *, sizes=(1, 1), known=None, episodes=None, **settings):
+    handover = Handover(episodes=episodes, **settings)
+    duel = Duel(START, LEARNED, game, most=handover.pairs(200), steps=handover.steps(4_000))
+    return judge(handover, duel, sizes, known=known, challengers=2)
+
+
+def normal(mean):
+    return lambda chance: chance.normal(mean, 5.0)
+
+
+def test_a_gain_is_taken():
+    found = verdict(Game(normal(10.0), normal(12.0)))
+    assert (found.handed_over, found.why) == ("learned", EARNS_MORE)
+    assert found.return_interval.low > 0.0
+    assert "if no episode returns less than" in found.condition
+
+
+def test_no_difference_leaves_the_start():
+    found = verdict(Game(normal(10.0), normal(10.0)))
+    assert (found.handed_over, found.why) == ("start", NOT_SHOWN)
+    assert found.return_interval.low < 0.0 < found.return_interval.high
+
+
+def test_a_smaller_tree_that_earns_as_much_is_taken_and_one_that_earns_less_is_not():
+    same, less = Game(normal(10.0), normal(10.0)), Game(normal(10.0), normal(8.0))
+    assert verdict(same, sizes=(9, 5)).why == NO_LESS
+    assert verdict(less, sizes=(9, 5)).why == NOT_SHOWN_SMALLER
+    assert verdict(less, sizes=(9, 5)).handed_over == "start"
+
+
+def test_success_is_not_given_away_for_return():
+    game = Game(normal(10.0), normal(20.0), successes=(0.98, 0.93))
+    found = verdict(game)
+    assert (found.handed_over, found.why) == ("start", FAILS_MORE)
+    assert found.episodes == 1000  # enough to tell a point
+    assert verdict(game, success_margin=0.2).handed_over == "learned"
+
+
+def test_a_start_that_is_larger_than_asked_for_is_not_handed_over():
+    less = Game(normal(10.0), normal(8.0))
+    assert verdict(less, sizes=(9, 5), max_leaves=6).why == TOO_LARGE
+    assert verdict(less, sizes=(9, 5), max_leaves=6).handed_over == "learned"
+    assert verdict(less, sizes=(6, 5), max_leaves=6).handed_over == "start"
+
+
+def test_rare_losses_are_not_taken_for_a_gain():
+    """A tenth more in most episodes, 59 less in one of 250: worse on average."""
+
+    def tempting(chance):
+        return 1.0 - 59.0 * (chance.random() < 0.004)
+
+    wrong = [
+        verdict(Game(lambda chance: 0.9, tempting, seed=seed), known=(-58.0, 1.0)).handed_over
+        for seed in range(60)
+    ]
+    assert wrong.count("learned") <= 3  # one in twenty
+
+
+def test_a_rule_without_a_promise_would_take_them():
+    """The control: by the sign of the mean of 100 episodes most of them would be taken."""
+    chance = np.random.default_rng(0)
+    means = (0.1 - 59.0 * (chance.random((60, 100)) < 0.004)).mean(axis=1)
+    assert (means > 0.0).sum() > 30
+
+
+def test_it_takes_no_more_steps_than_it_may():
+    game = Game(normal(10.0), normal(10.0))
+    duel = Duel(START, LEARNED, game, most=5000, steps=600)
+    found = judge(Handover(), duel, (1, 1), known=None, challengers=0)
+    assert found.handed_over == "start"
+    assert 600 <= found.steps < 1_500  # the heat that was under way ends
+
+
+@pytest.mark.parametrize("name", ["error", "success_margin"])
+def test_settings_are_checked(name):
+    with pytest.raises(InvalidArgumentError, match=f"{name} must be"):
+        Handover(**{name: 2.0})
+    with pytest.raises(InvalidArgumentError, match="judge_episodes must be"):
+        Handover(episodes=-1)
+
+
+def test_a_judgement_survives_the_log():
+    found = verdict(Game(normal(10.0), normal(12.0), successes=(0.5, 0.6)))
+    assert Judgement.from_facts(found.facts()) == found
+
+
+def test_an_older_judgement_is_read():
+    facts = judged(
+        Game(normal(1.0), normal(1.0))(START, range(3)),
+        Game(normal(1.0), normal(1.0))(LEARNED, range(3)),
+    ).facts()
+    old = {name: facts[name] for name in ("episodes_compared", "return", "return_interval",
+           "success", "success_interval", "challengers")}  # fmt: skip
+    assert Judgement.from_facts(old).handed_over == "learned"
+    assert Judgement.from_facts(old).verdict() == ""
+
+
+OPTIONS = {"episodes": 20, "evaluate_every": 20, "evaluation_episodes": 5, "seed": 3}
+
+
+@pytest.fixture(scope="module")
+def shown():
+    env = gymnasium.make("eutree/Evasion2-v0")
+    return eutree.record(env, eutree.experts.wait_at_crossing, episodes=8, seed=0)
+
+
+@pytest.mark.parametrize("method", ["corrected", "planning"])
+def test_a_run_keeps_its_expert_where_learning_loses_it(shown, method, tmp_path):
+    """The u-tree forgets its expert's policy in the first episodes; what is kept beside is it."""
+    env = gymnasium.make("eutree/Evasion2-v0")
+    result = eutree.learn(env, demonstrations=shown, method=method, out=tmp_path / "run", **OPTIONS)
+    judgement = result.against_start
+    if judgement.is_start:
+        return
+    stored = TreePolicy.load(tmp_path / "run" / "policy.json")
+    assert stored == result.policy
+    beside = tmp_path / "run" / "learned.json"
+    assert beside.exists() == (result.handed_over == "start")
+    if result.handed_over == "start":
+        assert result.policy == result.expert
+        assert TreePolicy.load(beside) == result.learned
+    assert result.environment_steps.judging == judgement.steps
+
+
+def test_the_paper_hands_over_what_it_learned(shown):
+    env = gymnasium.make("eutree/Evasion2-v0")
+    result = eutree.learn(env, demonstrations=shown, method="paper", **OPTIONS)
+    assert result.policy == result.learned
+    assert result.against_start.episodes == OPTIONS["evaluation_episodes"]
+
+
+def test_nothing_is_played_where_nothing_may_be(shown):
+    env = gymnasium.make("eutree/Evasion2-v0")
+    result = eutree.learn(
+        env, demonstrations=shown, method="corrected", judge_episodes=0, **OPTIONS
+    )
+    assert result.against_start is None
+    assert result.policy == result.learned
+
+
+def test_an_interrupted_run_hands_over_the_same(shown, tmp_path):
+    env = gymnasium.make("eutree/Evasion2-v0")
+    options = OPTIONS | {"demonstrations": shown, "method": "corrected"}
+    whole = eutree.learn(env, out=tmp_path / "whole", **options)
+    left = iter(range(200))
+    eutree.learn(env, out=tmp_path / "part", stop=lambda: next(left, None) is None, **options)
+    again = eutree.learn(env, out=tmp_path / "part", resume=True, **options)
+    assert again.policy == whole.policy
+    assert again.against_start == whole.against_start
+    assert again.episodes == whole.episodes
+
+
+def test_the_winner_of_many_runs_has_to_deserve_it_too(shown, tmp_path):
+    """What was lucky on the selection episodes is judged again beside the start."""
+    options = {k: v for k, v in OPTIONS.items() if k != "episodes"}
+    runs = eutree.learn_runs(
+        "eutree/Evasion2-v0",
+        runs=2,
+        out=tmp_path / "runs",
+        n_jobs=1,
+        selection_episodes=20,
+        judging_episodes=40,
+        episodes=40,
+        demonstrations=shown,
+        **options,
+    )
+    stored = TreePolicy.load(tmp_path / "runs" / "policy.json")
+    assert stored == runs.policy
+    if runs.result.is_start:
+        assert runs.judgement is None
+    else:
+        assert runs.judgement.episodes == 40
+        assert runs.judged.n_leaves == runs.policy.n_leaves
