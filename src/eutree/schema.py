@@ -8,7 +8,7 @@ import itertools
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from eutree.display import decimals_of, number, told_apart, usual_width
@@ -49,12 +49,14 @@ class Feature:
         unit: Its unit, for example ``"m"``; empty for a pure number.
         low: Smallest possible value; ``-inf`` where unbounded.
         high: Largest possible value; ``inf`` where unbounded.
+        is_integer: Whether it is known to have whole values only.
     """
 
     name: str
     unit: str = ""
     low: float = -math.inf
     high: float = math.inf
+    is_integer: bool = False
 
     @classmethod
     def from_label(cls, label: str) -> "Feature":
@@ -201,7 +203,7 @@ class Schema:
         if not self._names_fit(other):
             return self
         features = tuple(
-            Feature(theirs.name, theirs.unit or mine.unit, mine.low, mine.high)
+            replace(mine, name=theirs.name, unit=theirs.unit or mine.unit)
             for mine, theirs in zip(self.features, other.features, strict=True)
         )
         return Schema(features, other.actions, other.controls or self.controls)
@@ -255,12 +257,12 @@ class Schema:
                     f"most {MAX_FEATURES:,}, got {shown(amount)}"
                 )
         past = [
-            Feature(f"{feature.name}, {k} ago", feature.unit, feature.low, feature.high)
+            replace(feature, name=f"{feature.name}, {k} ago")
             for k in range(1, steps + 1)
             for feature in self.features
         ]
         past += [
-            Feature(f"did {action}, {k} ago", low=0.0, high=1.0)
+            Feature(f"did {action}, {k} ago", low=0.0, high=1.0, is_integer=True)
             for k in range(1, actions + 1)
             for action in self.actions
         ]

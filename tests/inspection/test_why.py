@@ -1,7 +1,9 @@
 """Why a policy decides as it does; the nearest other decision against a search of the lattice."""
 
 import itertools
+from dataclasses import replace
 
+import gymnasium
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,7 +12,10 @@ from hypothesis import strategies as st
 from eutree.data import Demonstrations
 from eutree.errors import InvalidArgumentError
 from eutree.inspection import why
-from eutree.policies import LeafStatistics
+from eutree.interaction import describe
+from eutree.policies import LeafStatistics, TreePolicy
+from eutree.schema import Feature, Schema
+from eutree.trees import DecisionTree
 from tests.inspection.crossings import crossing
 from tests.inspection.lattices import lattice_policy
 
@@ -71,6 +76,7 @@ def test_an_explanation_in_words():
         "  go from position > 8 m (by 0.75) on",
         "  stop: 30 visits, value 1.5 +- 0.25",
         "  go: 2 visits, value -3 +- 0.25",
+        "  (a value is the return expected after the action: Q, or the mean of what followed it)",
         "  2 demonstrated steps of 1 episodes: 1 x stop, 1 x go",
     ]
     assert [(s.episode, s.step, s.action) for s in found.support] == [(0, 0, 0), (0, 1, 1)]
@@ -89,3 +95,96 @@ def test_bad_observations_are_named():
         why(crossing(), [1.0, 2.0, 3.0])
     with pytest.raises(InvalidArgumentError, match="observation must be finite"):
         why(crossing(), [1.0, np.nan])
+
+
+def twelve(visits, values, n_actions=12):
+    """Return a policy of two leaves and many actions."""
+    schema = Schema((Feature("x", "", 0.0, 9.0),), tuple(f"a{k}" for k in range(n_actions)))
+    known = LeafStatistics(visits, values, np.full(np.shape(values), np.nan))
+    tree = DecisionTree.single_leaf(1).split(0, 0, 5.0)
+    return TreePolicy(tree, [0, n_actions - 1], schema, leaves=known)
+
+
+def statistics_of(policy):
+    """Return what an explanation says of the visits and values of the left leaf."""
+    return [line.strip() for line in why(policy, [1.0]).text.splitlines()[3:]]
+
+
+def test_actions_that_were_never_tried_take_one_line():
+    """Of twelve actions nine were "0 visits, no value", and a mean return passed for a Q."""
+    visits, values = np.zeros((2, 12), int), np.full((2, 12), np.nan)
+    visits[0, 0], values[0, 0] = 30, 2.5
+    alone = statistics_of(twelve(visits, values))
+    assert alone == [
+        "a0: 30 visits, value 2.5",
+        "never tried here: the other 11",
+        "(a value is the mean return that followed; each leaf tried one action: no Q to compare)",
+    ]
+    visits[0, 3], values[0, 3] = 1, -2.0
+    assert statistics_of(twelve(visits, values))[1:3] == [
+        "a3: 1 visit, value -2",
+        "never tried here: the other 10",
+    ]
+    assert statistics_of(twelve(np.zeros((2, 12), int), np.full((2, 12), np.nan))) == [
+        "never tried here: any of the 12 actions"
+    ]
+    counts = np.array([[4, 0], [1, 1]])
+    assert statistics_of(twelve(counts, np.full((2, 2), np.nan), 2)) == [
+        "a0: 4 visits",
+        "never tried here: a1",
+    ]
+
+
+class Tariff(gymnasium.Env):
+    """Three tariffs, the hour of the day and a temperature."""
+
+    observation_space = gymnasium.spaces.Dict(
+        {
+            "tariff": gymnasium.spaces.Discrete(3),
+            "hours": gymnasium.spaces.Box(0, 23, (1,), np.int32),
+            "warm": gymnasium.spaces.Box(0.0, 1.0, (1,), np.float64),
+        }
+    )
+    action_space = gymnasium.spaces.Discrete(3)
+
+
+def test_whole_features_change_by_whole_numbers(tmp_path):
+    """`tariff > 1.0 (by 2.22045e-16)`: there is no such tariff."""
+    schema = describe(Tariff())
+    assert [f.is_integer for f in schema.features] == [True, True, False]  # hours, tariff, warm
+    tree = DecisionTree.single_leaf(3).split(0, 1, 1.0).split(0, 0, 6.5).split(2, 0, 6.9)
+    policy = TreePolicy(tree, [0, 1, 2, 1], schema)
+    policy.save(tmp_path / "tree.json")
+    found = why(TreePolicy.load(tmp_path / "tree.json"), [5.0, 1.0, 0.5])
+    lines = [line.strip() for line in found.text.splitlines()]
+    assert [step.distance for step in found.path] == [1.0, 2.0]
+    assert lines[1].endswith("yes: 1, by 1")
+    assert lines[-1].endswith("from hours >= 7 (by 2) on")
+    assert {a.action: a.observation.tolist() for a in found.alternatives} == {1: [7.0, 1.0, 0.5]}
+    up = why(policy, [7.0, 2.0, 0.5])
+    assert [a.words for a in up.alternatives] == [
+        "action_0 from hours <= 6 (by 1) and tariff <= 1 (by 1) on"
+    ]
+
+
+@settings(max_examples=80, deadline=None)
+@given(seed=st.integers(0, 2**32), n_features=st.integers(1, 2))
+def test_the_nearest_whole_observation_of_another_action(seed, n_features):
+    generator = np.random.default_rng(seed)
+    policy = lattice_policy(generator, n_features, 3)
+    features = tuple(replace(f, is_integer=True) for f in policy.schema.features)
+    tree = replace(policy.tree, threshold=policy.tree.threshold + generator.choice([0, 0.5]))
+    policy = replace(policy, tree=tree, schema=Schema(features, policy.schema.actions))
+    observation = generator.integers(0, 7, n_features).astype(float)
+    place = np.array(list(itertools.product(range(7), repeat=n_features)), dtype=float)
+    actions = policy.predict(place)[0]
+    distance = np.abs(place - observation).max(axis=1) / 6
+    found = why(policy, observation)
+    assert {a.action for a in found.alternatives} == set(actions.tolist()) - {found.action}
+    for alternative in found.alternatives:
+        assert policy.predict(alternative.observation)[0] == alternative.action
+        assert alternative.distance == distance[actions == alternative.action].min()
+    for step in found.path:
+        moved = observation[step.feature] + (step.distance if step.is_true else -step.distance)
+        assert (moved <= step.threshold) != step.is_true
+        assert step.distance >= 1.0

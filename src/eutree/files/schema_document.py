@@ -16,13 +16,14 @@ _MAX_NESTING = 40  # of what others hand in; leaves room for the document around
 Index = Annotated[int, msgspec.Meta(ge=0, lt=2**31)]
 
 
-class FeatureDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A feature; ``low`` and ``high`` are null where unbounded."""
+class FeatureDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """A feature; ``low`` and ``high`` are null where unbounded, ``integer`` where it is whole."""
 
     name: str
     unit: str
     low: float | None
     high: float | None
+    integer: bool = False
 
 
 class ControlDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -56,6 +57,7 @@ def schema_to_document(schema: Schema) -> SchemaDocument:
             unit=feature.unit,
             low=None if feature.low == -math.inf else float(feature.low),
             high=None if feature.high == math.inf else float(feature.high),
+            integer=feature.is_integer,
         )
         for feature in schema.features
     ]
@@ -75,6 +77,7 @@ def schema_from_document(document: SchemaDocument, path: str | Path) -> Schema:
                 feature.unit,
                 -math.inf if feature.low is None else feature.low,
                 math.inf if feature.high is None else feature.high,
+                feature.integer,
             )
             for feature in document.features
         )

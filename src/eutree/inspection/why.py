@@ -14,6 +14,13 @@ from eutree.trees.boxes import leaf_boxes
 from eutree.trees.digits import Digits
 from eutree.trees.text import condition, printable
 from eutree.validation import check_vector
+from eutree.wording import counted
+
+# What the values are, by whether there is a leaf with those of two actions (``planning`` has none).
+_MEANING = {
+    True: "a value is the return expected after the action: Q, or the mean of what followed it",
+    False: "a value is the mean return that followed; each leaf tried one action: no Q to compare",
+}
 
 
 @dataclass(frozen=True)
@@ -26,7 +33,8 @@ class Step:
         threshold: Its threshold.
         value: The observation's value.
         is_true: Whether the value is at most the threshold.
-        distance: How far the value is from the threshold, in the feature's unit.
+        distance: How far the value is from the threshold, in the feature's unit; how much changes
+            the answer where the feature has whole values.
         words: All this in words.
     """
 
@@ -45,7 +53,7 @@ class Alternative:
 
     Attributes:
         action: That action.
-        observation: The nearest observation of doubles that gets it.
+        observation: The nearest observation of doubles that gets it, whole where features are.
         distance: Largest change of a feature, each in its scale.
         leaf: The leaf of that observation.
         words: What has to change, in words.
@@ -85,7 +93,8 @@ class Explanation(Displayed):
         alternatives: For each other action that some leaf has, the nearest observation that gets
             it; the nearest first.
         visits: Transitions that left the leaf, for each action; None if unknown.
-        values: Q of each action in the leaf, NaN where never tried; None if unknown.
+        values: Value of each action in the leaf, NaN where never tried; None if unknown. See
+            ``LeafStatistics``: Q, or the mean of the returns that followed.
         support: The demonstrations' steps in the leaf; None without demonstrations.
         text: All this in words.
     """
@@ -141,8 +150,7 @@ def why(
     name = printable(schema.actions[action])
     lines = [f"{name}, by leaf {leaf}: {region}", *(f"  {step.words}" for step in path)]
     lines += [f"  {alternative.words}" for alternative in alternatives]
-    for number, other in enumerate(schema.actions if visits and values else ()):
-        lines.append(f"  {printable(other)}: {_statistics(policy, leaf, number)}")
+    lines += [f"  {line}" for line in _tried(policy, leaf)]
     if support is not None:
         lines.append(f"  {_shown(policy, support)}")
     return Explanation(
@@ -157,12 +165,15 @@ def _path(policy: TreePolicy, point: Floats, leaf: int, digits: Digits) -> tuple
         value = float(point[feature])
         unit = policy.schema.features[feature].unit
         answer = "yes" if value <= cut else "no"
+        distance = abs(value - cut)
+        if policy.schema.features[feature].is_integer:
+            distance = abs(value - (np.floor(cut) + (value <= cut)))
         words = (
             f"{condition(policy.schema, feature, cut, digits)} ? {answer}: "
-            f"{digits.text(feature, value)}, by {digits.text(feature, abs(value - cut))}"
+            f"{digits.text(feature, value)}, by {digits.text(feature, distance)}"
             + (f" {printable(unit)}" if unit else "")
         )
-        steps.append(Step(node, feature, cut, value, value <= cut, abs(value - cut), words))
+        steps.append(Step(node, feature, cut, value, value <= cut, distance, words))
     return tuple(steps)
 
 
@@ -173,8 +184,11 @@ def _alternatives(
     inside = domain(policy.schema)
     low, high = leaf_boxes(policy.tree)
     low, high = np.maximum(low, inside.low), np.minimum(high, inside.high)
+    whole = np.array([feature.is_integer for feature in policy.schema.features])
+    low, high = (np.where(whole, np.floor(bound), bound) for bound in (low, high))
     # The nearest double of a box: the first one above its exclusive bound, or its upper bound.
-    nearest = np.where(point <= low, np.nextafter(low, np.inf), np.minimum(point, high))  # [L, d]
+    first = np.where(whole, low + 1.0, np.nextafter(low, np.inf))
+    nearest = np.where(point <= low, first, np.minimum(point, high))  # [L, d]
     changes = np.abs(nearest - point) / scale
     distances, totals = changes.max(axis=1), changes.sum(axis=1)
     found = []
@@ -199,6 +213,8 @@ def _changes(
         # Just above an exclusive bound: name the bound, not its neighbour.
         below = float(np.nextafter(bound, -np.inf))
         words = digits.above(j, below) if bound > point[j] else digits.at_most(j, bound)
+        if feature.is_integer:
+            words = f"{'>=' if bound > point[j] else '<='} {digits.text(j, bound)}"
         by = digits.text(j, abs(bound - float(point[j])))
         parts.append(f"{printable(feature.name)} {words}{unit} (by {by})")
     return f"{printable(policy.schema.actions[action])} from {' and '.join(parts)} on"
@@ -221,14 +237,29 @@ def _support(policy: TreePolicy, leaf: int, demonstrations: Demonstrations) -> t
     return tuple(found)
 
 
-def _statistics(policy: TreePolicy, leaf: int, action: int) -> str:
-    if policy.leaves is None:
-        return "unknown"
-    visits = int(policy.leaves.visits[leaf, action])
-    value, error = policy.leaves.values[leaf, action], policy.leaves.deviations[leaf, action]
-    if np.isnan(value):
-        return f"{visits} visits, no value"
-    return f"{visits} visits, value {value:.4g}" + ("" if np.isnan(error) else f" +- {error:.2g}")
+def _tried(policy: TreePolicy, leaf: int) -> list[str]:
+    """Return what is known of each action that was tried in the leaf, and which were not."""
+    known, names = policy.leaves, [printable(name) for name in policy.schema.actions]
+    if known is None:
+        return []
+    visits, values = known.visits[leaf], known.values[leaf]
+    tried = np.flatnonzero((visits > 0) | ~np.isnan(values)).tolist()
+    untried = [name for number, name in enumerate(names) if number not in tried]
+    lines = []
+    for action in tried:
+        words = f"{names[action]}: {counted(int(visits[action]), 'visit')}"
+        if not np.isnan(values[action]):
+            error = known.deviations[leaf, action]
+            words += f", value {values[action]:.4g}"
+            words += "" if np.isnan(error) else f" +- {error:.2g}"
+        lines.append(words)
+    if untried:
+        several = f"the other {len(untried)}" if tried else f"any of the {len(untried)} actions"
+        never = " and ".join(untried) if len(untried) < 3 else several
+        lines.append(f"never tried here: {never}")
+    if tried and not np.isnan(values).all():
+        lines.append(f"({_MEANING[known.compares_actions]})")
+    return lines
 
 
 def _shown(policy: TreePolicy, support: tuple[Support, ...]) -> str:

@@ -113,8 +113,8 @@ def describe(env: gymnasium.Env[Any, Any]) -> Schema:
     if own_units is not None and len(own_units) == len(names):
         units = [str(unit) for unit in own_units]
     features = tuple(
-        Feature(name, unit, float(lo), float(hi))
-        for name, unit, lo, hi in zip(names, units, low, high, strict=True)
+        Feature(*parts)
+        for parts in zip(names, units, low, high, _are_whole(env.observation_space), strict=True)
     )
     grid = grid_around(env)
     controls = () if grid is None else grid.controls
@@ -212,6 +212,15 @@ def _size(space: spaces.Space[Any]) -> int:
     if isinstance(space, spaces.Tuple):
         return sum(_size(part) for part in space.spaces)
     return 1 if isinstance(space, spaces.Discrete) else int(np.prod(space.shape or ()))
+
+
+def _are_whole(space: spaces.Space[Any]) -> list[bool]:
+    """Return which entries of the encoded space have whole values only."""
+    if isinstance(space, spaces.Dict):
+        return [whole for part in space.spaces.values() for whole in _are_whole(part)]
+    if isinstance(space, spaces.Tuple):
+        return [whole for part in space.spaces for whole in _are_whole(part)]
+    return [not np.issubdtype(space.dtype, np.floating)] * _size(space)
 
 
 def _vector(observation: Any) -> Floats:
