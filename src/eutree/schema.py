@@ -115,7 +115,8 @@ class Control:
 
     def names(self) -> tuple[str, ...]:
         """Return each level in words, in the digits that tell it from the others: "valve 25 %"."""
-        texts = told_apart(self.levels, max(self.levels) - min(self.levels))
+        width = max(self.levels) - min(self.levels) or max(abs(self.levels[0]), 1.0)
+        texts = told_apart(self.levels, width)
         if len(set(texts.values())) < len(texts):  # some are one, but for a millionth
             texts = {level: repr(level) for level in self.levels}
         return tuple(f"{self.name} {texts[level]} {self.unit}".rstrip() for level in self.levels)
