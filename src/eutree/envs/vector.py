@@ -1,6 +1,7 @@
 """Many copies of N-Evasion moved by one compiled loop."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,25 @@ from eutree.validation import check_integer, check_seed
 _ENDING_NAMES = np.array([None, *ENDINGS[1:]], dtype=object)
 
 
+class _FirstDraws:
+    """What the generator of a seed draws for its first episode, in place of the generator."""
+
+    def __init__(self, uniforms: Floats, noise: Floats) -> None:
+        self._uniforms, self._noise = uniforms, noise
+
+    def random(self, out: Floats) -> None:
+        out[:] = self._uniforms
+
+    def standard_normal(self, out: Floats) -> None:
+        out[:] = self._noise
+
+
+@lru_cache(maxsize=8192)  # common episodes of many trees begin with the same seeds again and again
+def _first_draws(seed: int, uniforms: tuple[int, ...], noise: tuple[int, ...]) -> _FirstDraws:
+    generator, _ = seeding.np_random(seed)
+    return _FirstDraws(generator.random(uniforms), generator.standard_normal(noise))
+
+
 class EvasionVectorEnv(VectorEnv[Floats, Integers, Any]):
     """``num_envs`` copies of ``EvasionEnv``, with its episodes bit for bit.
 
@@ -32,6 +52,8 @@ class EvasionVectorEnv(VectorEnv[Floats, Integers, Any]):
     Args:
         num_envs: Number of copies E.
         render_mode: None; a vector environment draws no pictures.
+        goes_on: False where nobody looks at a copy after its episode: it then goes through the same
+            one again, for which nothing has to be drawn.
         arguments: As of ``EvasionEnv``.
     """
 
@@ -42,7 +64,12 @@ class EvasionVectorEnv(VectorEnv[Floats, Integers, Any]):
     }
 
     def __init__(
-        self, num_envs: int = 1, *, render_mode: str | None = None, **arguments: Any
+        self,
+        num_envs: int = 1,
+        *,
+        render_mode: str | None = None,
+        goes_on: bool = True,
+        **arguments: Any,
     ) -> None:
         if render_mode is not None:
             raise InvalidArgumentError(
@@ -51,6 +78,7 @@ class EvasionVectorEnv(VectorEnv[Floats, Integers, Any]):
         self.parameters = EvasionParameters.from_arguments(arguments)
         self.num_envs = check_integer("num_envs", num_envs, low=1)
         self.render_mode = None
+        self._goes_on = goes_on
         self.single_observation_space = observation_space(self.parameters)
         self.single_action_space = spaces.Discrete(2)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
@@ -107,7 +135,8 @@ class EvasionVectorEnv(VectorEnv[Floats, Integers, Any]):
         self._check_reset()
         actions = dynamics.as_actions(actions, self.num_envs)
         began = self._waiting
-        self._draw(began)
+        if self._goes_on:
+            self._draw(began)
         observations = self._empty_observations()
         rewards = np.empty(self.num_envs)
         endings = np.empty(self.num_envs, dtype=np.int32)
@@ -148,8 +177,12 @@ class EvasionVectorEnv(VectorEnv[Floats, Integers, Any]):
             )
         for e in np.flatnonzero(chosen).tolist():
             if seeds[e] is not None or self._draws[e] is None:
-                generator, _ = seeding.np_random(seeds[e])
                 uniforms, noise = self._copies.uniforms[e], self._copies.noise[e]
+                generator: Any = None
+                if self._goes_on or seeds[e] is None:
+                    generator, _ = seeding.np_random(seeds[e])
+                else:
+                    generator = _first_draws(seeds[e], uniforms.shape, noise.shape)
                 self._draws[e] = (generator.random, uniforms, generator.standard_normal, noise)
         self._is_ready = all(draws is not None for draws in self._draws)
 

@@ -135,14 +135,14 @@ def _side_by_side(
     policy: Policy, env: gymnasium.Env[Any, Any], seeds: Sequence[int]
 ) -> Evaluation | None:
     """Evaluate many episodes at once; None if the environment or the policy does not allow it."""
-    make_copies = _vector_form(env)
+    make_copies = vector_form(env)
     if make_copies is None:
         return None
     parts = []
     for first in range(0, len(seeds), MAX_COPIES):
         block = seeds[first : first + MAX_COPIES]
         vector = make_copies(len(block))
-        part = run_batch(policy, vector, block) if _same_parameters(vector, env) else None
+        part = run_batch(policy, vector, block) if same_parameters(vector, env) else None
         if part is None:
             return None
         parts.append(part)
@@ -165,7 +165,7 @@ def _one_by_one(
     )
 
 
-def _vector_form(env: gymnasium.Env[Any, Any]) -> MakeVector | None:
+def vector_form(env: gymnasium.Env[Any, Any]) -> MakeVector | None:
     """Return what makes copies of ``env`` with the same episodes; None if nothing does.
 
     An environment that is watched, or wrapped in more than Gymnasium's own checks, has none: the
@@ -183,10 +183,11 @@ def _vector_form(env: gymnasium.Env[Any, Any]) -> MakeVector | None:
     creator = load_env_creator(creator) if isinstance(creator, str) else creator
     if not getattr(creator, "metadata", {}).get("same_episodes_as_single", False):
         return None
-    arguments = {**spec.kwargs, "render_mode": None}
+    # Only the first episode of each copy is looked at, as ``run_batch`` does.
+    arguments = {**spec.kwargs, "render_mode": None, "goes_on": False}
     return lambda copies: creator(copies, **arguments)
 
 
-def _same_parameters(vector: Any, env: gymnasium.Env[Any, Any]) -> bool:
+def same_parameters(vector: Any, env: gymnasium.Env[Any, Any]) -> bool:
     """Return whether the environment is still what its spec says."""
     return bool(vector.parameters == getattr(env.unwrapped, "parameters", None))

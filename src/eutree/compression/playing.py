@@ -1,0 +1,315 @@
+"""Common episodes of many trees in an environment, of which only those are run that differ.
+
+All chance of an episode comes from its seed. So a tree that differs from another in one region
+earns the same in every episode that does not visit it, and of those the other has run nothing has
+to be run again: only episodes in which the recorded observations would be answered differently are.
+Where the environment has a vector form, episodes of many trees run side by side in it; else they
+are divided among processes.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from eutree.arrays import Booleans, Floats, Integers
+from eutree.evaluation.batch import run_batch
+from eutree.evaluation.evaluate import same_parameters, vector_form
+from eutree.interaction import GuardedEnv, episode_seed, run_episode
+from eutree.interaction.recipe import Recipe, made
+from eutree.interaction.seeding import Stream
+from eutree.parallel import Workers
+from eutree.policies import TreePolicy
+from eutree.schema import EnvironmentSpec
+
+COPIES = 4096  # episodes side by side
+STARTS = 2**20  # of one draw: more than ever run
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What a tree earned from common starts.
+
+    Attributes:
+        returns: Undiscounted return of each episode.
+        successes: Whether each was a success; None where the environment reports none.
+    """
+
+    returns: Floats  # [E]
+    successes: Booleans | None  # [E]
+
+    @property
+    def mean_return(self) -> float:
+        """Mean undiscounted return."""
+        return float(self.returns.mean())
+
+    @property
+    def success_rate(self) -> float | None:
+        """Share of successful episodes; None where none are reported."""
+        return None if self.successes is None else float(self.successes.mean())
+
+
+@dataclass(frozen=True, eq=False)
+class _Traces:
+    """Each step of the present tree's episodes, in any order."""
+
+    features: Floats  # [N, d]
+    actions: Integers  # [N]
+    episode: Integers  # [N]
+
+
+class _Forest:
+    """Many trees as one policy of a batch: copy e decides by tree ``which[e]``."""
+
+    def __init__(self, trees: Sequence[TreePolicy], which: Integers) -> None:
+        sizes = [one.tree.n_nodes for one in trees]
+        begin = np.concatenate([[0], np.cumsum(sizes)[:-1]])
+        self._map = trees[0].features
+        self._root = begin[which]
+        self._depth = max(one.tree.depth for one in trees)
+        inner = [one.tree.feature != one.tree.NO_FEATURE for one in trees]
+        own = [np.arange(one.tree.n_nodes) for one in trees]
+        columns = list(zip(trees, inner, own, begin.tolist(), strict=True))
+        self._feature = np.concatenate([np.where(i, p.tree.feature, 0) for p, i, _, _ in columns])
+        self._threshold = np.concatenate([p.tree.threshold for p in trees])
+        self._left, self._right = (
+            np.concatenate([b + np.where(i, getattr(p.tree, s), o) for p, i, o, b in columns])
+            for s in ("left", "right")
+        )
+        actions = [p.actions[np.where(i, 0, p.tree.leaf)] for p, i, _, _ in columns]
+        self._action = np.concatenate(actions)
+        self.features: list[Floats] = []  # of each step, [E, d]
+        self.actions: list[Integers] = []  # [E]
+
+    def predict(
+        self,
+        observation: Any,
+        state: Any = None,
+        episode_start: Any = None,
+        deterministic: bool = True,
+    ) -> tuple[Integers, Any]:
+        if not self.features:
+            features = self._map.first(observation)
+        else:
+            features = self._map.next(self.features[-1], self.actions[-1], observation)
+        node, row = self._root, np.arange(len(features))
+        for _ in range(self._depth):
+            goes_left = features[row, self._feature[node]] <= self._threshold[node]
+            node = np.where(goes_left, self._left[node], self._right[node])
+        self.features.append(features)
+        self.actions.append(self._action[node])
+        return self.actions[-1], state
+
+    def traces(self, lengths: Integers, episodes: Integers) -> _Traces:
+        """Return the steps before each episode's end."""
+        alive = np.arange(len(self.features))[:, np.newaxis] < lengths  # [T, E]
+        episode = np.broadcast_to(episodes, alive.shape)[alive]
+        features, actions = np.array(self.features)[alive], np.array(self.actions)[alive]
+        return _Traces(features, actions, episode)
+
+
+@dataclass(eq=False)
+class Ground:
+    """Where trees play, and how much they did.
+
+    Attributes:
+        env: The environment.
+        seed: Seed of all its episodes.
+        recipe: How other processes make it; None keeps all episodes in this one.
+        n_jobs: Processes, as joblib counts them.
+        steps: Environment steps so far.
+    """
+
+    env: gymnasium.Env[Any, Any]
+    seed: int
+    recipe: Recipe | None = None
+    n_jobs: int | None = None
+    steps: int = 0
+    _seeds: dict[int, int] = field(default_factory=dict, repr=False)
+
+    @classmethod
+    def of(
+        cls,
+        env: gymnasium.Env[Any, Any] | EnvironmentSpec | str,
+        *,
+        seed: int,
+        n_jobs: int | None = None,
+    ) -> "Ground":
+        """Return an environment, or what it is made from, with nothing played in it yet."""
+        itself, spec = made(env, n_jobs)
+        return cls(itself, seed, None if spec is None else Recipe.of(spec), n_jobs)
+
+    @property
+    def side_by_side(self) -> bool:
+        """Whether the environment has a vector form with the same episodes."""
+        return vector_form(self.env) is not None
+
+    def play(
+        self, trees: Sequence[TreePolicy], which: Integers, starts: Integers
+    ) -> tuple[Outcome, _Traces]:
+        """Return the outcome of each pair of a tree and a start, and its steps.
+
+        Args:
+            trees: The trees.
+            which: Number of the tree of each pair, shape [P].
+            starts: Number of the start of each pair, shape [P].
+        """
+        parts = []
+        seeds = [self._seed_of(start) for start in starts.tolist()]
+        for first in range(0, len(seeds), COPIES):
+            pairs = slice(first, first + COPIES)
+            parts.append(self._batch(trees, which[pairs], seeds[pairs], first))
+        outcomes, traces = zip(*parts, strict=True)
+        known = [one.successes for one in outcomes if one.successes is not None]
+        self.steps += sum(len(one.actions) for one in traces)
+        return (
+            Outcome(
+                np.concatenate([one.returns for one in outcomes]),
+                np.concatenate(known) if len(known) == len(outcomes) else None,
+            ),
+            _Traces(
+                *(
+                    np.concatenate([getattr(one, name) for one in traces])
+                    for name in ("features", "actions", "episode")
+                )
+            ),
+        )
+
+    def _seed_of(self, start: int) -> int:
+        seed = self._seeds.get(start)
+        if seed is None:
+            seed = self._seeds[start] = episode_seed(self.seed, start, Stream.COMPRESSION)
+        return seed
+
+    def _batch(
+        self, trees: Sequence[TreePolicy], which: Integers, seeds: list[int], first: int
+    ) -> tuple[Outcome, _Traces]:
+        make = vector_form(self.env)
+        if make is None:
+            return self._divided(trees, which, seeds, first)
+        vector = make(len(seeds))
+        if not same_parameters(vector, self.env):
+            return self._divided(trees, which, seeds, first)
+        forest = _Forest(trees, which)
+        found = run_batch(forest, vector, seeds)
+        if found is None:
+            return self._divided(trees, which, seeds, first)
+        traces = forest.traces(found.lengths, first + np.arange(len(seeds)))
+        return Outcome(found.returns, found.successes), traces
+
+    def _divided(
+        self, trees: Sequence[TreePolicy], which: Integers, seeds: list[int], first: int
+    ) -> tuple[Outcome, _Traces]:
+        """Run episodes one by one, in blocks of which each process runs some."""
+        pairs = [(trees[one], seed) for one, seed in zip(which.tolist(), seeds, strict=True)]
+        if self.recipe is None:
+            episodes = _run(self.env, pairs)
+        else:
+            workers = Workers(self.n_jobs)
+            blocks = [pairs[b.start : b.stop] for b in workers.blocks(len(pairs), 256)]
+            episodes = [one for found in workers.map(_Block(self.recipe), blocks) for one in found]
+        returns, successes, features, actions = zip(*episodes, strict=True)
+        lengths = [len(one) for one in actions]
+        return (
+            Outcome(
+                np.array(returns), None if None in successes else np.array(successes, dtype=bool)
+            ),
+            _Traces(
+                np.concatenate(features),
+                np.concatenate(actions),
+                np.repeat(first + np.arange(len(seeds)), lengths),
+            ),
+        )
+
+
+_Episode = tuple[float, bool | None, Floats, Integers]  # return, success, features, actions
+
+
+@dataclass(frozen=True)
+class _Block:
+    """Some episodes, in whichever process."""
+
+    recipe: Recipe
+
+    def __call__(self, pairs: list[tuple[TreePolicy, int]]) -> list[_Episode]:
+        env = self.recipe.make()
+        try:
+            return _run(env, pairs)
+        finally:
+            env.close()
+
+
+def _run(env: gymnasium.Env[Any, Any], pairs: Sequence[tuple[TreePolicy, int]]) -> list[_Episode]:
+    guarded = GuardedEnv(env)
+    found: list[_Episode] = []
+    for policy, seed in pairs:
+        episode = run_episode(guarded, policy, seed)
+        features = policy.features.of_episode(episode.observations, episode.actions)[:-1]
+        found.append((episode.undiscounted_return, episode.is_success, features, episode.actions))
+    return found
+
+
+class CommonEpisodes:
+    """Episodes of a present tree from common starts, and those of rivals beside it.
+
+    Args:
+        ground: Where they play.
+        n: Starts of a draw.
+
+    Attributes:
+        ground: As given.
+        n: As given.
+        present: The tree that ran last.
+        outcome: What it earned.
+    """
+
+    present: TreePolicy
+    outcome: Outcome
+    traces: _Traces
+
+    def __init__(self, ground: Ground, n: int) -> None:
+        self.ground = ground
+        self.n = n
+        self._draw = -1
+
+    def redraw(self, tree: TreePolicy) -> None:
+        """Let a tree run from starts that no tree has seen."""
+        self._draw += 1
+        self.run(tree)
+
+    def run(self, tree: TreePolicy) -> None:
+        """Let a tree run from the present starts."""
+        starts = self._draw * self.n + np.arange(self.n)
+        self.present = tree
+        self.outcome, self.traces = self.ground.play([tree], np.zeros(self.n, np.intp), starts)
+
+    def outcomes(self, rivals: Sequence[TreePolicy], n: int | None = None) -> list[Outcome]:
+        """Return what rivals earn from the first ``n`` of the present starts."""
+        n = n or self.n
+        touched = [self._departs(rival, n) for rival in rivals]
+        which = np.repeat(np.arange(len(rivals)), [one.size for one in touched])
+        found = [
+            (self.outcome.returns[:n].copy(), _copy(self.outcome.successes, n)) for _ in rivals
+        ]
+        if which.size:
+            episodes = np.concatenate(touched)
+            played, _ = self.ground.play(rivals, which, self._draw * self.n + episodes)
+            for number, (returns, successes) in enumerate(found):
+                mine = which == number
+                returns[episodes[mine]] = played.returns[mine]
+                if successes is not None and played.successes is not None:
+                    successes[episodes[mine]] = played.successes[mine]
+        return [Outcome(*one) for one in found]
+
+    def _departs(self, rival: TreePolicy, n: int) -> Integers:
+        """Return the episodes in which a rival does not do the same throughout."""
+        traces = self.traces
+        other = rival.actions[rival.tree.leaf_index(traces.features)] != traces.actions
+        episodes = np.unique(traces.episode[other])
+        return episodes[episodes < n]
+
+
+def _copy(successes: Booleans | None, n: int) -> Booleans | None:
+    return None if successes is None else successes[:n].copy()
