@@ -120,7 +120,7 @@ def compressed(tree: Learned, way: str, options: dict[str, Any]) -> TreePolicy:
         real = None
         if way == "margin of return" and tree.policy.environment is not None:
             real = RealEpisodes(tree.policy.environment, margin=MARGIN)
-        return compress(tree.policy, tree.observations, real=real, **options)[0]
+        return compress(tree.policy, tree.observations, env=real, **options)[0]
     actions = tree.policy.predict(tree.observations)[0]
     grown = grow(
         tree.observations, actions, n_classes=tree.policy.schema.n_actions, settings=ALONE[way]

@@ -8,7 +8,8 @@ from eutree.schema import EnvironmentSpec
 
 def test_a_budget_is_kept_and_evaluated(eutree, expert, demonstrations):
     line = ["compress", expert, "--demos", demonstrations, "--out", "small.json", "--json"]
-    exact = eutree(*line).json
+    exact = eutree(*line, "--mode", "lossless").json
+    assert exact["by"] == "labels"
     assert (exact["agreement"], exact["environment_steps"]) == (1.0, 0)
     answer = eutree(*line, "--max-disagreement", "0.2", "--evaluate", "--episodes", "20")
     assert answer.code == 0
@@ -30,18 +31,19 @@ def test_a_margin_is_kept_and_its_steps_are_counted(eutree, expert, demonstratio
 
 def test_rounded_thresholds_are_played_where_they_can_be(eutree, expert, demonstrations):
     line = ["--demos", demonstrations, "--out", "small.json", "--round", "--episodes", "20"]
+    line += ["--mode", "lossless"]
     assert "rounded, it earned" in eutree("compress", expert, *line).out
     assert eutree("compress", expert, *line, "--json").json["rounding"]["episodes"] == 20
     elsewhere = replace(TreePolicy.load(expert), environment=EnvironmentSpec("Nowhere-v0"))
     elsewhere.save("elsewhere.json")
     said = eutree("compress", "elsewhere.json", *line).out
-    assert "the rounded thresholds were not played: unknown environment 'Nowhere-v0'" in said
+    assert "nothing was played: unknown environment 'Nowhere-v0'" in said
 
 
 def test_mistakes_are_named(eutree, expert, demonstrations):
     line = ["compress", expert, "--demos", demonstrations, "--out", "small.json"]
     cases = {
-        ("--env-arg", "noise=0"): "--env-arg needs --evaluate or --return-margin",
+        ("--imagined",): "imagined needs max_leaves",
         ("--weights", "q-gap", "--max-disagreement", "0.1"): 'weights must be "visits"',
         ("--max-disagreement", "2"): "max_disagreement must be a number in [0, 1]",
         ("--max-disagreement", "0.1", "--return-margin", "1"): "got both",
@@ -50,4 +52,27 @@ def test_mistakes_are_named(eutree, expert, demonstrations):
         answer = eutree(*line, *options)
         assert answer.code == 2
         assert message in answer.err
-    assert "must be a run folder, or --demos" in eutree("compress", expert, "--out", "x.json").err
+    replace(TreePolicy.load(expert), environment=None).save("nowhere.json")
+    line = ["compress", "nowhere.json", "--out", "x.json"]
+    assert "must be a run folder, or --demos" in eutree(*line).err
+    assert "must name an environment" in eutree(*line, "--env-arg", "noise=0").err
+    assert "--front needs an environment" in eutree(*line, "--front", "front").err
+
+
+def test_a_tree_alone_is_made_smaller_by_playing(eutree, expert):
+    """No demonstrations are needed: the front is drawn, written, and in the answer."""
+    line = ["compress", expert, "--out", "small.json", "--episodes", "40", "--seed", "1"]
+    answer = eutree(*line, "--front", "front", "--json").json
+    assert answer["by"] == "episodes"
+    sizes = [one["n_leaves"] for one in answer["front"]]
+    assert sizes[0] == answer["n_leaves_before"]
+    assert sizes[1:] == sorted(set(sizes[1:]), reverse=True)
+    for one in answer["front"]:
+        assert TreePolicy.load(one["path"]).n_leaves == one["n_leaves"]
+        assert one["return_interval"][0] <= one["mean_return"] <= one["return_interval"][1]
+    words = eutree(*line).out
+    assert "leaves  return [95 %]" in words
+    assert f"{answer['front'][0]['mean_return']:.2f}" in words
+    limited = eutree(*line, "--max-leaves", str(sizes[-1] + 1), "--json").json
+    assert limited["n_leaves_after"] <= sizes[-1] + 1
+    assert limited["mean_return_after"] >= answer["front"][-1]["mean_return"] - 1e-9

@@ -117,7 +117,7 @@ BUSY = striped(0, 2.0, 1, 3.0, 0, 5.0, 1)
 def test_what_only_costs_return_is_pruned_and_steps_are_counted():
     Corridor.steps_made = 0
     small, report = compress(
-        BUSY, PLACES, real=RealEpisodes(Corridor(), margin=0.0, episodes=200), seed=3
+        BUSY, PLACES, env=RealEpisodes(Corridor(), margin=0.0, episodes=200), seed=3
     )
     assert (small.n_leaves, report.method) == (2, "return")
     assert report.mean_return_after > report.mean_return_before
@@ -131,7 +131,7 @@ def test_what_return_needs_stays():
     needed = replace(policy, actions=np.array([1, 0, 1]))  # wrong everywhere else
     by_decisions, _ = compress(needed, PLACES, max_disagreement=0.15)
     by_return, report = compress(
-        needed, PLACES, real=RealEpisodes(Corridor(), margin=0.5, episodes=200)
+        needed, PLACES, env=RealEpisodes(Corridor(), margin=0.5, episodes=200)
     )
     assert by_decisions.predict([9.5])[0] == 0
     assert by_return.predict([9.5])[0] == 1
@@ -140,16 +140,14 @@ def test_what_return_needs_stays():
 
 def test_nothing_confirmed_gives_the_exact_merge():
     needed = striped(0, 5.0, 1)
-    result, report = compress(
-        needed, PLACES, real=RealEpisodes(Corridor(), margin=0.0, episodes=60)
-    )
+    result, report = compress(needed, PLACES, env=RealEpisodes(Corridor(), margin=0.0, episodes=60))
     assert (result.n_leaves, report.method, report.agreement) == (2, "merge", 1.0)
     assert report.return_change.value == 0.0
 
 
 def test_an_environment_alone_evaluates_before_and_after():
     small, report = compress(
-        BUSY, PLACES, max_disagreement=0.12, real=RealEpisodes(Corridor(), episodes=50)
+        BUSY, PLACES, max_disagreement=0.12, env=RealEpisodes(Corridor(), episodes=50)
     )
     assert small.n_leaves == 2
     assert report.environment_steps == 2 * 50 * 10
@@ -161,7 +159,7 @@ def test_an_environment_alone_evaluates_before_and_after():
 
 def test_the_same_seed_gives_the_same_result():
     one, other = (
-        compress(BUSY, PLACES, real=RealEpisodes(Corridor(), margin=0.1, episodes=100), seed=4)
+        compress(BUSY, PLACES, env=RealEpisodes(Corridor(), margin=0.1, episodes=100), seed=4)
         for _ in range(2)
     )
     assert one[0] == other[0]
@@ -171,7 +169,7 @@ def test_the_same_seed_gives_the_same_result():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"real": RealEpisodes("x", margin=1.0), "max_disagreement": 0.1}, "got both"),
+        ({"env": RealEpisodes("x", margin=1.0), "max_disagreement": 0.1}, "got both"),
         ({"max_disagreement": 1.5}, r"max_disagreement must be a number in \[0, 1\]"),
         ({"max_disagreement": 0.1, "mode": "merge"}, 'mode must be "auto"'),
         ({"weights": "q-gap", "max_disagreement": 0.1}, 'weights must be "visits"'),
@@ -199,10 +197,10 @@ def test_episodes_that_cannot_be_are_named(options, message):
 
 def test_the_report_says_what_the_bounds_depend_on():
     bounded = RealEpisodes(Corridor(), margin=0.5, episodes=100, return_range=(0.0, 50.0))
-    _, known = compress(BUSY, PLACES, real=bounded)
+    _, known = compress(BUSY, PLACES, env=bounded)
     assert (known.range_known, known.return_range) == (True, (0.0, 50.0))
     assert known.episodes_needed > 400  # 100 cannot show that less than 0.5 of 50 is lost
     assert (known.method, known.return_change.n) == ("merge", 100)
-    _, seen = compress(BUSY, PLACES, real=RealEpisodes(Corridor(), margin=4.0, episodes=200))
+    _, seen = compress(BUSY, PLACES, env=RealEpisodes(Corridor(), margin=4.0, episodes=200))
     assert (seen.range_known, seen.episodes_needed) == (False, None)
     assert seen.return_range[1] - seen.return_range[0] >= 4.0 * 200 / 9

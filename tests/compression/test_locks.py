@@ -65,7 +65,7 @@ def test_what_is_locked_stays_within_a_margin_of_the_return(margin):
     small, _ = compress(
         policy,
         rows,
-        real=RealEpisodes("eutree/Evasion2-v0", margin=margin, episodes=40),
+        env=RealEpisodes("eutree/Evasion2-v0", margin=margin, episodes=40),
         round_thresholds=True,
     )
     assert locked_rules(small) == locked_rules(policy)

@@ -43,7 +43,7 @@ def threshold_of(policy):
 def test_rounding_is_honoured_where_no_smaller_tree_is_found():
     """The exact thresholds came back, without a word."""
     real = RealEpisodes(Light(), margin=0.5, episodes=100)
-    small, report = compress(POLICY, RECORDED, real=real, round_thresholds=True)
+    small, report = compress(POLICY, RECORDED, env=real, round_thresholds=True)
     assert (report.method, threshold_of(small)) == ("merge", 0.3)
     assert report.return_change.n == 100
 
@@ -51,7 +51,7 @@ def test_rounding_is_honoured_where_no_smaller_tree_is_found():
 def test_thresholds_that_play_differently_are_noticed():
     """All four recorded decisions are the same; about one episode in nine is not."""
     real = RealEpisodes(Light(), episodes=400)
-    small, report = compress(POLICY, RECORDED, real=real, round_thresholds=True)
+    small, report = compress(POLICY, RECORDED, env=real, round_thresholds=True)
     assert (report.agreement, threshold_of(small)) == (1.0, 0.3)
     played = report.rounding
     assert played.episodes == 200
@@ -61,7 +61,7 @@ def test_thresholds_that_play_differently_are_noticed():
 
 def test_rounding_that_loses_more_than_the_margin_is_taken_back():
     real = RealEpisodes(Light(), margin=0.5, episodes=100)
-    small, report = compress(POLICY, RECORDED, real=real, round_thresholds=0.5)
+    small, report = compress(POLICY, RECORDED, env=real, round_thresholds=0.5)
     assert threshold_of(small) == CUT
     assert not report.rounding.kept
     assert report.rounding.exact - report.rounding.rounded > 0.5
@@ -69,8 +69,8 @@ def test_rounding_that_loses_more_than_the_margin_is_taken_back():
 
 def test_rounding_alone_runs_no_evaluation():
     real = RealEpisodes(Light(), episodes=50, evaluates=False)
-    _, report = compress(POLICY, RECORDED, real=real, round_thresholds=True)
+    _, report = compress(POLICY, RECORDED, env=real, round_thresholds=True)
     assert report.environment_steps == 2 * 50 * 10
     assert report.return_change is None
-    _, exact = compress(POLICY, RECORDED, real=real)
+    _, exact = compress(POLICY, RECORDED, env=real)
     assert (exact.environment_steps, exact.rounding) == (0, None)

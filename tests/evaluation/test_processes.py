@@ -165,7 +165,7 @@ def test_a_race_is_the_same_in_two_processes(impatient):
         eutree.compress(
             policy,
             demos.observations,
-            real=RealEpisodes("CartPole-v1", margin=30.0, episodes=64, n_jobs=n_jobs),
+            env=RealEpisodes("CartPole-v1", margin=30.0, episodes=64, n_jobs=n_jobs),
             seed=2,
         )
         for n_jobs in (None, 2)

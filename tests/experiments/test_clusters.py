@@ -116,7 +116,7 @@ def everything(folder):
     return (
         eutree.evaluate(expert, task, episodes=12).returns.tolist(),
         eutree.compress(
-            expert, demos.observations, real=RealEpisodes(task, margin=50.0, episodes=32)
+            expert, demos.observations, env=RealEpisodes(task, margin=50.0, episodes=32)
         ),
         eutree.distill(
             teacher, task, DistillationSettings(iterations=2, episodes=2, validation_episodes=4)

@@ -1,9 +1,11 @@
 """``eutree compress``: fewer leaves, the same decisions."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+import numpy as np
 
 from eutree.cli._cluster import cluster, workers_options
 from eutree.cli._options import (
@@ -29,22 +31,21 @@ if TYPE_CHECKING:
     from eutree.world_model import Transitions
 
 
-@click.command(epilog="Example: eutree compress runs/a --out small.json --round")
+@click.command(epilog="Example: eutree compress policy.json --out small.json")
 @click.argument("source", type=click.Path(path_type=Path))
 @output_option("--out", text="File to write.", required=True)
 @path_option(
     "--demos",
-    text="Demonstrations whose observations to keep the decisions on; needed where "
-    "SOURCE is a policy file instead of a run folder.",
+    text="Demonstrations whose observations to keep the decisions on; needed where SOURCE is a "
+    "policy file instead of a run folder, and nothing is played.",
 )
 @click.option("--mode", default="auto", show_default=True,
-              help="auto, merge (same decision everywhere), lossless, or paper.")  # fmt: skip
+              help="auto (by playing, where the policy's environment can be made, else as "
+              "lossless), merge (same decision everywhere), lossless, or paper.")  # fmt: skip
 @click.option("--max-disagreement", type=float, metavar="SHARE",
               help="Give the smallest tree that changes at most this share of the recorded "
               "decisions.")  # fmt: skip
-@count_option(
-    "--max-leaves", None, "Give a tree of at most so many leaves, whatever it costs.", least=2
-)
+@count_option("--max-leaves", None, "Give the best tree of at most so many leaves.", least=2)
 @click.option("--imagined", is_flag=True,
               help="With --max-leaves, cut where that costs least in episodes imagined by a world "
               "model of the run's transitions, or of those of --demos.")  # fmt: skip
@@ -67,6 +68,7 @@ if TYPE_CHECKING:
               help="Write thresholds with the fewest digits that keep the decisions; or, with a "
               "step, as its multiples: 0.1 for all features, room=0.1 for one. May be "
               "repeated.")  # fmt: skip
+@path_option("--front", text="Folder to write the best tree of each size to.")
 @workers_options("the episodes of evaluations, where they take more than a few seconds")
 @env_arg_option
 @seed_option
@@ -75,6 +77,7 @@ def compress(
     source: Path,
     out: Path,
     demos: Path | None,
+    front: Path | None,
     imagined: bool,
     evaluates: bool,
     return_margin: float | None,
@@ -95,32 +98,37 @@ def compress(
     from eutree.files import check_writable
 
     output = Output(as_json=as_json)
-    policy, observations = _read(source, demos)
-    real = None
-    if return_margin is not None or evaluates:
+    rounding = _rounding(round_thresholds)
+    policy = _policy(source)
+    plays = options["mode"] == "auto" and options["max_disagreement"] is None and not imagined
+    real, unplayed = None, ""
+    if return_margin is not None or evaluates or env_arguments:
         if policy.environment is None:
             raise InvalidArgumentError(
-                f"{source} must name an environment for --evaluate and --return-margin"
+                f"{source} must name an environment for --evaluate, --return-margin and --env-arg"
             )
         spec = override(policy.environment, env_arguments)
-        real = RealEpisodes(spec, return_margin, confidence, episodes, return_range, n_jobs)
-    elif env_arguments:
-        raise InvalidArgumentError("--env-arg needs --evaluate or --return-margin")
-    rounding = _rounding(round_thresholds)
-    unplayed = ""
-    if real is None and rounding is not False:
-        real, unplayed = _where_rounding_is_played(policy, episodes, n_jobs)
+        real = RealEpisodes(
+            spec, return_margin, confidence, episodes, return_range, n_jobs, searches=plays
+        )
+    elif plays or rounding is not False:
+        real, unplayed = _where_trees_play(policy, episodes, n_jobs, return_range)
+        real = None if real is None else replace(real, searches=plays, evaluates=plays)
+    if unplayed and front is not None:
+        raise InvalidArgumentError(f"--front needs an environment to play in{unplayed}")
+    observations = _observations(source, demos, policy, needed=not plays or real is None)
     check_writable(out)
     with cluster(backend, address):
         small, report = compress_policy(
             policy,
             observations,
             imagined=ImaginedEpisodes(_experience(source, demos, policy)) if imagined else None,
-            real=real,
+            env=real,
             round_thresholds=rounding,
             **options,
         )
     small.save(out)
+    paths = _front_written(report, front)
     change = report.return_change
     output.result(
         {
@@ -139,29 +147,75 @@ def compress(
             "episodes_needed": report.episodes_needed,
             "imagined": report.imagined,
             "rounding": None if report.rounding is None else vars(report.rounding),
+            "by": report.by,
+            "front": [one.facts(path) for one, path in zip(report.front, paths, strict=True)],
             "path": str(out),
         },
-        f"{small}\n{_in_words(report, len(observations))}{unplayed}; written to {out}",
+        f"{small}\n{_drawn(report)}{_in_words(report, len(observations))}{unplayed}; "
+        f"written to {out}",
     )
 
 
-def _read(source: Path, demos: Path | None) -> "tuple[TreePolicy, Floats]":
-    """Return the policy and the recorded observations."""
-    from eutree.data import Demonstrations
+def _policy(source: Path) -> "TreePolicy":
     from eutree.policies import TreePolicy
+    from eutree.training.many import folder_of_winner
+
+    if not source.is_dir():
+        return TreePolicy.load(source)
+    return TreePolicy.load(folder_of_winner(source) / "policy.json")
+
+
+def _observations(
+    source: Path, demos: Path | None, policy: "TreePolicy", *, needed: bool
+) -> "Floats":
+    """Return the recorded observations; none where none were and the tree's own episodes do."""
+    from eutree.data import Demonstrations
     from eutree.training import stored_observations
     from eutree.training.many import folder_of_winner
 
     if source.is_dir():
-        run = folder_of_winner(source)
-        return TreePolicy.load(run / "policy.json"), stored_observations(run)
-    if demos is None:
+        return stored_observations(folder_of_winner(source))
+    if demos is not None:
+        recorded = Demonstrations.load(demos).with_history(policy.history, policy.past_actions)
+        return recorded.observations
+    if needed:
         raise InvalidArgumentError(
             f"{source} must be a run folder, or --demos must name recorded observations"
         )
-    policy = TreePolicy.load(source)
-    recorded = Demonstrations.load(demos).with_history(policy.history, policy.past_actions)
-    return policy, recorded.observations
+    return np.empty((0, policy.tree.n_features))
+
+
+def _front_written(report: "CompressionReport", folder: Path | None) -> list[str | None]:
+    """Write the trees of the front, if a folder is named; return where each one is."""
+    if folder is None:
+        return [None] * len(report.front)
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = [
+        folder / ("start.json" if number == 0 else f"{one.policy.n_leaves}.json")
+        for number, one in enumerate(report.front)
+    ]
+    for one, path in zip(report.front, paths, strict=True):
+        one.policy.save(path)
+    return [str(path) for path in paths]
+
+
+def _drawn(report: "CompressionReport") -> str:
+    """Return the front as lines of the terminal: leaves, return with interval, success."""
+    if not report.front:
+        return ""
+    best = max(one.mean_return for one in report.front)
+    least = min(one.mean_return for one in report.front)
+    lines = ["leaves  return [95 %]                 success"]
+    for number, one in enumerate(report.front):
+        low, high = one.return_interval
+        width = round(20 * (one.mean_return - least) / ((best - least) or 1.0))
+        success = "" if one.success_rate is None else f"{one.success_rate:.1%}"
+        mark = "  start" if number == 0 else ""
+        earned = f"{one.mean_return:.2f} [{low:.2f}, {high:.2f}]"
+        lines.append(
+            f"{one.policy.n_leaves:>6}  {earned:<28}  {success:>6}  {'#' * width}{mark}".rstrip()
+        )
+    return "\n".join(lines) + "\n"
 
 
 def _experience(
@@ -201,8 +255,8 @@ def _rounding(texts: tuple[str, ...]) -> "Rounding":
 
 def _in_words(report: "CompressionReport", n_rows: int) -> str:
     words = (
-        f"{_change(report)} ({report.method}); the same decision on {report.agreement:.2%} of "
-        f"{n_rows} recorded observations, another on "
+        f"{_change(report)} ({report.method}, chosen by {report.by}); the same decision on "
+        f"{report.agreement:.2%} of {_rows(n_rows)}, another on "
         f"{report.disagreement_volume:.3%} of the observation box"
     )
     if report.imagined is not None:
@@ -221,21 +275,29 @@ def _in_words(report: "CompressionReport", n_rows: int) -> str:
     return words
 
 
-def _where_rounding_is_played(
-    policy: "TreePolicy", episodes: int, n_jobs: int | None
+def _rows(n_rows: int) -> str:
+    return f"{n_rows} recorded observations" if n_rows else "the observations of 100 episodes"
+
+
+def _where_trees_play(
+    policy: "TreePolicy",
+    episodes: int,
+    n_jobs: int | None,
+    return_range: tuple[float, float] | None,
 ) -> "tuple[RealEpisodes | None, str]":
-    """Return where rounded thresholds are played; or None, and why they are not."""
+    """Return where trees are played; or None, and why they are not."""
     from eutree.compression import RealEpisodes
     from eutree.interaction.making import make
 
     spec = policy.environment
     if spec is None:
-        return None, "; the rounded thresholds were not played: the policy names no environment"
+        return None, "; nothing was played: the policy names no environment"
     try:
         make(spec).close()
     except EutreeError as error:
-        return None, f"; the rounded thresholds were not played: {error}"
-    return RealEpisodes(spec, episodes=episodes, n_jobs=n_jobs, evaluates=False), ""
+        return None, f"; nothing was played: {error}"
+    real = RealEpisodes(spec, episodes=episodes, return_range=return_range, n_jobs=n_jobs)
+    return real, ""
 
 
 def _played(rounding: "RoundingPlayed") -> str:

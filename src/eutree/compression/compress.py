@@ -19,13 +19,15 @@ from eutree.arrays import Floats
 from eutree.c45 import C45Settings
 from eutree.compression.candidates import Ladder, by_c45, lossless, merged, with_locks
 from eutree.compression.costs import WEIGHTS, Costs
-from eutree.compression.episodes import ImaginedEpisodes, RealEpisodes
+from eutree.compression.episodes import ImaginedEpisodes, RealEpisodes, as_real
+from eutree.compression.front import Pick, front_of
 from eutree.compression.imagined import Pruned, pruned_in_imagination
-from eutree.compression.racing import Arena, Verdict, meet, play_rounded, race
-from eutree.compression.report import CompressionReport
+from eutree.compression.racing import Arena, Verdict, meet, play_rounded
+from eutree.compression.report import CompressionReport, FrontEntry
 from eutree.compression.rounding import Rounding, rounded, steps_of
 from eutree.contests.betting import episodes_needed
 from eutree.errors import InvalidArgumentError
+from eutree.interaction.recipe import Environment
 from eutree.policies import TreePolicy
 from eutree.policy_search.racing import Demand, first_error
 from eutree.schema import Schema
@@ -51,7 +53,7 @@ def compress(
     max_disagreement: float | None = None,
     max_leaves: int | None = None,
     imagined: ImaginedEpisodes | None = None,
-    real: RealEpisodes | None = None,
+    env: RealEpisodes | Environment | None = None,
     weights: str = "visits",
     round_thresholds: Rounding = False,
     seed: int = 0,
@@ -71,8 +73,10 @@ def compress(
         imagined: With ``max_leaves`` nodes are cut where that costs least in these episodes, which
             is worth it from some ten thousand varied transitions on; without them, where labels
             change least.
-        real: Where the result is evaluated beside the input, on the same fresh episodes; with a
-            margin, those that choose it.
+        env: Where trees play: an environment, its id or how to make it. Then the best tree of each
+            size is looked for by playing, and the smallest within a standard error of the best is
+            returned, or with ``max_leaves`` the best of at most so many; the report has the
+            ``front``. ``RealEpisodes`` says more of it: a margin that the result keeps, say.
         weights: What a changed decision costs: ``"visits"``, 1 each; ``"q-gap"``, what the values
             of the policy's leaves say it loses.
         round_thresholds: Write each threshold with the fewest significant digits that leave
@@ -86,21 +90,27 @@ def compress(
     check_choice("mode", mode, MODES)
     check_choice("weights", weights, WEIGHTS)
     check_seed(seed)
+    real = as_real(env)
     margin = None if real is None else real.margin
     _check_gates(mode, max_disagreement, margin)
     _check_size(policy, mode, max_leaves, imagined, others=(max_disagreement, margin))
     rows = check_observations("observations", observations, n_features=policy.tree.n_features)
-    costs = Costs.of(policy, rows, weights)
     steps = steps_of(round_thresholds, policy.schema)
     shortened = round_thresholds is not False
     arena = demand = verdict = scores = None
+    front: tuple[FrontEntry, ...] = ()
     if real is not None:
         arena = Arena.of(real.env, seed, real.n_jobs)
         demand = real.demand(arena.env)
-    if arena is not None and demand is not None and margin is not None:
-        result, method, verdict = _by_return(
-            policy, costs, arena, demand, steps=steps if shortened else None
-        )
+    searches = real is not None and (real.searches or margin is not None)
+    searches &= mode == "auto" and max_disagreement is None and imagined is None
+    if arena is not None and searches and not rows.size:
+        rows = arena.observations(policy)
+    costs = Costs.of(policy, rows, weights)
+    if arena is not None and demand is not None and searches:
+        pick = Pick(demand, margin is not None, max_leaves)
+        found = _by_playing(policy, rows, arena, pick, steps if shortened else None)
+        result, method, verdict, front = found
     elif max_leaves is not None:
         imagine = None
         if imagined is not None:
@@ -135,6 +145,8 @@ def compress(
         episodes_needed=too_few,
         imagined=scores,
         rounding=played,
+        by="episodes" if searches else "labels" if scores is None else "model",
+        front=front,
     )
 
 
@@ -218,28 +230,29 @@ def _check_size(
         )
 
 
-def _by_return(
+def _by_playing(
     policy: TreePolicy,
-    costs: Costs,
+    rows: Floats,
     arena: Arena,
-    demand: Demand,
-    *,
+    pick: Pick,
     steps: Mapping[int, float] | None,
-) -> tuple[TreePolicy, str, Verdict | None]:
-    """Return the smallest tree not worse by more than the margin; else the exact merge.
+) -> tuple[TreePolicy, str, Verdict | None, tuple[FrontEntry, ...]]:
+    """Return the pick of the front, which way made it, its verdict, and the front.
 
-    What is rounded (unless ``steps`` is None) is rounded before it runs, so that the tree that is
-    returned has run.
+    Where no smaller tree deserves it that is the exact merge, without a verdict. What is rounded
+    (unless ``steps`` is None) is rounded before it is chosen, so the tree that is returned has run.
     """
+
+    def finish(tree: TreePolicy) -> TreePolicy:
+        tree = with_locks(merged(tree), policy)
+        return tree if steps is None else rounded(tree, rows, steps)
+
     exact = with_locks(merged(policy), policy)
-    rungs: list[TreePolicy] = []
-    if costs.rows.size:
-        found = [with_locks(rung, policy) for rung in Ladder(policy, costs).rungs()]
-        rungs = sorted((r for r in found if r.n_leaves < exact.n_leaves), key=lambda r: r.n_leaves)
-    if steps is not None:
-        rungs = [rounded(rung, costs.rows, steps) for rung in rungs]
-    winner = race(policy, rungs, arena, demand)
-    return (exact, "merge", None) if winner is None else (winner[0], "return", winner[1])
+    front = front_of(policy, exact, arena.ground(), pick, finish)
+    arena.steps += front.steps
+    if front.picked is None:
+        return exact, "merge", None, front.entries
+    return front.picked, "return", front.verdict, front.entries
 
 
 def _report(

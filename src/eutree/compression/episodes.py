@@ -7,6 +7,7 @@ import gymnasium
 
 from eutree.data import Demonstrations
 from eutree.errors import InvalidArgumentError
+from eutree.interaction.recipe import Environment
 from eutree.interaction.return_range import return_range as known_range
 from eutree.learners import History
 from eutree.learners.model_planning import transitions_of
@@ -36,6 +37,7 @@ class RealEpisodes:
             so itself (``eutree.interaction.return_range``).
         n_jobs: Processes for the episodes, as ``evaluate`` takes them; the result is the same.
         evaluates: Whether the result is evaluated beside the input; else only rounding is played.
+        searches: Whether the best tree of each size is looked for by playing; with a margin it is.
 
     Raises:
         InvalidArgumentError: One of them is not as described.
@@ -48,6 +50,7 @@ class RealEpisodes:
     return_range: tuple[float, float] | None = None
     n_jobs: int | None = None
     evaluates: bool = True
+    searches: bool = False
 
     def __post_init__(self) -> None:
         check_integer("episodes", self.episodes, low=2)
@@ -71,6 +74,13 @@ class RealEpisodes:
             episodes=self.episodes,
             known_range=self.return_range or known_range(env),
         )
+
+
+def as_real(env: "RealEpisodes | Environment | None") -> RealEpisodes | None:
+    """Return the episodes that are meant: in an environment alone, smaller trees are searched."""
+    if env is None or isinstance(env, RealEpisodes):
+        return env
+    return RealEpisodes(env, searches=True)
 
 
 @dataclass(frozen=True)

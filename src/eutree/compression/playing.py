@@ -15,14 +15,14 @@ import gymnasium
 import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
+from eutree.evaluation import Interval, wilson_interval
 from eutree.evaluation.batch import run_batch
 from eutree.evaluation.evaluate import same_parameters, vector_form
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
-from eutree.interaction.recipe import Recipe, made
+from eutree.interaction.recipe import Recipe
 from eutree.interaction.seeding import Stream
 from eutree.parallel import Workers
 from eutree.policies import TreePolicy
-from eutree.schema import EnvironmentSpec
 
 COPIES = 4096  # episodes side by side
 STARTS = 2**20  # of one draw: more than ever run
@@ -49,6 +49,13 @@ class Outcome:
     def success_rate(self) -> float | None:
         """Share of successful episodes; None where none are reported."""
         return None if self.successes is None else float(self.successes.mean())
+
+    @property
+    def success_interval(self) -> Interval | None:
+        """95 % interval of that share, by Wilson's formula."""
+        if self.successes is None:
+            return None
+        return wilson_interval(int(self.successes.sum()), self.successes.size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,18 +135,6 @@ class Ground:
     n_jobs: int | None = None
     steps: int = 0
     _seeds: dict[int, int] = field(default_factory=dict, repr=False)
-
-    @classmethod
-    def of(
-        cls,
-        env: gymnasium.Env[Any, Any] | EnvironmentSpec | str,
-        *,
-        seed: int,
-        n_jobs: int | None = None,
-    ) -> "Ground":
-        """Return an environment, or what it is made from, with nothing played in it yet."""
-        itself, spec = made(env, n_jobs)
-        return cls(itself, seed, None if spec is None else Recipe.of(spec), n_jobs)
 
     @property
     def side_by_side(self) -> bool:
@@ -257,6 +252,7 @@ class CommonEpisodes:
     Args:
         ground: Where they play.
         n: Starts of a draw.
+        first: The first of all starts.
 
     Attributes:
         ground: As given.
@@ -269,19 +265,19 @@ class CommonEpisodes:
     outcome: Outcome
     traces: _Traces
 
-    def __init__(self, ground: Ground, n: int) -> None:
+    def __init__(self, ground: Ground, n: int, first: int = 0) -> None:
         self.ground = ground
         self.n = n
-        self._draw = -1
+        self._begin = first - n
 
     def redraw(self, tree: TreePolicy) -> None:
         """Let a tree run from starts that no tree has seen."""
-        self._draw += 1
+        self._begin += self.n
         self.run(tree)
 
     def run(self, tree: TreePolicy) -> None:
         """Let a tree run from the present starts."""
-        starts = self._draw * self.n + np.arange(self.n)
+        starts = self._begin + np.arange(self.n)
         self.present = tree
         self.outcome, self.traces = self.ground.play([tree], np.zeros(self.n, np.intp), starts)
 
@@ -295,7 +291,7 @@ class CommonEpisodes:
         ]
         if which.size:
             episodes = np.concatenate(touched)
-            played, _ = self.ground.play(rivals, which, self._draw * self.n + episodes)
+            played, _ = self.ground.play(rivals, which, self._begin + episodes)
             for number, (returns, successes) in enumerate(found):
                 mine = which == number
                 returns[episodes[mine]] = played.returns[mine]

@@ -1,6 +1,5 @@
 """Run the races of :mod:`eutree.policy_search.racing` in an environment, block by block."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,10 +7,11 @@ import gymnasium
 import numpy as np
 
 from eutree.arrays import Floats
+from eutree.compression.playing import Ground
 from eutree.compression.report import ROUNDED_EPISODES, RoundingPlayed
 from eutree.evaluation import Estimate, Interval, evaluate
 from eutree.interaction import episode_seed
-from eutree.interaction.recipe import Environment, made
+from eutree.interaction.recipe import Environment, Recipe, made
 from eutree.interaction.seeding import Stream
 from eutree.policies import TreePolicy
 from eutree.policy_search.racing import (
@@ -21,11 +21,10 @@ from eutree.policy_search.racing import (
     Returns,
     drive,
     meeting,
-    smallest_within,
 )
 from eutree.schema import EnvironmentSpec
 
-_MOST_RUNNERS = 48
+SEEN, OBSERVED = 2**42, 100  # the first start, and how many, where nothing was recorded
 _ROUNDING_BLOCK = 1_000_000  # of starts, which no race comes to
 
 
@@ -52,6 +51,16 @@ class Arena:
         """Return an environment, or what it is made from, with nothing asked of it yet."""
         itself, spec = made(env, n_jobs)
         return cls(itself, seed, spec, n_jobs)
+
+    def ground(self) -> Ground:
+        """Return where trees are searched for."""
+        recipe = None if self.spec is None else Recipe.of(self.spec)
+        return Ground(self.env, self.seed, recipe, self.n_jobs)
+
+    def observations(self, policy: TreePolicy) -> Floats:
+        """Return the features that a policy meets in some episodes, shape [N, d]."""
+        starts = SEEN + np.arange(OBSERVED)
+        return self.ground().play([policy], np.zeros(OBSERVED, np.intp), starts)[1].features
 
     def run(self, policy: TreePolicy, heat: Heat) -> Floats:
         """Return the returns of a policy in a heat; the same episodes for each policy."""
@@ -88,28 +97,6 @@ class Verdict:
             float((met.after - met.before).mean()), Interval(met.low, met.high), met.after.size
         )
         return cls(float(met.before.mean()), float(met.after.mean()), change, met.range)
-
-
-def race(
-    policy: TreePolicy, candidates: Sequence[TreePolicy], arena: Arena, demand: Demand
-) -> tuple[TreePolicy, Verdict] | None:
-    """Return the smallest candidate that is confirmed, and how it did; None if none is.
-
-    Args:
-        policy: The input.
-        candidates: The smallest first.
-        arena: Where they run.
-        demand: What the winner has to keep.
-    """
-    if not candidates:
-        return None
-    chosen = np.unique(np.linspace(0, len(candidates) - 1, _MOST_RUNNERS).round().astype(int))
-    runners = [policy, *(candidates[number] for number in chosen)]
-    found = drive(
-        smallest_within(len(runners) - 1, demand),
-        lambda heat: arena.run(runners[heat.runner], heat),
-    )
-    return None if found is None else (runners[found[0]], Verdict.of(found[1]))
 
 
 def meet(policy: TreePolicy, other: TreePolicy, arena: Arena, demand: Demand) -> Verdict:

@@ -1,8 +1,11 @@
 """What a compression changed."""
 
 from dataclasses import dataclass
+from typing import Any
 
-from eutree.evaluation import Estimate
+from eutree.compression.playing import Outcome
+from eutree.evaluation import Estimate, Interval, mean_interval
+from eutree.policies import TreePolicy
 
 ROUNDED_EPISODES = 200  # that show what rounding changed, at most
 
@@ -24,6 +27,48 @@ class RoundingPlayed:
     exact: float
     rounded: float
     kept: bool = True
+
+
+@dataclass(frozen=True)
+class FrontEntry:
+    """A tree of a front, and what it earned in episodes that chose nothing.
+
+    Attributes:
+        policy: The tree.
+        mean_return: Its mean return.
+        return_interval: 95 % interval of that.
+        success_rate: Share of successes; None where none are reported.
+        success_interval: 95 % interval of that.
+    """
+
+    policy: TreePolicy
+    mean_return: float
+    return_interval: Interval
+    success_rate: float | None
+    success_interval: Interval | None
+
+    @classmethod
+    def of(cls, policy: TreePolicy, outcome: Outcome) -> "FrontEntry":
+        """Return the entry of a tree that earned this."""
+        return cls(
+            policy,
+            outcome.mean_return,
+            mean_interval(outcome.returns),
+            outcome.success_rate,
+            outcome.success_interval,
+        )
+
+    def facts(self, path: str | None = None) -> dict[str, Any]:
+        """Return the entry in JSON's types; ``path`` is where its tree was written, if it was."""
+        success = self.success_interval
+        return {
+            "n_leaves": self.policy.n_leaves,
+            "mean_return": self.mean_return,
+            "return_interval": list(self.return_interval),
+            "success_rate": self.success_rate,
+            "success_interval": None if success is None else list(success),
+            "path": path,
+        }
 
 
 @dataclass(frozen=True)
@@ -54,6 +99,10 @@ class CompressionReport:
             None where there is none.
         rounding: What rounding changed in play; None where nothing was rounded, where there is no
             environment, or where the rounded tree won a race against the input itself.
+        by: What chose the result: ``"episodes"`` of the environment, a world ``"model"``, or
+            ``"labels"``, the decisions at recorded observations.
+        front: The input and the best tree of each size, the largest first, all in the same
+            episodes; empty unless episodes chose.
     """
 
     n_leaves_before: int
@@ -71,3 +120,5 @@ class CompressionReport:
     episodes_needed: int | None = None
     imagined: tuple[float, float] | None = None
     rounding: RoundingPlayed | None = None
+    by: str = "labels"
+    front: tuple[FrontEntry, ...] = ()

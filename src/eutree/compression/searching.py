@@ -47,56 +47,64 @@ class FrontSearch:
         checked: What a tree becomes before it runs: with the locked leaves in it, or rounded.
 
     Attributes:
+        common: As given.
         found: Trees of each size, the best first.
     """
 
     def __init__(
         self, policy: TreePolicy, common: CommonEpisodes, budget: int, checked: Check = merged
     ) -> None:
-        self._common = common
+        self.common = common
         self._budget = budget
         self._checked = checked
         start = checked(policy)
         common.redraw(start)
-        self._price = FAILURE * float(np.ptp(common.outcome.returns))
+        self._first = common.outcome.mean_return
+        self._range = float(np.ptp(common.outcome.returns))
         self._pool: dict[int, list[tuple[float, TreePolicy]]] = {start.n_leaves: [(0.0, start)]}
         self.found: dict[int, list[TreePolicy]] = {}
 
-    def run(self, least: int = 2) -> None:
-        """Search from the largest size down to ``least`` leaves."""
-        size = max(self._pool)
-        while size >= least and self._common.ground.steps < self._budget:
+    def run(self, least: int = 2, *, loses: float = 1.0) -> None:
+        """Search from the largest size down to ``least`` leaves.
+
+        Args:
+            least: Fewest leaves.
+            loses: Share of the range of returns: a size at which more is lost is the last one.
+        """
+        size, lost = max(self._pool), 0.0
+        while size >= least and self.common.ground.steps < self._budget and lost <= loses:
             waiting = [one for _, one in self._pool.pop(size, [])]
             if waiting:
-                self._common.redraw(waiting[0])
+                self.common.redraw(waiting[0])
                 for parent in [self._tuned(one) for one in self._best(waiting, BEAM)]:
                     self.found.setdefault(parent.n_leaves, []).append(parent)
                     self._add(self._smaller(parent))
+                lost = (self._first - self.common.outcome.mean_return) / max(self._range, 1e-12)
             size -= 1
 
     def worth(self, outcome: Outcome) -> Floats:
         """Return what each episode is worth: its return, less a price where it failed, [E]."""
         if outcome.successes is None:
             return outcome.returns
-        return outcome.returns - self._price * ~outcome.successes
+        return outcome.returns - FAILURE * self._range * ~outcome.successes
 
     def _best(self, rivals: Sequence[TreePolicy], n: int) -> list[TreePolicy]:
         """Return the best few, each of which does something else."""
         found: dict[bytes, tuple[float, TreePolicy]] = {}
-        for rival, outcome in zip(rivals, self._common.outcomes(rivals), strict=True):
+        for rival, outcome in zip(rivals, self.common.outcomes(rivals), strict=True):
             worth = self.worth(outcome)
             found.setdefault(worth.tobytes(), (float(worth.mean()), rival))
         return [one for _, one in sorted(found.values(), key=lambda one: -one[0])[:n]]
 
     def _add(self, rivals: Sequence[TreePolicy]) -> None:
         """Let the best of each size wait for their turn; losers leave early."""
-        few = self._common.n // SCREENED
-        first = [float(self.worth(one).mean()) for one in self._common.outcomes(rivals, few)]
+        few = self.common.n // SCREENED
+        first = [float(self.worth(one).mean()) for one in self.common.outcomes(rivals, few)]
         by_size: dict[int, list[int]] = {}
         for k in np.argsort(-np.array(first), kind="stable").tolist():
             by_size.setdefault(rivals[k].n_leaves, []).append(k)
         left = [k for numbers in by_size.values() for k in numbers[: 2 * POOL]]
-        outcomes = self._common.outcomes([rivals[k] for k in left])
+        outcomes = self.common.outcomes([rivals[k] for k in left])
         for k, outcome in zip(left, outcomes, strict=True):
             waiting = self._pool.setdefault(rivals[k].n_leaves, [])
             worth = float(self.worth(outcome).mean())
@@ -110,7 +118,7 @@ class FrontSearch:
 
         Some starts choose a place for each test, all have to confirm it.
         """
-        common = self._common
+        common = self.common
         common.run(policy)
         for _ in range(PASSES):
             moves = [(node, at) for node, places in _places(common) for at in places]
@@ -131,14 +139,14 @@ class FrontSearch:
 
     def _gains(self, rivals: Sequence[TreePolicy], n: int | None = None) -> Floats:
         """Return what each rival is worth more than the present tree, shape [rivals, n]."""
-        own = self.worth(self._common.outcome)[:n]
-        found = [self.worth(one) - own for one in self._common.outcomes(rivals, n)]
+        own = self.worth(self.common.outcome)[:n]
+        found = [self.worth(one) - own for one in self.common.outcomes(rivals, n)]
         return np.array(found).reshape(len(rivals), own.size)
 
     def _smaller(self, policy: TreePolicy) -> list[TreePolicy]:
         """Return smaller trees made of one."""
-        self._common.run(policy)
-        rivals = [*_cuts(policy), *_refitted(self._common)]
+        self.common.run(policy)
+        rivals = [*_cuts(policy), *_refitted(self.common)]
         return [one for one in map(self._checked, rivals) if one.n_leaves < policy.n_leaves]
 
 

@@ -101,7 +101,7 @@ def run_demo(settings: DemoSettings, out: Path, *, say: Say, follow: Follow) -> 
         runs.policy,
         learned.history.observations,
         round_thresholds=True,
-        real=None if margin is None else RealEpisodes(settings.changed, margin),
+        env=None if margin is None else RealEpisodes(settings.changed, margin),
         seed=settings.seed,
     )
     _export(small, folder)

@@ -1,0 +1,195 @@
+"""The front of a tree: the best tree of each size, by playing, and which of them is handed back.
+
+Three sets of starts, none of which has to do with another: those of the search make and choose the
+best tree of each size, those of the contest pick one, and those of the report say what all earn.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from eutree.arrays import Floats
+from eutree.compression.candidates import merged, with_locks
+from eutree.compression.playing import CommonEpisodes, Ground, Outcome
+from eutree.compression.racing import Verdict
+from eutree.compression.report import FrontEntry
+from eutree.compression.searching import FrontSearch
+from eutree.contests import SmallestWithin, bounds_of_change, hold, new_table
+from eutree.evaluation import Estimate, Interval
+from eutree.policies import TreePolicy
+from eutree.policy_search.racing import Demand
+
+STARTS, STEPS = 1500, 60_000_000  # of each size, and steps of all, where episodes run side by side
+FEW_STARTS, FEW_STEPS = 60, 1_500_000  # where they run one by one
+PER_START = 800  # episodes of a search for each start, about
+LOSES = 0.1  # of the range of returns: a size that loses more ends the search
+SUCCESS = 0.01  # that a tree may succeed less often
+CONTEST, REPORT = 2**40, 2**41  # first starts
+
+Finish = Callable[[TreePolicy], TreePolicy]
+
+
+@dataclass(frozen=True, eq=False)
+class Front:
+    """The best tree of each size, and the one that is handed back.
+
+    Attributes:
+        picked: The tree to hand back; None where no other deserves it.
+        entries: The trees, the largest first, after the input; one that earned no more than a
+            smaller one is left out.
+        verdict: The pick beside the input; None without one.
+        steps: Environment steps of all of it.
+    """
+
+    picked: TreePolicy | None
+    entries: tuple[FrontEntry, ...]
+    verdict: Verdict | None
+    steps: int
+
+
+@dataclass(frozen=True, eq=False)
+class Pick:
+    """Which tree of a front is handed back.
+
+    Attributes:
+        demand: What it has to keep, with the margin that counts if ``keeps_margin``.
+        keeps_margin: Whether it is the smallest that is shown to keep the margin; else the smallest
+            within one standard error of the best.
+        max_leaves: Most leaves: the best of at most so many instead; None for no limit.
+    """
+
+    demand: Demand
+    keeps_margin: bool
+    max_leaves: int | None = None
+
+
+def front_of(
+    policy: TreePolicy, exact: TreePolicy, ground: Ground, pick: Pick, finish: Finish
+) -> Front:
+    """Return the front of a tree.
+
+    Args:
+        policy: The tree.
+        exact: The same decisions in no more leaves: handed back where no other tree deserves it.
+        ground: Where trees play.
+        pick: Which is handed back.
+        finish: What becomes of a tree that was found before it is chosen: it is rounded, say.
+    """
+    common, steps = _extent(policy, ground, pick.demand.episodes)
+    search = FrontSearch(exact, common, steps, lambda one: with_locks(merged(one), policy))
+    search.run(2, loses=LOSES)
+    found = [finish(one) for trees in search.found.values() for one in trees]
+    found = [one for one in found if one.n_leaves <= exact.n_leaves]
+    common.redraw(policy)
+    best = _best_of_each_size([finish(exact), *found], search)
+    if pick.max_leaves is None:
+        allowed = [one for one, successes in best if _succeeds(successes, common.outcome)]
+        picked, verdict = _contest(policy, allowed, ground, pick)
+    else:
+        picked, verdict = _largest_worth(best, pick.max_leaves), None
+    report = CommonEpisodes(ground, pick.demand.episodes, REPORT)
+    report.redraw(policy)
+    trees = [one for one, _ in best]
+    outcomes = report.outcomes([picked or policy, *trees])
+    entries = [FrontEntry.of(policy, report.outcome)]
+    entries += [FrontEntry.of(one, o) for one, o in zip(trees, outcomes[1:], strict=True)]
+    if picked is not None and verdict is None:
+        verdict = _verdict(report.outcome, outcomes[0], pick.demand)
+    return Front(picked, tuple(entries), verdict, ground.steps)
+
+
+def _extent(policy: TreePolicy, ground: Ground, episodes: int) -> tuple[CommonEpisodes, int]:
+    """Return common episodes of as many starts as the search can afford, and its steps."""
+    most = min(STARTS, max(3 * episodes // 2, FEW_STARTS))
+    if ground.side_by_side:
+        return CommonEpisodes(ground, most), STEPS
+    common = CommonEpisodes(ground, FEW_STARTS)
+    common.redraw(policy)
+    length = common.traces.actions.size / FEW_STARTS
+    n = int(np.clip(FEW_STEPS / (length * PER_START), FEW_STARTS, most))
+    return CommonEpisodes(ground, n, FEW_STARTS), FEW_STEPS
+
+
+def _best_of_each_size(
+    trees: Sequence[TreePolicy], search: FrontSearch
+) -> list[tuple[TreePolicy, Outcome]]:
+    """Return the best tree of each size from fresh starts, the largest first.
+
+    One that is worth no more than a smaller one is left out.
+    """
+    found = [
+        (float(search.worth(outcome).mean()), tree, outcome)
+        for tree, outcome in zip(trees, search.common.outcomes(trees), strict=True)
+    ]
+    found.sort(key=lambda one: (one[1].n_leaves, -one[0]))
+    best: list[tuple[TreePolicy, Outcome]] = []
+    most = -np.inf
+    for worth, tree, outcome in found:
+        if worth > most:
+            most = worth
+            if best and best[-1][0].n_leaves == tree.n_leaves:
+                best.pop()
+            best.append((tree, outcome))
+    return best[::-1]
+
+
+def _succeeds(outcome: Outcome, start: Outcome) -> bool:
+    """Return whether a tree succeeds about as often as the start."""
+    if outcome.success_rate is None or start.success_rate is None:
+        return True
+    return outcome.success_rate >= start.success_rate - SUCCESS / 2
+
+
+def _largest_worth(
+    best: Sequence[tuple[TreePolicy, Outcome]], max_leaves: int
+) -> TreePolicy | None:
+    """Return the best tree of at most so many leaves: of the front, the largest."""
+    return next((one for one, _ in best if one.n_leaves <= max_leaves), None)
+
+
+def _contest(
+    policy: TreePolicy, trees: Sequence[TreePolicy], ground: Ground, pick: Pick
+) -> tuple[TreePolicy | None, Verdict | None]:
+    """Return the tree that wins, and how it did beside the input where that was shown."""
+    demand, rivals = pick.demand, [policy, *trees]
+    rule = SmallestWithin(
+        sizes=tuple(one.n_leaves for one in rivals),
+        margin=demand.margin if pick.keeps_margin else None,
+        error=demand.error,
+        episodes=demand.episodes,
+        known=demand.known_range,
+    )
+
+    def run(tree: int, starts: Sequence[int]) -> Floats:
+        numbers = CONTEST + np.array(starts)
+        outcome, _ = ground.play([rivals[tree]], np.zeros(len(starts), np.intp), numbers)
+        return outcome.returns
+
+    table = new_table(len(rivals), rule.most)
+    found = hold(rule, table, run)
+    if not found.winner:
+        return None, None
+    if not found.shown:
+        return rivals[found.winner], None
+    own, other = (Outcome(table[one, found.starts], None) for one in (0, found.winner))
+    verdict = _verdict(own, other, demand)
+    low = max(verdict.change.interval.low, -demand.margin)  # the bisection stops near it
+    change = Estimate(
+        verdict.change.value, Interval(low, verdict.change.interval.high), verdict.change.n
+    )
+    return rivals[found.winner], Verdict(
+        verdict.before, verdict.after, change, verdict.return_range
+    )
+
+
+def _verdict(before: Outcome, after: Outcome, demand: Demand) -> Verdict:
+    """Return how two trees did from the same starts."""
+    table = np.stack([before.returns, after.returns])
+    known = demand.known_range
+    if known is None and demand.margin:  # losses that were not seen may be as large as this
+        most = float(table.max())
+        known = (min(float(table.min()), most - demand.blind_width), most)
+    bounds = bounds_of_change(table, error=2 * demand.error, known=known)
+    change = Estimate(bounds.mean, Interval(bounds.low, bounds.high), table.shape[1])
+    return Verdict(before.mean_return, after.mean_return, change, bounds.range)
