@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from eutree.world_model import Transitions
 
 
-@click.command(epilog="Example: eutree compress policy.json --out small.json")
+@click.command(epilog="Example: eutree compress runs/a --out small.json --round")
 @click.argument("source", type=click.Path(path_type=Path))
 @output_option("--out", text="File to write.", required=True)
 @path_option(
