@@ -20,7 +20,6 @@ from eutree.distillation import DistillationSettings
 from eutree.evaluation import off_policy
 from eutree.learners import default_choice
 from eutree.learners.confidence import Confidence
-from eutree.learners.gates import AnyGain
 from eutree.learners.presets import CORRECTED, DEFAULT, PRESETS
 from eutree.learners.registry import METHODS
 from eutree.learners.starts import STARTS
@@ -47,7 +46,7 @@ def default(function: object, name: str) -> object:
     return inspect.signature(function).parameters[name].default
 
 
-plans, better, gate = DEFAULT.planner, DEFAULT.planner.improvement, METHODS["u-tree"]().gate
+plans, better = DEFAULT.planner, DEFAULT.planner.improvement
 paired = [racing.FIRST_BLOCK * 2**k for k in range(5)]
 assert paired[-1] == racing.MANY
 
@@ -92,7 +91,6 @@ SAID = {
         f"where at least {word(default_choice.ENOUGH_SHOWN)} demonstrations of "
         f"{word(default_choice.MANY_FEATURES)} features or more are given and `--steps` is at "
         f"least {default_choice.ENOUGH_STEPS:,}",
-        f"`{AnyGain.__name__}` by default" if isinstance(gate, AnyGain) else "no gate",
     ],
     "good-for.md": [f"and {default_choice.ENOUGH_STEPS:,} steps to spend the default is"],
     "small-trees.md": [

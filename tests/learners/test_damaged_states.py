@@ -15,7 +15,6 @@ import pytest
 from eutree.errors import FormatError
 from eutree.learners import UTreeMethod
 from eutree.learners.declared import Stored
-from eutree.learners.gates import ConservativeImprovement
 from eutree.learners.history_u_tree import HistoryUTreeMethod
 from eutree.learners.model_planning import PlanningMethod
 from eutree.learners.registry import BUILT_IN, METHODS
@@ -27,7 +26,6 @@ from tests.worlds import Corridor, play
 
 OTHERS = {
     "u-tree, bounded": UTreeMethod(gathering_episodes=4, max_transitions=60, solve_growth=1.2),
-    "u-tree, gated": UTreeMethod(gathering_episodes=4, gate=ConservativeImprovement()),
     "planning, bounded": PlanningMethod(gathering_episodes=4, max_transitions=90),
     "history-u-tree, with evidence": HistoryUTreeMethod(gathering_episodes=4, evidence=2.0),
     "distilled-dqn, in a race": replace(
@@ -108,7 +106,7 @@ class Trusting(UTreeMethod):
 
 
 def test_a_declaration_that_says_too_little_is_caught():
-    case, state = stored("u-tree, gated")
-    lax = Trusting(gathering_episodes=4, gate=ConservativeImprovement())
+    case, state = stored("u-tree, bounded")
+    lax = Trusting(gathering_episodes=4, max_transitions=60, solve_growth=1.2)
     with pytest.raises(AssertionError, match="prior"):
         damaged(replace(case, method=lax), state, ["prior"])

@@ -1,11 +1,7 @@
 """Planning in a world model of trees."""
 
 import numpy as np
-import pytest
 
-from eutree.errors import InvalidArgumentError
-from eutree.learners.model_planning import PlanningMethod
-from eutree.learners.registry import from_document, to_document
 from eutree.policy_search.improvement import Improvement
 from eutree.policy_search.planner import Plan, Planner
 from eutree.world_model import Transitions, leaf_node
@@ -39,15 +35,3 @@ def test_a_challenger_is_found_in_model_trees():
         for elsewhere in (0.2, 0.8):
             at = leaf_node(plan.challenger, 0, np.array([place, elsewhere]))
             assert plan.challenger.action[at] == action
-
-
-def test_an_older_file_without_networks_loads_and_one_with_them_says_so():
-    document = to_document(PlanningMethod())
-    older = document | {"planner": document["planner"] | {"world_model": "trees"}}
-    assert from_document(older) == PlanningMethod()
-    neural = document | {"planner": document["planner"] | {"world_model": "neural"}}
-    with pytest.raises(
-        InvalidArgumentError, match=r"'planner.world_model' no more, which was 'neural'"
-    ):
-        from_document(neural)
-    assert neural["planner"]["world_model"] == "neural"  # the document is left as it was

@@ -11,7 +11,6 @@ from typing import ClassVar
 import numpy as np
 
 from eutree.learners.declared import Declared
-from eutree.learners.gates import AnyGain, SplitGate
 from eutree.learners.learner import Arrays, Needs, Problem, Start
 from eutree.learners.targets import OneStep, Target
 from eutree.learners.u_tree import UTree, u_tree_parts
@@ -35,7 +34,6 @@ class DensityTreeMethod:
     name: ClassVar[str] = "density-tree"
     needs: ClassVar[Needs] = Needs()
     target: ClassVar[Target] = OneStep()
-    gate: ClassVar[SplitGate] = AnyGain()
     solve_each_split: ClassVar[bool] = False
     solve_growth: ClassVar[float] = 1.0
     retest_growth: ClassVar[float] = 1.0

@@ -7,7 +7,6 @@ from typing import Protocol
 
 import numpy as np
 
-from eutree.learners.gates import SplitGate
 from eutree.learners.targets import Target
 from eutree.splitting import LeafSample, Split
 
@@ -31,11 +30,6 @@ class Discretizer(Protocol):
     @property
     def target(self) -> Target:
         """What q of a transition is."""
-        ...
-
-    @property
-    def gate(self) -> SplitGate:
-        """Whether a cut that a leaf deserves is made."""
         ...
 
     @property

@@ -41,6 +41,8 @@ BUILT_IN = tuple(_OURS)
 # Choices of earlier releases, and the value of each at which a method learns as it does now.
 _DELETED: Mapping[str, Mapping[str, Any]] = {
     "planning": {"planner.world_model": "trees"},
+    "u-tree": {"gate": {"type": "AnyGain"}},
+    "history-u-tree": {"gate": {"type": "AnyGain"}},
 }
 
 

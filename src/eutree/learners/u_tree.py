@@ -33,7 +33,6 @@ from eutree.learners.declared import (
 )
 from eutree.learners.discretizer import Discretizer
 from eutree.learners.forgetting import LeafReservoirs
-from eutree.learners.gates import AnyGain, SplitGate
 from eutree.learners.history import History
 from eutree.learners.leaf_counts import counted, counted_again, uncount
 from eutree.learners.leaf_steps import LeafSteps
@@ -56,8 +55,6 @@ from eutree.splitting import KolmogorovSmirnov, LeafSample, Naive, SignificanceT
 from eutree.trees import DecisionTree
 from eutree.validation import check_integer, check_number
 
-ALWAYS = AnyGain()
-
 
 @dataclass(frozen=True, kw_only=True)
 class UTreeMethod:
@@ -70,8 +67,6 @@ class UTreeMethod:
         target: What q of a transition is (Eq. 2).
         splitter: Which cut of a leaf is its best.
         significance: Whether the best cut is more than chance (the stopping criterion).
-        gate: Whether a significant cut is made: ``AnyGain`` always, ``ConservativeImprovement``
-            only if the policy is expected to gain enough by it.
         solve_each_split: Solve the MDP after every split, as Table 1 says, instead of once at the
             end of an expansion.
         solve_growth: Solve the MDP exactly only in an expansion to which the history has grown to
@@ -94,7 +89,6 @@ class UTreeMethod:
     target: Target = OneStep()
     splitter: KolmogorovSmirnov = KolmogorovSmirnov(score="scaled", compare="pooled", min_leaf=1)
     significance: SignificanceTest = Naive()
-    gate: SplitGate = ALWAYS
     solve_each_split: bool = True
     solve_growth: float = 1.0
     retest_growth: float = 1.0
@@ -148,8 +142,7 @@ def u_tree_parts(*, bounded: bool, solves_at: bool) -> tuple[Part, ...]:
     """
     forgetting = bounds_part("LA") if bounded else ()
     solving = {"solved_at": Stored("i8", "1", low=0, most="history_n_seen")} if solves_at else {}
-    gate = Part({"split_at": Stored("i8", "1", low=0, most="history_n_seen")}, optional=True)
-    return (*TREE_AND_HISTORY, *forgetting, LESSONS_PART, gate, Part(_MDP | solving, _is_queue))
+    return (*TREE_AND_HISTORY, *forgetting, LESSONS_PART, Part(_MDP | solving, _is_queue))
 
 
 _MDP = {
@@ -306,7 +299,7 @@ class UTree:
         made = []
         for leaf in self._tests.due(self.history, self._locked):
             sample = self._sample(leaf)
-            split = self._tests.cut(leaf, sample, self.history, self._greedy(leaf), generator)
+            split = self.method.cut(sample, generator)
             if split is not None:
                 made.append(self._split(leaf, split))
                 if self.method.solve_each_split:
@@ -345,7 +338,7 @@ class UTree:
         )
         self._prior[leaf] = greedy
         self._prior = np.append(self._prior, greedy)
-        self._tests.split(leaf, self.history.n_seen)
+        self._tests.split(leaf)
         return LeafSplit(leaf, new_leaf, int(split.feature), float(split.threshold))
 
     # What it knows ------------------------------------------------------------------------------
@@ -410,8 +403,6 @@ class UTree:
         state |= {"tested_at": self._tests.tested_at, "prior": self._prior}
         if self._locked:
             state["locked"] = np.array(sorted(self._locked))
-        if self.method.gate != ALWAYS:
-            state["split_at"] = np.array([self._tests.split_at])
         return state | self._lessons.state() | self._solving.state()
 
     @classmethod
@@ -429,8 +420,6 @@ class UTree:
         learner.mdp.restore(part(state, "mdp_"))
         learner._tests.tested_at = np.array(state["tested_at"])
         learner._lessons.restore(state)
-        if "split_at" in state:
-            learner._tests.split_at = int(state["split_at"][0])
         if "solved_at" in state:
             learner._solving.solved_at = int(state["solved_at"][0])
         return learner
