@@ -10,6 +10,7 @@ CHOICES = [(name, choice) for name, deleted in _DELETED.items() for choice in de
 OTHERS = {
     "planner.world_model": "neural",
     "gate": {"type": "ConservativeImprovement", "threshold": 0.5, "decay": 0.9},
+    "trial": True,
 }
 
 

@@ -43,6 +43,7 @@ _DELETED: Mapping[str, Mapping[str, Any]] = {
     "planning": {"planner.world_model": "trees"},
     "u-tree": {"gate": {"type": "AnyGain"}},
     "history-u-tree": {"gate": {"type": "AnyGain"}},
+    "vqql": {"trial": False},
 }
 
 

@@ -34,7 +34,6 @@ from eutree.learners.declared import (
     Found,
     Part,
     Stored,
-    action_tree_part,
     part,
     prefixed,
 )
@@ -43,11 +42,9 @@ from eutree.learners.history import TERMINAL, History
 from eutree.learners.learner import Arrays, Decisions, Needs, Problem, Start, Step, Update
 from eutree.learners.partition import Partition, Plane, codewords_seen
 from eutree.learners.relabelling import relabelled
-from eutree.learners.trial import Trial
 from eutree.mdp import TabularMDP, TransitionCounts
 from eutree.trees import DecisionTree
 from eutree.validation import check_choice, check_integer, check_number
-from eutree.world_model import leaf_node
 
 Solver = Literal["q-learning", "model"]
 
@@ -64,8 +61,6 @@ class VectorQuantizationMethod:
         gathering_episodes: Episodes between two designs of the codebook.
         rate: The n-th update of a region and action has the rate alpha = n ** -rate.
         replays: How often the stored transitions are replayed in an update, the last one first.
-        trial: Whether an expert's tree gives way only to one that earns more, in every second
-            episode (:mod:`eutree.learners.trial`); False takes every new tree, as published.
     """
 
     name: ClassVar[str] = "vqql"
@@ -78,7 +73,6 @@ class VectorQuantizationMethod:
     gathering_episodes: int = 20
     rate: float = 0.8
     replays: int = 10
-    trial: bool = True
 
     def __post_init__(self) -> None:
         check_integer("n_regions", self.n_regions, low=1)
@@ -93,8 +87,6 @@ class VectorQuantizationMethod:
         """Return the learner at its start: an expert tree is the outer partition."""
         tree, actions, locked = start.first_leaves(problem)
         learner = VectorQuantization(tree, problem.n_actions, self, prior=actions, locked=locked)
-        if self.trial and start.expert is not None and not start.random:
-            learner.trial = Trial(tree, actions)
         if start.episodes:
             learner.add_demonstrations(start.episodes)
         return learner
@@ -105,7 +97,7 @@ class VectorQuantizationMethod:
 
     def declared(self, problem: Problem, start: Start) -> Declared:
         """Return what the arrays of a ``state()`` are."""
-        return problem.declare(*TREE_AND_HISTORY, Part(_BOOK, _is_book), *_TRIAL)
+        return problem.declare(*TREE_AND_HISTORY, Part(_BOOK, _is_book))
 
 
 def _is_book(found: Found) -> None:
@@ -120,11 +112,6 @@ def _is_book(found: Found) -> None:
         raise found.refuse("values", "must be known exactly where an action was tried")
 
 
-def _is_trial(found: Found) -> None:
-    if "trial_incumbent_feature" not in found.state:
-        raise found.refuse("trial_incumbent_feature", "missing")
-
-
 _BOOK = {
     "prior": Stored("i8", "L", low=0, below="A"),
     "codewords": Stored("f8", "Rd"),
@@ -133,19 +120,6 @@ _BOOK = {
     "values": Stored("f8", "RA", nan=True),
     "tried": Stored("i8", "RA", low=0, most=MOST),
 }
-_TRIAL = (
-    action_tree_part("trial_incumbent_", optional=True),
-    action_tree_part("trial_challenger_", optional=True),
-    Part(
-        {
-            "trial_gains": Stored("f8", "G"),
-            "trial_returns": Stored("f8", "3", nan=True, inf=True),  # the first, lowest, highest
-            "trial_counts": Stored("i8", "3", low=0, most=MOST),
-        },
-        _is_trial,
-        optional=True,
-    ),
-)
 
 
 class VectorQuantization:
@@ -162,7 +136,6 @@ class VectorQuantization:
         book: The present codebook.
         values: Q of each region and action, NaN where it was never tried, shape [R, A].
         history: All transitions stored so far.
-        trial: What an expert's tree gives way by; None where every new tree is taken.
     """
 
     def __init__(
@@ -185,7 +158,6 @@ class VectorQuantization:
         self.values = np.full((self.book.n_regions, n_actions), np.nan)
         self._tried = np.zeros(self.values.shape, dtype=np.int64)
         self._buffer = EpisodeBuffer()
-        self.trial: Trial | None = None
 
     def add_demonstrations(self, episodes: Iterable[Episode]) -> None:
         """Store the expert's transitions, and learn a first codebook and Q from them."""
@@ -198,18 +170,8 @@ class VectorQuantization:
         self._before = self.values.copy(), self._tried.copy()
         self._region = self._region_of(observation)
 
-    def next_start(self) -> int | None:
-        """Return the number of the next episode's start where trees are compared."""
-        return None if self.trial is None else self.trial.next_start()
-
     def act(self) -> int:
-        """Return the greedy action of the present region; a random one with epsilon.
-
-        While a tree is on trial, what it does.
-        """
-        tree = None if self.trial is None else self.trial.acting()
-        if tree is not None:
-            return int(tree.action[leaf_node(tree, 0, self._buffer.present)])
+        """Return the greedy action of the present region; a random one with epsilon."""
         leaf = int(self.book.leaf[self._region])
         if leaf in self._locked:
             return int(self._prior[leaf])
@@ -236,10 +198,7 @@ class VectorQuantization:
 
     def end_episode(self) -> None:
         """Store the episode, whose last step was terminated or truncated."""
-        episode = self._buffer.finish()
-        store(self.history, episode)
-        if self.trial is not None:
-            self.trial.episode_over(float(episode.rewards.sum()))
+        store(self.history, self._buffer.finish())
 
     def discard_episode(self) -> None:
         """Be as before ``start_episode``, to the bit; do nothing between two episodes."""
@@ -255,10 +214,6 @@ class VectorQuantization:
         distortion = float((distances**2).mean()) if distances.size else 0.0
         figures = {"n_regions": self.book.n_regions, "distortion": distortion}
         figures |= {"n_regions_before": before}
-        if self.trial is not None:
-            newest = self._newest()
-            challenges = self.trial.challenge(newest.tree, newest.actions)
-            figures |= {"challengers": int(challenges), "adopted": self.trial.adopted}
         return Update(figures=figures)
 
     def greedy_actions(self) -> Integers:
@@ -270,20 +225,6 @@ class VectorQuantization:
         return np.where(learned, best, self._prior[leaves])
 
     def decisions(self) -> Decisions:
-        """Return the tree that has proved itself; without a trial the newest one."""
-        if self.trial is None:
-            return self._newest()
-        tree, actions = self.trial.decided(self.book.tree.n_features)
-        if self.trial.adopted == 0:  # the expert's own, whose leaves may be locked
-            tree, actions = self.book.tree, self._prior
-        observations = self.history.observations
-        own = self.greedy_actions()[self.book.regions(observations)]
-        same = actions[tree.leaf_index(observations)] == own
-        locked = () if self.trial.adopted else tuple(sorted(self._locked))
-        fidelity = float(same.mean()) if same.size else 1.0
-        return Decisions(tree=tree, actions=actions, locked=locked, fidelity=fidelity)
-
-    def _newest(self) -> Decisions:
         """Return the outer tree where each leaf is one region, else C4.5's tree of the regions."""
         tree, actions, locked = self.book.tree, self.greedy_actions(), tuple(sorted(self._locked))
         observations = self.history.observations
@@ -318,8 +259,7 @@ class VectorQuantization:
             "tried": self._tried,
         }
         locked = {"locked": np.array(sorted(self._locked))} if self._locked else {}
-        trial = {} if self.trial is None else prefixed("trial_", self.trial.state())
-        return tree | own | locked | trial | prefixed("history_", self.history.state())
+        return tree | own | locked | prefixed("history_", self.history.state())
 
     @classmethod
     def from_state(
@@ -340,8 +280,6 @@ class VectorQuantization:
         learner.history = History.from_state(
             part(state, "history_"), DecisionTree.single_leaf(n_features)
         )
-        if "trial_counts" in state:
-            learner.trial = Trial.from_state(part(state, "trial_"))
         return learner
 
     def _region_of(self, observation: Floats) -> int:
