@@ -16,6 +16,7 @@ from eutree.errors import EutreeError
 from eutree.interaction.decoding import warn_of_codes
 from eutree.interaction.guard import MAX_EPISODE_STEPS
 from eutree.interaction.making import make
+from eutree.interaction.own_folder import made_here
 from eutree.interaction.spaces import encoder, spec_of
 
 CHECKED_STEPS = 200
@@ -125,10 +126,10 @@ def _close(env: gymnasium.Env[Any, Any]) -> None:
 
 @contextmanager
 def _undisturbed() -> Iterator[None]:
-    """Keep to itself what an environment draws from the process's chance, or warns of."""
+    """Keep to itself what an environment draws from the process's chance, warns of, or goes to."""
     drawn, numpys = random.getstate(), np.random.get_state()  # noqa: NPY002 - to give it back
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), made_here():
             warnings.simplefilter("ignore")
             yield
     finally:

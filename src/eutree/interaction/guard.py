@@ -15,6 +15,7 @@ from eutree.arrays import Floats
 from eutree.errors import EnvironmentFault, InvalidArgumentError, described, shown
 from eutree.features import FeatureMap
 from eutree.interaction.action_grid import counts_from_zero, grid_around, numbered
+from eutree.interaction.own_folder import OwnFolder
 from eutree.interaction.spaces import decoder, describe, encoder, spec_of
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.validation import check_integer
@@ -74,6 +75,7 @@ class GuardedEnv:
         self.episode = -1
         self.step_number = 0
         self._numbered = numbered(env)
+        self._folder = OwnFolder(env)
         self._grid = grid_around(self._numbered)
         self._counts_itself = not counts_from_zero(env.action_space)
         self._encode = encoder(env.observation_space)
@@ -89,7 +91,8 @@ class GuardedEnv:
         self.episode += 1
         self.step_number = -1
         try:
-            answer = self.env.reset(seed=seed)
+            with self._folder:
+                answer = self.env.reset(seed=seed)
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # no environment may end the process
@@ -111,7 +114,8 @@ class GuardedEnv:
                 f"action must be in 0..{self.schema.n_actions - 1}, got {action!r}"
             )
         try:
-            answer = self._numbered.step(action)
+            with self._folder:
+                answer = self._numbered.step(action)
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # no environment may end the process

@@ -25,6 +25,7 @@ from eutree.errors import (
 from eutree.interaction.action_grid import ACTION_GRID, with_grid
 from eutree.interaction.decoding import DECODE, DecodedObservation, decodes
 from eutree.interaction.names import given_names
+from eutree.interaction.own_folder import made_here
 from eutree.schema import EnvironmentSpec
 
 _IMPORT = "One of your own is known once its module is imported: --import MODULE."
@@ -58,7 +59,9 @@ def make(spec: EnvironmentSpec | str, *, render_mode: str | None = None) -> gymn
         _check_chosen_by_file(spec)
         ours = MANNER - _own_arguments(spec.id).keys()
         taken = {name: arguments.pop(name) for name in ours & arguments.keys()}
-        env = gymnasium.make(spec.id, **arguments)
+        with made_here() as made:
+            env = gymnasium.make(spec.id, **arguments)
+            made.append(env)
         if taken.get(DECODE) and not decodes(env):
             env = DecodedObservation(env)
         if taken.get(ACTION_GRID) is not None:

@@ -60,15 +60,16 @@ class GatheringEpisode:
             EnvironmentFault: The environment broke its contract; the learner is as it was before
                 the episode.
         """
+        self._state.whole = True  # until it has begun
         observation = self._env.reset(seed)
+        self._state.whole = False
         self._learner.start_episode(observation, generator)
         self._observations = [observation]
         try:
             while not self._state.stopped and self._act():
                 pass
         except Exception:
-            self._forget()
-            self._state.whole = True
+            self._give_up()
             raise
         if self._state.stopped:
             self._forget()
@@ -90,7 +91,11 @@ class GatheringEpisode:
 
     def _step(self, action: int, *, shown: bool) -> StepAnswer:
         """Take a step in the environment; let the learner and the listener know."""
-        observation, reward, terminated, truncated, info = self._env.step(action)
+        try:
+            observation, reward, terminated, truncated, info = self._env.step(action)
+        except KeyboardInterrupt:  # before the learner knows of the step: all else is whole
+            self._give_up()
+            raise
         if self._state.steps_of_episode + 1 == self._room:
             truncated = not terminated
         step = Step(action, reward, observation, terminated, truncated, info, shown)
@@ -168,6 +173,11 @@ class GatheringEpisode:
         if isinstance(self._learner, HasTeacher) and self._learner.teacher_acts:
             return len(self._observations) - 1
         return sum(request["n_shown"] for request in self._requests)
+
+    def _give_up(self) -> None:
+        """Be as before the episode, so that all before it is saved."""
+        self._forget()
+        self._state.whole = True
 
     def _forget(self) -> None:
         """Be as before the episode, unless it was finished."""
