@@ -1,6 +1,8 @@
 """What an environment does to the process while a command runs, and how a run goes on."""
 
+import json
 import os
+import shlex
 from pathlib import Path
 
 import gymnasium
@@ -105,3 +107,97 @@ def test_whatever_an_environment_raises_costs_one_episode(
         assert (tmp_path / "run" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
     lines = (tmp_path / "run" / "progress.csv").read_text().splitlines()
     assert len(lines) >= 2
+
+
+@pytest.fixture
+def interrupted(eutree, strange):
+    """Interrupt a command in its sixth episode, and let the environment be well again."""
+
+    def run(*line):
+        strange(failing(KeyboardInterrupt(), moment="step", episode=6))
+        answer = eutree(*line)
+        assert answer.code == 130, answer.err
+        gymnasium.registry.pop("Strange-v0")
+        strange(Healthy)
+        return answer.err.splitlines()[-1]
+
+    return run
+
+
+def test_the_line_that_is_printed_goes_on_whatever_the_path(eutree, interrupted, tmp_path):
+    said = interrupted(*LEARN, "--seed", 4, "--out", "my runs/it's $a")
+    assert said == (
+        "stopped and saved; go on with: eutree learn --out 'my runs/it'\"'\"'s $a' --resume"
+    )
+    words = shlex.split(said.partition("go on with: ")[2])
+    assert eutree(*words[1:]).code == 0
+    assert eutree(*LEARN, "--seed", 4, "--out", "whole").code == 0
+    for name in ("policy.json", "config.json", "curve.csv"):
+        one, other = (tmp_path / folder / name for folder in ("my runs/it's $a", "whole"))
+        assert one.read_bytes() == other.read_bytes()
+
+
+def test_what_a_run_was_given_is_found_from_another_folder(
+    eutree, interrupted, tmp_path, monkeypatch
+):
+    (tmp_path / "names file.json").write_text('{"features": ["a", "b [m]"]}')
+    interrupted(*LEARN, "--names", "names file.json", "--set", "exploration=0.5", "--out", "run")
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    assert eutree("learn", "--out", tmp_path / "run", "--resume", "--episodes", 4).code == 0
+    answer = eutree("show", tmp_path / "run", "--json")
+    assert answer.json["features"] == ["a", "b"]
+    config = json.loads((tmp_path / "run" / "config.json").read_text())
+    assert config["method"]["exploration"] == 0.5
+
+
+def test_what_is_given_again_counts_and_what_differs_is_refused(eutree, interrupted):
+    interrupted(*LEARN, "--out", "run")
+    answer = eutree("learn", "--out", "run", "--resume", "--seed", 9)
+    assert answer.code == 2
+    assert "started with seed 0, so it cannot be resumed with 9" in answer.err
+    answer = eutree("learn", "--out", "run", "--resume", "--episodes", 4, "--json")
+    assert answer.json["episodes"] == 4
+
+
+def test_many_runs_go_on_from_their_folder(eutree, interrupted, tmp_path):
+    line = (*LEARN, "--runs", 2, "--n-jobs", 1)
+    said = interrupted(*line, "--out", "many")
+    assert said.endswith("go on with: eutree learn --out many --resume")
+    assert eutree("learn", "--out", "many", "--resume", "--n-jobs", 1).code == 0
+    assert eutree(*line, "--out", "whole").code == 0
+    assert (tmp_path / "many/runs.csv").read_bytes() == (tmp_path / "whole/runs.csv").read_bytes()
+
+
+def test_a_folder_without_a_run_is_said_to_be_one(eutree, tmp_path):
+    answer = eutree("learn", "--out", "nothing here", "--resume")
+    assert answer.code == 2
+    assert "must be the folder of a run that is to go on, got nothing here" in answer.err
+    assert not (tmp_path / "nothing here").exists()
+
+
+def test_a_run_begun_elsewhere_asks_for_what_it_was_begun_with(eutree, interrupted, tmp_path):
+    interrupted(*LEARN, "--out", "run")
+    (tmp_path / "run/command.json").unlink()
+    answer = eutree("learn", "--out", "run", "--resume")
+    assert answer.code == 2
+    assert "run was not begun by this command, so give again all" in answer.err
+    assert eutree(*LEARN, "--out", "run", "--resume").code == 0
+
+
+@pytest.mark.parametrize("name", ["import", "address", "tensorboard", "out"])
+def test_no_folder_chooses_what_only_a_user_may(eutree, interrupted, tmp_path, name):
+    interrupted(*LEARN, "--out", "run")
+    file = tmp_path / "run/command.json"
+    text = file.read_text().replace('"episodes"', f'"{name}": ["evil"], "episodes"')
+    file.write_text(text)
+    answer = eutree("learn", "--out", "run", "--resume")
+    assert (answer.code, answer.out) == (2, "")
+    assert f"no file may choose '{name}'" in answer.err
+
+
+def test_the_users_own_choices_are_in_the_line(eutree, interrupted, tmp_path):
+    (tmp_path / "my_module.py").write_text("")
+    said = interrupted(*LEARN, "--import", "my_module", "--out", "run")
+    assert said.endswith("go on with: eutree learn --import my_module --out run --resume")
+    assert "my_module" not in (tmp_path / "run/command.json").read_text()

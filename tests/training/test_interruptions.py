@@ -124,7 +124,7 @@ def test_a_signal_saves_and_exits_and_the_run_can_be_resumed(whole, tmp_path, nu
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     assert code == 128 + number, err
     assert "Traceback" not in err
-    assert err.splitlines()[-1].endswith("go on with --resume")
+    assert err.splitlines()[-1].endswith(f"go on with: eutree learn --out {folder} --resume")
     total = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     assert total - spent < 2.0
     go_on(line, folder)
@@ -149,7 +149,7 @@ def test_a_signal_interrupts_a_long_evaluation(whole, tmp_path):
     os.kill(process.pid, signal.SIGTERM)
     code, err = finish(process)
     assert code == 143, err
-    assert err.splitlines()[-1].endswith("go on with --resume")
+    assert err.splitlines()[-1].endswith(f"go on with: eutree learn --out {folder} --resume")
 
 
 @pytest.mark.promise(12)

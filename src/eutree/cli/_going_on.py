@@ -1,8 +1,8 @@
 """A run goes on from its folder alone: what its command was given is kept there, and given again.
 
-Kept is what a file may choose. A module to import, an address to work at, a folder elsewhere to write
-and an environment's argument that could name a file are the user's own choice each time; the line
-that is printed when a run is interrupted has them.
+A module to import, an address to work at and a folder elsewhere to write are the user's own choice
+each time, and of an environment's arguments those that no file may choose; the line that is printed
+when a run is interrupted has them.
 """
 
 import os
@@ -13,13 +13,17 @@ from typing import Any, ClassVar
 import click
 
 from eutree.cli._paths import Written
-from eutree.errors import InvalidArgumentError
+from eutree.errors import FormatError, InvalidArgumentError
 from eutree.files import Document, read_document, write_document
 
 KEPT = "command.json"
 # Asked for each time: none changes what a run learns.
 _EACH_TIME = {"out", "resume", "as_json", "list_settings", "checkpoint_seconds", "n_jobs", "port"}
 _USERS_OWN = {"import", "backend", "address", "tensorboard"}
+
+_ENV_ARG = "env_arguments"
+# In click's context: what is given on the line, and which of the environment's arguments is not.
+_GIVEN, _FROM_FILE = "eutree.given", "eutree.from_file"
 
 Arguments = dict[str, list[str]]  # what was given for each parameter, by its name
 
@@ -38,21 +42,17 @@ class GoesOn(click.Command):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Read the arguments, those kept first."""
-        given = _given(self, ctx, args)
+        ctx.meta[_GIVEN] = given = _given(self, ctx, args)
         if "resume" in given and "out" in given:
-            kept = _kept(Path(given["out"][0]))
-            ctx.meta[KEPT] = {text.partition("=")[0] for text in kept.get("env_arguments", [])}
-            ctx.meta[KEPT] -= {text.partition("=")[0] for text in given.get("env_arguments", [])}
-            args = [*_line(self, _without(kept, given)), *args]
-        elif "out" in given:
-            ctx.meta["eutree.given"] = given
+            kept = _without(_kept(Path(given["out"][0]), given), given)
+            ctx.meta[_FROM_FILE] = {_key(text) for text in kept.get(_ENV_ARG, [])}
+            args = [*_line(self, kept), *args]
         return super().parse_args(ctx, args)
 
 
 def chosen_by_file(arguments: dict[str, Any]) -> frozenset[str]:
     """Return which of an environment's arguments were kept in a folder, and not given now."""
-    kept = click.get_current_context().meta.get(KEPT, set())
-    return frozenset(kept & arguments.keys())
+    return frozenset(click.get_current_context().meta.get(_FROM_FILE, set()) & arguments.keys())
 
 
 def keep(out: Path) -> None:
@@ -62,33 +62,35 @@ def keep(out: Path) -> None:
         out: The folder; nothing is written into one that was begun before.
     """
     context = click.get_current_context()
-    given = context.meta.get("eutree.given")
-    if given is None or (out / KEPT).exists() or not out.is_dir():
+    given = context.meta[_GIVEN]
+    if "resume" in given or (out / KEPT).exists() or not out.is_dir():
         return
+    users = _of_the_user(given)
     kept = {
         name: [_absolute(parameter, text) for text in given[name]]
         for name, parameter in _parameters(context.command).items()
-        if name in given and name not in _EACH_TIME | _USERS_OWN
+        if name in given and name not in _EACH_TIME and name not in users
     }
-    if ":" in kept.get("environment", [""])[0]:
-        del kept["environment"]  # it names a module to import
     write_document(out / KEPT, CommandDocument(arguments=kept))
 
 
 def line_to_go_on(out: Path) -> str:
     """Return the line by which a run goes on, quoted for a shell."""
-    from eutree.interaction.making import could_name_a_place
-
     context = click.get_current_context()
-    given = dict(context.meta.get("eutree.given") or _given(context.command, context, []))
-    own = {name: given[name] for name in _USERS_OWN & given.keys()}
-    if ":" in given.get("environment", [""])[0]:
-        own["environment"] = given["environment"]
-    places = [text for text in given.get("env_arguments", []) if could_name_a_place(text)]
-    if places:
-        own["env_arguments"] = places
+    given = context.meta[_GIVEN]
+    users = _of_the_user(given) | {n: t for n, t in given.items() if n == _ENV_ARG}
+    own = users if (out / KEPT).exists() else given
+    own = {name: texts for name, texts in own.items() if name not in {"out", "resume"}}
     words = ["eutree", str(context.command.name), *_line(context.command, own)]
     return shlex.join([*words, "--out", str(out), "--resume"])
+
+
+def _of_the_user(given: Arguments) -> Arguments:
+    """Return what no file may choose of what is given, but for arguments of the environment."""
+    own = {name: given[name] for name in given if name in _USERS_OWN}
+    if ":" in given.get("environment", [""])[0]:  # a module to import
+        own["environment"] = given["environment"]
+    return own
 
 
 def _given(command: click.Command, context: click.Context, args: list[str]) -> Arguments:
@@ -105,21 +107,38 @@ def _given(command: click.Command, context: click.Context, args: list[str]) -> A
     }
 
 
-def _kept(out: Path) -> Arguments:
-    """Return what is kept in a folder; nothing where it was not a command that began the run."""
+def _kept(out: Path, given: Arguments) -> Arguments:
+    """Return what is kept in a folder; nothing where the whole command is given again.
+
+    Raises:
+        InvalidArgumentError: Nothing is kept there, and nothing else is given.
+    """
     if (out / KEPT).exists():
-        return read_document(out / KEPT, CommandDocument).arguments
-    if not any((out / name).exists() for name in ("config.json", "runs")):
-        return {}
+        arguments = read_document(out / KEPT, CommandDocument).arguments
+        refused = arguments.keys() & (_EACH_TIME | _USERS_OWN)
+        if refused:
+            raise FormatError(out / KEPT, "arguments", f"no file may choose {min(refused)!r}")
+        return arguments
+    if not {"environment", "demos"} & given.keys():
+        begun = any((out / name).exists() for name in ("config.json", "runs"))
+        raise InvalidArgumentError(
+            f"{out} was not begun by this command, so give again all that it was begun with"
+            if begun
+            else f"--out must be the folder of a run that is to go on, got {out}, which holds none"
+        )
     return {}
 
 
 def _without(kept: Arguments, given: Arguments) -> Arguments:
     """Return what is kept and not given now; of the environment's arguments each by itself."""
     rest = {name: texts for name, texts in kept.items() if name not in given}
-    now = {text.partition("=")[0] for text in given.get("env_arguments", [])}
-    own = [text for text in kept.get("env_arguments", []) if text.partition("=")[0] not in now]
-    return rest | ({"env_arguments": own} if own else {})
+    now = {_key(text) for text in given.get(_ENV_ARG, [])}
+    own = [text for text in kept.get(_ENV_ARG, []) if _key(text) not in now]
+    return rest | ({_ENV_ARG: own} if own else {})
+
+
+def _key(text: str) -> str:
+    return text.partition("=")[0]
 
 
 def _line(command: click.Command, arguments: Arguments) -> list[str]:
@@ -131,7 +150,7 @@ def _line(command: click.Command, arguments: Arguments) -> list[str]:
     known, words = _parameters(command), []
     for name, texts in arguments.items():
         parameter = known.get(name)
-        if parameter is None or name in _EACH_TIME | _USERS_OWN:
+        if parameter is None:
             raise InvalidArgumentError(f"{KEPT} must hold arguments of the command, got {name!r}")
         for text in texts:
             flag = [parameter.opts[-1]] if isinstance(parameter, click.Option) else []

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from eutree.cli._going_on import keep
 from eutree.cli._output import Output, ProgressLine
 from eutree.wording import counted
 
@@ -169,6 +170,7 @@ def run_many(
     with output.progress("runs", runs) as progress:
 
         def show(count: int, run: "FinishedRun") -> None:
+            keep(out)
             progress.update(count, f"seed {run.seed}: {run.selection}")
 
         return learn_runs(spec, runs=runs, n_jobs=n_jobs, out=out, on_run=show, **options)

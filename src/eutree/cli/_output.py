@@ -26,7 +26,7 @@ class Output:
 
     def say(self, text: str) -> None:
         """Print a message on standard error."""
-        self.messages.print(text, markup=False)
+        self.messages.print(text, markup=False, soft_wrap=True)
 
     def result(self, values: dict[str, Any], text: Any) -> None:
         """Print ``values`` as one JSON object, or else ``text`` (a string or a rich renderable)."""

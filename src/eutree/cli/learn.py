@@ -1,14 +1,17 @@
 """``eutree learn``: grow a tree by reinforcement, from demonstrations or from nothing."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
+from signal import SIGINT
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from eutree.cli._asking import asked, render_mode
 from eutree.cli._cluster import cluster, workers_options
+from eutree.cli._going_on import GoesOn, chosen_by_file, keep, line_to_go_on
 from eutree.cli._learning import Following, as_values, in_words, many_results, run_many
 from eutree.cli._options import (
     count_option,
@@ -21,17 +24,19 @@ from eutree.cli._options import (
 )
 from eutree.cli._output import Output
 from eutree.cli._settings import chosen_method, listed
-from eutree.errors import InvalidArgumentError
+from eutree.errors import EnvironmentFault, InvalidArgumentError
 from eutree.schema import EnvironmentSpec
 
 if TYPE_CHECKING:
     from eutree.data import Demonstrations
     from eutree.report import PartitionCallback
-    from eutree.training import Teacher
+    from eutree.training import Run, Teacher
     from eutree.training.signals import StopRequest
 
 
-@click.command(epilog="Example: eutree learn eutree/Evasion2-v0 --demos demos/ --out runs/a")
+@click.command(
+    cls=GoesOn, epilog="Example: eutree learn eutree/Evasion2-v0 --demos demos/ --out runs/a"
+)
 @click.argument("environment", required=False)
 @path_option("--demos", text="Demonstrations to start from.")
 @path_option("--expert", text="Policy file to start from, instead of the expert tree of --demos.")
@@ -82,7 +87,9 @@ if TYPE_CHECKING:
 @click.option("--keys", help="What a person's keys mean: left=0,right=1,none=0.")
 @click.option("--port", type=click.IntRange(0, 65535), help="Port of the page of --ask web.")
 @click.option("--offline", is_flag=True, help="Learn from the demonstrations alone.")
-@click.option("--resume", is_flag=True, help="Go on with an interrupted run in the same folder.")
+@click.option(
+    "--resume", is_flag=True, help="Go on with the run in the folder --out, which is enough."
+)
 @click.option("--checkpoint-seconds", type=click.FloatRange(min=0),
               help="Time between two checkpoints; 0 for one after every episode. By default "
               "saving takes at most a twentieth of the time.")  # fmt: skip
@@ -192,7 +199,7 @@ def learn(
             ask=controller,
             asking=Asking(max_requests=ask_requests, max_steps=ask_steps, alone=ask_after),
             stop=stop,
-            on_progress=Following(progress, output),
+            on_progress=_following(Following(progress, output), out),
             callback=None if partition is None else _drawing(partition, out),
             **options,
         )
@@ -236,10 +243,32 @@ def _saying_how_to_go_on(output: Output, stop: "StopRequest", out: Path) -> Iter
         yield
     except KeyboardInterrupt:
         stop.no_more()
-        saved = (out / "checkpoint.npz").exists() or (out / "runs").exists()
-        state = "stopped and saved" if saved else "stopped before anything was learned"
-        output.say(f"{state}; go on with --resume")
-        raise SystemExit(stop.exit_code) from None
+        saved = _say_how(output, out)
+        if not saved:
+            output.say("stopped before anything was learned")
+        raise SystemExit(stop.exit_code if stop() else 128 + SIGINT) from None
+    except EnvironmentFault:
+        _say_how(output, out)
+        raise
+
+
+def _say_how(output: Output, out: Path) -> bool:
+    """Say how a run goes on; return whether anything of it is there."""
+    saved = (out / "checkpoint.npz").exists() or (out / "runs").exists()
+    if saved:
+        keep(out)
+        output.say(f"stopped and saved; go on with: {line_to_go_on(out)}")
+    return saved
+
+
+def _following(follow: "Following", out: Path) -> "Callable[[Run], None]":
+    """Return what keeps the command in the run's folder once the run has begun, and shows it."""
+
+    def show(run: "Run") -> None:
+        keep(out)
+        follow(run)
+
+    return show
 
 
 def _drawing(features: str, out: Path) -> "PartitionCallback":
@@ -271,10 +300,12 @@ def _spec(
     """
     shown = demonstrations.environment if demonstrations is not None else None
     if environment is not None:
-        return EnvironmentSpec(environment, _manner(shown, environment) | arguments)
+        manner = _manner(shown, environment)
+        return EnvironmentSpec(environment, manner | arguments, chosen_by_file(arguments))
     if demonstrations is None or demonstrations.environment is None:
         raise InvalidArgumentError(
             "name an environment, or with --demos demonstrations that name one; from a log alone "
             "learns --offline"
         )
-    return override(demonstrations.environment, arguments)
+    spec = override(demonstrations.environment, arguments)
+    return replace(spec, from_file=spec.from_file | chosen_by_file(arguments))

@@ -1,6 +1,7 @@
 """The folder of a learning run: what it makes, and what it needs to go on after any interruption.
 
     config.json        how the run was started
+    command.json       the command that started it, if one did
     checkpoint.npz     everything the learner knows, at the end of an episode
     curve.csv          the frozen evaluations so far
     progress.csv       the same and the gathering phases, under the names of Stable-Baselines3
