@@ -74,7 +74,12 @@ def test_the_list_says_what_to_turn_first(capsys):
     ("options", "message"),
     [
         (("--set", "price"), "--set must be KEY=VALUE"),
-        (("--set", "prize=1"), "prize"),
+        (
+            ("--set", "prise=3"),
+            "unknown choice of method 'planning' 'prise'. Did you mean 'price'?",
+        ),
+        (("--set", "price=abc"), "price must be a number, got 'abc'\n"),  # and no path of Python
+        (("--set", "n_episodes=1.5"), "n_episodes must be a whole number, got 1.5\n"),
         (("--settings", "none.toml"), "none.toml"),
         (("--discount", "2"), "discount"),
         (("--list-settings", "--method", "planing"), "Did you mean 'planning'"),

@@ -111,3 +111,10 @@ def test_learning_from_a_log_does_not_speak_of_no_episodes(eutree, demonstration
     said = " ".join(answer.out.split())
     assert "8 recorded episodes, none of its own" in said
     assert "0 steps" not in said
+
+
+@pytest.mark.parametrize("command", ["learn", "fit", "compress", "record"])
+def test_help_has_no_range_that_nothing_reaches(eutree, command):
+    """Every whole number ended in [0<=x<=1000000000]."""
+    assert "1000000000" not in eutree(command, "--help").out
+    assert "is not in the range 1<=x<=" in eutree("record", "x", "--out", "y", "--episodes", 0).err

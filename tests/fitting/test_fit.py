@@ -274,6 +274,11 @@ class TestBadInput:
         found = self.sentences(replace(shown, episodes=tuple(episodes)), corridor)
         assert found[0].startswith("None of the 12 demonstrations was played to its end")
 
+    def test_a_table_that_does_not_say_how_episodes_ended(self, corridor, shown):
+        episodes = [wrong(e, terminated=False, ending="") for e in shown]
+        found = self.sentences(replace(shown, episodes=tuple(episodes)), corridor)
+        assert found[0].startswith("None of the 12 demonstrations says how it ended: no column")
+
     def test_one_leaf_where_two_actions_were_shown(self, corridor, shown):
         generator = np.random.default_rng(0)
         by_chance = [wrong(e, actions=(generator.random(len(e)) < 0.8).astype(int)) for e in shown]

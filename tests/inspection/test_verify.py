@@ -124,6 +124,18 @@ def test_a_refutation_in_words():
     assert "proven" in str(verify(one_cut(), "never go when position > 8"))
 
 
+def test_a_proof_says_that_nothing_asks_for_the_feature():
+    """That discharge is monotone in price was proven for a tree that never asks for price."""
+    schema = Schema((Feature("position", "m", 0.0, 30.0), Feature("price")), ("stop", "go"))
+    policy = TreePolicy(DecisionTree.single_leaf(2).split(0, 0, 8.0), np.array([1, 0]), schema)
+    assert "(2 leaves checked; no test asks for price)" in str(
+        verify(policy, "monotone go in price")
+    )
+    near = verify(one_cut(), "monotone go in position when position <= 8")
+    assert near.note == "no test there asks for position"
+    assert verify(one_cut(), "monotone stop in position").note == ""
+
+
 def test_bounds_of_the_features_count_unless_everywhere():
     policy = one_cut()
     assert verify(policy, "always stop when position > 8").holds

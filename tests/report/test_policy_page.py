@@ -1,5 +1,6 @@
 """A policy watched in a browser: it plays, steps, answers clicks and keys, and stays quiet."""
 
+import re
 import subprocess
 from collections.abc import Iterator
 from dataclasses import replace
@@ -17,7 +18,7 @@ from eutree.report import WatchedEpisode, policy_page
 from eutree.report.head import Pointer
 from eutree.report.policy_page import policy_verdict
 from eutree.report.tree_data import policy_features
-from eutree.schema import Feature, Schema
+from eutree.schema import Control, EnvironmentSpec, Feature, Schema, combined_actions
 from tests.export.policies import EVASION, NASTY, policy_of, tree
 from tests.export.tools import need
 from tests.report.browser import ENOUGH, Opened, grave_violations, open_page
@@ -399,3 +400,14 @@ def test_nothing_serious_for_axe(
     grave = grave_violations(page, axe)
     context.close()
     assert grave == []
+
+
+def test_facts_are_words() -> None:
+    """A page began with action_grid = [['torque [N m]', [-2.0, ...]]]."""
+    control = Control("torque", "N m", (-2.0, -2 / 3, 2 / 3, 2.0))
+    schema = Schema(EVASION.features, combined_actions((control,)), (control,))
+    grid = [["torque [N m]", list(control.levels)]]
+    spec = EnvironmentSpec("Pendulum-v1", {"action_grid": grid, "decode": True, "n_opponents": 2})
+    page = policy_page(replace(policy_of(tree(1, 3), schema), environment=spec))
+    facts = re.search(r'class="facts">(.*?)<', page)[1]
+    assert facts.endswith("torque in 4 levels from -2 to 2 N m, decode, n opponents 2")

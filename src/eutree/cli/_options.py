@@ -25,13 +25,26 @@ _ACTION_GRID = "eutree.action_grid"
 MAX_COUNT = 10**9  # of anything that is counted: more than any run can do
 
 
+class _Count(click.IntRange):
+    """A whole number whose range is said where it is exceeded, and not in every line of help."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        number: int = click.INT.convert(value, param, ctx)
+        if not (self.min or 0) <= number <= (self.max or MAX_COUNT):
+            self.fail(f"{number} is not in the range {super()._describe_range()}.", param, ctx)
+        return number
+
+    def _describe_range(self) -> str:
+        return ""
+
+
 def count_option(
     flag: str, default: int | None, text: str, *, least: int = 1, most: int = MAX_COUNT
 ) -> Callable[[_Command], _Command]:
     """Return an option that takes a whole number from ``least`` to ``most``."""
     return click.option(
         flag,
-        type=click.IntRange(least, most),
+        type=_Count(least, most),
         default=default,
         show_default=default is not None,
         help=text,

@@ -60,9 +60,12 @@ def about_demonstrations(demonstrations: Demonstrations) -> list[str]:
         )
     person = Person.of(demonstrations)
     if not person.episodes:
+        why = "was played to its end: all were interrupted or stopped"
+        if not any(episode.ending for episode in demonstrations):  # a table without such a column
+            why = "says how it ended: no column terminated or truncated is set"
         found.append(
-            f"None of the {len(demonstrations)} demonstrations was played to its end: all were "
-            "interrupted or stopped. Nothing says how well this way of acting does."
+            f"None of the {len(demonstrations)} demonstrations {why}. Nothing says how well this "
+            "way of acting does."
         )
     elif person.success_rate == 0.0:
         found.append(

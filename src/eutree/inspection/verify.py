@@ -60,6 +60,7 @@ class Verification(Displayed):
         counter_examples: Where it fails, the largest box first; empty for a proof.
         share: Share of the region in question where it fails; for monotonicity of the largest box.
         leaves_checked: How many leaves reach into the region in question.
+        note: What a reader of a proof should know besides; empty for none.
     """
 
     property: str
@@ -67,11 +68,13 @@ class Verification(Displayed):
     counter_examples: tuple[CounterExample, ...]
     share: float
     leaves_checked: int
+    note: str = ""
 
     def __str__(self) -> str:
         """Return the answer in words."""
         if self.holds:
-            return f"proven: {self.property} ({counted(self.leaves_checked, 'leaf')} checked)"
+            checked = f"{counted(self.leaves_checked, 'leaf')} checked"
+            return f"proven: {self.property} ({checked}{self.note and f'; {self.note}'})"
         first = self.counter_examples[0]
         return f"refuted: {self.property}; {first.words}"
 
@@ -130,7 +133,19 @@ def verify(
         counter_examples=tuple(found),
         share=max(shares, default=0.0) if asked.kind == "monotone" else float(sum(shares)),
         leaves_checked=int(reaching.size),
+        note=_unasked(policy, asked, low[reaching], high[reaching]),
     )
+
+
+def _unasked(policy: TreePolicy, asked: Property, low: Floats, high: Floats) -> str:
+    """Return that no test asks for the feature of a monotone property, where none does."""
+    if asked.kind != "monotone":
+        return ""
+    j = asked.feature
+    if np.unique(low[:, j]).size > 1 or np.unique(high[:, j]).size > 1:
+        return ""
+    where = " there" if j in policy.tree.feature else ""
+    return f"no test{where} asks for {printable(policy.schema.features[j].name)}"
 
 
 def _within(region: Region, schema: Schema) -> Region:

@@ -9,10 +9,19 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
-from eutree.errors import InvalidArgumentError, UnknownNameError
+from eutree.errors import InvalidArgumentError, UnknownNameError, shown
 from eutree.learners.learner import Method
 from eutree.learners.registry import from_document, to_document
 
+# What msgspec says: Expected `float | null`, got `str` - at `$.planner.improvement.price`
+_MISTAKEN = re.compile(r"Expected `(?P<kinds>[^`]*)`, got `\w+` - at `\$\.(?P<path>[\w.]+)`")
+_KINDS = {
+    "float": "a number",
+    "int": "a whole number",
+    "bool": "true or false",
+    "str": "a word",
+    "null": "null",
+}
 _ATTRIBUTE = re.compile(r"^    (\w+): ", re.MULTILINE)
 
 
@@ -59,7 +68,23 @@ def with_choices(method: Method, changes: Mapping[str, Any]) -> Method:
         for step in reversed(parts):
             part = part[step]
         part[place] = value
-    return from_document(document, kind=type(method))
+    try:
+        return from_document(document, kind=type(method))
+    except InvalidArgumentError as error:
+        raise _in_words(error, document) from None
+
+
+def _in_words(error: InvalidArgumentError, document: Mapping[str, Any]) -> InvalidArgumentError:
+    """Return what is wrong with a value in the words of a user, where it is of another kind."""
+    found = _MISTAKEN.search(str(error))
+    if found is None:
+        return error
+    value: Any = document
+    for step in found["path"].split("."):
+        value = value[step]
+    kinds = [_KINDS.get(kind.strip(), kind.strip()) for kind in found["kinds"].split("|")]
+    name = found["path"].rpartition(".")[2]
+    return InvalidArgumentError(f"{name} must be {' or '.join(kinds)}, got {shown(value)}")
 
 
 def _choices(prefix: str, part: Any, document: Mapping[str, Any]) -> Iterator[Choice]:
@@ -98,7 +123,9 @@ def _path(name: str, document: Mapping[str, Any], method: Method) -> list[str]:
         path for path in known if path.endswith(f".{name}")
     ]
     if not found:
-        raise UnknownNameError(f"choice of method {method.name!r}", name, known)
+        last = {path.rpartition(".")[2] for path in known}  # which are enough
+        near = known if "." in name else [*last, *known]
+        raise UnknownNameError(f"choice of method {method.name!r}", name, near)
     if len(found) > 1:
         raise InvalidArgumentError(
             f"choice {name!r} of method {method.name!r} must be one of {', '.join(found)}"

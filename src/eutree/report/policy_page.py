@@ -7,6 +7,7 @@ from string import Template
 import numpy as np
 
 from eutree.data import Demonstrations, Episode
+from eutree.display import told_apart
 from eutree.policies import TreePolicy
 from eutree.report.head import Pointer, Verdict, head
 from eutree.report.html import as_json, asset, base_style, page
@@ -40,9 +41,7 @@ def policy_page(
     """
     heading = title or (policy.environment.id if policy.environment else "A decision tree")
     subtitle = f"{counted(policy.n_leaves, 'leaf')}, {policy.schema.n_features} features"
-    if policy.environment and policy.environment.arguments:
-        arguments = sorted(policy.environment.arguments.items())
-        subtitle += "".join(f", {key} = {value}" for key, value in arguments)
+    subtitle += "".join(f", {words}" for words in _made_with(policy))
     verdict = policy_verdict(policy, episodes, demonstrations)
     body = Template(asset("policy.html")).substitute(
         head=head(heading, verdict, [subtitle], beside=asset("search.html")),
@@ -56,6 +55,24 @@ def policy_page(
     text = body + scripts + base_style() + style
     add_pictures(data, episodes, size_limit - len(as_json(data)) - len(text.encode()) - 4096)
     return page(title=heading, body=body, style=style, script=scripts, data=data)
+
+
+def _made_with(policy: TreePolicy) -> list[str]:
+    """Return what the actions set, and the arguments of the environment that are a word each."""
+    found = []
+    for control in policy.schema.controls:
+        low, high = min(control.levels), max(control.levels)
+        texts = told_apart(control.levels, high - low)
+        ends = f"{texts[low]} to {texts[high]} {control.unit}".rstrip()
+        found.append(f"{control.name} in {len(texts)} levels from {ends}")
+    arguments = policy.environment.arguments if policy.environment else {}
+    for key, value in sorted(arguments.items()):
+        name = key.replace("_", " ")
+        if isinstance(value, bool):
+            found.append(name if value else f"no {name}")
+        elif isinstance(value, int | float | str):
+            found.append(f"{name} {value}")
+    return found
 
 
 def policy_verdict(
