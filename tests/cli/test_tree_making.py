@@ -1,6 +1,7 @@
 """The button *Make my tree*: what it fits, plays and practises, without a page."""
 
 import re
+import shlex
 from dataclasses import replace
 
 import gymnasium
@@ -9,6 +10,7 @@ import pytest
 import eutree
 from eutree.cli import _tree_making
 from eutree.cli._tree_making import PageTree
+from eutree.cli.main import run
 from eutree.schema import EnvironmentSpec
 from tests.interaction.people import Corridor
 
@@ -82,6 +84,22 @@ def test_practice_is_offered_to_a_tree_that_is_as_good_as_a_poor_person(folder) 
     assert 80 < wins < 194  # what three episodes make of it: no longer a matter of the person
     assert last.may_gain
     assert "Practice may make it better" in last.note
+
+
+def test_the_next_commands_go_on_from_the_tree_that_is_shown(folder, capsys) -> None:
+    """Learning went on from the tree of release 8, and a blank in a path broke every line."""
+    spaced = folder.rename(folder.with_name("my demos"))
+    show, evaluate, learn, export = made(spaced, episodes=3)[1][-1].commands
+    tree = str(folder.with_name("my demos-tree.json"))
+    assert shlex.split(learn)[-4:-1] == ["--expert", tree, "--out"]
+    for line, less in (
+        (show, []),
+        (evaluate, []),
+        (learn, ["--episodes", "1", "--evaluation-episodes", "1"]),
+        (export, []),
+    ):
+        assert run([*shlex.split(line)[1:], *less]) == 0, line
+    assert folder.with_name("my demos-tree.c").exists()
 
 
 def test_whoever_leaves_stops_it(folder) -> None:

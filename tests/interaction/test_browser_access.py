@@ -9,7 +9,7 @@ import pytest
 from eutree.interaction.tree_making import TreeView
 from tests.interaction.people import Corridor
 from tests.interaction.serving import serving
-from tests.interaction.typists import PATIENCE, Person, ScriptedMaker, evasion
+from tests.interaction.typists import PATIENCE, Person, ScriptedMaker, box, evasion
 
 PHONE = {"has_touch": True, "is_mobile": True}
 SCREENS = {
@@ -60,7 +60,7 @@ def test_what_is_held_and_said_is_in_sight(chromium, tmp_path, screen, world) ->
 
         person.page.locator("body[data-frame]").wait_for(timeout=PATIENCE)
         assert hidden("#buttons .first") == []
-        person.tap("Enter").until(state="playing")
+        person.tap("Enter").until(state="playing").tap("ArrowLeft").until(step=1)
         on_desk = screen == "desk"  # where keys are what is held
         held = [] if on_desk else ["#pads button"]
         assert hidden(*held) == []
@@ -101,13 +101,15 @@ def test_axe_finds_nothing(chromium, tmp_path, axe, screen, scheme) -> None:
             return person.page.evaluate(FINDINGS)
 
         assert findings() == []
-        person.tap("Enter").until(state="playing")
+        person.tap("Enter").until(state="playing", step=1)
         assert findings() == []
         person.tap("p").until(state="paused")
         assert findings() == []
         person.tap("e").until(state="review")
+        assert person.page.locator("#episodes").is_visible()
         served.session.wishes.express("make")
         person.until(tree="ready")
+        assert person.page.locator("#episodes").is_hidden()  # folded
         assert findings() == []
         person.rest().tap("Escape").until(state="finished")
         assert findings() == []
@@ -179,7 +181,7 @@ def test_what_comes_after_the_last_wanted_episode_has_no_total(chromium, tmp_pat
     with serving(tmp_path) as served:
         person = person_at(chromium, served, "desk")
         for number in range(1, 4):
-            person.tap("Enter").until(state="playing")
+            person.tap("Enter").until(state="playing", step=1)
             assert person.page.locator("#title").inner_text() == f"Episode {number} of 3"
             person.down("ArrowRight").until(state="review").up("ArrowRight").rest(0.8)
         person.page.get_by_role("button", name="One more").click()
@@ -191,7 +193,8 @@ def test_what_comes_after_the_last_wanted_episode_has_no_total(chromium, tmp_pat
 def test_a_tree_is_seen_whole_or_a_button_shows_it_whole(chromium, tmp_path, own, large) -> None:
     """What did not fit was cut off at the right, and nothing said so."""
     maker = ScriptedMaker()
-    maker.ready = replace(maker.ready, svg=maker.ready.svg.replace('width="80"', f'width="{own}"'))
+    drawing = maker.ready.svg.replace('width="80"', f'width="{own}"')
+    maker.ready = replace(maker.ready, svg=drawing, rules="if a_long_name <= 1: go " * 9)
     cut = "() => ((d) => d.scrollWidth - d.clientWidth)(document.getElementById('drawing'))"
     with serving(tmp_path, maker=maker) as served:
         person = with_an_episode(person_at(chromium, served, "desk"))
@@ -204,3 +207,20 @@ def test_a_tree_is_seen_whole_or_a_button_shows_it_whole(chromium, tmp_path, own
         button.click()
         assert (person.page.evaluate(cut) > 0) != large
         assert person.page.locator("#rules").is_visible()  # what is small stands there in words
+
+
+@pytest.mark.parametrize("screen", SCREENS)
+def test_the_verdict_is_in_sight_when_it_is_given(chromium, tmp_path, screen) -> None:
+    """It stood below the picture, off the screen."""
+    maker = ScriptedMaker()
+    maker.ready = replace(maker.ready, rules="if a_long_name <= 1: go " * 9)
+    with serving(tmp_path, maker=maker) as served:
+        person = with_an_episode(person_at(chromium, served, screen))
+        served.session.wishes.express("make")
+        person.until(tree="ready").rest(0.3)
+        seen = ["#verdict", "#tree-buttons button"]
+        assert person.page.evaluate(OUT_OF_SIGHT, seen) == []
+        wide = "() => document.documentElement.scrollWidth - document.documentElement.clientWidth"
+        person.page.evaluate("() => { document.getElementById('rules-details').open = true; }")
+        assert person.page.evaluate(wide) == 0
+        assert box(person, "#verdict-section")["y"] < box(person, "#tree-section")["y"]

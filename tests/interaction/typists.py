@@ -86,6 +86,11 @@ class Person:
         return self.page.locator("body").get_attribute(f"data-{name}")
 
 
+def box(person, selector):
+    """Return where an element is on the page."""
+    return person.page.locator(selector).bounding_box()
+
+
 def evasion():
     return gymnasium.make("eutree/Evasion2-v0", render_mode="rgb_array")
 

@@ -520,7 +520,9 @@ function showEpisodes() {
   words($("episodes"), ...rows.reverse());
   $("episodes-table").hidden = rows.length === 0;
   $("none").hidden = rows.length > 0;
+  $("episodes-list").hidden = rows.length === 0;
   const kept = view.episodes.filter((e) => e.kept);
+  $("episodes-count").textContent = `${kept.length} kept, ${view.episodes.length - kept.length} not used`;
   const early = kept.filter((e) => ["stopped", "interrupted"].includes(e.result));
   $("early").hidden = early.length === 0;
   $("early").textContent = `${early.length} ended early (stopped or interrupted): the tree learns from them, `
@@ -701,12 +703,13 @@ let scrolledAt = ""; // the phase at which the tree was last brought into view
 
 function showTree() {
   const tree = view.tree;
-  const was = $("tree-section").hidden;
-  $("tree-section").hidden = !tree;
+  const was = $("verdict-section").hidden;
+  $("verdict-section").hidden = !tree;
+  $("tree-section").hidden = !tree || !(tree.svg || tree.curve.length);
   body.dataset.tree = tree ? tree.phase : "";
   if (!tree) return;
   $("verdict").textContent = tree.message;
-  $("tree-section").dataset.verdict = tree.phase === "failed" ? BAD
+  $("verdict-section").dataset.verdict = tree.phase === "failed" ? BAD
     : ["better", "as good"].includes(tree.verdict) ? GOOD : "";
   $("tree-note").textContent = tree.note;
   $("tree-note").hidden = !tree.note;
@@ -722,7 +725,8 @@ function showTree() {
   $("rules-details").hidden = !tree.rules;
   $("rules").textContent = tree.rules;
   showCurve(tree);
-  if (was || tree.phase !== scrolledAt) $("tree-section").scrollIntoView({ block: "nearest" });
+  if (was) $("episodes-list").open = false; // the tree is what matters now
+  if (was || tree.phase !== scrolledAt) $("verdict-section").scrollIntoView({ block: "nearest" });
   scrolledAt = tree.phase;
 }
 
