@@ -60,7 +60,8 @@ def test_what_is_held_and_said_is_in_sight(chromium, tmp_path, screen, world) ->
 
         person.page.locator("body[data-frame]").wait_for(timeout=PATIENCE)
         assert hidden("#buttons .first") == []
-        person.tap("Enter").until(state="playing").tap("ArrowLeft").until(step=1)
+        person.tap("Enter").until(state="playing").down("ArrowLeft").until(step=1)
+        person.up("ArrowLeft")
         on_desk = screen == "desk"  # where keys are what is held
         held = [] if on_desk else ["#pads button"]
         assert hidden(*held) == []
