@@ -91,7 +91,8 @@ def test_the_next_commands_go_on_from_the_tree_that_is_shown(folder, capsys) -> 
     spaced = folder.rename(folder.with_name("my demos"))
     show, evaluate, learn, export = made(spaced, episodes=3)[1][-1].commands
     tree = str(folder.with_name("my demos-tree.json"))
-    assert shlex.split(learn)[-4:-1] == ["--expert", tree, "--out"]
+    words = shlex.split(learn)
+    assert words[words.index("--expert") + 1] == tree
     for line, less in (
         (show, []),
         (evaluate, []),
