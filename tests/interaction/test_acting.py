@@ -1,5 +1,6 @@
 """A policy that is not ours gets the environment's own observation, by SB3's keywords."""
 
+from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -218,6 +219,9 @@ def test_a_batch_is_not_for_a_function_of_one_observation() -> None:
         (lambda env: eutree.evaluate(env, Bare()), "environment must be a gymnasium.Env, an id"),
         (lambda env: eutree.play(env, Bare()), "env must be a gymnasium.Env, an id"),
         (lambda env: eutree.learn(Bare()), "env must be a gymnasium.Env, an id"),
+        (lambda env: eutree.learn_runs(env, runs=1, out=Path("none")), "environment must be an id"),
+        (lambda env: eutree.fit(env, Bare()), "demonstrations must be eutree.Demonstrations"),
+        (lambda env: eutree.play(Bare, env), r"made already: Bare\(env\) raised TypeError"),
         (lambda env: eutree.evaluate(env, env), "controller must have a method predict"),
         (lambda env: eutree.evaluate(3, env), "controller must have a method predict"),
         (lambda env: eutree.evaluate("gate", env), "controller must have a method predict"),
@@ -241,8 +245,8 @@ def test_a_mistake_inside_a_function_that_acts_is_its_own() -> None:
 def test_an_environment_may_be_named_by_its_id(tmp_path: Any) -> None:
     """`learn` and `record` refused an id where `evaluate` took one."""
     spec = eutree.EnvironmentSpec("CartPole-v1", {"max_episode_steps": 9})
-    closed = []
-    gymnasium.register("tests/Closing-v0", lambda: Closing(closed))
+    open_: set[int] = set()
+    gymnasium.register("tests/Closing-v0", lambda: Closing(open_))
     try:
         demos = eutree.record("tests/Closing-v0", Bare(), episodes=2)
         eutree.play(Bare(), "tests/Closing-v0")
@@ -252,16 +256,19 @@ def test_an_environment_may_be_named_by_its_id(tmp_path: Any) -> None:
         )  # fmt: skip
     finally:
         gymnasium.registry.pop("tests/Closing-v0")
-    assert closed == [True] * 3
+    assert not open_
     assert learned.policy.environment == demos.environment
     assert len(eutree.play(lambda o: int(o[2] > 0), spec, seed=0)) <= 9
     assert eutree.record(spec, lambda o: int(o[2] > 0), episodes=1).environment == spec
 
 
 class Closing(Wander):
-    def __init__(self, closed: list[bool]) -> None:
+    """Is in a set while it is open."""
+
+    def __init__(self, open_: set[int]) -> None:
         super().__init__(SPACES["box"])
-        self.closed = closed
+        self.open = open_
+        self.open.add(id(self))
 
     def close(self) -> None:
-        self.closed.append(True)
+        self.open.discard(id(self))

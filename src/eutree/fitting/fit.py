@@ -8,7 +8,7 @@ import gymnasium
 
 from eutree.c45 import C45Settings
 from eutree.data import Demonstrations, Episode
-from eutree.errors import EutreeError, InvalidArgumentError
+from eutree.errors import EutreeError, InvalidArgumentError, shown
 from eutree.fitting.candidates import SETTINGS, Candidate, candidates, promising
 from eutree.fitting.choosing import COMPARING, JUDGING, MOST_REPAIR_PLAYS, mend, race
 from eutree.fitting.diagnosis import (
@@ -71,6 +71,10 @@ def fit(
             the demonstrations, or ``practise`` has no environment.
         EnvironmentFault: The environment broke its contract.
     """
+    if not isinstance(demonstrations, Demonstrations):
+        raise InvalidArgumentError(
+            f"demonstrations must be eutree.Demonstrations, got {shown(demonstrations)}"
+        )
     check_integer("episodes", episodes, low=0)
     check_integer("practise", practise, low=0)
     check_seed(seed)

@@ -112,7 +112,7 @@ def as_policy(controller: Controller, env: gymnasium.Env[Any, Any]) -> Policy:
     Raises:
         InvalidArgumentError: It is nothing that decides.
     """
-    if hasattr(controller, "predict"):
+    if hasattr(controller, "predict") and not isinstance(controller, type):
         return controller
     if isinstance(controller, gymnasium.Env) or not callable(controller):
         raise InvalidArgumentError(
@@ -124,6 +124,11 @@ def as_policy(controller: Controller, env: gymnasium.Env[Any, Any]) -> Policy:
     except EutreeError:
         raise
     except Exception as error:  # a function of an observation may do anything with an environment
+        if isinstance(controller, type):
+            raise InvalidArgumentError(
+                f"a controller that is a class must be made of an environment, or be made already: "
+                f"{controller.__name__}(env) raised {type(error).__name__}: {error}"
+            ) from error
         return cast(Policy, FunctionPolicy(controller, f"{type(error).__name__}: {error}"))
     if hasattr(policy, "predict"):
         return cast(Policy, policy)

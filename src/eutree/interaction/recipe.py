@@ -32,7 +32,16 @@ class Recipe:
 
     @classmethod
     def of(cls, spec: EnvironmentSpec | str) -> "Recipe":
-        """Return how to make what ``make`` makes here and now."""
+        """Return how to make what ``make`` makes here and now.
+
+        Raises:
+            InvalidArgumentError: It is neither an id nor an ``EnvironmentSpec``.
+        """
+        if not isinstance(spec, EnvironmentSpec | str):
+            raise InvalidArgumentError(
+                "environment must be an id or an EnvironmentSpec, of which each process makes its "
+                f"own, got {shown(spec)}"
+            )
         spec = EnvironmentSpec(spec) if isinstance(spec, str) else spec
         return cls(spec, gymnasium.registry.get(spec.id), given_names())
 

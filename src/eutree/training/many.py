@@ -140,7 +140,7 @@ def learn_runs(
     check_integer("selection_episodes", selection_episodes, low=2)
     check_integer("judging_episodes", judging_episodes, low=2)
     check_seed(seed)
-    spec = EnvironmentSpec(environment) if isinstance(environment, str) else environment
+    spec = Recipe.of(environment).spec
     folder = make_folder(out, of=RUN)
     if (folder / "runs").exists() and not resume:
         raise RunFolderError(
