@@ -9,7 +9,7 @@ from gymnasium.spaces import Box, Discrete, MultiBinary
 
 from eutree.errors import EnvironmentFault, InvalidArgumentError, UnsupportedSpaceError
 from eutree.interaction import GuardedEnv
-from tests.interaction.sick import SICK, Healthy, answering
+from tests.interaction.sick import SICK, Healthy, ResetWithoutInfo, answering
 
 
 def run(env, **options):
@@ -90,7 +90,7 @@ def test_an_action_outside_the_space_is_refused():
         (Box(-1, 1, (2,)), MultiBinary(20), "1048576 combinations.*--action-grid"),
         (Box(-1, 1, (2,)), Discrete(2000, start=1), "at most 1,000 actions"),
         (Box(-1, 1, (2,)), gymnasium.spaces.Text(3), "MultiDiscrete.*TransformAction"),
-        (Box(0, 255, (8, 8, 3), np.uint8), Discrete(2), "cannot learn from pixels"),
+        (Box(0, 255, (64, 64, 3), np.uint8), Discrete(2), "cannot learn from pixels"),
         (Box(-1, 1, (2, 2)), Discrete(2), "FlattenObservation"),
         (gymnasium.spaces.Text(5), Discrete(2), "flat Box"),
     ],
@@ -102,3 +102,43 @@ def test_spaces_that_a_tree_cannot_act_in_are_refused(observations, actions, mes
 
     with pytest.raises(UnsupportedSpaceError, match=message):
         GuardedEnv(Other())
+
+
+class OldStep(Healthy):
+    def step(self, action):
+        observation, reward, terminated, _, info = super().step(action)
+        return observation, reward, terminated, info
+
+
+class OldReset(Healthy):
+    def reset(self):
+        return super().reset()[0]
+
+
+@pytest.mark.parametrize("made", [False, True], ids=["as it is", "made by Gymnasium"])
+@pytest.mark.parametrize(
+    ("kind", "says"),
+    [
+        (OldStep, r"step of four values is that of the old gym; shimmy.GymV21CompatibilityV0"),
+        (OldReset, r"reset without seed and info is that of the old gym; shimmy.GymV21"),
+        (ResetWithoutInfo, r"reset without seed and info is that of the old gym; shimmy.GymV21"),
+        (lambda: answering(reward=np.zeros(3)), r"mo_gymnasium.wrappers.LinearReward\(env, weight"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore")  # Gymnasium's own, of the same
+def test_an_interface_of_another_kind_is_said_with_the_wrapper_that_mends_it(kind, says, made):
+    gymnasium.register("Other-v0", kind, max_episode_steps=50)
+    try:
+        env = gymnasium.make("Other-v0") if made else kind()
+        with pytest.raises(EnvironmentFault, match=says):
+            run(env)
+    finally:
+        del gymnasium.registry["Other-v0"]
+
+
+def test_other_faults_are_no_sign_of_another_interface():
+    for name in ("six values", "exception in step", "exception in reset", "no reward"):
+        with pytest.raises(EnvironmentFault) as caught:
+            run(SICK[name][0])
+        assert "old gym" not in str(caught.value)
+        assert "LinearReward" not in str(caught.value)

@@ -4,8 +4,10 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium import spaces
-from gymnasium.wrappers import TimeLimit
+from gymnasium.wrappers import FilterObservation, FlattenObservation, TimeLimit
 
+from eutree.errors import UnsupportedSpaceError
+from eutree.interaction import GuardedEnv
 from eutree.interaction.keys import keys_of_environment
 from eutree.interaction.making import make
 from eutree.interaction.spaces import describe, encoder, spec_of
@@ -128,3 +130,49 @@ def test_actions_of_toy_tasks_have_the_names_that_gymnasium_gives_them(id_, modu
         assert names[number] == word.lower()
         assert keys.keys_of(number)[0] == word.lower()  # the arrow of that direction
     assert describe(env).feature_names == ("square",)
+
+
+class Symbols(Healthy):
+    """What MiniGrid observes: 7 x 7 squares of three symbols, a direction, and a text."""
+
+    observation_space = spaces.Dict(
+        {
+            "image": spaces.Box(0, 255, (7, 7, 3), np.uint8),
+            "direction": spaces.Discrete(4),
+            "mission": spaces.Text(50),
+        }
+    )
+
+    def reset(self, *, seed=None, options=None):
+        return self.observed(super().reset(seed=seed)[0]), {}
+
+    def step(self, action):
+        observation, *rest = super().step(action)
+        return self.observed(observation), *rest
+
+    def observed(self, numbers):
+        image = (10 * numbers[0] * np.ones((7, 7, 3))).astype(np.uint8)
+        return {"image": image, "direction": np.int64(1), "mission": "go"}
+
+
+def test_symbols_are_no_pixels_and_two_wrappers_make_numbers_of_them():
+    env = Symbols()
+    with pytest.raises(UnsupportedSpaceError, match=r"Text.*leave it out.*FilterObservation"):
+        describe(env)
+    env = FilterObservation(env, ["image", "direction"])
+    with pytest.raises(UnsupportedSpaceError, match=r"FlattenObservation, if these are symbols"):
+        describe(env)
+    env = FlattenObservation(env)
+    assert describe(env).n_features == 7 * 7 * 3 + 4
+    guarded = GuardedEnv(env)
+    guarded.reset(seed=0)
+    assert guarded.step(0)[0].shape == (151,)
+
+
+def test_pixels_are_pixels_and_bytes_are_numbers():
+    env = Symbols()
+    env.observation_space = spaces.Box(0, 255, (96, 96, 3), np.uint8)
+    with pytest.raises(UnsupportedSpaceError, match="a tree cannot learn from pixels"):
+        describe(env)
+    env.observation_space = spaces.Box(0, 255, (128,), np.uint8)
+    assert describe(env).n_features == 128

@@ -131,3 +131,47 @@ def test_an_environment_that_cannot_draw_is_watched_without_pictures(blind: Any)
     assert len(watched) == 2
     assert watched[0].frames == ()
     assert problem.startswith("no pictures: Blind-v0 must be able to render")
+
+
+class Undrawn(gymnasium.Env[Any, Any]):
+    """Draws what it does while it does it, for which a part is missing."""
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 4}  # noqa: RUF012
+    observation_space = gymnasium.spaces.Box(0.0, 1.0, (1,), np.float64)
+    action_space = gymnasium.spaces.Discrete(2)
+    moment = ""
+
+    def __init__(self, render_mode: str | None = None) -> None:
+        self.render_mode = render_mode
+
+    def draw(self, moment: str) -> None:
+        if self.render_mode and moment == self.moment:
+            raise SystemExit("no graphics card")
+
+    def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
+        self.draw("reset")
+        return np.zeros(1), {}
+
+    def step(self, action: Any) -> Any:
+        self.draw("step")
+        return np.ones(1), 1.0, True, False, {}
+
+    def render(self) -> Any:
+        self.draw("render")
+        return np.zeros((8, 8, 3), np.uint8)
+
+
+@pytest.mark.parametrize("moment", ["reset", "step", "render"])
+def test_a_page_without_pictures_where_drawing_fails(moment: str) -> None:
+    gymnasium.register("Undrawn-v0", type("Undrawn", (Undrawn,), {"moment": moment}))
+    policy = policy_of(tree(2, 1), Schema.anonymous(1, 2))
+    try:
+        watched, problem = watch_if_possible(
+            policy, EnvironmentSpec("Undrawn-v0"), episodes=2, seed=0
+        )
+    finally:
+        del gymnasium.registry["Undrawn-v0"]
+    assert [len(one.episode) for one in watched] == [1, 1]
+    assert [one.frames for one in watched] == [(), ()]
+    assert problem.startswith("no pictures: Undrawn-v0")
+    assert "SystemExit: no graphics card" in problem

@@ -21,6 +21,13 @@ from eutree.schema import EnvironmentSpec, Schema
 from eutree.validation import check_integer
 
 MAX_EPISODE_STEPS = 100_000
+_OLD = "that of the old gym; shimmy.GymV21CompatibilityV0(env=env) makes the new one of it"
+_OLD_RESET = f". A reset without seed and info is {_OLD}"
+_OLD_STEP = f". A step of four values is {_OLD}"
+_VECTOR = (
+    ". Of several rewards one is made by mo_gymnasium.wrappers.LinearReward(env, weight=...), or "
+    "by gymnasium.wrappers.TransformReward"
+)
 LARGEST = 1e100  # of an observation or a reward; sums and squares of such numbers are finite
 
 
@@ -96,9 +103,12 @@ class GuardedEnv:
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # no environment may end the process
-            raise self._fault(f"reset(seed={seed}) raised {described(error)}") from error
+            hint = _OLD_RESET if "'seed'" in described(error) else ""
+            raise self._fault(f"reset(seed={seed}) raised {described(error)}{hint}") from error
         if not (isinstance(answer, tuple) and len(answer) == 2):
-            raise self._fault(f"reset must return (observation, info), got {_brief(answer)}")
+            raise self._fault(
+                f"reset must return (observation, info), got {_brief(answer)}{_OLD_RESET}"
+            )
         self._check_info(answer[1])
         observation = self._observation(answer[0])
         self.step_number = 0
@@ -119,11 +129,12 @@ class GuardedEnv:
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # no environment may end the process
-            raise self._fault(f"step raised {described(error)}") from error
+            hint = _OLD_STEP if "(expected 5, got 4)" in described(error) else ""
+            raise self._fault(f"step raised {described(error)}{hint}") from error
         if not (isinstance(answer, tuple) and len(answer) == 5):
             raise self._fault(
                 "step must return (observation, reward, terminated, truncated, info), "
-                f"got {_brief(answer)}"
+                f"got {_brief(answer)}{_OLD_STEP if _is_of_four(answer) else ''}"
             )
         observation = self._observation(answer[0])
         reward = self._reward(answer[1])
@@ -221,7 +232,8 @@ class GuardedEnv:
 
     def _reward(self, value: Any) -> float:
         if isinstance(value, str | bytes | bool | np.bool_ | complex) or np.ndim(value):
-            raise self._fault(f"reward must be a finite number, got {_brief(value)}")
+            hint = _VECTOR if np.ndim(value) == 1 else ""
+            raise self._fault(f"reward must be a finite number, got {_brief(value)}{hint}")
         try:
             reward = float(value)
         except (TypeError, ValueError, OverflowError):
@@ -258,6 +270,10 @@ class GuardedEnv:
 def _finite(name: str, value: object) -> str:
     kind = "a finite number" if name == "reward" else "finite"
     return f"{name} must be {kind} of at most {LARGEST:g} in size, got {value}"
+
+
+def _is_of_four(answer: object) -> bool:
+    return isinstance(answer, tuple) and len(answer) == 4
 
 
 def _brief(value: object) -> str:

@@ -37,6 +37,7 @@ from eutree.schema import (
     numbered_actions,
 )
 
+MOST_SYMBOLS = 1024  # squares of a grid; a picture has more
 NO_LIMIT = -1  # what ``gymnasium.make`` takes for no time limit
 
 Encoder = Callable[[Any], Floats]
@@ -253,11 +254,14 @@ def _action_names(
 def _bounds(space: spaces.Space[Any], name: str) -> tuple[list[float], list[float], list[str]]:
     """Return lower bounds, upper bounds and names of the entries of the encoded space."""
     if isinstance(space, spaces.Dict):
-        return _concatenate([(key, *_bounds(part, name)) for key, part in space.spaces.items()])
+        # A part that must be left out is said before one that can be wrapped.
+        texts_first = sorted(space.spaces, key=lambda key: isinstance(space[key], spaces.Box))
+        found = {key: _bounds(space[key], name) for key in texts_first}
+        return _concatenate([(key, *found[key]) for key in space.spaces])
     if isinstance(space, spaces.Tuple):
         parts = enumerate(space.spaces)
         return _concatenate([(f"x{i}", *_bounds(part, name)) for i, part in parts])
-    if isinstance(space, spaces.Box) and len(space.shape) == 1 and space.dtype != np.uint8:
+    if isinstance(space, spaces.Box) and len(space.shape) == 1:
         low, high = space.low.astype(np.float64), space.high.astype(np.float64)
     elif isinstance(space, spaces.Discrete):
         low, high = np.array([float(space.start)]), np.array([float(space.start + space.n - 1)])
@@ -267,14 +271,24 @@ def _bounds(space: spaces.Space[Any], name: str) -> tuple[list[float], list[floa
     elif isinstance(space, spaces.MultiBinary) and len(space.shape) == 1:
         low, high = np.zeros(space.shape), np.ones(space.shape)
     else:
-        hint = "wrap it with gymnasium.wrappers.FlattenObservation"
-        if isinstance(space, spaces.Box) and space.dtype == np.uint8:
-            hint = "a tree cannot learn from pixels: let the environment observe quantities instead"
         raise UnsupportedSpaceError(
             f"{name} must have a flat Box, Discrete, MultiDiscrete or MultiBinary observation "
-            f"space, got {space}: {hint}"
+            f"space, got {space}: {_what_helps(space)}"
         )
     return low.tolist(), high.tolist(), [f"x{i}" for i in range(len(low))]
+
+
+def _what_helps(space: spaces.Space[Any]) -> str:
+    """Return what makes numbers of a space that holds pixels, symbols, a matrix or texts."""
+    if not isinstance(space, spaces.Box | spaces.MultiDiscrete | spaces.MultiBinary):
+        return "leave it out; of a Dict by gymnasium.wrappers.FilterObservation(env, OTHER_KEYS)"
+    wrap = "wrap it with gymnasium.wrappers.FlattenObservation"
+    if not isinstance(space, spaces.Box) or space.dtype != np.uint8:
+        return wrap
+    height, width = (*space.shape, 1)[:2]
+    if height * width <= MOST_SYMBOLS:
+        return f"{wrap}, if these are symbols, as MiniGrid's are, and no picture"
+    return "a tree cannot learn from pixels: let the environment observe quantities instead"
 
 
 def _concatenate(

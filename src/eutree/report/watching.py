@@ -118,9 +118,9 @@ def watch_if_possible(
     for pictures in (True, False):
         try:
             watched = watch(policy, spec, episodes=episodes, seed=seed, pictures=pictures)
-        except EnvironmentFault:
-            raise
         except EutreeError as error:
+            if isinstance(error, EnvironmentFault) and not pictures:
+                raise
             problem = problem or str(error)
         else:
             return watched, problem and f"no pictures: {problem}"
@@ -154,8 +154,6 @@ def film_if_possible(spec: EnvironmentSpec, episode: Episode, *, by: str = "") -
     """Return an episode with pictures where they can be had, else without."""
     try:
         return replace(film(spec, episode), by=by)
-    except EnvironmentFault:
-        raise
     except EutreeError:
         return WatchedEpisode(episode, by=by)
 
@@ -232,7 +230,10 @@ def encode(picture: Any) -> bytes:
         height = max(1, round(_WIDTH * image.height / image.width))
         image = image.resize((_WIDTH, height), Image.Resampling.LANCZOS)
     content = BytesIO()
-    image.save(content, "WEBP", quality=_QUALITY, method=_EFFORT)
+    try:
+        image.save(content, "WEBP", quality=_QUALITY, method=_EFFORT)
+    except (KeyError, OSError) as error:
+        raise InvalidArgumentError(f"Pillow must be able to write WebP: {error}") from error
     return content.getvalue()
 
 
