@@ -76,7 +76,7 @@ def test_an_explanation_in_words():
         "  go from position > 8 m (by 0.75) on",
         "  stop: 30 visits, value 1.5 +- 0.25",
         "  go: 2 visits, value -3 +- 0.25",
-        "  (a value is the return expected after the action: Q, or the mean of what followed it)",
+        "  (a value is the return expected after an action: Q, or the mean of what followed)",
         "  2 demonstrated steps of 1 episodes: 1 x stop, 1 x go",
     ]
     assert [(s.episode, s.step, s.action) for s in found.support] == [(0, 0, 0), (0, 1, 1)]
@@ -118,7 +118,7 @@ def test_actions_that_were_never_tried_take_one_line():
     assert alone == [
         "a0: 30 visits, value 2.5",
         "never tried here: the other 11",
-        "(a value is the mean return that followed; each leaf tried one action: no Q to compare)",
+        "(a value is the mean return that followed; each leaf tried one action: no Q)",
     ]
     visits[0, 3], values[0, 3] = 1, -2.0
     assert statistics_of(twelve(visits, values))[1:3] == [

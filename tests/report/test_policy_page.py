@@ -13,7 +13,7 @@ import pytest
 from eutree.data import Demonstrations, Episode
 from eutree.errors import InvalidArgumentError
 from eutree.export._probes import probes
-from eutree.policies import TreePolicy
+from eutree.policies import LeafStatistics, TreePolicy
 from eutree.report import WatchedEpisode, policy_page
 from eutree.report.head import Pointer
 from eutree.report.policy_page import policy_verdict
@@ -411,3 +411,28 @@ def test_facts_are_words() -> None:
     page = policy_page(replace(policy_of(tree(1, 3), schema), environment=spec))
     facts = re.search(r'class="facts">(.*?)<', page)[1]
     assert facts.endswith("torque in 4 levels from -2 to 2 N m, decode, n opponents 2")
+
+
+def test_a_leaf_lists_what_was_tried_and_says_what_values_are(
+    chromium: Any, tmp_path: Path
+) -> None:
+    """Nine of twelve rows said "0, untried", under the heading "Q value", of a mean return."""
+    schema = Schema((Feature("x", "", 0.0, 9.0),), tuple(f"a{k}" for k in range(12)))
+    visits, values = np.zeros((2, 12), int), np.full((2, 12), np.nan)
+    visits[0, 4], values[0, 4] = 30, 2.5
+    known = LeafStatistics(visits, values, np.full((2, 12), np.nan))
+    grown = tree(1, 1).split(0, 0, 5.0)
+    path = tmp_path / "policy.html"
+    page = policy_page(TreePolicy(grown, np.array([4, 11]), schema, leaves=known))
+    path.write_text(page, encoding="utf-8")
+    opened = open_page(chromium, path)
+    node = int(grown.node_of_leaf[0])
+    opened.page.click(f'[data-node="{node}"] .box')
+    wait_for(opened, selected=node)
+    words = opened.page.locator("#details").inner_text()
+    assert "Never tried here: the other 11 of 12 actions." in words
+    assert f"Here {known.meaning}." in words
+    assert "no Q" in words
+    assert opened.page.locator("#details tbody tr").count() == 1
+    opened.assert_quiet()
+    opened.page.close()

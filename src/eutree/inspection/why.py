@@ -16,12 +16,6 @@ from eutree.trees.text import condition, printable
 from eutree.validation import check_vector
 from eutree.wording import counted
 
-# What the values are, by whether there is a leaf with those of two actions (``planning`` has none).
-_MEANING = {
-    True: "a value is the return expected after the action: Q, or the mean of what followed it",
-    False: "a value is the mean return that followed; each leaf tried one action: no Q to compare",
-}
-
 
 @dataclass(frozen=True)
 class Step:
@@ -258,7 +252,7 @@ def _tried(policy: TreePolicy, leaf: int) -> list[str]:
         never = " and ".join(untried) if len(untried) < 3 else several
         lines.append(f"never tried here: {never}")
     if tried and not np.isnan(values).all():
-        lines.append(f"({_MEANING[known.compares_actions]})")
+        lines.append(f"({known.meaning})")
     return lines
 
 

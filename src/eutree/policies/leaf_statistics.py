@@ -27,6 +27,13 @@ class LeafStatistics:
         """Whether there is a leaf in which the values of two actions are known."""
         return bool((np.isfinite(self.values).sum(axis=1) > 1).any())
 
+    @property
+    def meaning(self) -> str:
+        """What a value is, in words; where each leaf has tried one action it is no Q."""
+        if self.compares_actions:
+            return "a value is the return expected after an action: Q, or the mean of what followed"
+        return "a value is the mean return that followed; each leaf tried one action: no Q"
+
     def __post_init__(self) -> None:
         object.__setattr__(self, "visits", frozen(np.asarray(self.visits, dtype=np.int64)))
         object.__setattr__(self, "values", frozen(np.asarray(self.values, dtype=np.float64)))

@@ -61,6 +61,7 @@ def tree_data(
             "visits": policy.leaves.visits.tolist(),
             "values": _rounded(policy.leaves.values),
             "deviations": _rounded(policy.leaves.deviations),
+            "meaning": policy.leaves.meaning,
         }
     return {
         "tree": {name: getattr(tree, name).tolist() for name in names}

@@ -50,23 +50,27 @@ function conditionList(node) {
   return element("ul", { class: "conditions" }, ...words.map((text) => element("li", {}, text)));
 }
 
-/** Return visits of each action and, for a leaf, its Q values with their 95 % intervals. */
+/** Return visits of each action tried and, for a leaf, its values with their 95 % intervals. */
 function visitsAndValues(node, leaves) {
   if (!statistics) return [];
   const visits = actions.map((_, action) => leaves.reduce((sum, leaf) => sum + statistics.visits[leaf][action], 0));
   const leaf = isLeaf(node) ? tree.leaf[node] : null;
-  const head = ["Action", "Visits", ...(leaf === null ? [] : ["Q value", "95 % interval"])];
-  const rows = actions.map((name, action) => {
-    const row = element("tr", {}, element("th", { scope: "row" }, swatch(action), name), element("td", {}, String(visits[action])));
+  const head = ["Action", "Visits", ...(leaf === null ? [] : ["Value", "95 % interval"])];
+  const tried = actions.map((_, action) => action).filter((action) => visits[action] > 0);
+  const never = actions.length - tried.length;
+  const rows = tried.map((action) => {
+    const row = element("tr", {}, element("th", { scope: "row" }, swatch(action), actions[action]), element("td", {}, String(visits[action])));
     if (leaf !== null) {
       const value = statistics.values[leaf][action];
-      row.append(element("td", {}, value === null ? "untried" : short(value)), element("td", {}, interval(leaf, action)));
+      row.append(element("td", {}, value === null ? "unknown" : short(value)), element("td", {}, interval(leaf, action)));
     }
     return row;
   });
   return part(leaf === null ? "Visits" : "Visits and values", element("table", {},
     element("thead", {}, element("tr", {}, ...head.map((text) => element("th", { scope: "col" }, text)))),
-    element("tbody", {}, ...rows)));
+    element("tbody", {}, ...rows)),
+  ...(never ? [element("p", { class: "quiet" }, `Never tried here: ${tried.length ? "the other " : ""}${never} of ${actions.length} actions.`)] : []),
+  ...(leaf !== null && tried.length ? [element("p", { class: "quiet" }, `Here ${statistics.meaning}.`)] : []));
 }
 
 /** Return a small drawing of one interval on the scale that all actions of the leaf share. */
