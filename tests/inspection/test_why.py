@@ -188,3 +188,11 @@ def test_the_nearest_whole_observation_of_another_action(seed, n_features):
         moved = observation[step.feature] + (step.distance if step.is_true else -step.distance)
         assert (moved <= step.threshold) != step.is_true
         assert step.distance >= 1.0
+
+
+def test_a_small_margin_is_not_called_none():
+    """`room <= 17.99 ? no: 18, by 0`: it was 0.002."""
+    words = [step.words for step in why(crossing(), [8.002, 2.0]).path]
+    assert words[0].endswith("no: 8.002, by 0.002 m")
+    assert why(crossing(), [7.998, 2.0]).alternatives[0].words.endswith("> 8 m (by 0.002) on")
+    assert why(crossing(), [8.0, 2.0]).path[0].words.endswith("yes: 8, by 0 m")

@@ -164,7 +164,7 @@ def _path(policy: TreePolicy, point: Floats, leaf: int, digits: Digits) -> tuple
             distance = abs(value - (np.floor(cut) + (value <= cut)))
         words = (
             f"{condition(policy.schema, feature, cut, digits)} ? {answer}: "
-            f"{digits.text(feature, value)}, by {digits.text(feature, distance)}"
+            f"{digits.text(feature, value)}, by {_margin(digits, feature, distance)}"
             + (f" {printable(unit)}" if unit else "")
         )
         steps.append(Step(node, feature, cut, value, value <= cut, distance, words))
@@ -209,9 +209,17 @@ def _changes(
         words = digits.above(j, below) if bound > point[j] else digits.at_most(j, bound)
         if feature.is_integer:
             words = f"{'>=' if bound > point[j] else '<='} {digits.text(j, bound)}"
-        by = digits.text(j, abs(bound - float(point[j])))
+        by = _margin(digits, j, abs(bound - float(point[j])))
         parts.append(f"{printable(feature.name)} {words}{unit} (by {by})")
     return f"{printable(policy.schema.actions[action])} from {' and '.join(parts)} on"
+
+
+def _margin(digits: Digits, feature: int, distance: float) -> str:
+    """Return a distance in the digits of its feature; in one that says it, if these say 0."""
+    text = digits.text(feature, distance)
+    if float(text) or digits.are_one(feature, 0.0, distance):
+        return text
+    return f"{distance:.1g}"
 
 
 def _scale(policy: TreePolicy, scale: ArrayLike | None) -> Floats:
