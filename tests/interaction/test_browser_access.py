@@ -1,5 +1,6 @@
 """The page for everybody: low screens, 200 %, screen readers, and a tree that can be seen whole."""
 
+import time
 from dataclasses import replace
 from importlib import resources
 
@@ -136,7 +137,7 @@ class SlowMaker(ScriptedMaker):
             said = f"The tree practises: {episode} of 200 episodes"
             show(TreeView(phase="practising", message=said, finished=episode, of=200))
         while not stop():
-            pass
+            time.sleep(0.01)
 
 
 def with_an_episode(person) -> Person:

@@ -30,7 +30,7 @@ def test_from_the_picture_to_a_tree(tmp_path, chromium) -> None:
     for episode in demos:  # it reacted to what it saw, and held Space to go
         assert {0, 1} >= set(episode.actions.tolist())
         assert episode.extras["edges"]
-    said = re.match(r"you (\d) of 4 \(.* %\); this tree (\d+) of 200 \(", verdict)
+    said = re.match(r"you (\d) of 4 \(.*%\); this tree (\d+) of 200 \(", verdict)
     assert said is not None
     assert int(said[1]) == wins
     tree = TreePolicy.load(tmp_path / "my-demos-tree.json")

@@ -708,7 +708,7 @@ function showTree() {
   $("tree-section").hidden = !tree || !(tree.svg || tree.curve.length);
   body.dataset.tree = tree ? tree.phase : "";
   if (!tree) return;
-  $("verdict").textContent = tree.message;
+  $("verdict").textContent = tree.message.replaceAll(" %", "\u00a0%"); // a number and its unit stay together
   $("verdict-section").dataset.verdict = tree.phase === "failed" ? BAD
     : ["better", "as good"].includes(tree.verdict) ? GOOD : "";
   $("tree-note").textContent = tree.note;
