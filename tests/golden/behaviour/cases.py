@@ -71,24 +71,35 @@ def behaviour(preset, start, task, seed):
         race_steps=RACING_STEPS[task] if preset.endswith("-raced") else 0,
         seed=seed,
     )
-    policy, history = result.learned, result.history  # what was learned, handed over or not
-    tree = {name: column(getattr(policy.tree, name)) for name in ("feature", "threshold", "left",
-            "right", "leaf")}  # fmt: skip
-    found = {
-        "seed": seed,
+    found = {"seed": seed} | learned(result, task)
+    if preset in ("paper", "paper-d"):
+        found["visits"] = column(result.learned.leaves.visits.ravel())
+        found["values"] = column(result.learned.leaves.values.ravel())
+    return found
+
+
+def learned(result, task):
+    """Return what was learned, handed over or not, in plain numbers."""
+    history = result.history
+    return {
         "steps": result.steps,
-        "tree": tree,
-        "leaf_actions": column(policy.actions),
-        "actions": "".join(map(str, policy.actions[policy.tree.leaf_index(points(task))])),
+        **decided(result.learned, task),
         "returns": column(np.bincount(history.episodes, history.rewards)),
         "history": digest(history.observations, history.actions, history.rewards),
         "curve": [[p.episode, p.steps, p.success_rate, p.mean_return, p.n_leaves]
                   for p in result.curve],
     }  # fmt: skip
-    if preset in ("paper", "paper-d"):
-        found["visits"] = column(policy.leaves.visits.ravel())
-        found["values"] = column(policy.leaves.values.ravel())
-    return found
+
+
+def decided(policy, task):
+    """Return a policy in plain numbers: its tree, its actions, and what it does at the points."""
+    rows = points(task, policy.tree.n_features)
+    return {
+        "tree": {name: column(getattr(policy.tree, name))
+                 for name in ("feature", "threshold", "left", "right", "leaf")},
+        "leaf_actions": column(policy.actions),
+        "actions": "".join(map(str, policy.actions[policy.tree.leaf_index(rows)])),
+    }  # fmt: skip
 
 
 @cache
@@ -106,13 +117,17 @@ def environment(setting):
     return gymnasium.make(setting.environment, max_episode_steps=setting.max_episode_steps)
 
 
-def points(task):
-    """Return fixed observations in and around the demonstrations, shape [200, d]."""
+def points(task, n_features):
+    """Return fixed observations in and around the demonstrations, shape [200, d].
+
+    Features of the past, beyond those observed, are those observed once more.
+    """
     seen = demonstrations(task).observations
     low, high = seen.min(axis=0), seen.max(axis=0)
     margin = 0.25 * (high - low)
     size = (200, seen.shape[1])
-    return np.random.default_rng(0).uniform(low - margin, high + margin, size)
+    rows = np.random.default_rng(0).uniform(low - margin, high + margin, size)
+    return np.resize(rows.T, (n_features, 200)).T
 
 
 def column(array):
