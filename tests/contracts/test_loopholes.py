@@ -61,7 +61,6 @@ MIDDLES = {
     "eutree.inspection.regions": "a point inside a box, whose sides may be infinite",
     "eutree.learners.looking": "the middle of a picture",
     "eutree.proof.intervals": "boxes are halved, whatever lies in them",
-    "eutree.proof.sampling": "bisection",
     "eutree.policies.sklearn_tree": "where float32 rounds, exactly",
     "eutree.contests.betting": "bisection",
     "eutree.report.chart": "places on paper",

@@ -138,7 +138,7 @@ def test_single_precision_of_observations_is_exact():
     [
         ("flies", "property must be 'arrives"),
         ("stays in speed <= 1", "unknown feature 'speed'"),
-        ("stays in position <= 1 for ever", "must be about a number of steps"),
+        ("stays in position <= 1 for ever", "has no grid"),
         ("arrives within 0 steps", "must be about 1 to"),
         ("succeeds with probability at least 0.9", "is about chance"),
         ("succeeds with probability at least 1.5", "between 0 and 1"),

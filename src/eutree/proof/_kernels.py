@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from eutree.arrays import Floats, Integers, Unsigned
+from eutree.arrays import Booleans, Floats, Integers, Unsigned
 from eutree.compiled import compiled
 from eutree.trees import TreeNodes
 
@@ -60,3 +60,48 @@ def decide(
                 stack[size] = right[node]
                 size += 1
         out[i] = chosen
+
+
+@compiled
+def shrink(
+    safe: Booleans,  # [C] out
+    first: Integers,  # [K, d] lowest cell of each move, along each number; negative: outside
+    last: Integers,  # [K, d]
+    begins: Integers,  # [C + 1] where the moves of each cell begin
+    strides: Integers,  # [d] cells are numbered with the last number fastest
+) -> int:
+    """Take out cells until every move of a safe cell ends in safe cells; return the sweeps."""
+    d = strides.size
+    at = np.empty(d, dtype=np.int64)
+    sweeps, changed = 0, True
+    while changed:  # each sweep takes out at least one cell, or is the last
+        changed = False
+        sweeps += 1
+        for c in range(safe.size):
+            if not safe[c]:
+                continue
+            for k in range(begins[c], begins[c + 1]):
+                # Counts through the cells from ``first`` to ``last`` like the digits of a number.
+                holds = True
+                for j in range(d):
+                    at[j] = first[k, j]
+                    holds = holds and first[k, j] >= 0
+                while holds:
+                    cell = 0
+                    for j in range(d):
+                        cell += at[j] * strides[j]
+                    if not safe[cell]:
+                        holds = False
+                        break
+                    j = d - 1
+                    while j >= 0 and at[j] == last[k, j]:
+                        at[j] = first[k, j]
+                        j -= 1
+                    if j < 0:
+                        break
+                    at[j] += 1
+                if not holds:
+                    safe[c] = False
+                    changed = True
+                    break
+    return sweeps

@@ -33,6 +33,10 @@ class Plant:
         precision: Type of the environment's observations: a tree sees them rounded to it.
         limit: Steps after which an episode is cut short; None for never.
         reward: What each step earns, where all earn the same; None where they do not.
+        grid: Lower bound, upper bound and number of cells of each number of a state, for what is
+            to hold for ever; empty where that is not asked.
+        measures: Names of the numbers that the conditions of properties are about; those of the
+            state by default.
         question: The property that is asked for by default.
     """
 
@@ -42,6 +46,8 @@ class Plant:
     precision: ClassVar[DTypeLike] = np.float64
     limit: int | None = None
     reward: float | None = None
+    grid: tuple[tuple[float, float, int], ...] = ()
+    measures: tuple[str, ...] = ()
     question: str = "arrives"
 
     def step(self, state: State, action: Integers) -> State:
@@ -61,6 +67,10 @@ class Plant:
         """Return the features that a policy sees; a number that may be anything is unbounded."""
         return state
 
+    def measure(self, state: State) -> State:
+        """Return the numbers that conditions are about."""
+        return state
+
     def put(self, env: gymnasium.Env[Any, Any], point: Floats) -> Any:
         """Begin an episode of the real environment in a state [d]; return its observation."""
         env.reset(seed=0)
@@ -73,8 +83,8 @@ class Plant:
 
     @property
     def schema(self) -> Schema:
-        """The numbers of a state as features, for the conditions of properties."""
-        features = tuple(map(Feature, self.state))
+        """What the conditions of properties are about, as features."""
+        features = tuple(map(Feature, self.measures or self.state))
         return Schema(features, ("act",))
 
     def make(self) -> gymnasium.Env[Any, Any]:

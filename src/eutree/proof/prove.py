@@ -10,10 +10,11 @@ from eutree.inspection import Region
 from eutree.policies import TreePolicy
 from eutree.proof.certificate import NEVER, PROOF, PROVEN, REFUTED, UNDECIDED, Certificate, Pieces
 from eutree.proof.intervals import Intervals, Truth, middle
+from eutree.proof.invariant import Grid, largest_invariant
 from eutree.proof.plant import Plant, State
 from eutree.proof.properties import EVER, Property, parse
 from eutree.proof.reach import Acting, Effort, Reach
-from eutree.proof.replay import replay
+from eutree.proof.replay import breaking_seed, replay
 
 _TRIES = 20  # starts of undecided pieces that are replayed
 _SUMMED = 1e-9  # of the steps: what adding up shares may be off
@@ -52,12 +53,15 @@ def prove(
             f"{plant.environment} is left to chance but the start; ask whether it arrives, stays "
             "in or avoids"
         )
-    if horizon is None or horizon == EVER:
+    horizon = EVER if horizon is None else horizon
+    proof = _Proof(policy, plant, asked, horizon, effort or Effort())
+    if horizon != EVER:
+        return proof.certificate()
+    if asked.kind == "arrives":
         raise InvalidArgumentError(
-            f"property {asked.text!r} must be about a number of steps: add 'for N steps' or "
-            "'within N steps'"
+            f"property {asked.text!r} must be about a number of steps: add 'within N steps'"
         )
-    return _Proof(policy, plant, asked, horizon, effort or Effort()).certificate()
+    return proof.for_ever()
 
 
 class _Proof:
@@ -105,6 +109,37 @@ class _Proof:
             work={"pieces": len(pieces.first), "box_steps": reach.box_steps},
         )
 
+    def for_ever(self) -> Certificate:
+        """Return whether the conditions hold at every step of an episode without an end."""
+        plant = self._plant
+        self._check_start()
+        acting = Acting(self._policy, plant)
+        for refine in self._effort.refinements:
+            grid = Grid.of(plant, refine)
+            every = grid.boxes(np.arange(grid.n_cells))
+            keeps = (~self._broken(every)).surely
+            found = largest_invariant(acting, plant, keeps, grid)
+            if not found.undecided:
+                break
+        work = {"cells": grid.n_cells, "safe_cells": int(found.safe.sum()), "sweeps": found.sweeps}
+        if not found.undecided:
+            words = f"from every start of {plant.environment} it {self._asked.text}"
+            return Certificate(words, PROOF, PROVEN, work=work)
+        seed = breaking_seed(plant, self._policy, self._broken)
+        if seed is not None:
+            words = (
+                f"it is not true that from every start of {plant.environment} it "
+                f"{self._asked.text}: the episode of seed {seed['seed']} does not"
+            )
+            return Certificate(
+                words, PROOF, REFUTED, undecided=found.undecided, counterexample=seed, work=work
+            )
+        words = (
+            f"whether from every start of {plant.environment} it {self._asked.text} is open for a "
+            f"share of {found.undecided:.3g} of the cells with starts"
+        )
+        return Certificate(words, PROOF, UNDECIDED, undecided=found.undecided, work=work)
+
     def _failing(self, pieces: Pieces) -> tuple[Booleans, Booleans]:
         """Return which pieces break the property surely, and which perhaps."""
         if self._arriving:
@@ -115,7 +150,7 @@ class _Proof:
         """Return whether states break what must hold at every step."""
         region = self._asked.region
         assert region is not None  # noqa: S101 - the parser gives one to these kinds
-        inside = _inside(region, state)
+        inside = _inside(region, self._plant.measure(state))
         return ~inside if self._asked.kind == "stays" else inside
 
     def _check_start(self) -> None:

@@ -35,10 +35,13 @@ class Effort:
     Attributes:
         smallest: Share of the starts' width, in each number, below which a piece is not cut.
         box_steps: Steps of boxes in all; what is not decided then stays undecided.
+        refinements: How many times finer than the plant's own a grid is, one after the other,
+            until a property for ever is proven.
     """
 
     smallest: float = 2.0**-26
     box_steps: int = 300_000_000
+    refinements: tuple[int, ...] = (1, 2)
 
 
 class Acting:

@@ -1,5 +1,6 @@
 """The real environment beside a plant: counterexamples are replayed, plants are tested."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import gymnasium
@@ -8,8 +9,10 @@ import numpy as np
 from eutree.arrays import Floats
 from eutree.errors import InvalidArgumentError
 from eutree.policies import TreePolicy
-from eutree.proof.intervals import Intervals
-from eutree.proof.plant import Plant
+from eutree.proof.intervals import Intervals, Truth
+from eutree.proof.plant import Plant, State
+
+_MOST_STEPS = 10_000  # of an episode that is played to break a property
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +39,31 @@ def replay(plant: Plant, policy: TreePolicy, start: Floats, steps: int) -> Traje
         states.append(plant.state_of(env))
     env.close()
     return Trajectory(np.array(states), bool(over))
+
+
+def breaking_seed(
+    plant: Plant, policy: TreePolicy, broken: Callable[[State], Truth], *, episodes: int = 200
+) -> dict[str, int] | None:
+    """Return the seed and step of a real episode that breaks conditions; None if none does.
+
+    Args:
+        plant: The plant.
+        policy: The policy.
+        broken: Whether states break them.
+        episodes: How many are played, of the seeds 0, 1, 2 ...
+    """
+    env = plant.make()
+    for seed in range(episodes):
+        observation, _ = env.reset(seed=seed)
+        over, steps = False, 0
+        while not over and steps < _MOST_STEPS:
+            action = policy.act(np.asarray(observation, dtype=np.float64).tolist())
+            observation, _, terminated, truncated, _ = env.step(action)
+            over, steps = terminated or truncated, steps + 1
+            state = [Intervals.of(x) for x in plant.state_of(env)[:, None]]
+            if broken(state).surely[0]:
+                return {"seed": seed, "steps": steps}
+    return None
 
 
 def check_plant(

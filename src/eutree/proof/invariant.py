@@ -1,0 +1,157 @@
+"""What holds for ever: the largest set of cells that no step leaves.
+
+The states are cut into a grid of closed boxes. A cell is safe at first if all of its states keep
+the conditions. Then every cell is taken out from which some action that the policy may take there,
+with some disturbance, leads to a cell that is not safe, until none is left to be taken out. What
+remains is left by no step, so an episode that begins in it keeps the conditions for ever.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from eutree.arrays import Booleans, Floats, Integers
+from eutree.errors import InvalidArgumentError
+from eutree.proof import _kernels
+from eutree.proof.intervals import Intervals
+from eutree.proof.plant import Plant, State
+from eutree.proof.reach import Acting
+
+MOST_CELLS = 20_000_000
+_AT_ONCE = 1 << 16
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """A partition of the states into boxes.
+
+    Attributes:
+        edges: Bounds of the cells along each number, in order: shapes [n_j + 1].
+    """
+
+    edges: tuple[Floats, ...]
+
+    @classmethod
+    def of(cls, plant: Plant, refine: int) -> "Grid":
+        """Return the grid that a plant asks for, each number cut ``refine`` times as often.
+
+        Raises:
+            InvalidArgumentError: The plant has none, or it has more than ``MOST_CELLS`` cells.
+        """
+        if not plant.grid:
+            raise InvalidArgumentError(
+                f"the plant of {plant.environment} has no grid, which a property for ever needs; "
+                "ask for a number of steps"
+            )
+        found = cls(tuple(np.linspace(low, high, n * refine + 1) for low, high, n in plant.grid))
+        if found.n_cells > MOST_CELLS:
+            raise InvalidArgumentError(
+                f"a grid must have at most {MOST_CELLS:,} cells, got {found.n_cells:,}"
+            )
+        return found
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of cells along each number of the state."""
+        return tuple(edges.size - 1 for edges in self.edges)
+
+    @property
+    def n_cells(self) -> int:
+        """Number of cells."""
+        return int(np.prod(self.shape, dtype=float))
+
+    def boxes(self, cells: Integers) -> State:
+        """Return the boxes of some cells, given by their numbers [N]."""
+        places = np.unravel_index(cells, self.shape)
+        return [
+            Intervals(edges[k], edges[k + 1]) for edges, k in zip(self.edges, places, strict=True)
+        ]
+
+    def range(self, state: State) -> tuple[Integers, Integers]:
+        """Return the first and last cell along each number that boxes meet, shapes [N, d].
+
+        A box that ends on the edge of a cell lies in that cell. Boxes that leave the grid have -1.
+        """
+        first, last = [], []
+        for edges, one in zip(self.edges, state, strict=True):
+            low = np.searchsorted(edges, one.low, side="right") - 1
+            high = np.searchsorted(edges, one.high, side="left") - 1
+            leaves = ~((one.low >= edges[0]) & (one.high <= edges[-1]))
+            low = np.minimum(low, edges.size - 2)
+            first.append(np.where(leaves, -1, low))
+            last.append(np.where(leaves, -1, np.maximum(high, low)))
+        return np.stack(first, axis=1), np.stack(last, axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Invariant:
+    """The largest safe set that was found.
+
+    Attributes:
+        grid: The cells.
+        safe: Which of them no step of the policy leaves, and keep the conditions.
+        starts: Which of them hold a start.
+        sweeps: How often all cells were looked at.
+    """
+
+    grid: Grid
+    safe: Booleans  # [C]
+    starts: Booleans  # [C]
+    sweeps: int
+
+    @property
+    def undecided(self) -> float:
+        """Share of the cells with starts that are not safe."""
+        return float((self.starts & ~self.safe).sum() / self.starts.sum())
+
+
+def largest_invariant(acting: Acting, plant: Plant, keeps: Booleans, grid: Grid) -> Invariant:
+    """Return the largest set of cells that a policy never leaves.
+
+    Args:
+        acting: The policy on boxes.
+        plant: The plant.
+        keeps: Which cells keep the conditions, shape [C].
+        grid: The cells.
+    """
+    firsts, lasts, counts = [], [], []
+    for cells in np.array_split(np.arange(grid.n_cells), max(grid.n_cells // _AT_ONCE, 1)):
+        first, last, count = _moves(acting, plant, grid, cells, keeps[cells])
+        firsts.append(first)
+        lasts.append(last)
+        counts.append(count)
+    begins = np.concatenate([[0], np.cumsum(np.concatenate(counts))])
+    shape = np.array(grid.shape)
+    strides = np.concatenate([np.cumprod(shape[:0:-1])[::-1], [1]])
+    safe = keeps.copy()
+    sweeps = _kernels.shrink(
+        safe, np.concatenate(firsts), np.concatenate(lasts), begins.astype(np.int64), strides
+    )
+    return Invariant(grid, safe, _starting(plant, grid), int(sweeps))
+
+
+def _moves(
+    acting: Acting, plant: Plant, grid: Grid, cells: Integers, keeps: Booleans
+) -> tuple[Integers, Integers, Integers]:
+    """Return where each possible action leads from cells, and how many moves each cell has."""
+    state = grid.boxes(cells)
+    sets = acting(state)
+    actions = np.arange(int(sets.max()).bit_length())
+    possible = ((sets[:, None] >> actions) & 1 == 1) & keeps[:, None]  # others are out anyway
+    row, action = np.nonzero(possible)
+    chosen = [Intervals(one.low[row], one.high[row]) for one in state]
+    first, last = grid.range(plant.step(chosen, action))
+    return first, last, possible.sum(axis=1)
+
+
+def _starting(plant: Plant, grid: Grid) -> Booleans:
+    """Return which cells hold a start."""
+    box = [Intervals(np.array([low]), np.array([high])) for low, high in plant.start]
+    first, last = grid.range(box)
+    if (first < 0).any():
+        raise InvalidArgumentError(
+            f"the grid of the plant of {plant.environment} must hold all starts"
+        )
+    found = np.zeros(grid.shape, dtype=bool)
+    found[tuple(slice(a, b + 1) for a, b in zip(first[0], last[0], strict=True))] = True
+    return found.reshape(-1)
