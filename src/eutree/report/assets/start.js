@@ -16,13 +16,17 @@ onChange(markTree);
 drawTree();
 settle();
 openToFit(READABLE);
+const foldedAtFirst = new Set(collapsed); // by the page, not by a person: paper has room for it
 settle();
 fit();
 show({});
 follow(location);
 
 /* On paper there is nothing to drag: the whole tree, as wide as the page. */
+const unfolded = [];
 addEventListener("beforeprint", () => {
+  unfolded.push(...[...collapsed].filter((node) => foldedAtFirst.has(node)));
+  for (const node of unfolded) collapsed.delete(node);
   rowHeight = CLOSEST;
   drawTree();
   const { width, height } = extent();
@@ -32,6 +36,7 @@ addEventListener("beforeprint", () => {
 });
 addEventListener("afterprint", () => {
   canvas.removeAttribute("viewBox");
+  for (const node of unfolded.splice(0)) collapsed.add(node);
   fit();
 });
 document.body.dataset.ready = "true";
