@@ -86,6 +86,19 @@ def check_vector(name: str, value: ArrayLike, *, size: int | None = None) -> Flo
     return array
 
 
+def check_range(name: str, value: object) -> tuple[float, float]:
+    """Return ``value`` as the two ends of a range whose width is finite too, or raise."""
+    try:
+        low, high = (float(end) for end in value)  # type: ignore[attr-defined]  # refused below
+    except (TypeError, ValueError, OverflowError):
+        low, high = math.nan, math.nan
+    if not (low <= high and math.isfinite(high - low)):
+        raise InvalidArgumentError(
+            f"{name} must be the lowest and the highest of a finite range, got {shown(value)}"
+        )
+    return low, high
+
+
 def check_actions(name: str, value: ArrayLike, *, size: int | None = None) -> Integers:
     """Return ``value`` as a vector of action indices (int64, none negative)."""
     array = np.asarray(value)

@@ -188,11 +188,24 @@ def test_bad_demands_are_named(options, message):
         ({"margin": -1.0}, "margin must be a number"),
         ({"episodes": 1}, "episodes must be an integer >= 2, got 1"),
         ({"return_range": (1.0, 0.0)}, "return_range must be the lowest"),
+        ({"return_range": (-1e308, 1e308)}, "the highest of a finite range, got"),
+        ({"return_range": (0.0, float("nan"))}, "the highest of a finite range, got"),
+        ({"return_range": (0.0, 1.0, 2.0)}, "the highest of a finite range, got"),
     ],
 )
 def test_episodes_that_cannot_be_are_named(options, message):
     with pytest.raises(InvalidArgumentError, match=message):
         RealEpisodes("x", **options)
+
+
+@pytest.mark.parametrize("width", [1e100, 1e300, 1.7e308])
+def test_no_width_of_a_range_is_too_large(width):
+    """From 1e-16 of the width on a margin ended in a ZeroDivisionError."""
+    demand = RealEpisodes(
+        Corridor(), margin=1e-20, episodes=20, return_range=(-width / 2, width / 2)
+    )
+    _, report = compress(BUSY, PLACES, real=demand)
+    assert report.episodes_needed > 10**9
 
 
 def test_the_report_says_what_the_bounds_depend_on():

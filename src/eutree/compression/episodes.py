@@ -14,7 +14,7 @@ from eutree.learners.model_planning import transitions_of
 from eutree.policies import TreePolicy
 from eutree.policy_search.racing import Demand
 from eutree.schema import EnvironmentSpec
-from eutree.validation import check_integer, check_number, check_vector
+from eutree.validation import check_integer, check_number, check_range
 from eutree.world_model import Transitions
 from eutree.world_model.ensemble import EnsembleSettings
 
@@ -58,13 +58,8 @@ class RealEpisodes:
         if self.margin is not None:
             check_number("margin", self.margin, low=0.0)
         if self.return_range is not None:
-            low, high = check_vector("return_range", self.return_range, size=2).tolist()
-            if not low <= high:
-                raise InvalidArgumentError(
-                    "return_range must be the lowest and the highest return, "
-                    f"got {self.return_range}"
-                )
-            object.__setattr__(self, "return_range", (low, high))
+            known = check_range("return_range", self.return_range)
+            object.__setattr__(self, "return_range", known)
 
     def demand(self, env: gymnasium.Env[Any, Any]) -> Demand:
         """Return what a tree has to keep in the environment, which has been made."""

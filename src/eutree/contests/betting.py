@@ -17,6 +17,7 @@ JRSS B 86 (2024), sections 2 to 4.
 """
 
 import math
+import sys
 
 import numpy as np
 
@@ -119,7 +120,10 @@ def episodes_needed(margin: float, worst: float, error: float) -> int:
     if -margin <= worst:
         return 0
     growth = -math.log1p(-margin / -worst)  # of the largest stake, at values of 0
-    return math.ceil((-math.log(error) - math.log(TUNED)) / growth)
+    enough = -math.log(error) - math.log(TUNED)
+    if growth * sys.maxsize < enough:  # no number of episodes tells so small a margin from 0
+        return sys.maxsize
+    return math.ceil(enough / growth)
 
 
 def _log_products(values: Floats, mean: float, stakes: Floats) -> Floats:

@@ -10,10 +10,9 @@ from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import gymnasium
-import numpy as np
 from gymnasium import wrappers
 
-from eutree.errors import InvalidArgumentError
+from eutree.validation import check_range
 
 
 class _Rewards(NamedTuple):
@@ -74,7 +73,8 @@ def return_range(env: gymnasium.Env[Any, Any]) -> tuple[float, float] | None:
         if isinstance(inner, wrappers.TimeLimit):
             limits.append(inner._max_episode_steps)
         inner = inner.env
-    own = _checked(inner.return_range)  # type: ignore[attr-defined]  # it says it
+    said = inner.return_range  # type: ignore[attr-defined]  # it says it
+    own = check_range("env's return_range", said)
     return own if all(limit == _registered_limit(env) for limit in limits) else None
 
 
@@ -109,16 +109,3 @@ def _documented(
         min(rewards.low, steps * rewards.low) + rewards.last_low,
         max(rewards.high, steps * rewards.high) + rewards.last_high,
     )
-
-
-def _checked(own: object) -> tuple[float, float]:
-    try:
-        low, high = (float(end) for end in own)  # type: ignore[attr-defined]  # refused below
-    except (TypeError, ValueError):
-        low = high = np.nan
-    if not (np.isfinite((low, high)).all() and low <= high):
-        raise InvalidArgumentError(
-            "env's return_range must be the lowest and the highest return of an episode, "
-            f"got {own!r}"
-        )
-    return low, high
