@@ -25,6 +25,9 @@ hypothesis.settings.load_profile("eutree")
 # garbage as often as Python does otherwise takes a tenth of the time of all tests.
 gc.set_threshold(50_000, 20, 100)
 
+# Kernels are compiled at their first call: what is compared with plain Python must not be it.
+os.environ.setdefault("EUTREE_JIT", "1")
+
 # Without a display; matplotlib and SDL read these when they are imported.
 os.environ.setdefault("MPLBACKEND", "Agg")
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")

@@ -2,19 +2,33 @@
 
 Kernels live in files named ``_kernels.py``. Compiled code is cached on disk, uses no fast-math
 (it would change the order of sums and the meaning of NaN) and no threads. Where no folder for the
-cache can be written, as in a container with everything read-only, each process compiles anew. With
-``EUTREE_JIT=0`` in the environment the same functions run as plain Python, slowly but with equal
-results.
+cache can be written, as in a container with everything read-only, each process compiles again.
+
+Compiling takes a second for each of a hundred kernels, which is what the first command after an
+installation waits for. So a kernel that is marked by ``compiled_later`` runs as plain Python, with
+equal results, until it has taken about as long as compiling it would. ``EUTREE_JIT=0`` in the
+environment compiles nothing at all, ``EUTREE_JIT=1`` every kernel at its first call. What is being
+compiled is logged by the logger ``eutree.compiled``.
 """
 
+import logging
 import os
+import time
 import warnings
 from collections.abc import Callable
+from types import FunctionType
 from typing import Any, TypeVar
+
+import numpy as np
 
 _Function = TypeVar("_Function", bound=Callable[..., object])
 
-ENABLED = os.environ.get("EUTREE_JIT", "1") != "0"
+ENABLED = os.environ.get("EUTREE_JIT") != "0"
+AT_ONCE = os.environ.get("EUTREE_JIT") == "1"
+PATIENCE = 1.0  # s of the processor for plain Python, before a kernel is compiled
+LARGE = 20_000  # elements of all arguments from which on plain Python is not even tried
+
+logger = logging.getLogger(__name__)
 
 if ENABLED:
     import numba
@@ -27,16 +41,31 @@ if ENABLED:
         looks whether the index is out of date, so a class that has been renamed stops the call.
         """
 
+        def __init__(self, function: Callable[..., object]) -> None:
+            super().__init__(function)
+            self._kernel = f"{function.__module__}.{function.__qualname__}"
+
         def load_overload(self, sig: Any, target_context: Any) -> Any:
             """Return the compiled code, or None where there is none that can be used."""
+            found = None
             try:
-                return super().load_overload(sig, target_context)
-            except (AttributeError, ImportError, EOFError, caching.pickle.UnpicklingError):
+                found = super().load_overload(sig, target_context)
+            except _OF_ANOTHER_VERSION:
                 try:
                     self.flush()
                 except OSError as error:
                     self._do_without(error)
-                return None
+            if found is None:
+                logger.info("compiling %s", self._kernel)
+            return found
+
+        @property
+        def is_empty(self) -> bool:
+            """Whether nothing is kept of this kernel, for whatever types."""
+            try:
+                return not self._cache_file._load_index()
+            except (*_OF_ANOTHER_VERSION, OSError):
+                return True
 
         def save_overload(self, sig: Any, data: Any) -> None:
             """Keep the compiled code; without room for it on the disk it is merely not kept."""
@@ -48,6 +77,71 @@ if ENABLED:
         def _do_without(self, error: OSError) -> None:
             self.disable()
             _say_that_nothing_is_kept(f"{self.cache_path}: {error.strerror or error}")
+
+    _OF_ANOTHER_VERSION = (
+        AttributeError, ImportError, EOFError, caching.pickle.UnpicklingError
+    )  # fmt: skip
+
+    _plain_worlds: dict[str, dict[str, Any]] = {}  # globals of modules, kernels as plain Python
+
+    def _plain_world(own: dict[str, Any]) -> dict[str, Any]:
+        name = own["__name__"]
+        if name not in _plain_worlds:
+            _plain_worlds[name] = world = dict(own)
+            world |= {key: _plain(value) for key, value in own.items() if _is_kernel(value)}
+        return _plain_worlds[name]
+
+    def _plain(dispatcher: Any) -> Callable[..., Any]:
+        """Return a kernel as plain Python that calls other kernels as plain Python too."""
+        function = dispatcher.py_func
+        world = _plain_world(function.__globals__)
+        return FunctionType(
+            function.__code__,
+            world,
+            function.__name__,
+            function.__defaults__,
+            function.__closure__,
+        )
+
+    def _is_kernel(value: object) -> bool:
+        return isinstance(value, numba.core.dispatcher.Dispatcher)
+
+    class _FirstCalls:
+        """What a kernel does when it is called with types that it is not compiled for.
+
+        Numba asks for something to call, and calls that.
+        """
+
+        def __init__(self, dispatcher: Any) -> None:
+            self._dispatcher = dispatcher
+            self._compiled = dispatcher._compile_for_args
+            self._taken = 0.0  # s
+            self._nothing_kept: bool | None = None
+            self._plain: Callable[..., Any] | None = None
+
+        def __call__(self, *arguments: Any, **named: Any) -> Any:
+            """Return what is to be called: machine code, or plain Python."""
+            waits = self._taken < PATIENCE and not AT_ONCE
+            if waits and _elements(arguments) < LARGE and self._is_cold():
+                return self._interpreted
+            return self._compiled(*arguments, **named)
+
+        def _is_cold(self) -> bool:
+            """Return whether nothing was compiled, neither here nor in the cache at first sight."""
+            if self._nothing_kept is None:
+                cache = self._dispatcher._cache
+                self._nothing_kept = not isinstance(cache, _Cache) or cache.is_empty
+            return self._nothing_kept and not self._dispatcher.overloads
+
+        def _interpreted(self, *arguments: Any, **named: Any) -> Any:
+            begin = time.thread_time()
+            if self._plain is None:
+                self._plain = _plain(self._dispatcher)
+            try:
+                with np.errstate(all="ignore"):  # machine code warns of nothing
+                    return self._plain(*arguments, **named)
+            finally:
+                self._taken += time.thread_time() - begin
 
     class _OneWidth:
         """What a kernel is compiled for when another calls it: integers of 64 bits.
@@ -76,6 +170,13 @@ if ENABLED:
 _said = False
 
 
+def _elements(arguments: tuple[Any, ...]) -> int:
+    """Return the number of elements of all arrays among arguments and in named tuples of them."""
+    return sum(
+        _elements(one) if isinstance(one, tuple) else getattr(one, "size", 1) for one in arguments
+    )
+
+
 def _say_that_nothing_is_kept(reason: str) -> None:
     """Warn, once in a process, that its next run will have to compile again."""
     global _said
@@ -91,6 +192,15 @@ def _say_that_nothing_is_kept(reason: str) -> None:
 def compiled(function: _Function) -> _Function:
     """Compile ``function`` with numba (cached on disk); return it unchanged if EUTREE_JIT=0."""
     return _compiled(function, counts=True)
+
+
+def compiled_later(function: _Function) -> _Function:
+    """Compile ``function`` once it has taken a while as plain Python, or its arguments are large.
+
+    It is for kernels whose work grows with the size of their arguments, so that a call with little
+    takes little.
+    """
+    return _compiled(function, counts=True, later=True)
 
 
 def compiled_uncounted(function: _Function) -> _Function:
@@ -109,16 +219,20 @@ def inlined(function: _Function) -> _Function:
     A call hands over seven numbers for each array of a named tuple, which takes longer than a
     short loop. Each use is compiled anew, so it is for the few parts of which that is true.
     """
-    part: _Function = numba.njit(function, inline="always") if ENABLED else function
+    if not ENABLED:
+        return function
+    part: _Function = numba.njit(function, inline="always")
     return part
 
 
-def _compiled(function: _Function, *, counts: bool) -> _Function:
+def _compiled(function: _Function, *, counts: bool, later: bool = False) -> _Function:
     if not ENABLED:
         return function
     # Nothing calls kernels through C.
     dispatcher = numba.njit(function, no_cfunc_wrapper=True, _nrt=counts)
     dispatcher.get_call_template = _OneWidth(dispatcher.get_call_template)
+    if later:
+        dispatcher._compile_for_args = _FirstCalls(dispatcher)
     try:
         dispatcher._cache = _Cache(function)  # what njit(cache=True) does, with our cache
     except RuntimeError:  # neither the package's folder nor the user's can be written

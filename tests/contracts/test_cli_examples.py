@@ -11,6 +11,7 @@ from tests.contracts.documents import shortened
 
 # Run elsewhere, or not by a test: why.
 NOT_HERE = {
+    "warm-up": "tests/cli/test_first_command.py runs it; it compiles for minutes",
     "demo": "tests/experiments runs it; it takes a while",
     "reproduce": "tests/experiments runs the smoke settings; the figures take hours",
     "demos replay": "opens a window",

@@ -13,7 +13,7 @@ import numpy as np
 
 from eutree.arrays import Booleans, Floats, Int16s, Int32s
 from eutree.c45._kernels_entropy import count_values, merge_values, nominal_gain, xlogx
-from eutree.compiled import compiled
+from eutree.compiled import compiled_later
 
 KNOWN_NONE = -1  # branch of a case whose value no branch stands for
 
@@ -97,7 +97,7 @@ class Children(NamedTuple):
     starts: Int32s  # [children] where each open child's segment begins
 
 
-@compiled
+@compiled_later
 def best_cut(
     values: Floats,  # [E] of one attribute and node, sorted
     order: Int32s,  # [E] the cases they belong to
@@ -186,7 +186,7 @@ def best_cut(
     return position, best, best_low, known, tries
 
 
-@compiled
+@compiled_later
 def choose_tests(
     lists: Lists,
     weights: Floats,  # [n] of the nodes
@@ -284,7 +284,7 @@ def choose_tests(
                             blocks[node, v] = block[j, v]
 
 
-@compiled
+@compiled_later
 def assign_branches(
     lists: Lists, tests: Tests, attributes: Attributes, cases: Cases, out: Branches
 ) -> None:
@@ -313,7 +313,7 @@ def assign_branches(
                 out.distribution[offset[node] + b, cases.label[case]] += w
 
 
-@compiled
+@compiled_later
 def branch_of(value: float, threshold: float, value_start: int, value_branch: Int32s) -> int:
     """Return the branch that a value takes, -1 if it is unknown or no branch stands for it."""
     if math.isnan(value):
@@ -323,7 +323,7 @@ def branch_of(value: float, threshold: float, value_start: int, value_branch: In
     return int(value_branch[value_start + int(value)])
 
 
-@compiled
+@compiled_later
 def divide(
     lists: Lists,
     tests: Tests,

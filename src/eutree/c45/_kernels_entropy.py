@@ -5,10 +5,10 @@ import math
 import numpy as np
 
 from eutree.arrays import Floats, Int16s, Int32s
-from eutree.compiled import compiled
+from eutree.compiled import compiled_later
 
 
-@compiled
+@compiled_later
 def xlogx_table(size: int) -> Floats:
     """Return x log2 x for x = 0, 1, ..., size - 1."""
     table = np.zeros(size)
@@ -18,7 +18,7 @@ def xlogx_table(size: int) -> Floats:
     return table
 
 
-@compiled
+@compiled_later
 def xlogx(x: float, table: Floats) -> float:
     """Return x log2 x, from the table if there is one (then x must be a whole number)."""
     if table.size > 0:
@@ -29,7 +29,7 @@ def xlogx(x: float, table: Floats) -> float:
     return x * math.log2(x)
 
 
-@compiled
+@compiled_later
 def count_values(
     frequency: Floats,  # [V, A] out
     codes: Floats,  # [N, d]
@@ -54,7 +54,7 @@ def count_values(
     return known
 
 
-@compiled
+@compiled_later
 def nominal_gain(
     frequency: Floats,  # [V, A]
     n_blocks: int,
@@ -90,7 +90,7 @@ def nominal_gain(
     return reasonable >= 2, (base - info) / total, split / total
 
 
-@compiled
+@compiled_later
 def merge_values(
     frequency: Floats,  # [V, A] changed in place: its first rows become the blocks
     block: Int32s,  # [V] out: block of each value, -1 for a value that does not occur
@@ -162,7 +162,7 @@ def merge_values(
     return n_blocks, reasonable, gain, split
 
 
-@compiled
+@compiled_later
 def join_blocks(
     frequency: Floats, block: Int32s, a: int, b: int, n_blocks: int, n_values: int
 ) -> int:

@@ -6,7 +6,7 @@ import numpy as np
 
 from eutree.arrays import Floats, Int32s, Integers
 from eutree.c45._kernels import branch_of
-from eutree.compiled import compiled
+from eutree.compiled import compiled_later
 
 
 class Branches(NamedTuple):
@@ -20,7 +20,7 @@ class Branches(NamedTuple):
     value_branch: Int32s  # [V]
 
 
-@compiled
+@compiled_later
 def find_leaves(
     tree: Branches,
     observations: Floats,  # [N, d]
@@ -58,7 +58,7 @@ def find_leaves(
     return unknown
 
 
-@compiled
+@compiled_later
 def share_out(
     tree: Branches,
     size: Floats,  # [M] training weight of each node

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from eutree.arrays import Floats, Int16s, Int32s, Integers
 from eutree.c45._kernels import branch_of
-from eutree.compiled import compiled
+from eutree.compiled import compiled_later
 
 _Number = TypeVar("_Number", np.int32, np.float64)
 
@@ -69,7 +69,7 @@ class Scratch(NamedTuple):
     counts: Floats  # [A]
 
 
-@compiled
+@compiled_later
 def add_errors(n: float, e: float, confidence: float, z: float, normal: bool) -> float:
     """Return the errors expected beyond the ``e`` seen among ``n`` cases (release 8's AddErrs).
 
@@ -88,7 +88,7 @@ def add_errors(n: float, e: float, confidence: float, z: float, normal: bool) ->
     return add_errors_from_one(n, e, z, normal)
 
 
-@compiled
+@compiled_later
 def add_errors_from_one(n: float, e: float, z: float, normal: bool) -> float:
     """Return ``add_errors`` for at least one error seen."""
     if e + 0.5 >= n:
@@ -101,7 +101,7 @@ def add_errors_from_one(n: float, e: float, z: float, normal: bool) -> float:
     return n * rate - (e - 0.5)
 
 
-@compiled
+@compiled_later
 def estimated_errors(distribution: Floats, estimate: Estimate) -> float:
     """Return the pessimistic number of errors of a leaf with these classes [A]."""
     total = float(distribution.sum())
@@ -114,7 +114,7 @@ def estimated_errors(distribution: Floats, estimate: Estimate) -> float:
     return e + add_errors(total, e, estimate.confidence, estimate.z, estimate.normal)
 
 
-@compiled
+@compiled_later
 def room(array: NDArray[_Number], needed: int) -> NDArray[_Number]:
     """Return the array, or a longer copy if it has fewer than ``needed`` entries."""
     if array.size >= needed:
@@ -126,7 +126,7 @@ def room(array: NDArray[_Number], needed: int) -> NDArray[_Number]:
     return longer
 
 
-@compiled
+@compiled_later
 def with_room(arena: Arena, size: int, own: int) -> Arena:
     """Return the arena with room for ``size`` cases in all, and ``own`` of one node."""
     return Arena(
@@ -137,7 +137,7 @@ def with_room(arena: Arena, size: int, own: int) -> Arena:
     )
 
 
-@compiled
+@compiled_later
 def hand_down(
     node: int,
     place: Place,
@@ -203,7 +203,7 @@ def hand_down(
     return top, out
 
 
-@compiled
+@compiled_later
 def prune(
     tree: TreeArrays,
     distribution: Floats,  # [M, A] out: classes of the cases of each node
@@ -297,7 +297,7 @@ def prune(
             error[node] = tree_error
 
 
-@compiled
+@compiled_later
 def errors_of_branch(
     branch: int,
     place: Place,

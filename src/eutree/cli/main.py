@@ -10,6 +10,7 @@ from importlib.metadata import entry_points
 
 import click
 
+from eutree.cli._compiling import said_what_is_compiled
 from eutree.cli._paths import check_outputs
 from eutree.cli._standard_output import kept_for_results
 from eutree.errors import EutreeError, InvalidArgumentError, UnknownNameError, described
@@ -32,6 +33,7 @@ COMMANDS = {
     "show": "Show a policy's tree in the terminal or as a page.",
     "reproduce": "Reproduce the paper's figures and tables.",
     "demo": "Run the whole main job once, ending in an HTML report.",
+    "warm-up": "Compile everything now, so that no later command waits for it.",
 }
 
 EXIT_MISTAKE = 2
@@ -53,7 +55,8 @@ class LazyGroup(click.Group):
         """Import and return a command; an unknown name names the nearest."""
         if cmd_name not in COMMANDS:
             return _added_command(cmd_name)
-        command = getattr(importlib.import_module(f"eutree.cli.{cmd_name}"), cmd_name)
+        module = cmd_name.replace("-", "_")
+        command = getattr(importlib.import_module(f"eutree.cli.{module}"), module)
         if not isinstance(command, click.Command):
             raise TypeError(f"eutree.cli.{cmd_name} must hold a click command of its name")
         return command
@@ -149,7 +152,7 @@ def run(arguments: Sequence[str]) -> int:
     rest = [argument for argument in arguments if argument != "--debug"]
     wants_json = "--json" in rest and not {"-h", "--help", "--version"} & set(rest)
     try:
-        with kept_for_results() if wants_json else nullcontext():
+        with said_what_is_compiled(), kept_for_results() if wants_json else nullcontext():
             code = eutree.main(rest, prog_name="eutree", standalone_mode=False)
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message(), err=True)

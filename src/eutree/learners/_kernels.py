@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from eutree.arrays import Booleans, Floats, Int32s, Integers
-from eutree.compiled import compiled
+from eutree.compiled import compiled_later
 
 NO_ROW = -1
 TERMINAL = -1
@@ -43,7 +43,7 @@ class EpisodeRows(NamedTuple):
     demonstrated: Booleans  # [T]
 
 
-@compiled
+@compiled_later
 def append_rows(
     rows: StoredRows,
     left: RowLists,
@@ -79,7 +79,7 @@ def append_rows(
     return row
 
 
-@compiled
+@compiled_later
 def append_to_lists(
     labels: Int32s,  # [N]
     first: int,
@@ -103,7 +103,7 @@ def append_to_lists(
         count[label] += 1
 
 
-@compiled
+@compiled_later
 def walk_list(start: int, link: Integers, out: Integers) -> None:
     """Write the rows of one list to ``out``, in ascending order."""
     row = start
@@ -113,7 +113,7 @@ def walk_list(start: int, link: Integers, out: Integers) -> None:
         row = link[row]
 
 
-@compiled
+@compiled_later
 def merge(
     one: Integers,  # [n], ascending
     other: Integers,  # [m], ascending
@@ -135,7 +135,7 @@ def merge(
     return size
 
 
-@compiled
+@compiled_later
 def split_list(
     rows: Integers,  # [n], ascending
     goes_right: Booleans,  # [n]
@@ -163,7 +163,7 @@ def split_list(
         count[target] += 1
 
 
-@compiled
+@compiled_later
 def one_step_targets(
     rows: Integers,  # [n]
     rewards: Floats,  # [N]
@@ -190,7 +190,7 @@ class Chain(NamedTuple):
     entered: Int32s  # [N]
 
 
-@compiled
+@compiled_later
 def lambda_targets(
     rows: Integers,  # [n]
     chain: Chain,

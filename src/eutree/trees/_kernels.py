@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from eutree.arrays import Booleans, Floats, Int32s, Integers, Unsigned
-from eutree.compiled import compiled
+from eutree.compiled import compiled_later
 
 _BLOCK = 128
 
@@ -27,7 +27,7 @@ class LevelNodes(NamedTuple):
     child: Unsigned  # [M, 2] left and right; a leaf is its own child
 
 
-@compiled
+@compiled_later
 def descend(nodes: TreeNodes, observation: Floats, node: int) -> int:
     """Return the leaf below ``node`` of one observation [d]; NaN compares false, so goes right."""
     while nodes.feature[node] >= 0:  # the observation is in the box of ``node``
@@ -38,7 +38,7 @@ def descend(nodes: TreeNodes, observation: Floats, node: int) -> int:
     return int(nodes.leaf[node])
 
 
-@compiled
+@compiled_later
 def locate(
     nodes: TreeNodes,
     levels: LevelNodes,
@@ -77,7 +77,7 @@ class LabelledNodes(NamedTuple):
     labels: Integers  # [L]
 
 
-@compiled
+@compiled_later
 def disagreeing_volume(
     leaf_low: Floats,  # [L, d] boxes of the first tree's leaves, clipped
     leaf_high: Floats,  # [L, d]

@@ -6,11 +6,11 @@ Apart from ``_kernels.py`` because they run nothing: they look at trees and at r
 import numpy as np
 
 from eutree.arrays import Integers
-from eutree.compiled import compiled
+from eutree.compiled import compiled_later
 from eutree.world_model._kernels import ActionTree, Episodes, leaf_node
 
 
-@compiled
+@compiled_later
 def overlay(policy: ActionTree, rival: ActionTree, n_features: int, out: Integers) -> None:
     """Write, for each leaf node of the policy, the lowest node of the rival that holds its box."""
     n_nodes = policy.feature.size
@@ -38,7 +38,7 @@ def overlay(policy: ActionTree, rival: ActionTree, n_features: int, out: Integer
         out[node] = at
 
 
-@compiled
+@compiled_later
 def bucket(
     node: Integers,  # [K] leaf node of each step
     begin: Integers,  # [M + 1] out
@@ -57,7 +57,7 @@ def bucket(
         at[node[k]] += 1
 
 
-@compiled
+@compiled_later
 def departures(
     policy: ActionTree,
     rival: ActionTree,
@@ -89,7 +89,7 @@ def departures(
                 out[episodes.owner[k]] = k
 
 
-@compiled
+@compiled_later
 def replace_by_child(
     tree: ActionTree,
     node: int,

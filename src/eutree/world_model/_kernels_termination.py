@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from eutree.arrays import Booleans, Floats
-from eutree.compiled import compiled
+from eutree.compiled import compiled_later
 from eutree.world_model._kernels import overwrite
 from eutree.world_model._kernels_regression import TINY, solve_positive
 
@@ -19,7 +19,7 @@ MOST_ODDS = 1e300  # product of 1 + exp(-|log-odds|), whose logarithm is taken n
 DECREASE = 1e-3  # of the penalised deviance below which a fit is done
 
 
-@compiled
+@compiled_later
 def newton_step(
     Z: Floats,  # [n, q]
     y: Booleans,  # [n]
@@ -71,7 +71,7 @@ def newton_step(
     return 2.0 * total
 
 
-@compiled
+@compiled_later
 def fit_log_odds(
     X: Floats,  # [n, d]
     y: Booleans,  # [n] both values occur
