@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -28,16 +29,33 @@ class Trajectory:
     is_over: bool
 
 
-def replay(plant: Plant, policy: TreePolicy, start: Floats, steps: int) -> Trajectory:
-    """Return the real episode from a start [d], of at most so many steps."""
-    env = plant.make()
+def replay(
+    plant: Plant,
+    policy: TreePolicy,
+    start: Floats,
+    steps: int,
+    *,
+    env: gymnasium.Env[Any, Any] | None = None,
+) -> Trajectory:
+    """Return the real episode from a start, of at most so many steps.
+
+    Args:
+        plant: What makes the environment and puts it there.
+        policy: The policy.
+        start: A state, shape [d].
+        steps: Most steps.
+        env: The environment, where many episodes are played; else one is made.
+    """
+    made = env
+    env = made or plant.make()
     observation = plant.put(env, start)
     states, over = [plant.state_of(env)], False
     while not over and len(states) <= steps:
         action = policy.act(np.asarray(observation, dtype=np.float64).tolist())
         observation, _, over, _, _ = env.unwrapped.step(action)
         states.append(plant.state_of(env))
-    env.close()
+    if made is None:
+        env.close()
     return Trajectory(np.array(states), bool(over))
 
 
