@@ -283,7 +283,7 @@ def learn(env, episodes, demonstrations=(), seed=0):
     for k in range(episodes):
         start, chance = (np.random.SeedSequence((seed, stream, k)) for stream in (2, 3))
         learner.generator = np.random.default_rng(chance)
-        for step in episode(env, int(start.generate_state(1)[0]), learner.act):
+        for step in episode(env, int(start.generate_state(1)[0]) % 2**31, learner.act):
             learner.history.append(step)
             learner.mdp.sweep(learner.take(*step))
             returns[k] += step[2]
