@@ -20,7 +20,7 @@ from eutree.evaluation import Estimate, Interval
 from eutree.policies import TreePolicy
 from eutree.policy_search.racing import Demand
 
-STARTS, STEPS = 1500, 60_000_000  # of each size, and steps of all, where episodes run side by side
+STARTS, STEPS = 1000, 60_000_000  # of each size, and steps of all, where episodes run side by side
 FEW_STARTS, FEW_STEPS = 60, 1_500_000  # where they run one by one
 PER_START = 800  # episodes of a search for each start, about
 LOSES = 0.1  # of the range of returns: a size that loses more ends the search
