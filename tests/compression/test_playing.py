@@ -1,0 +1,114 @@
+"""Common episodes: those that are not run again are those that would have come out the same."""
+
+from dataclasses import replace
+
+import gymnasium
+import numpy as np
+import pytest
+
+import eutree
+from eutree.compression.playing import CommonEpisodes, Ground
+from eutree.compression.searching import FrontSearch
+from eutree.interaction.recipe import Recipe
+from eutree.policies import TreePolicy
+from eutree.schema import EnvironmentSpec, Schema
+from eutree.trees import DecisionTree
+from tests.compression.test_compress import random_policy
+from tests.compression.test_gates import BUSY, Corridor, striped
+
+EVASION = gymnasium.make("eutree/Evasion2-v0")
+
+
+def evasive(seed, n_leaves=8):
+    """Return a random tree that reads an observation of 2-Evasion, about where it is."""
+    policy = random_policy(seed, n_leaves, n_actions=2)
+    return replace(policy, tree=replace(policy.tree, threshold=1.5 * policy.tree.threshold))
+
+
+def outcomes(ground, present, rivals, n=40):
+    common = CommonEpisodes(ground, n)
+    common.redraw(present)
+    return common, common.outcomes(rivals)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_is_not_run_again_would_have_been_the_same(seed):
+    rivals = [evasive(seed), evasive(seed + 10), evasive(seed, 3)]
+    common, found = outcomes(Ground(EVASION, seed), evasive(seed), rivals)
+    steps = common.ground.steps
+    assert (found[0].returns == common.outcome.returns).all()
+    for rival, outcome in zip(rivals, found, strict=True):
+        common.run(rival)
+        assert (common.outcome.returns == outcome.returns).all()
+        assert (common.outcome.successes == outcome.successes).all()
+    assert common.ground.steps > steps
+
+
+def test_a_rival_that_decides_alike_costs_no_step():
+    common, _ = outcomes(Ground(EVASION, 0), evasive(1), [])
+    steps = common.ground.steps
+    common.outcomes([evasive(1)])
+    assert common.ground.steps == steps
+
+
+@pytest.mark.parametrize("history", [0, 1])
+def test_side_by_side_one_by_one_and_elsewhere_are_the_same(history):
+    """A wrapper hides the vector form; other processes make the environment themselves."""
+    policy = evasive(3)
+    if history:
+        tree = DecisionTree.single_leaf(6).split(0, 0, 5.0).split(1, 4, 3.0)
+        policy = TreePolicy(tree, np.array([1, 0, 1]), Schema.anonymous(6, 2), history=1)
+    rivals = [policy, replace(policy, actions=1 - policy.actions)]
+    hidden = gymnasium.Wrapper(EVASION)
+    recipe = Recipe.of(EnvironmentSpec("eutree/Evasion2-v0"))
+    grounds = [Ground(EVASION, 7), Ground(hidden, 7), Ground(hidden, 7, recipe, 2)]
+    assert [one.side_by_side for one in grounds] == [True, False, False]
+    told = []
+    for ground in grounds:
+        common, found = outcomes(ground, policy, rivals, 12)
+        order = np.lexsort((common.traces.features[:, 0], common.traces.episode))
+        told.append((found, common.traces.features[order], ground.steps))
+    for found, features, steps in told[1:]:
+        for one, other in zip(found, told[0][0], strict=True):
+            assert (one.returns == other.returns).all()
+            assert (one.successes == other.successes).all()
+        assert features.shape == told[0][1].shape
+        assert steps == told[0][2]
+        assert np.allclose(np.sort(features, axis=0), np.sort(told[0][1], axis=0))
+
+
+def test_two_draws_have_no_start_in_common():
+    common = CommonEpisodes(Ground(EVASION, 0), 20)
+    common.redraw(evasive(0))
+    first = common.traces.features
+    common.redraw(evasive(0))
+    assert not set(map(bytes, first[:20])) & set(map(bytes, common.traces.features[:20]))
+
+
+def test_the_search_finds_the_tree_that_is_right():
+    """Five stripes too many; what is right has two leaves, with the cut at 5."""
+    policy = striped(0, 2.0, 1, 3.0, 0, 4.6, 1, 7.0, 0, 7.5, 1, 9.0, 1)
+    search = FrontSearch(policy, CommonEpisodes(Ground(Corridor(), 1), 60), 10**9)
+    search.run()
+    two = search.found[2][0]
+    assert two.actions.tolist() == [0, 1]
+    assert two.tree.threshold[0] == pytest.approx(5.0, abs=0.3)
+    assert set(search.found) <= set(range(2, policy.n_leaves + 1))
+    assert all(one.n_leaves == size for size, found in search.found.items() for one in found)
+
+
+def test_a_budget_ends_the_search():
+    ground = Ground(Corridor(), 1)
+    search = FrontSearch(BUSY, CommonEpisodes(ground, 60), 1)
+    search.run()
+    assert search.found == {}
+
+
+def test_the_best_of_at_most_so_many_leaves_is_never_worse_because_it_is_smaller():
+    """Asked for at most three leaves, the tree of two that is right is given."""
+    small, report = eutree.compress(BUSY, np.empty((0, 1)), env=Corridor(), max_leaves=3, seed=2)
+    assert (small.n_leaves, report.by) == (2, "episodes")
+    assert report.mean_return_after > report.mean_return_before
+    sizes = [one.policy.n_leaves for one in report.front]
+    assert sizes == [4, 2]  # the input first; what two leaves do as well is left out
+    assert report.front[1].mean_return == report.mean_return_after
