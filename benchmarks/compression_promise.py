@@ -9,38 +9,34 @@ Run: python benchmarks/compression_promise.py [--runs 1000]
 """
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from eutree.arrays import Floats
+from eutree.compression.episodes import Demand
+from eutree.contests import SmallestWithin, hold, new_table
 from eutree.evaluation import mean_interval
-from eutree.policy_search.racing import Demand, Heat, drive, smallest_within
 
 LOSS = 100.0
 CHANCES = (1e-4, 5e-4, 1e-3, 5e-3, 1e-2, 2e-2, 5e-2, 1e-1)
 ERROR = 0.05
 
 
-def world(p: float, noise: float, generator: np.random.Generator) -> Callable[[Heat], Floats]:
-    """Return what runs heats: the input's returns are uniform on [0, noise]."""
-    inputs: dict[int, Floats] = {}
-
-    def run(heat: Heat) -> Floats:
-        n = len(heat.episodes)
-        if heat.runner == 0:
-            inputs[heat.block] = noise * generator.random(n)
-            return inputs[heat.block]
-        return inputs[heat.block] - LOSS * (generator.random(n) < p)
-
-    return run
-
-
-def taken(p: float, demand: Demand, runs: int, noise: float) -> float:
-    """Return the share of races in which the tree is taken."""
+def taken(p: float, rule: SmallestWithin, runs: int, noise: float) -> float:
+    """Return the share of contests in which the tree is taken."""
     generator = np.random.default_rng(11)
-    races = [drive(smallest_within(1, demand), world(p, noise, generator)) for _ in range(runs)]
-    return float(np.mean([found is not None for found in races]))
+    won = 0
+    for _ in range(runs):
+        inputs = noise * generator.random(rule.most)  # returns of the input
+
+        def run(tree: int, starts: Sequence[int], inputs: Floats = inputs) -> Floats:
+            losses = LOSS * (generator.random(len(starts)) < p)
+            return inputs[starts] - tree * losses
+
+        won += hold(rule, new_table(2, rule.most), run).winner
+    return won / runs
 
 
 def by_student(p: float, margin: float, episodes: int, runs: int) -> float:
@@ -60,11 +56,12 @@ def main() -> None:
     for p in CHANCES:
         for episodes in (200, 1000):
             margin = 0.8 * p * LOSS
-            known = Demand(margin=margin, error=ERROR, episodes=episodes, known_range=(-LOSS, 10.0))
-            seen = Demand(margin=margin, error=ERROR, episodes=episodes)
+            seen = SmallestWithin(sizes=(2, 1), margin=margin, error=ERROR, episodes=episodes)
+            known = replace(seen, known=(-LOSS, 10.0))
+            width = Demand(margin=margin, error=ERROR, episodes=episodes).blind_width
             print(
                 f"| {p:g} | {margin:g} | {episodes} | {taken(p, known, runs, 10.0):.3f} "
-                f"| {taken(p, seen, runs, 10.0):.3f}{'' if seen.blind_width >= LOSS else ' *'} "
+                f"| {taken(p, seen, runs, 10.0):.3f}{'' if width >= LOSS else ' *'} "
                 f"| {by_student(p, margin, episodes, runs):.3f} |",
                 flush=True,
             )
@@ -72,8 +69,8 @@ def main() -> None:
     print("| p | taken: margin 2, 1,000 episodes, range known |")
     print("|---|---|")
     for p in (0.0, *CHANCES[:4]):
-        demand = Demand(margin=2.0, error=ERROR, episodes=1000, known_range=(-LOSS, 10.0))
-        print(f"| {p:g} | {taken(p, demand, runs // 5, 10.0):.3f} |", flush=True)
+        rule = SmallestWithin(sizes=(2, 1), margin=2.0, error=ERROR, known=(-LOSS, 10.0))
+        print(f"| {p:g} | {taken(p, rule, runs // 5, 10.0):.3f} |", flush=True)
 
 
 if __name__ == "__main__":

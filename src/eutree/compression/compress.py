@@ -19,17 +19,17 @@ from eutree.arrays import Floats
 from eutree.c45 import C45Settings
 from eutree.compression.candidates import Ladder, by_c45, lossless, merged, with_locks
 from eutree.compression.costs import WEIGHTS, Costs
-from eutree.compression.episodes import ImaginedEpisodes, RealEpisodes, as_real
+from eutree.compression.episodes import Demand, ImaginedEpisodes, RealEpisodes, as_real
 from eutree.compression.front import Pick, front_of
 from eutree.compression.imagined import Pruned, pruned_in_imagination
 from eutree.compression.racing import Arena, Verdict, meet, play_rounded
 from eutree.compression.report import CompressionReport, FrontEntry
 from eutree.compression.rounding import Rounding, rounded, steps_of
 from eutree.contests.betting import episodes_needed
+from eutree.contests.smallest import ATTEMPTS
 from eutree.errors import InvalidArgumentError
 from eutree.interaction.recipe import Environment
 from eutree.policies import TreePolicy
-from eutree.policy_search.racing import Demand, first_error
 from eutree.schema import Schema
 from eutree.trees.boxes import disagreement
 from eutree.validation import (
@@ -283,7 +283,7 @@ def _report(
 def _episodes_needed(demand: Demand, verdict: Verdict) -> int | None:
     """Return how many episodes could confirm the margin at best, if that is more than allowed."""
     low, high = verdict.return_range
-    needed = episodes_needed(demand.margin, low - high, first_error(demand.error))
+    needed = episodes_needed(demand.margin, low - high, ATTEMPTS[0] * demand.error)
     return needed if needed > demand.episodes else None
 
 

@@ -1,10 +1,13 @@
 """Which episodes speak for a smaller tree: real ones, or those that a world model imagines."""
 
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
 import gymnasium
 
+from eutree.contests.betting import TUNED
+from eutree.contests.smallest import ATTEMPTS
 from eutree.data import Demonstrations
 from eutree.errors import InvalidArgumentError
 from eutree.interaction.recipe import Environment
@@ -12,13 +15,39 @@ from eutree.interaction.return_range import return_range as known_range
 from eutree.learners import History
 from eutree.learners.model_planning import transitions_of
 from eutree.policies import TreePolicy
-from eutree.policy_search.racing import Demand
 from eutree.schema import EnvironmentSpec
 from eutree.validation import check_integer, check_number, check_range
 from eutree.world_model import Transitions
 from eutree.world_model.ensemble import EnsembleSettings
 
 Experience = History | Demonstrations | Transitions
+
+
+@dataclass(frozen=True, kw_only=True)
+class Demand:
+    """How sure one wants to be of what.
+
+    Attributes:
+        margin: How much lower than the input's the mean return may be.
+        error: Chance that it is lower than that nevertheless.
+        episodes: Most episodes of a tree in the choice, and in a confirmation.
+        known_range: Lowest and highest return of an episode there can be; None takes the range of
+            all returns seen, or ``blind_width`` if that is more, and then what is promised holds
+            for losses within it.
+    """
+
+    margin: float
+    error: float
+    episodes: int
+    known_range: tuple[float, float] | None = None
+
+    @property
+    def blind_width(self) -> float:
+        """Half of the widest range of returns in which the margin could be confirmed at all.
+
+        Losses that were not seen may be as large as this: the rule of three, read backwards.
+        """
+        return self.margin * self.episodes / (2 * -math.log(ATTEMPTS[0] * self.error * TUNED))
 
 
 @dataclass(frozen=True)

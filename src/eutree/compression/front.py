@@ -11,14 +11,14 @@ import numpy as np
 
 from eutree.arrays import Floats
 from eutree.compression.candidates import merged, with_locks
+from eutree.compression.episodes import Demand
 from eutree.compression.playing import CommonEpisodes, Ground, Outcome
 from eutree.compression.racing import Verdict
 from eutree.compression.report import FrontEntry
 from eutree.compression.searching import FrontSearch
-from eutree.contests import SmallestWithin, bounds_of_change, hold, new_table
+from eutree.contests import SmallestWithin, hold, new_table
 from eutree.evaluation import Estimate, Interval
 from eutree.policies import TreePolicy
-from eutree.policy_search.racing import Demand
 
 STARTS, STEPS = 1000, 60_000_000  # of each size, and steps of all, where episodes run side by side
 FEW_STARTS, FEW_STEPS = 60, 1_500_000  # where they run one by one
@@ -95,7 +95,7 @@ def front_of(
     entries = [FrontEntry.of(policy, report.outcome)]
     entries += [FrontEntry.of(one, o) for one, o in zip(trees, outcomes[1:], strict=True)]
     if picked is not None and verdict is None:
-        verdict = _verdict(report.outcome, outcomes[0], pick.demand)
+        verdict = Verdict.of(report.outcome.returns, outcomes[0].returns, pick.demand)
     return Front(picked, tuple(entries), verdict, ground.steps)
 
 
@@ -172,8 +172,7 @@ def _contest(
         return None, None
     if not found.shown:
         return rivals[found.winner], None
-    own, other = (Outcome(table[one, found.starts], None) for one in (0, found.winner))
-    verdict = _verdict(own, other, demand)
+    verdict = Verdict.of(table[0, found.starts], table[found.winner, found.starts], demand)
     low = max(verdict.change.interval.low, -demand.margin)  # the bisection stops near it
     change = Estimate(
         verdict.change.value, Interval(low, verdict.change.interval.high), verdict.change.n
@@ -181,15 +180,3 @@ def _contest(
     return rivals[found.winner], Verdict(
         verdict.before, verdict.after, change, verdict.return_range
     )
-
-
-def _verdict(before: Outcome, after: Outcome, demand: Demand) -> Verdict:
-    """Return how two trees did from the same starts."""
-    table = np.stack([before.returns, after.returns])
-    known = demand.known_range
-    if known is None and demand.margin:  # losses that were not seen may be as large as this
-        most = float(table.max())
-        known = (min(float(table.min()), most - demand.blind_width), most)
-    bounds = bounds_of_change(table, error=2 * demand.error, known=known)
-    change = Estimate(bounds.mean, Interval(bounds.low, bounds.high), table.shape[1])
-    return Verdict(before.mean_return, after.mean_return, change, bounds.range)

@@ -1,27 +1,21 @@
-"""Run the races of :mod:`eutree.policy_search.racing` in an environment, block by block."""
+"""Evaluate what a compression changed, in an environment."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import gymnasium
 import numpy as np
 
 from eutree.arrays import Floats
+from eutree.compression.episodes import Demand
 from eutree.compression.playing import Ground
 from eutree.compression.report import ROUNDED_EPISODES, RoundingPlayed
+from eutree.contests import bounds_of_change
 from eutree.evaluation import Estimate, Interval, evaluate
 from eutree.interaction import episode_seed
 from eutree.interaction.recipe import Environment, Recipe, made
 from eutree.interaction.seeding import Stream
 from eutree.policies import TreePolicy
-from eutree.policy_search.racing import (
-    Demand,
-    Heat,
-    Meeting,
-    Returns,
-    drive,
-    meeting,
-)
 from eutree.schema import EnvironmentSpec
 
 SEEN, OBSERVED = 2**42, 100  # the first start, and how many, where nothing was recorded
@@ -62,16 +56,15 @@ class Arena:
         starts = SEEN + np.arange(OBSERVED)
         return self.ground().play([policy], np.zeros(OBSERVED, np.intp), starts)[1].features
 
-    def run(self, policy: TreePolicy, heat: Heat) -> Floats:
-        """Return the returns of a policy in a heat; the same episodes for each policy."""
-        seed = episode_seed(self.seed, heat.block, Stream.COMPRESSION)
-        n = heat.episodes.stop
+    def run(self, policy: TreePolicy, block: int, episodes: int) -> Floats:
+        """Return the returns of a policy in a block of starts; the same for each policy."""
+        seed = episode_seed(self.seed, block, Stream.COMPRESSION)
         if self.spec is None:
-            result = evaluate(policy, self.env, episodes=n, seed=seed)
+            result = evaluate(policy, self.env, episodes=episodes, seed=seed)
         else:
-            result = evaluate(policy, self.spec, episodes=n, seed=seed, n_jobs=self.n_jobs)
+            result = evaluate(policy, self.spec, episodes=episodes, seed=seed, n_jobs=self.n_jobs)
         self.steps += result.steps
-        return result.returns[heat.episodes.start :]
+        return result.returns
 
 
 @dataclass(frozen=True)
@@ -91,20 +84,22 @@ class Verdict:
     return_range: tuple[float, float]
 
     @classmethod
-    def of(cls, met: Meeting) -> "Verdict":
-        """Return the verdict of a meeting."""
-        change = Estimate(
-            float((met.after - met.before).mean()), Interval(met.low, met.high), met.after.size
-        )
-        return cls(float(met.before.mean()), float(met.after.mean()), change, met.range)
+    def of(cls, before: Floats, after: Floats, demand: Demand) -> "Verdict":
+        """Return the verdict of the returns of two policies from common starts, [E] each."""
+        table = np.stack([before, after])
+        known = demand.known_range
+        if known is None and demand.margin:  # losses that were not seen may be as large as this
+            most = float(table.max())
+            known = (min(float(table.min()), most - demand.blind_width), most)
+        found = bounds_of_change(table, error=2 * demand.error, known=known)
+        change = Estimate(found.mean, Interval(found.low, found.high), before.size)
+        return cls(float(before.mean()), float(after.mean()), change, found.range)
 
 
 def meet(policy: TreePolicy, other: TreePolicy, arena: Arena, demand: Demand) -> Verdict:
     """Return how two policies do on the same fresh episodes; the margin plays no part."""
-    both = (policy, other)
-    returns = Returns(demand.known_range)
-    alone = meeting(demand.error, demand.episodes, block=0, returns=returns)
-    return Verdict.of(drive(alone, lambda heat: arena.run(both[heat.runner], heat)))
+    before, after = (arena.run(tree, 0, demand.episodes) for tree in (policy, other))
+    return Verdict.of(before, after, replace(demand, margin=0.0))
 
 
 def play_rounded(
@@ -114,12 +109,9 @@ def play_rounded(
 
     It is not to be kept where it loses more than the margin, if there is one.
     """
-    starts = range(min(episodes, ROUNDED_EPISODES))
-    one, other = (
-        arena.run(tree, Heat(number, _ROUNDING_BLOCK, starts))
-        for number, tree in enumerate((exact, rounded))
-    )
+    episodes = min(episodes, ROUNDED_EPISODES)
+    one, other = (arena.run(tree, _ROUNDING_BLOCK, episodes) for tree in (exact, rounded))
     different = int(np.count_nonzero(one != other))
     before, after = float(one.mean()), float(other.mean())
     kept = margin is None or before - after <= margin
-    return RoundingPlayed(len(starts), different, before, after, kept)
+    return RoundingPlayed(episodes, different, before, after, kept)
