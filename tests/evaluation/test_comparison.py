@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from eutree.errors import InvalidArgumentError
-from eutree.evaluation import compare_paired, probability_of_improvement, spearman
+from eutree.evaluation import compare_paired, spearman
 from eutree.evaluation.comparison import sign_flip_p_value
 
 NUMBERS = st.integers(-3, 3).map(float)
@@ -48,27 +48,6 @@ def test_pairs_on_common_seeds_cancel_what_they_share():
     assert compare_paired(second, second).p_value == 1.0
 
 
-@settings(deadline=None, max_examples=50)
-@given(st.lists(NUMBERS, min_size=1, max_size=12), st.lists(NUMBERS, min_size=1, max_size=12))
-def test_the_probability_of_improvement_is_the_statistic_of_mann_and_whitney(first, second):
-    estimate = probability_of_improvement(first, second, resamples=100)
-    expected = stats.mannwhitneyu(first, second).statistic / (len(first) * len(second))
-    assert estimate.value == pytest.approx(expected)
-    low, high = estimate.interval
-    assert 0.0 <= low <= high <= 1.0
-
-
-def test_the_interval_of_an_improvement_is_that_of_two_samples():
-    generator = np.random.default_rng(3)
-    first, second = generator.normal(1.0, 1.0, 30), generator.normal(0.0, 1.0, 30)
-    ours = probability_of_improvement(first, second, resamples=5000)
-    other = stats.bootstrap(
-        (first, second), lambda x, y: stats.mannwhitneyu(x, y).statistic / 900, vectorized=False,
-        method="percentile", n_resamples=2000, rng=np.random.default_rng(0),
-    ).confidence_interval  # fmt: skip
-    np.testing.assert_allclose(ours.interval, (other.low, other.high), atol=0.02)
-
-
 @settings(deadline=None)
 @given(st.lists(st.tuples(NUMBERS, NUMBERS), min_size=3, max_size=20))
 def test_rank_correlation_equals_scipy(pairs):
@@ -97,5 +76,3 @@ def test_the_interval_of_a_rank_correlation_covers():
 def test_what_cannot_be_compared_is_refused():
     with pytest.raises(InvalidArgumentError, match="second must have 2 entries, got 1"):
         compare_paired([1.0, 2.0], [1.0])
-    with pytest.raises(InvalidArgumentError, match="at least one run"):
-        probability_of_improvement([], [1.0])

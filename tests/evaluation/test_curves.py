@@ -1,10 +1,9 @@
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eutree.errors import FormatError, InvalidArgumentError
-from eutree.evaluation import CurvePoint, average_curves, curve_from_csv, curve_to_csv
+from eutree.errors import FormatError
+from eutree.evaluation import CurvePoint, curve_from_csv, curve_to_csv
 
 POINTS = st.lists(
     st.builds(
@@ -55,27 +54,3 @@ def curve(successes, *, start=0):
         CurvePoint(start + 20 * i, 500 * i, success, 100.0 * (success or 0.0), i + 1)
         for i, success in enumerate(successes)
     ]
-
-
-def test_runs_are_averaged_point_by_point():
-    average = average_curves([curve([0.5, 0.7]), curve([0.5, 0.9]), curve([0.5, 0.8])])
-    assert average.episodes.tolist() == [0, 20]
-    np.testing.assert_allclose(average.success_rate.mean, [0.5, 0.8])
-    np.testing.assert_allclose(average.mean_return.mean, [50.0, 80.0])
-    np.testing.assert_allclose(average.success_rate.low, [0.5, 0.7])
-    np.testing.assert_allclose(average.success_rate.high, [0.5, 0.9])
-    assert average.n_leaves.mean.tolist() == [1.0, 2.0]
-    assert average.n_runs == 3
-    with pytest.raises(ValueError, match="read-only"):
-        average.episodes[0] = 1
-
-
-def test_an_unknown_success_rate_stays_unknown():
-    assert average_curves([curve([None, None])]).success_rate is None
-
-
-def test_runs_that_do_not_match_are_refused():
-    with pytest.raises(InvalidArgumentError, match="run 1 differs from run 0"):
-        average_curves([curve([0.5, 0.7]), curve([0.5, 0.9], start=10)])
-    with pytest.raises(InvalidArgumentError, match="at least one run"):
-        average_curves([])

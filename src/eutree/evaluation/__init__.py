@@ -3,7 +3,6 @@
 from eutree.evaluation.bootstrap import (
     bootstrap,
     bootstrap_rows,
-    interquartile_mean,
     mean,
     median,
     stratified_bootstrap,
@@ -11,14 +10,10 @@ from eutree.evaluation.bootstrap import (
 from eutree.evaluation.comparison import (
     PairedComparison,
     compare_paired,
-    probability_of_improvement,
     spearman,
 )
 from eutree.evaluation.curves import (
-    AverageCurve,
-    Band,
     CurvePoint,
-    average_curves,
     curve_from_csv,
     curve_to_csv,
 )
@@ -30,16 +25,12 @@ from eutree.evaluation.survival import (
     Durations,
     SurvivalCurve,
     kaplan_meier,
-    log_rank_p_value,
-    paired_p_value,
     restricted_mean,
     restricted_mean_ratio,
     trials_to_threshold,
 )
 
 __all__ = [
-    "AverageCurve",
-    "Band",
     "CurvePoint",
     "Durations",
     "Estimate",
@@ -47,7 +38,6 @@ __all__ = [
     "Interval",
     "PairedComparison",
     "SurvivalCurve",
-    "average_curves",
     "bootstrap",
     "bootstrap_rows",
     "compare_paired",
@@ -55,14 +45,10 @@ __all__ = [
     "curve_to_csv",
     "evaluate",
     "evaluate_policy",
-    "interquartile_mean",
     "kaplan_meier",
-    "log_rank_p_value",
     "mean",
     "mean_interval",
     "median",
-    "paired_p_value",
-    "probability_of_improvement",
     "restricted_mean",
     "restricted_mean_ratio",
     "spearman",

@@ -2,9 +2,8 @@
 
 Runs are drawn with replacement and the statistic is computed again. The interval holds the middle
 95 % of the results (``"percentile"``), or those shares of them that correct for bias and skewness
-(``"bca"``, Efron 1987). Runs pooled over tasks are drawn within each task (stratified), as Agarwal
-et al. advise, whose interquartile mean is here too: less noisy than a median, and less at the
-mercy of single runs than a mean. All randomness comes from the seed that is passed in.
+(``"bca"``, Efron 1987). Runs pooled over tasks are drawn within each task (stratified), as
+Agarwal et al. advise. All randomness comes from the seed that is passed in.
 
 References: B. Efron, *Better bootstrap confidence intervals*, JASA 82 (1987); R. Agarwal et al.,
 *Deep reinforcement learning at the edge of the statistical precipice*, NeurIPS 2021.
@@ -35,13 +34,6 @@ def mean(values: Floats) -> Floats:
 def median(values: Floats) -> Floats:
     """Return the median along the last axis."""
     return np.asarray(np.median(values, axis=-1))
-
-
-def interquartile_mean(values: Floats) -> Floats:
-    """Return the mean of the middle half along the last axis: the 25 % trimmed mean."""
-    size = values.shape[-1]
-    cut = size // 4
-    return np.asarray(np.sort(values, axis=-1)[..., cut : size - cut].mean(axis=-1))
 
 
 def bootstrap(

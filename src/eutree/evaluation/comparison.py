@@ -16,8 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from eutree.errors import InvalidArgumentError
-from eutree.evaluation.bootstrap import bootstrap, draw_rows
+from eutree.evaluation.bootstrap import bootstrap
 from eutree.evaluation.intervals import NORMAL, Estimate, Interval, check_confidence
 from eutree.policy_search.rank_correlation import rank_correlation
 from eutree.validation import check_seed, check_vector
@@ -84,31 +83,6 @@ def sign_flip_p_value(differences: ArrayLike, *, resamples: int = 9999, seed: in
     signs = 1.0 - 2.0 * generator.integers(0, 2, size=(resamples, values.size))
     exceeding = int((np.abs(signs @ values) >= observed).sum())
     return (1 + exceeding) / (1 + resamples)
-
-
-def probability_of_improvement(
-    first: ArrayLike,
-    second: ArrayLike,
-    *,
-    confidence: float = 0.95,
-    resamples: int = 9999,
-    seed: int = 0,
-) -> Estimate:
-    """Return how probably a run of the first learner is above one of the second; ties count half.
-
-    Runs need not be paired; both sides are drawn anew for the (percentile) interval.
-    """
-    one, other = check_vector("first", first), check_vector("second", second)
-    if not one.size or not other.size:
-        raise InvalidArgumentError("first and second must hold at least one run, got none")
-    above = np.sign(one[:, np.newaxis] - other) / 2 + 0.5  # [N, M]
-    rows = draw_rows(one.size, resamples=resamples, seed=seed)
-    columns = draw_rows(other.size, resamples=resamples, seed=check_seed(seed) + 1)
-    drawn = np.array([above[r][:, c].mean() for r, c in zip(rows, columns, strict=True)])
-    tail = (1 - check_confidence(confidence)) / 2
-    low, high = np.quantile(drawn, [tail, 1 - tail])
-    size = one.size + other.size
-    return Estimate(float(above.mean()), Interval(float(low), float(high)), size)
 
 
 def spearman(first: ArrayLike, second: ArrayLike, *, confidence: float = 0.95) -> Estimate:

@@ -1,4 +1,4 @@
-"""Learning curves: frozen evaluations along a run, as text and averaged over runs.
+"""Learning curves: frozen evaluations along a run, as text and as data frames.
 
 The text form is CSV with a header line; floats are written so that they read back to the same
 bits, an absent success rate as an empty field.
@@ -13,10 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from eutree.arrays import Floats, Integers, frozen
-from eutree.errors import FormatError, InvalidArgumentError
-from eutree.evaluation.bootstrap import draw_rows
-from eutree.evaluation.intervals import check_confidence
+from eutree.errors import FormatError
 from eutree.frames import data_frame
 from eutree.wording import counted
 
@@ -129,88 +126,3 @@ def _point(row: dict[str, str], path: str, line: int) -> CurvePoint:
     if not math.isfinite(point.mean_return) or not 0.0 <= (success or 0.0) <= 1.0:
         raise FormatError(path, f"line {line}", f"must hold finite numbers, got {row}")
     return point
-
-
-@dataclass(frozen=True, eq=False)
-class Band:
-    """A mean over runs at each point of a curve, with its bootstrap interval."""
-
-    mean: Floats  # [P]
-    low: Floats  # [P]
-    high: Floats  # [P]
-
-    def __post_init__(self) -> None:
-        for name in ("mean", "low", "high"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
-
-
-@dataclass(frozen=True, eq=False)
-class AverageCurve:
-    """The learning curves of several runs, averaged point by point.
-
-    Attributes:
-        episodes: Episodes of experience before each point.
-        success_rate: Mean success rate; None where the environment reports none.
-        mean_return: Mean return.
-        n_leaves: Mean number of leaves.
-        n_runs: How many runs they are means of.
-    """
-
-    episodes: Integers  # [P]
-    success_rate: Band | None
-    mean_return: Band
-    n_leaves: Band
-    n_runs: int
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "episodes", frozen(self.episodes))
-
-
-def average_curves(
-    curves: Sequence[Sequence[CurvePoint]],
-    *,
-    confidence: float = 0.95,
-    resamples: int = 2000,
-    seed: int = 0,
-) -> AverageCurve:
-    """Return the mean curve of several runs, with percentile bootstrap intervals over runs.
-
-    Whole runs are drawn, the same at all points.
-
-    Args:
-        curves: One curve per run, all evaluated after the same episodes.
-        confidence: Of the interval at each point.
-        resamples: How many times runs are drawn.
-        seed: Source of chance.
-    """
-    if not curves or not curves[0]:
-        raise InvalidArgumentError("curves must hold at least one run with one point, got none")
-    episodes = [point.episode for point in curves[0]]
-    for number, curve in enumerate(curves):
-        if [point.episode for point in curve] != episodes:
-            raise InvalidArgumentError(
-                f"curves must be evaluated after the same episodes; run {number} differs from run 0"
-            )
-    rows = draw_rows(len(curves), resamples=resamples, seed=seed)
-
-    def band(name: str) -> Band | None:
-        table = [[getattr(point, name) for point in curve] for curve in curves]
-        if any(value is None for values in table for value in values):
-            return None
-        return _band(np.array(table, dtype=np.float64), rows, confidence)
-
-    mean_return, n_leaves = band("mean_return"), band("n_leaves")
-    if mean_return is None or n_leaves is None:
-        raise InvalidArgumentError("curves must know their returns and leaves at every point")
-    return AverageCurve(
-        np.array(episodes), band("success_rate"), mean_return, n_leaves, len(curves)
-    )
-
-
-def _band(table: Floats, rows: Integers, confidence: float) -> Band:
-    """Return the mean of a table [R, P] over its rows, with the interval of the draws [B, R]."""
-    tail = (1 - check_confidence(confidence)) / 2
-    shares = np.zeros((len(rows), len(table)))  # [B, R] how often each run was drawn, of all draws
-    np.add.at(shares, (np.arange(len(rows))[:, np.newaxis], rows), 1.0 / len(table))
-    low, high = np.quantile(shares @ table, [tail, 1 - tail], axis=0)
-    return Band(table.mean(axis=0), low, high)

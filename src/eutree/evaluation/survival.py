@@ -8,9 +8,7 @@ Hence, with t_1 < t_2 < ... the times at which runs got there:
   d_i getting there at t_i, n_i being still on their way just before;
 * its median: the first t with S(t) <= 1/2; infinite if fewer than half ever get there;
 * the restricted mean: the area under S up to a horizon, the mean of min(time, horizon), which is
-  always finite and is what the comparisons use;
-* the log-rank test of two groups; on common seeds a sign-flip test over pairs, in which a pair
-  counts only if it is certain who was first.
+  always finite and is what the comparisons use.
 
 Reference: E. L. Kaplan, P. Meier, *Nonparametric estimation from incomplete observations*, JASA 53
 (1958).
@@ -26,7 +24,6 @@ from numpy.typing import ArrayLike
 from eutree.arrays import Booleans, Floats, Integers, frozen
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation.bootstrap import draw_rows
-from eutree.evaluation.comparison import sign_flip_p_value
 from eutree.evaluation.intervals import Estimate, Interval, check_confidence
 from eutree.validation import check_integer, check_number, check_vector
 
@@ -174,41 +171,6 @@ def restricted_mean_ratio(
     ]
     value = _ratio(first, second, horizon)
     return Estimate(value, _middle(drawn, confidence), len(first))
-
-
-def log_rank_p_value(first: Durations, second: Durations) -> float:
-    """Return the p-value of the log-rank test that both reach the level equally fast."""
-    times = np.concatenate([first.times, second.times])
-    reached = np.concatenate([first.reached, second.reached])
-    excess, variance = 0.0, 0.0
-    for time in np.unique(times[reached]):
-        at_risk, mine = int((times >= time).sum()), int((first.times >= time).sum())
-        there = int(((times == time) & reached).sum())
-        share = mine / at_risk
-        excess += int(((first.times == time) & first.reached).sum()) - there * share
-        if at_risk > 1:
-            variance += there * share * (1 - share) * (at_risk - there) / (at_risk - 1)
-    if variance == 0.0:
-        return 1.0
-    return math.erfc(abs(excess) / math.sqrt(2 * variance))
-
-
-def paired_p_value(
-    first: Durations, second: Durations, *, resamples: int = 9999, seed: int = 0
-) -> float:
-    """Return the p-value of the sign-flip test on who of each pair was certainly first."""
-    if len(first) != len(second):
-        raise InvalidArgumentError(
-            f"paired durations must be as many, got {len(first)} and {len(second)}"
-        )
-    earlier = first.reached & (
-        (first.times < second.times) | (~second.reached & (first.times <= second.times))
-    )
-    later = second.reached & (
-        (second.times < first.times) | (~first.reached & (second.times <= first.times))
-    )
-    scores = earlier.astype(np.float64) - later
-    return sign_flip_p_value(scores, resamples=resamples, seed=seed)
 
 
 def _ratio(first: Durations, second: Durations, horizon: float) -> float:

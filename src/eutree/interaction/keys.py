@@ -5,7 +5,7 @@ What the keys held mean is a pure function of their names, in the order in which
 """
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -215,11 +215,6 @@ def _arrow(name: str) -> str | None:
     ]
     sideways = [arrow for arrow in said if arrow in ("left", "right")]
     return next(iter(sideways or said), None)
-
-
-def held_text(keys: Iterable[str]) -> str:
-    """Return the held keys for people: ``"left + space"``, ``"no key"``."""
-    return " + ".join(keys) or "no key"
 
 
 def _with_idle(
