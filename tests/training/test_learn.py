@@ -104,6 +104,19 @@ def test_a_budget_of_steps_holds_in_evasion_whose_spec_has_no_limit(
 
 
 @pytest.mark.parametrize("method", ["paper", FEW_IMAGINED], ids=["paper", "default"])
+def test_a_run_that_is_resumed_goes_as_far_as_it_was_to_go(env, tmp_path, method):
+    options = {"method": method, "evaluate_every": 5, "evaluation_episodes": 2}
+    calls = iter(range(10**9))
+    stopped = eutree.learn(
+        env, out=tmp_path / "a", episodes=12, stop=lambda: next(calls) > 60, **options
+    )
+    assert stopped.episodes < 12
+    resumed = eutree.learn(env, out=tmp_path / "a", resume=True, **options)
+    assert resumed.episodes == 12
+    assert same(resumed, eutree.learn(env, episodes=12, **options))
+
+
+@pytest.mark.parametrize("method", ["paper", FEW_IMAGINED], ids=["paper", "default"])
 def test_the_same_seed_gives_the_same_result(env, demonstrations, method):
     runs = [
         eutree.learn(env, demonstrations=demonstrations, method=method, seed=seed, **SHORT)

@@ -36,7 +36,7 @@ from eutree.training.phases import MANY, Plan
 from eutree.training.proposals import SearchSettings
 from eutree.training.result import LearningResult, StepCounts
 from eutree.training.run import Run
-from eutree.training.run_folder import ConfigDocument, RunFolder, SavingClock
+from eutree.training.run_folder import ConfigDocument, RunFolder, SavingClock, length_of_run
 from eutree.training.teaching import AskedTeacher, Teacher, as_teacher
 from eutree.training.tensorboard import TensorBoardLog
 from eutree.validation import check_integer, check_number
@@ -126,7 +126,7 @@ def learn(
         strict: Refuse observations outside the environment's own bounds.
         out: Folder for the policy, the expert tree, the curve, the events and the checkpoints.
         resume: Go on from the last checkpoint in ``out``, to the same bytes as if nothing had
-            happened in between.
+            happened in between; as far as it was to go, if no budget is given.
         checkpoint_seconds: Time between two checkpoints; 0 saves one after every episode. None
             lets saving take at most a twentieth of the time. The result does not depend on it.
         tensorboard: Folder for the log that TensorBoard shows; one for each run. Needs the extra
@@ -152,8 +152,8 @@ def learn(
     if env is None:
         _check_acts_nowhere(race_steps, ask, keep_success=keep_success)
     env = None if env is None else acting_as(env, expert or demonstrations)
-    if checkpoint_seconds is not None:
-        check_number("checkpoint_seconds", checkpoint_seconds, low=0.0)
+    if resume and out is not None and episodes is steps is minutes is None:
+        episodes, steps, minutes = length_of_run(out)
     asking = asking or Asking()
     clock = SavingClock(checkpoint_seconds)
     choice = _choice(
@@ -181,7 +181,6 @@ def learn(
     )
     if demonstrations is not None and history:
         demonstrations = demonstrations.with_history(history)
-    offline = env is None
     log = None
     if env is None:
         recorded = _needed(demonstrations, "offline learning")
@@ -205,9 +204,9 @@ def learn(
         expert,
         as_teacher(teacher, None if env is None else guarded),
         seed=seed,
-        offline=offline,
+        offline=env is None,
     )
-    document = _as_document(chosen, problem, begin, offline=offline)
+    document = _as_document(chosen, problem, begin, offline=env is None)
     beginning = Beginning(chosen, problem, begin, choice.reason)
     _check_races(plan, begin)
     run = Run(

@@ -44,6 +44,7 @@ from eutree.training.checkpoint import (
 )
 from eutree.training.progress import progress_to_csv
 from eutree.training.run import Run
+from eutree.validation import check_number
 
 MIN_SAVING_INTERVAL = 1.0  # seconds
 SHARE = 20
@@ -76,6 +77,15 @@ class ConfigDocument(Document, frozen=True, kw_only=True):
     judge_episodes: int | None = None
 
 
+def length_of_run(out: str | Path) -> tuple[int | None, int | None, float | None]:
+    """Return the most episodes, steps and minutes of the run in a folder; None where none is."""
+    path = Path(out) / "config.json"
+    if not path.exists():
+        return None, None, None
+    started = read_document(path, ConfigDocument)
+    return started.episodes, started.steps, started.minutes
+
+
 class SavingClock:
     """When the next checkpoint is due.
 
@@ -87,6 +97,8 @@ class SavingClock:
     def __init__(self, seconds: float | None = None) -> None:
         self._last = time.monotonic()
         self._seconds = seconds
+        if seconds is not None:
+            check_number("checkpoint_seconds", seconds, low=0.0)
         self._cost = MIN_SAVING_INTERVAL / SHARE
 
     def due(self) -> bool:
