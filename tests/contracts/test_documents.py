@@ -34,7 +34,7 @@ REASONS = {
 # Pages on which work is divided among processes; it ends in the same bytes without them.
 ABOUT_PROCESSES = {"learning.md", "many-machines.md"}
 # Languages of blocks that are shown, not run. A shell block is `console`, so that it runs.
-SHOWN = {"text", "c", "json"}
+SHOWN = {"text", "c", "json", "toml"}
 
 
 def name(page: Path) -> str:
