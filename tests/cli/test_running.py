@@ -196,6 +196,20 @@ def test_no_folder_chooses_what_only_a_user_may(eutree, interrupted, tmp_path, n
     assert f"no file may choose '{name}'" in answer.err
 
 
+@pytest.mark.parametrize("name", ["environment", "method"])
+def test_no_folder_chooses_a_module_to_import(eutree, interrupted, tmp_path, name):
+    (tmp_path / "evil.py").write_text("raise SystemExit('imported')\n")
+    interrupted(*LEARN, "--out", "run")
+    file = tmp_path / "run/command.json"
+    document = json.loads(file.read_text())
+    document["arguments"][name] = ["evil:Own"]
+    file.write_text(json.dumps(document))
+    answer = eutree("learn", "--out", "run", "--resume")
+    assert (answer.code, answer.out) == (2, "")
+    assert f"no file may choose '{name}'" in answer.err
+    assert "imported" not in answer.err
+
+
 def test_the_users_own_choices_are_in_the_line(eutree, interrupted, tmp_path):
     (tmp_path / "my_module.py").write_text("")
     said = interrupted(*LEARN, "--import", "my_module", "--out", "run")

@@ -87,10 +87,13 @@ def line_to_go_on(out: Path) -> str:
 
 def _of_the_user(given: Arguments) -> Arguments:
     """Return what no file may choose of what is given, but for arguments of the environment."""
-    own = {name: given[name] for name in given if name in _USERS_OWN}
-    if ":" in given.get("environment", [""])[0]:  # a module to import
-        own["environment"] = given["environment"]
-    return own
+    return {name: texts for name, texts in given.items() if _is_users_own(name, texts)}
+
+
+def _is_users_own(name: str, texts: list[str]) -> bool:
+    """Return whether no file may choose an argument: MODULE:ID and MODULE:CLASS import a module."""
+    imports = name in ("environment", "method") and any(":" in text for text in texts)
+    return imports or name in _USERS_OWN
 
 
 def _given(command: click.Command, context: click.Context, args: list[str]) -> Arguments:
@@ -115,9 +118,9 @@ def _kept(out: Path, given: Arguments) -> Arguments:
     """
     if (out / KEPT).exists():
         arguments = read_document(out / KEPT, CommandDocument).arguments
-        refused = arguments.keys() & (_EACH_TIME | _USERS_OWN)
-        if refused:
-            raise FormatError(out / KEPT, "arguments", f"no file may choose {min(refused)!r}")
+        for name, texts in sorted(arguments.items()):
+            if name in _EACH_TIME or _is_users_own(name, texts):
+                raise FormatError(out / KEPT, "arguments", f"no file may choose {name!r}")
         return arguments
     if not {"environment", "demos"} & given.keys():
         begun = any((out / name).exists() for name in ("config.json", "runs"))
