@@ -1,5 +1,7 @@
 """Cutting a tree to size by imagined returns."""
 
+import sys
+
 import gymnasium
 import numpy as np
 import pytest
@@ -7,6 +9,8 @@ import pytest
 import eutree
 from eutree.cli.main import run
 from eutree.compression import ImaginedEpisodes
+from eutree.compression.imagined import Pruned
+from eutree.data import Episode
 from eutree.envs.experts import follow_the_fall
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.policies import TreePolicy
@@ -127,3 +131,43 @@ def test_a_run_folder_has_the_experience(tmp_path, capsys):
     assert '"imagined": null' in capsys.readouterr().out
     assert TreePolicy.load(out).n_leaves <= 2
     assert run(["compress", str(out), "--out", str(out), "--imagined"]) != 0
+
+
+class Line(gymnasium.Env):
+    """One step: the further right a tree cuts, the more it earns."""
+
+    observation_space = gymnasium.spaces.Box(0.0, 10.0, (1,), dtype=np.float64)
+    action_space = gymnasium.spaces.Discrete(2)
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.place = self.np_random.uniform(0.0, 10.0)
+        return np.array([self.place]), {}
+
+    def step(self, action):
+        return np.array([self.place]), float(action), True, False, {}
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0, 0.0])
+def test_a_world_model_is_refused_where_it_cannot_tell_trees(monkeypatch, sign):
+    """It is asked about seven trees, which then play."""
+    cuts = np.arange(1.0, 8.0)
+    schema, stump = Schema.anonymous(1, 2), DecisionTree.single_leaf(1)
+    asked = tuple(
+        TreePolicy(stump.split(0, 0, cut), np.array([1, 0]), schema) for cut in cuts.tolist()
+    )
+    scores = sign * cuts
+    found = Pruned(asked[-1], "imagined", 0.0, 1.0, asked, scores)
+    monkeypatch.setattr(
+        sys.modules["eutree.compression.compress"], "pruned_in_imagination", lambda *a, **k: found
+    )
+    known = Transitions.of(
+        [Episode(np.array([[1.0], [2.0]]), np.array([0]), np.array([1.0]), True, False)], 2
+    )
+    large = TreePolicy(stump.split(0, 0, 3.0).split(1, 0, 6.0), np.array([0, 1, 0]), schema)
+    options = {"max_leaves": 2, "imagined": ImaginedEpisodes(known), "env": Line()}
+    if sign > 0:
+        assert eutree.compress(large, np.ones((3, 1)), **options)[1].by == "model"
+        return
+    with pytest.raises(eutree.InvalidArgumentError, match="no better than chance"):
+        eutree.compress(large, np.ones((3, 1)), **options)

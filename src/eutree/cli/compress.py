@@ -111,7 +111,7 @@ def compress(
         real = RealEpisodes(
             spec, return_margin, confidence, episodes, return_range, n_jobs, searches=plays
         )
-    elif plays or rounding is not False:
+    elif plays or imagined or rounding is not False:
         real, unplayed = _where_trees_play(policy, episodes, n_jobs, return_range)
         real = None if real is None else replace(real, searches=plays, evaluates=plays)
     if unplayed and front is not None:

@@ -41,6 +41,8 @@ from eutree.validation import (
 )
 
 IMAGINED_STREAM = 41
+ASKED = 60  # episodes of each tree that a world model is held against
+_ASKED_BLOCK = 2_000_000
 
 MODES = ("auto", "merge", "paper", "lossless")
 
@@ -72,7 +74,8 @@ def compress(
         max_leaves: Give a tree of at most so many leaves instead, whatever that costs.
         imagined: With ``max_leaves`` nodes are cut where that costs least in these episodes, which
             is worth it from some ten thousand varied transitions on; without them, where labels
-            change least.
+            change least. With ``env`` a world model is refused that orders the trees that it was
+            asked about no better than chance.
         env: Where trees play: an environment, its id or how to make it. Then the best tree of each
             size is looked for by playing, and the smallest within a standard error of the best is
             returned, or with ``max_leaves`` the best of at most so many; the report has the
@@ -120,7 +123,7 @@ def compress(
                 settings=imagined.world_model,
                 generator=np.random.default_rng((seed, IMAGINED_STREAM)),
             )
-        result, method, scores = _of_size(policy, costs, max_leaves, imagine)
+        result, method, scores = _of_size(policy, costs, max_leaves, imagine, arena)
     elif max_disagreement is not None:
         result, method = _within(policy, costs, max_disagreement)
     else:
@@ -191,6 +194,7 @@ def _of_size(
     costs: Costs,
     max_leaves: int,
     imagine: Callable[..., Pruned] | None,
+    arena: Arena | None,
 ) -> tuple[TreePolicy, str, tuple[float, float] | None]:
     """Return a tree of at most so many leaves, what made it, and its score with the input's."""
     exact = merged(policy)
@@ -203,6 +207,9 @@ def _of_size(
     if imagine is None:
         return Ladder(policy, costs).of_size(max_leaves), "budget", None
     found = imagine(policy, costs, max_leaves=max_leaves)
+    if arena is not None:  # where trees can play, a model is believed only if it can tell them
+        means = [arena.run(one, _ASKED_BLOCK, ASKED).mean() for one in found.asked]
+        found.check_order(np.array(means))
     return found.policy, found.method, (found.before, found.after)
 
 

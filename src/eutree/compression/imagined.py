@@ -9,10 +9,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from eutree.arrays import Integers
+from eutree.arrays import Floats, Integers
 from eutree.compression.candidates import Ladder, merged
 from eutree.compression.costs import Costs
+from eutree.errors import InvalidArgumentError
 from eutree.policies import TreePolicy
+from eutree.policy_search.rank_correlation import rank_correlation
 from eutree.policy_search.rollout_pruning import pruned_by_rollouts
 from eutree.trees import DecisionTree
 from eutree.world_model import ActionTree, Transitions
@@ -35,12 +37,30 @@ class Pruned:
         method: ``"imagined"``, or ``"budget"`` where cutting by labels was better.
         before: Score of the input in imagined episodes that chose nothing.
         after: The same of the result.
+        asked: The trees that the model was asked about, the input first.
+        scores: What it imagined of each, shape [n].
     """
 
     policy: TreePolicy
     method: str
     before: float
     after: float
+    asked: tuple[TreePolicy, ...]
+    scores: Floats
+
+    def check_order(self, returns: Floats) -> None:
+        """Raise InvalidArgumentError unless the model orders the trees better than chance.
+
+        Args:
+            returns: Mean returns of the trees in episodes of the environment, shape [n].
+        """
+        found = rank_correlation(self.scores, returns)
+        if not found.better_than_chance:
+            raise InvalidArgumentError(
+                f"imagined must be None: the world model's order of {found.n} trees has rank "
+                f"correlation {found.value:.2f} [{found.low:.2f}, {found.high:.2f}] with the "
+                "returns that they earned, no better than chance; let the trees play instead"
+            )
 
 
 def pruned_in_imagination(
@@ -76,7 +96,9 @@ def pruned_in_imagination(
     scores = [fresh.score(fresh.returns_of(_acting(rival))) for _, rival in rivals]
     best = int(np.argmax(scores))
     method, chosen = rivals[best]
-    return Pruned(merged(chosen), method, fresh.score(fresh.returns), scores[best])
+    before = fresh.score(fresh.returns)
+    asked = (whole, *(rival for _, rival in rivals))
+    return Pruned(merged(chosen), method, before, scores[best], asked, np.array([before, *scores]))
 
 
 def _acting(policy: TreePolicy) -> ActionTree:
