@@ -46,7 +46,7 @@ class Pruned:
     before: float
     after: float
     asked: tuple[TreePolicy, ...]
-    scores: Floats
+    scores: Floats  # [n]
 
     def check_order(self, returns: Floats) -> None:
         """Raise InvalidArgumentError unless the model orders the trees better than chance.
