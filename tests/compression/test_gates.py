@@ -204,7 +204,7 @@ def test_no_width_of_a_range_is_too_large(width):
     demand = RealEpisodes(
         Corridor(), margin=1e-20, episodes=20, return_range=(-width / 2, width / 2)
     )
-    _, report = compress(BUSY, PLACES, real=demand)
+    _, report = compress(BUSY, PLACES, env=demand)
     assert report.episodes_needed > 10**9
 
 
