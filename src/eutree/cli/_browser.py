@@ -9,6 +9,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from eutree.files import write_text
+
 _REDIRECT = '<!doctype html><meta http-equiv="refresh" content="0;url={}">\n'
 
 
@@ -37,7 +39,7 @@ class Opener:
         if not has_desktop():
             return False
         page = self._folder / "open.html"
-        page.write_text(_REDIRECT.format(html.escape(url)), encoding="utf-8")
+        write_text(page, _REDIRECT.format(html.escape(url)))
         try:
             browser = webbrowser.get()
         except webbrowser.Error:

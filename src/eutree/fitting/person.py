@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from eutree.data import Demonstrations
-from eutree.evaluation import Evaluation
-from eutree.evaluation.intervals import Interval
+from eutree.evaluation import Evaluation, Interval
 
 MARGIN = 0.03  # of the success rate, or of the size of the mean return: no repair for less
 

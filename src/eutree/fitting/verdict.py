@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eutree.evaluation import Evaluation
-from eutree.evaluation.intervals import Interval, student_quantile, wilson_interval
+from eutree.evaluation import Evaluation, Interval, wilson_interval
+from eutree.evaluation.intervals import student_quantile
 from eutree.wording import counted
 
 BETTER, AS_GOOD, WORSE, OPEN = "better", "as good", "worse", "too close to tell"
