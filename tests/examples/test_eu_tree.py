@@ -43,11 +43,11 @@ def nested_columns(tree, node=0):
 # those of the frozen behaviour in which no tie within that decides; cart-pole, where the values of
 # all leaves are alike, has none with demonstrations.
 @pytest.mark.parametrize(
-    ("task", "start"),
-    [("evasion", "tree+demos"), ("evasion", "nothing"), ("mountain-car", "tree+demos"),
-     ("cart-pole", "nothing")],
+    ("task", "start", "seed"),
+    [("evasion", "tree+demos", 0), ("evasion", "tree+demos", 1), ("evasion", "nothing", 0),
+     ("mountain-car", "tree+demos", 0), ("mountain-car", "tree+demos", 2),
+     ("cart-pole", "nothing", 0)],
 )  # fmt: skip
-@pytest.mark.parametrize("seed", [0, 1])
 def test_it_makes_the_trees_of_the_preset(task, start, seed):
     episodes = TASKS[task].episodes
     shown = demonstrations(task) if start == "tree+demos" else None
