@@ -9,6 +9,8 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
+
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import CurvePoint
 from eutree.interaction.seeding import Stream
@@ -16,6 +18,7 @@ from eutree.learners.learner import KnowsItsModel
 from eutree.learners.model_planning import transitions_of
 from eutree.learners.model_trust import ModelTrust
 from eutree.policies import TreePolicy
+from eutree.policies.reach import within_reach
 from eutree.training.asking import Questions
 from eutree.training.beginning import Arena, Beginning, generator_of, seed_of_next
 from eutree.training.evaluations import Evaluations
@@ -156,7 +159,14 @@ class Run:
         """Return what the race ended with or, before that, what was learned."""
         if self.racing.result is not None:
             return self.racing.result
-        return self.learner.decisions().policy(self.beginning.problem)
+        policy = self.learner.decisions().policy(self.beginning.problem)
+        seen = self.learner.history.observations
+        features = policy.schema.features
+        if len(seen) == 0 or seen.shape[1] != len(features):
+            return policy
+        low = np.minimum([feature.low for feature in features], seen.min(axis=0))
+        high = np.maximum([feature.high for feature in features], seen.max(axis=0))
+        return within_reach(policy, low, high)
 
     def _due(self) -> Phase | None:
         return due(

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from eutree.arrays import Integers
+from eutree.arrays import Floats, Integers
 from eutree.trees.boxes import node_boxes
 from eutree.trees.building import TreeBuilder
 from eutree.trees.tree import DecisionTree
@@ -39,6 +39,31 @@ def merge(tree: DecisionTree, labels: Integers) -> tuple[DecisionTree, Integers]
             source[node] = right
         elif label[left] != INNER and label[left] == label[right]:
             label[node] = label[left]
+    return rebuild(tree, source, label)
+
+
+def reachable(tree: DecisionTree, low: Floats, high: Floats) -> tuple[DecisionTree, Integers]:
+    """Return the tree without the tests that every observation in a box answers alike.
+
+    Args:
+        tree: The tree.
+        low: Smallest value of each feature, shape [d].
+        high: Largest value of each feature, shape [d].
+
+    Returns:
+        The smaller tree, and which leaf of ``tree`` each of its leaves is, shape [L].
+    """
+    source = np.arange(tree.n_nodes)  # the node that now stands in a node's place
+    label = np.full(tree.n_nodes, INNER, dtype=np.int64)
+    label[tree.node_of_leaf] = np.arange(tree.n_leaves)
+    for node in range(tree.n_nodes - 1, -1, -1):  # children have larger numbers
+        feature, threshold = tree.feature[node], tree.threshold[node]
+        if feature == tree.NO_FEATURE:
+            continue
+        if threshold >= high[feature]:
+            source[node] = source[tree.left[node]]
+        elif threshold < low[feature]:
+            source[node] = source[tree.right[node]]
     return rebuild(tree, source, label)
 
 
