@@ -25,7 +25,7 @@ FILES = [
 FEW = Story(
     learning={"episodes": 10, "evaluate_every": 5, "evaluation_episodes": 5}, final_episodes=20
 )
-FASTER = replace(FEW, change={"opponent_speed": 4.2}, changed="they are faster", margin=5.0)
+FASTER = replace(FEW, change={"opponent_speed": 4.2}, changed="they are faster", plays=True)
 
 
 def quick(environment, story):

@@ -96,12 +96,15 @@ def run_demo(settings: DemoSettings, out: Path, *, say: Say, follow: Follow) -> 
         say(f"the tree that was shown has {counted(expert.n_leaves, 'leaf')}")
     runs = _learn(settings, demonstrations, expert, folder, say, follow)
     learned = runs.result
-    margin = settings.story.margin
+    ground = None
+    if settings.story.plays:
+        say("making it smaller: the best tree of each size, by playing")
+        ground = RealEpisodes(settings.changed, n_jobs=settings.n_jobs, searches=True)
     small, compression = compress(
         runs.policy,
         learned.history.observations,
         round_thresholds=True,
-        env=None if margin is None else RealEpisodes(settings.changed, margin),
+        env=ground,
         seed=settings.seed,
     )
     _export(small, folder)
