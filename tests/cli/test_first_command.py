@@ -4,10 +4,11 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
-from tests.contracts.test_sizes import SOURCE
+SOURCE = Path(__file__).parents[2] / "src" / "eutree"
 
 
 def first(folder, cache, *line, jit=None):

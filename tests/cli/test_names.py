@@ -35,7 +35,7 @@ class Room(gymnasium.Env):
         self.hour += 1
         return self._see(), -abs(self.room - 20.0), False, self.hour == 23, {}
 
-gymnasium.register("Room-v0", Room)
+gymnasium.register("Chamber-v0", Room)
 """
 NAMES = {"features": ["room [°C]", "hour [h]"], "actions": ["off", "on"]}
 
@@ -55,14 +55,14 @@ def room(tmp_path, monkeypatch):
     import rooms  # noqa: F401
 
     yield ("--import", "rooms", "--names", "names.json")
-    gymnasium.registry.pop("Room-v0", None)
+    gymnasium.registry.pop("Chamber-v0", None)
     sys.modules.pop("rooms", None)
 
 
 @pytest.fixture
 def recorded(room):
     """Return unnamed demonstrations of the room, in a folder."""
-    demos = library.record(gymnasium.make("Room-v0"), Switch(), episodes=4, seed=0)
+    demos = library.record(gymnasium.make("Chamber-v0"), Switch(), episodes=4, seed=0)
     demos.save("unnamed")
     return demos
 
@@ -80,7 +80,7 @@ def test_unnamed_spaces_have_names_that_can_be_typed(eutree, recorded):
 
 def test_names_are_given_once_and_travel(eutree, room, recorded):
     recorded.to_csv("log.csv")
-    line = ("demos", "import", "log.csv", "--env", "Room-v0", "--out", "demos", *room)
+    line = ("demos", "import", "log.csv", "--env", "Chamber-v0", "--out", "demos", *room)
     assert eutree(*line).code == 0
     schema = Demonstrations.load("demos").schema
     assert schema.feature_names == ("room", "hour")
@@ -99,16 +99,16 @@ def test_names_are_given_once_and_travel(eutree, room, recorded):
             ("edit", "run", "--set-action", "0=on", "--episodes", 2, "--out", "edited.json"),
             ("compress", "run", "--out", "small.json", "--evaluate", "--episodes", 2),
             ("demos", "check", "demos"),
-            ("distill", "Room-v0", "--policy", "run", "--out", "d.json", "--iterations", 1,
+            ("distill", "Chamber-v0", "--policy", "run", "--out", "d.json", "--iterations", 1,
              "--episodes", 2, "--validation-episodes", 2),
         ):  # fmt: skip
             answer = eutree(*command, *names)
             assert answer.code == 0, (command, answer.err)
-    own = eutree("distill", "Room-v0", "--policy", "run", "--out", "d.json", "--iterations", 1,
+    own = eutree("distill", "Chamber-v0", "--policy", "run", "--out", "d.json", "--iterations", 1,
                  "--episodes", 2, "--validation-episodes", 2, *room)  # fmt: skip
     assert own.code == 0
     assert TreePolicy.load("d.json").schema.feature_names == ("room", "hour")
-    started = eutree("learn", "Room-v0", "--out", "new", "--episodes", 2, "--evaluate-every", 2,
+    started = eutree("learn", "Chamber-v0", "--out", "new", "--episodes", 2, "--evaluate-every", 2,
                      "--evaluation-episodes", 2, *room)  # fmt: skip
     assert started.code == 0, started.err
     assert TreePolicy.load("new/policy.json").schema.actions == ("off", "on")
@@ -129,14 +129,14 @@ def test_names_are_given_once_and_travel(eutree, room, recorded):
 def test_bad_names_are_refused_in_one_line(eutree, room, content, message):
     with open("names.json", "w") as file:
         file.write(content)
-    answer = eutree("learn", "Room-v0", "--out", "run", "--episodes", 1, *room)
+    answer = eutree("learn", "Chamber-v0", "--out", "run", "--episodes", 1, *room)
     assert answer.code == 2
     assert message in answer.err
     assert answer.err.count("\n") == 1
 
 
 def test_names_are_gone_after_the_command(eutree, room):
-    line = ("learn", "Room-v0", "--out", "run", "--episodes", 1, "--evaluation-episodes", 1)
+    line = ("learn", "Chamber-v0", "--out", "run", "--episodes", 1, "--evaluation-episodes", 1)
     assert eutree(*line, *room).code == 0
     assert eutree(*line[:2], "--out", "other", *line[4:], *room[:2]).code == 0
     assert TreePolicy.load("other/policy.json").schema.feature_names == ("x0", "x1")

@@ -77,5 +77,5 @@ def test_mistakes_are_one_line(car, capsys, arguments, message):
 def test_the_page_never_overwrites_the_policy(car, capsys):
     before = car.read_bytes()
     assert run(["prove", str(car), "--html", str(car)]) == 2
-    assert "must not be the policy's own file" in capsys.readouterr().err
+    assert "must be another place than POLICY" in capsys.readouterr().err
     assert car.read_bytes() == before

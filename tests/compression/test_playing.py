@@ -13,9 +13,10 @@ from eutree.interaction.recipe import Recipe
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.trees import DecisionTree
-from tests.compression.test_compress import random_policy
-from tests.compression.test_gates import BUSY, Corridor, striped
+from tests.compression.policies import random_policy
+from tests.corridor import Corridor, striped
 
+BUSY = striped(0, 2.0, 1, 3.0, 0, 5.0, 1)
 EVASION = gymnasium.make("eutree/Evasion2-v0")
 
 

@@ -282,16 +282,20 @@ def begun_anew(problem, start, state):
     return UTreeMethod(gathering_episodes=4).start(problem, start)
 
 
+class Names(dict):
+    """Names of arrays of which nothing is declared."""
+
+    def items(self):
+        return ()
+
+
 class Anything:
     """A part that takes whatever has its names."""
 
     optional, rule = True, None
 
     def __init__(self, part):
-        self.arrays = dict.fromkeys(part.arrays)
-
-    def items(self):
-        return ()
+        self.arrays = Names.fromkeys(part.arrays)
 
 
 def trusting(problem, start):

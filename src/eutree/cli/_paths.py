@@ -15,7 +15,7 @@ from eutree.errors import InvalidArgumentError
 
 # What a run and demonstrations consist of; anything else in their folders may be written anew.
 PARTS = re.compile(
-    r"(config|command|policy|expert|demonstrations)\.json|checkpoint\.npz|(curve|progress|runs)\.csv"
+    r"(config|command|policy|learned|expert|demonstrations)\.json|checkpoint\.npz|(curve|progress|runs)\.csv"
     r"|(events|answers)\.jsonl|episode-\d+\.(npz|journal)"
 )
 

@@ -5,7 +5,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from eutree.cli._options import count_option, env_arg_option, json_option, override, seed_option
+from eutree.cli._options import (
+    count_option,
+    env_arg_option,
+    json_option,
+    output_option,
+    override,
+    seed_option,
+)
 from eutree.cli._output import Output
 from eutree.cli._policies import load_policy
 from eutree.errors import InvalidArgumentError
@@ -22,8 +29,7 @@ EXIT_CODES = {"proven": 0, "refuted": 1, "undecided": 3}
 @click.argument("policy", type=click.Path(path_type=Path))
 @click.argument("question", metavar="[PROPERTY]", required=False)
 @click.option("--env", "environment", metavar="ID", help="In place of the one POLICY names.")
-@click.option("--html", type=click.Path(dir_okay=False, path_type=Path),
-              help="Write a page: the certificate, and the starts coloured by steps.")  # fmt: skip
+@output_option("--html", text="Write a page: the certificate, and the starts coloured by steps.")
 @click.option("--sampled", is_flag=True,
               help="A statistical certificate even where a plant is known.")  # fmt: skip
 @count_option("--episodes", 1000, "How many episodes a statistical certificate draws.")
@@ -64,8 +70,6 @@ def prove(
     output = Output(as_json=as_json)
     loaded = load_policy(policy)
     if html is not None:
-        if html.resolve() == policy.resolve():
-            raise InvalidArgumentError(f"--html must not be the policy's own file, got {html}")
         check_writable(html)
     spec = _spec(loaded, policy, environment, env_arguments)
     found = None if sampled else _proven(loaded, spec, question)

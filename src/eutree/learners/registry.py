@@ -135,7 +135,8 @@ def to_document(chosen: Method) -> dict[str, Any]:
         InvalidArgumentError: A choice is nothing that a file can hold.
     """
     try:
-        choices: dict[str, Any] = msgspec.to_builtins(chosen)
+        named = {field.name: getattr(chosen, field.name) for field in fields(cast(Any, chosen))}
+        choices: dict[str, Any] = msgspec.to_builtins(named)
     except (TypeError, ValueError, OverflowError) as error:
         raise InvalidArgumentError(
             f"method {chosen.name!r} must have choices that JSON can hold: {error}"
