@@ -33,7 +33,6 @@ from eutree.envs.maze import MOVES
 from eutree.learners.choices import with_choices
 from eutree.learners.registry import method
 from eutree.policies import TreePolicy
-from eutree.training.callbacks import BaseCallback
 from eutree.trees import DecisionTree
 
 PUBLISHED = {  # Al-Ansari 2001, table 5: trials, cells, steps, final path; means of 40
@@ -271,14 +270,16 @@ def mountain_car() -> None:
             print(f"| {sides} | {criterion} | {' | '.join(found_by)} |", flush=True)
 
 
-class OwnPolicy(BaseCallback):
+class OwnPolicy:
     """Evaluates the policy that a method decides by itself, at the end."""
 
     def __init__(self, env: Any) -> None:
-        super().__init__()
         self.env = env
 
-    def _on_training_end(self) -> None:
+    def init_callback(self, model: Any) -> None:
+        self.model = model
+
+    def on_training_end(self) -> None:
         own = self.model.run.learner.own_policy()
         self.found = eutree.evaluate(own, self.env, episodes=100, seed=10**6)
 

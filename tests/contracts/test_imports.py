@@ -1,5 +1,7 @@
 """What `import eutree` costs: none of the heavy packages, little more time than Gymnasium."""
 
+import ast
+import importlib.util
 import os
 import statistics
 import subprocess
@@ -57,3 +59,29 @@ def test_import_takes_little_longer_than_gymnasium() -> None:
 
     ratios = [cpu_seconds("eutree") / cpu_seconds("gymnasium") for _ in range(5)]
     assert statistics.median(ratios) < 1.5
+
+
+def test_what_benchmarks_pages_and_examples_import_is_there() -> None:
+    """Nothing else imports them before the day when a figure is renewed."""
+    folders = [ROOT / name for name in ("benchmarks", "docs", "examples")]
+    missing = set()
+    for path in sorted(path for folder in folders for path in folder.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            module = node.module or "" if isinstance(node, ast.ImportFrom) else ""
+            if module.startswith("eutree.") and not exists(module):
+                missing.add((path.name, module))
+    assert missing == set()
+
+
+def exists(module: str) -> bool:
+    """Return whether a module can be imported; a parent that is none has no children."""
+    try:
+        return importlib.util.find_spec(module) is not None
+    except ModuleNotFoundError:
+        return False
+
+
+def test_a_missing_module_is_seen() -> None:
+    assert exists("eutree.training.learn")
+    assert not exists("eutree.training.callbacks")
+    assert not exists("eutree.nowhere.at_all")
