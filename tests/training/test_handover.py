@@ -1,5 +1,7 @@
 """Which tree a run hands over: never one that is worse than what it began with."""
 
+from dataclasses import replace
+
 import gymnasium
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from eutree.errors import InvalidArgumentError
 from eutree.evaluation import Evaluation
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
+from eutree.training import many
 from eutree.training.handover import (
     EARNS_MORE,
     FAILS_MORE,
@@ -21,6 +24,7 @@ from eutree.training.handover import (
     judge,
 )
 from eutree.training.judging import Judgement, judged
+from eutree.training.result import LearningResult
 from eutree.trees import DecisionTree
 
 
@@ -151,6 +155,7 @@ def test_an_older_judgement_is_read():
     assert Judgement.from_facts(old).verdict() == ""
 
 
+JUDGED = Judgement.same(challengers=0)
 OPTIONS = {"episodes": 20, "evaluate_every": 20, "evaluation_episodes": 5, "seed": 3}
 
 
@@ -227,3 +232,26 @@ def test_the_winner_of_many_runs_has_to_deserve_it_too(shown, tmp_path):
     else:
         assert runs.judgement.episodes == 40
         assert runs.judged.n_leaves == runs.policy.n_leaves
+
+
+@pytest.mark.parametrize(("keeps", "wanted"), [(True, "start"), (False, "learned")])
+def test_the_winner_of_many_runs_keeps_success_where_it_is_asked_to(
+    shown, tmp_path, monkeypatch, keeps, wanted
+):
+    """Half a point is less than a point; once the winner was judged without being told."""
+    options = {k: v for k, v in OPTIONS.items() if k != "episodes"}
+    spec = {"demonstrations": shown, "episodes": 1, "keep_success": keeps, "n_jobs": 1}
+    asked = []
+
+    def judge_(handover, *_, **__):
+        asked.append(handover.success_margin)
+        return replace(JUDGED, handed_over=wanted)
+
+    monkeypatch.setattr(many, "judge", judge_)
+    monkeypatch.setattr(LearningResult, "is_start", False)
+    found = eutree.learn_runs(
+        "eutree/Evasion2-v0", runs=1, out=tmp_path / "runs", selection_episodes=2,
+        judging_episodes=4, method="planning", **spec, **options,
+    )  # fmt: skip
+    assert asked == [0.0 if keeps else 0.01]
+    assert found.judgement.handed_over == wanted

@@ -10,10 +10,8 @@ episodes alone, which chose nothing before.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from eutree.arrays import Floats
-from eutree.contests import Better, NotWorse, Verdict, hold, new_table
+from eutree.contests import Better, Heat, NotWorse, Verdict, hold, missing, new_table
 from eutree.contests.table import seen_range
 from eutree.evaluation import Evaluation
 from eutree.learners import Method
@@ -115,12 +113,11 @@ class Duel:
 
     def extend(self, pairs: int) -> None:
         """Play on until both trees have played so many starts."""
-        for tree in (0, 1):
-            starts = np.flatnonzero(np.isnan(self.table[tree, :pairs])).tolist()
-            if starts and (returns := self.run(tree, starts)) is not None:
-                self.table[tree, starts] = returns
-            elif starts:
+        for tree, starts in missing(self.table, Heat((0, 1), range(pairs))):
+            returns = self.run(tree, starts)
+            if returns is None:
                 return
+            self.table[tree, starts] = returns
 
     def evaluations(self) -> tuple[Evaluation, Evaluation]:
         """Return what both did, in the starts that both have played."""

@@ -25,7 +25,7 @@ from eutree.interaction.seeding import Stream
 from eutree.parallel import Workers
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
-from eutree.training.handover import Duel, Handover, judge
+from eutree.training.handover import Duel, Handover, handover_for, judge
 from eutree.training.judging import START, Judgement
 from eutree.training.learn import learn
 from eutree.training.result import LearningResult
@@ -171,9 +171,14 @@ def learn_runs(
             )
 
         judged, judgement = evaluated(result.policy), None
-        if result.against_start is not None and result.against_start.why and not result.is_start:
+        handover = handover_for(
+            result.method,
+            options.get("judge_episodes"),
+            options.get("max_leaves"),
+            keep_success=options.get("keep_success", False),
+        )
+        if handover is not None and result.against_start is not None and not result.is_start:
             start = evaluated(result.first)
-            handover = Handover(max_leaves=options.get("max_leaves"))
             judgement = _against_start(handover, result, start, judged, return_range(env))
             judged = start if judgement.handed_over == START else judged
     finally:
