@@ -9,7 +9,7 @@ from eutree.policies import TreePolicy
 from eutree.proof import Certificate, Pieces
 from eutree.proof.certificate import NEVER
 from eutree.report.head import head
-from eutree.report.html import page
+from eutree.report.html import asset, page
 
 _WIDTH, _HEIGHT = 640.0, 200.0
 _COLUMNS, _CELLS = 320, 64  # of starts along one number, and along each of two
@@ -27,11 +27,14 @@ def proof_page(certificate: Certificate, *, title: str, policy: TreePolicy) -> s
     """
     facts = [f"{certificate.verdict}, {certificate.kind}"]
     facts += [f"{name.replace('_', ' ')}: {value:,.0f}" for name, value in certificate.work.items()]
-    parts = [head(title, [certificate.sentence], facts), "<main>", _table(certificate)]
+    top = head(title, [certificate.sentence], facts)
+    parts = ["<main>", top, f"<section>{_table(certificate)}</section>"]
     if certificate.pieces is not None and certificate.pieces.low.size:
-        parts.append(picture(certificate.pieces))
-    parts += [f"<h2>The policy</h2><pre>{escape(str(policy))}</pre>", "</main>"]
-    return page(title=f"Certificate: {title}", body="\n".join(parts), style="")
+        parts.append(f"<section>{picture(certificate.pieces)}</section>")
+    rules = f"<h2>The policy</h2><pre>{escape(str(policy))}</pre>"
+    parts += [f"<section>{rules}</section>", "</main>"]
+    style = asset("chart.css") + asset("run.css")
+    return page(title=f"Certificate: {title}", body="\n".join(parts), style=style)
 
 
 def picture(pieces: Pieces) -> str:
