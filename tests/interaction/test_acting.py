@@ -157,6 +157,13 @@ def test_what_is_no_action_is_refused(answer: Any) -> None:
         Actor(Wrong(), env).act(env.reset(0))
 
 
+class OfTwo:
+    def __init__(self, one, two): ...
+
+    def predict(self, observation):
+        return 0
+
+
 class Bare:
     """A controller whose `predict` takes the observation alone, and returns the action alone."""
 
@@ -221,7 +228,7 @@ def test_a_batch_is_not_for_a_function_of_one_observation() -> None:
         (lambda env: eutree.learn(Bare()), "env must be a gymnasium.Env, an id"),
         (lambda env: eutree.learn_runs(env, runs=1, out=Path("none")), "environment must be an id"),
         (lambda env: eutree.fit(env, Bare()), "demonstrations must be eutree.Demonstrations"),
-        (lambda env: eutree.play(Bare, env), r"made already: Bare\(env\) raised TypeError"),
+        (lambda env: eutree.play(OfTwo, env), "of an environment or of nothing: OfTwo raised"),
         (lambda env: eutree.evaluate(env, env), "controller must have a method predict"),
         (lambda env: eutree.evaluate(3, env), "controller must have a method predict"),
         (lambda env: eutree.evaluate("gate", env), "controller must have a method predict"),

@@ -68,9 +68,8 @@ def _controller(
         page = AskInBrowser(env, keys=keys, port=port, stop=stop, on_request=announce)
         output.say(f"open {page.server.url}")
         return page
-    from eutree.envs import experts
+    from eutree.cli._controllers import controller
+    from eutree.interaction.acting import as_policy
     from eutree.interaction.requests import controller_of
-    from eutree.validation import check_choice
 
-    known = experts.experts_for(spec.id)
-    return controller_of(known[check_choice("--ask", ask, (PERSON, *known))](env))
+    return controller_of(as_policy(controller(ask, "--ask", spec), env))

@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 
 import click
 
+from eutree.cli._controllers import is_own
 from eutree.cli._paths import Written
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.files import Document, read_document, write_document
@@ -20,6 +21,7 @@ KEPT = "command.json"
 # Asked for each time: none changes what a run learns.
 _EACH_TIME = {"out", "resume", "as_json", "list_settings", "checkpoint_seconds", "n_jobs", "port"}
 _USERS_OWN = {"import", "backend", "address", "tensorboard"}
+_NAMED = {"teacher", "ask", "against"}  # a file, a scripted expert, or MODULE:NAME
 
 _ENV_ARG = "env_arguments"
 # In click's context: what is given on the line, and which of the environment's arguments is not.
@@ -91,9 +93,10 @@ def _of_the_user(given: Arguments) -> Arguments:
 
 
 def _is_users_own(name: str, texts: list[str]) -> bool:
-    """Return whether no file may choose an argument: MODULE:ID and MODULE:CLASS import a module."""
+    """Return whether no file may choose an argument: MODULE:NAME imports a module."""
+    named = name in _NAMED and any(is_own(text) for text in texts)
     imports = name in ("environment", "method") and any(":" in text for text in texts)
-    return imports or name in _USERS_OWN
+    return imports or named or name in _USERS_OWN
 
 
 def _given(command: click.Command, context: click.Context, args: list[str]) -> Arguments:
@@ -169,5 +172,6 @@ def _parameters(command: click.Command) -> dict[str, click.Parameter]:
 def _absolute(parameter: click.Parameter, text: str) -> str:
     """Return a path as it is known from everywhere, and any other text as it is."""
     is_path = isinstance(parameter.type, click.Path) and not isinstance(parameter.type, Written)
-    is_file = parameter.name == "teacher" and os.path.exists(text)
-    return os.path.abspath(text) if is_path or is_file else text
+    if parameter.name in _NAMED:
+        is_path = os.path.exists(text)
+    return os.path.abspath(text) if is_path else text

@@ -10,6 +10,7 @@ from eutree.wording import counted
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from eutree.cli._controllers import Rivalry
     from eutree.schema import EnvironmentSpec
     from eutree.training import LearningResult, Run
     from eutree.training.many import FinishedRun, LearningRuns
@@ -80,7 +81,9 @@ def present(run: "Run") -> str:
     return f"{leaves}; at episode {point.episode}: {point.describe()}"
 
 
-def as_values(result: "LearningResult", out: Path) -> dict[str, Any]:
+def as_values(
+    result: "LearningResult", out: Path, rivalry: "Rivalry | None" = None
+) -> dict[str, Any]:
     """Return a result for ``--json``."""
     steps, judgement = result.environment_steps, result.against_start
     return {
@@ -104,6 +107,7 @@ def as_values(result: "LearningResult", out: Path) -> dict[str, Any]:
         "why": "" if judgement is None else judgement.why,
         "against_start": None if judgement is None else judgement.facts(),
         "against_fit": None if result.against_fit is None else result.against_fit.facts(),
+        "against": None if rivalry is None else rivalry.facts(),
         "model_trust": None if result.model_trust is None else result.model_trust.figures(),
         "path": str(out / "policy.json"),
         "curve": [
@@ -118,12 +122,15 @@ def as_values(result: "LearningResult", out: Path) -> dict[str, Any]:
     }
 
 
-def in_words(result: "LearningResult", out: Path, *, recorded: int | None) -> str:
+def in_words(
+    result: "LearningResult", out: Path, rivalry: "Rivalry | None", *, recorded: int | None
+) -> str:
     """Return a result in a sentence: what it cost, what it is, what was gained.
 
     Args:
         result: The result.
         out: Where it was written.
+        rivalry: What it did against another on fresh episodes, if one was named.
         recorded: Recorded episodes that all was learned from; None if it gathered its own.
     """
     last = result.curve[-1].describe() if result.curve else counted(result.policy.n_leaves, "leaf")
@@ -145,7 +152,8 @@ def in_words(result: "LearningResult", out: Path, *, recorded: int | None) -> st
         )
     judgement = result.against_start
     verdict = "" if judgement is None else judgement.verdict()
-    return f"{words}; written to {out}" + (f"\n{verdict}" if verdict else "")
+    rest = [verdict, "" if rivalry is None else rivalry.all_lines()]
+    return "\n".join([f"{words}; written to {out}", *filter(None, rest)])
 
 
 def _against_start(result: "LearningResult") -> str:
@@ -176,13 +184,15 @@ def run_many(
         return learn_runs(spec, runs=runs, n_jobs=n_jobs, out=out, on_run=show, **options)
 
 
-def many_results(learned: "LearningRuns", out: Path) -> "tuple[dict[str, Any], Table]":
+def many_results(
+    learned: "LearningRuns", out: Path, rivalry: "Rivalry | None"
+) -> "tuple[dict[str, Any], Table]":
     """Return several runs for ``--json``, and as a table."""
     from rich.table import Table
 
     result, judged = learned.result, learned.judged
     judgement = learned.judgement or result.against_start
-    values = as_values(result, out) | {
+    values = as_values(result, out, rivalry) | {
         "n_leaves": learned.policy.n_leaves,
         "handed_over": "learned" if judgement is None else judgement.handed_over,
         "why": "" if judgement is None else judgement.why,
@@ -214,7 +224,8 @@ def many_results(learned: "LearningRuns", out: Path) -> "tuple[dict[str, Any], T
         caption=f"The best of {counted(len(learned.runs), 'run')} on "
         f"{counted(best.selection.episodes, 'episode')} of their own is that of seed {best.seed}"
         f"{_against_start(result)}. On {judged}. Written to {out / 'policy.json'}."
-        + ("" if judgement is None else f"\n{judgement.verdict()}"),
+        + ("" if judgement is None else f"\n{judgement.verdict()}")
+        + ("" if rivalry is None else f"\n{rivalry.all_lines()}"),
         caption_justify="left",
     )  # fmt: skip
     for number, run in enumerate(learned.runs):

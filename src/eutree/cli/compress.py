@@ -8,6 +8,7 @@ import click
 import numpy as np
 
 from eutree.cli._cluster import cluster, workers_options
+from eutree.cli._controllers import Rival, against_option
 from eutree.cli._options import (
     count_option,
     env_arg_option,
@@ -19,6 +20,7 @@ from eutree.cli._options import (
 )
 from eutree.cli._output import Output
 from eutree.errors import EutreeError, InvalidArgumentError, shown
+from eutree.schema import EnvironmentSpec
 from eutree.wording import counted
 
 if TYPE_CHECKING:
@@ -68,6 +70,7 @@ if TYPE_CHECKING:
               help="Write thresholds with the fewest digits that keep the decisions; or, with a "
               "step, as its multiples: 0.1 for all features, room=0.1 for one. May be "
               "repeated.")  # fmt: skip
+@against_option
 @path_option("--front", text="Folder to write the best tree of each size to.")
 @workers_options("the episodes of evaluations, where they take more than a few seconds")
 @env_arg_option
@@ -84,6 +87,7 @@ def compress(
     return_range: tuple[float, float] | None,
     confidence: float,
     episodes: int,
+    against: str | None,
     n_jobs: int | None,
     round_thresholds: tuple[str, ...],
     backend: str,
@@ -101,13 +105,12 @@ def compress(
     rounding = _rounding(round_thresholds)
     policy = _policy(source)
     plays = options["mode"] == "auto" and options["max_disagreement"] is None and not imagined
+    rival = None
+    if against is not None:
+        rival = Rival(against, _where(source, policy, env_arguments))
     real, unplayed = None, ""
     if return_margin is not None or evaluates or env_arguments:
-        if policy.environment is None:
-            raise InvalidArgumentError(
-                f"{source} must name an environment for --evaluate, --return-margin and --env-arg"
-            )
-        spec = override(policy.environment, env_arguments)
+        spec = _where(source, policy, env_arguments)
         real = RealEpisodes(
             spec, return_margin, confidence, episodes, return_range, n_jobs, searches=plays
         )
@@ -127,6 +130,9 @@ def compress(
             round_thresholds=rounding,
             **options,
         )
+        rivalry = None
+        if rival is not None:
+            rivalry = rival.meets(small, episodes=episodes, seed=options["seed"], n_jobs=n_jobs)
     small.save(out)
     paths = _front_written(report, front)
     change = report.return_change
@@ -149,11 +155,22 @@ def compress(
             "rounding": None if report.rounding is None else vars(report.rounding),
             "by": report.by,
             "front": [one.facts(path) for one, path in zip(report.front, paths, strict=True)],
+            "against": None if rivalry is None else rivalry.facts(),
             "path": str(out),
         },
         f"{small}\n{_drawn(report)}{_in_words(report, len(observations))}{unplayed}; "
-        f"written to {out}",
+        f"written to {out}" + ("" if rivalry is None else f"\n{rivalry.all_lines()}"),
     )
+
+
+def _where(source: Path, policy: "TreePolicy", arguments: dict[str, Any]) -> EnvironmentSpec:
+    """Return the environment of a policy, some of its arguments replaced."""
+    if policy.environment is None:
+        raise InvalidArgumentError(
+            f"{source} must name an environment for --evaluate, --return-margin, --against and "
+            "--env-arg"
+        )
+    return override(policy.environment, arguments)
 
 
 def _policy(source: Path) -> "TreePolicy":

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from eutree.cli._cluster import cluster, workers_options
+from eutree.cli._controllers import OWN, controller
 from eutree.cli._options import (
     count_option,
     env_arg_option,
@@ -30,7 +31,9 @@ EXAMPLE = "eutree distill eutree/Evasion2-v0 --expert gate --max-leaves 8 --out 
 @click.command(epilog=f"Example: {EXAMPLE}")
 @click.argument("environment")
 @output_option("--out", text="File to write.", required=True)
-@click.option("--expert", help="The teacher: a scripted expert, for example gate.")
+@click.option(
+    "--expert", help=f"The teacher: a scripted expert, for example gate, or your own, {OWN}."
+)
 @path_option("--policy", text="The teacher: a policy file.")
 @path_option("--demos", text="What the teacher showed already, in place of its first episodes.")
 @click.option("--method", default="dagger", show_default=True, help="dagger, viper or cloning.")
@@ -105,12 +108,9 @@ def distill(
 def _teacher(spec: EnvironmentSpec, expert: str | None, policy: Path | None) -> "Controller":
     """Return the scripted expert or the policy that was named."""
     from eutree.cli.evaluate import check_fits
-    from eutree.envs.experts import experts_for
-    from eutree.validation import check_choice
 
     if expert is not None and policy is None:
-        known = experts_for(spec.id)
-        return known[check_choice("--expert", expert, known)]
+        return controller(expert, "--expert", spec)
     if policy is None or expert is not None:
         raise InvalidArgumentError("choose one of --expert and --policy: who is the teacher?")
     loaded = load_policy(policy)

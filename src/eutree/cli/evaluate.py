@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from eutree.cli._cluster import cluster, workers_options
+from eutree.cli._controllers import Rival, against_option
 from eutree.cli._options import count_option, env_arg_option, json_option, override, seed_option
 from eutree.cli._output import Output
 from eutree.cli._policies import load_policy
@@ -31,6 +32,7 @@ def check_fits(policy: "TreePolicy", path: Path, spec: EnvironmentSpec) -> None:
 @click.argument("policy", type=click.Path(path_type=Path))
 @click.argument("environment", required=False)
 @count_option("--episodes", 100, "How many episodes.")
+@against_option
 @workers_options("the episodes, where they take more than a few seconds")
 @env_arg_option
 @seed_option
@@ -39,6 +41,7 @@ def evaluate(
     policy: Path,
     environment: str | None,
     episodes: int,
+    against: str | None,
     n_jobs: int,
     backend: str,
     address: str | None,
@@ -63,8 +66,10 @@ def evaluate(
             f"{policy} names no environment; name one: eutree evaluate {policy} ENVIRONMENT"
         )
     check_fits(loaded, policy, spec)
+    rival = None if against is None else Rival(against, spec)
     with cluster(backend, address):
         result = evaluate_policy(loaded, spec, episodes=episodes, seed=seed, n_jobs=n_jobs)
+        rivalry = None if rival is None else rival.follows(result, seed=seed, n_jobs=n_jobs)
     low, high = result.return_interval
     output.result(
         {
@@ -76,6 +81,7 @@ def evaluate(
             "n_leaves": loaded.n_leaves,
             "mean_length": result.mean_length,
             "environment": str(spec),
+            "against": None if rivalry is None else rivalry.facts(),
         },
-        f"{spec}, {result}",
+        f"{spec}, {result}" + ("" if rivalry is None else f"\n{rivalry.lines()}"),
     )

@@ -11,6 +11,7 @@ import click
 
 from eutree.cli._asking import asked, render_mode
 from eutree.cli._cluster import cluster, workers_options
+from eutree.cli._controllers import OWN, Rival, against_option, controller
 from eutree.cli._going_on import GoesOn, chosen_by_file, keep, line_to_go_on
 from eutree.cli._learning import Following, as_values, in_words, many_results, run_many
 from eutree.cli._options import (
@@ -28,7 +29,9 @@ from eutree.errors import EnvironmentFault, InvalidArgumentError
 from eutree.schema import EnvironmentSpec
 
 if TYPE_CHECKING:
+    from eutree.cli._controllers import Rivalry
     from eutree.data import Demonstrations
+    from eutree.policies import TreePolicy
     from eutree.report import PartitionCallback
     from eutree.training import Run, Teacher
     from eutree.training.signals import StopRequest
@@ -41,8 +44,8 @@ if TYPE_CHECKING:
 @path_option("--demos", text="Demonstrations to start from.")
 @path_option("--expert", text="Policy file to start from, instead of the expert tree of --demos.")
 @click.option("--teacher", type=click.Path(), metavar="NAME",
-              help="Who teaches instead of a network: a policy file, or a scripted "
-              "expert; for distilled-dqn.")  # fmt: skip
+              help="Who teaches instead of a network: a policy file, a scripted "
+              f"expert, or your own, {OWN}; for distilled-dqn.")  # fmt: skip
 @count_option("--teacher-steps", None, "Steps in which --teacher was trained.", least=0)
 @output_option("--out", text="Run folder to write.")
 @click.option("--method", help="How to learn: planning, distilled-dqn, u-tree, ...; a preset; one "
@@ -97,6 +100,7 @@ if TYPE_CHECKING:
 @click.option("--partition", metavar="X,Y", help="Draw the partition over two features while it "
               "grows; for show --run-html.")  # fmt: skip
 @click.option("--strict", is_flag=True, help="Refuse observations outside the space's bounds.")
+@against_option
 @count_option("--runs", 1, "Runs, with seeds from --seed on; the best is chosen and judged.")
 @workers_options("--runs")
 @env_arg_option
@@ -128,6 +132,7 @@ def learn(
     offline: bool,
     runs: int,
     n_jobs: int,
+    against: str | None,
     partition: str | None,
     backend: str,
     address: str | None,
@@ -160,9 +165,12 @@ def learn(
     demonstrations = None if demos is None else Demonstrations.load(demos)
     if offline and demonstrations is None:
         raise InvalidArgumentError("--offline learns from demonstrations alone; name them: --demos")
+    if offline and against is not None:
+        raise InvalidArgumentError("--against needs an environment to act in; leave out --offline")
     if offline and ask is not None:
         raise InvalidArgumentError("--ask needs an environment to act in; leave out --offline")
     spec = None if offline else _spec(environment, demonstrations, env_arguments)
+    rival = None if spec is None or against is None else Rival(against, spec)
     options |= {
         "demonstrations": demonstrations,
         "expert": None if expert is None else TreePolicy.load(expert),
@@ -184,19 +192,20 @@ def learn(
             _saying_how_to_go_on(output, stop, out),
         ):
             learned = run_many(spec, runs, n_jobs, out, output, options)
-        output.result(*many_results(learned, out))
+        rivalry = _rivalry(rival, learned.policy, options["seed"], n_jobs)
+        output.result(*many_results(learned, out, rivalry))
         return
     env = None if spec is None else make(spec, render_mode=render_mode(ask))
     with (
         stop_on_signals() as stop,
         _saying_how_to_go_on(output, stop, out),
-        asked(ask, spec, env, output, stop=stop, keys=keys, port=port) as controller,
+        asked(ask, spec, env, output, stop=stop, keys=keys, port=port) as teacher_asked,
         output.progress("learning", 1) as progress,
     ):
         result = learn_policy(
             env,
             out=out,
-            ask=controller,
+            ask=teacher_asked,
             asking=Asking(max_requests=ask_requests, max_steps=ask_steps, alone=ask_after),
             stop=stop,
             on_progress=_following(Following(progress, output), out),
@@ -206,16 +215,27 @@ def learn(
         if stop():
             raise KeyboardInterrupt
     recorded = len(demonstrations) if offline and demonstrations is not None else None
-    output.result(as_values(result, out), in_words(result, out, recorded=recorded))
+    rivalry = _rivalry(rival, result.policy, options["seed"], n_jobs)
+    output.result(
+        as_values(result, out, rivalry), in_words(result, out, rivalry, recorded=recorded)
+    )
+
+
+def _rivalry(rival: Rival | None, policy: "TreePolicy", seed: int, n_jobs: int) -> "Rivalry | None":
+    """Return what the result and its rival do on fresh episodes."""
+    from eutree.interaction import episode_seed
+    from eutree.interaction.seeding import Stream
+
+    if rival is None:
+        return None
+    fresh = episode_seed(seed, 0, Stream.AGAINST)
+    return rival.meets(policy, episodes=100, seed=fresh, n_jobs=n_jobs)
 
 
 def _teacher(name: str | None, steps: int | None, spec: EnvironmentSpec | None) -> "Teacher | None":
     """Return the policy file or the scripted expert that was named as teacher."""
-    from eutree.cli._policies import load_policy
-    from eutree.cli.evaluate import check_fits
-    from eutree.envs.experts import experts_for
+    from eutree.interaction.acting import trained_steps
     from eutree.training import Teacher
-    from eutree.validation import check_choice
 
     if name is None:
         if steps is not None:
@@ -223,17 +243,14 @@ def _teacher(name: str | None, steps: int | None, spec: EnvironmentSpec | None) 
         return None
     if spec is None:
         raise InvalidArgumentError("--teacher needs an environment to act in; leave out --offline")
-    file = Path(name)
-    if not file.exists():
-        known = experts_for(spec.id)
-        return Teacher(known[check_choice("--teacher", name, known)], steps or 0)
-    if steps is None:
+    teaches = controller(name, "--teacher", spec)
+    if steps is None and Path(name).exists():
         raise InvalidArgumentError(
             "--teacher-steps must say in how many steps the teacher was trained"
         )
-    loaded = load_policy(file)
-    check_fits(loaded, file, spec)
-    return Teacher(loaded, steps)
+    if steps is None and trained_steps(teaches) is None:
+        steps = 0  # written down, not trained
+    return Teacher(teaches, steps)
 
 
 @contextmanager

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from eutree.cli._controllers import OWN, controller
 from eutree.cli._options import (
     count_option,
     env_arg_option,
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
               help="Port of the page; 0 for any. Default: 8765 or the next.")  # fmt: skip
 @click.option("--host", default="127.0.0.1", show_default=True,
               help="Address of the page; others than this let other machines in.")  # fmt: skip
-@click.option("--expert", help="A scripted expert, for example gate or look-ahead.")
+@click.option("--expert", help=f"A scripted expert, for example gate, or one of your own: {OWN}.")
 @click.option("--careless", type=click.FloatRange(0, 1), default=0.0, show_default=True,
               help="Share of random actions of the scripted expert.")  # fmt: skip
 @env_arg_option
@@ -78,15 +79,17 @@ def _record_expert(
     from eutree.envs import experts
     from eutree.files import check_new_folder
     from eutree.interaction import record as record_episodes
+    from eutree.interaction.acting import FullPolicy, as_policy
     from eutree.interaction.making import make
-    from eutree.validation import check_choice
 
     check_new_folder(out)
     env = make(spec)
-    known = experts.experts_for(spec.id)
-    controller = known[check_choice("--expert", expert, known)]
+    shows = controller(expert, "--expert", spec)
     if careless:
-        controller = experts.careless(controller, careless, seed=seed)
+        careful = shows
+        shows = experts.careless(
+            lambda env: FullPolicy(as_policy(careful, env)), careless, seed=seed
+        )
     finished = 0
     try:
         with output.progress("recording", episodes) as progress:
@@ -97,7 +100,7 @@ def _record_expert(
                 progress.update(finished, episode.ending)
 
             demos = record_episodes(
-                env, controller, episodes=episodes, seed=seed, out=out, on_episode=show
+                env, shows, episodes=episodes, seed=seed, out=out, on_episode=show
             )
     except (KeyboardInterrupt, EutreeError):
         if finished:

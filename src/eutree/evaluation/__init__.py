@@ -1,5 +1,6 @@
 """How good a policy is: frozen evaluations, learning curves, intervals, comparisons."""
 
+from eutree.evaluation.against import Against, against
 from eutree.evaluation.bootstrap import (
     bootstrap,
     bootstrap_rows,
@@ -31,6 +32,7 @@ from eutree.evaluation.survival import (
 )
 
 __all__ = [
+    "Against",
     "CurvePoint",
     "Durations",
     "Estimate",
@@ -38,6 +40,7 @@ __all__ = [
     "Interval",
     "PairedComparison",
     "SurvivalCurve",
+    "against",
     "bootstrap",
     "bootstrap_rows",
     "compare_paired",

@@ -35,11 +35,10 @@ class Actor:
     """
 
     def __init__(self, policy: Policy, env: GuardedEnv, *, deterministic: bool = True) -> None:
-        self._policy = policy
+        self._policy = FullPolicy(policy)
         self._deterministic = deterministic
         self._own = not getattr(policy, "reads_features", False)
         self._env = env
-        self._keywords = _taken(policy.predict)
         self.start()
 
     def start(self) -> None:
@@ -59,19 +58,37 @@ class Actor:
             InvalidArgumentError: The policy's answer means no action.
         """
         seen = self._env.own_observation(observation) if self._own else observation
-        known = (self._state, np.array(self._first), self._deterministic)
-        chosen: Any = self._policy.predict(
-            seen,
-            **{
-                key: value
-                for key, value in zip(_KEYWORDS, known, strict=True)
-                if key in self._keywords
-            },
+        chosen, self._state = self._policy.predict(
+            seen, self._state, np.array(self._first), self._deterministic
         )
-        if isinstance(chosen, tuple) and len(chosen) == 2:
-            chosen, self._state = chosen
         self._first = False
         return self._env.number_of(chosen, "the answer of policy.predict", own=self._own)
+
+
+class FullPolicy:
+    """A policy that takes all arguments of SB3's ``predict``, and answers with a pair as that does.
+
+    Args:
+        policy: Any policy; its ``predict`` may take fewer, and return the action alone.
+    """
+
+    def __init__(self, policy: Policy) -> None:
+        self.reads_features = bool(getattr(policy, "reads_features", False))
+        self._policy = policy
+        self._keywords = _taken(policy.predict)
+
+    def predict(
+        self,
+        observation: Any,
+        state: Any = None,
+        episode_start: Any = None,
+        deterministic: bool = True,
+    ) -> tuple[Any, Any]:
+        """Return the action, and what the policy carries to the next step."""
+        known = zip(_KEYWORDS, (state, episode_start, deterministic), strict=True)
+        taken = {key: value for key, value in known if key in self._keywords}
+        chosen: Any = self._policy.predict(observation, **taken)
+        return chosen if isinstance(chosen, tuple) and len(chosen) == 2 else (chosen, state)
 
 
 class FunctionPolicy:
@@ -120,14 +137,15 @@ def as_policy(controller: Controller, env: gymnasium.Env[Any, Any]) -> Policy:
             f"an environment, or one from an observation to an action, got {shown(controller)}"
         )
     try:
-        policy = controller(env)
+        made_of_nothing = isinstance(controller, type) and not _wants_something(controller)
+        policy = controller() if made_of_nothing else controller(env)
     except EutreeError:
         raise
     except Exception as error:  # a function of an observation may do anything with an environment
         if isinstance(controller, type):
             raise InvalidArgumentError(
-                f"a controller that is a class must be made of an environment, or be made already: "
-                f"{controller.__name__}(env) raised {type(error).__name__}: {error}"
+                "a controller that is a class must be made of an environment or of nothing: "
+                f"{controller.__name__} raised {type(error).__name__}: {error}"
             ) from error
         return cast(Policy, FunctionPolicy(controller, f"{type(error).__name__}: {error}"))
     if hasattr(policy, "predict"):
@@ -148,6 +166,17 @@ def _is_answer(value: Any) -> bool:
     if isinstance(value, tuple) and value[1:] == (None,):
         value = value[0]
     return isinstance(value, int | float | np.generic | np.ndarray | list | tuple)
+
+
+def _wants_something(kind: type) -> bool:
+    """Return whether a class is made of an argument, as far as its signature says."""
+    try:
+        parameters = inspect.signature(kind).parameters.values()
+    except (TypeError, ValueError):
+        return True
+    by_place = {inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD,
+                inspect.Parameter.VAR_POSITIONAL}  # fmt: skip
+    return any(one.kind in by_place for one in parameters)
 
 
 def _taken(predict: Callable[..., Any]) -> frozenset[str]:

@@ -37,6 +37,7 @@ class Stream(IntEnum):
     FITTING = 41  # candidates of a fit that are played
     SELECTION = 42  # the best of many runs is chosen
     WINNER = 43  # and judged
+    AGAINST = 44  # a result against another policy
 
 
 def episode_seed(seed: int, episode: int, stream: int = Stream.EPISODES) -> int:
