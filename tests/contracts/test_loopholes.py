@@ -37,6 +37,7 @@ def modules() -> Sources:
 BY_NAME = {
     "eutree": {"module", "'eutree.report.notebook'"},
     "eutree.cli.main": {"f'eutree.cli.{module}'"},
+    "eutree.cli._controllers": {"module"},
     "eutree.cli._options": {"name"},
     "eutree.data.minari_files": {
         "'gymnasium'",

@@ -137,8 +137,8 @@ def as_policy(controller: Controller, env: gymnasium.Env[Any, Any]) -> Policy:
             f"an environment, or one from an observation to an action, got {shown(controller)}"
         )
     try:
-        made_of_nothing = isinstance(controller, type) and not _wants_something(controller)
-        policy = controller() if made_of_nothing else controller(env)
+        of_nothing = isinstance(controller, type) and not _wants_something(controller)
+        policy = controller(*(() if of_nothing else (env,)))
     except EutreeError:
         raise
     except Exception as error:  # a function of an observation may do anything with an environment
