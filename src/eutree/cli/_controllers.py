@@ -39,7 +39,7 @@ def controller(name: str, option: str, spec: EnvironmentSpec) -> "Controller":
         UnknownNameError: The name means none of these.
         InvalidArgumentError: The module cannot be imported, or the policy is of another task.
     """
-    from eutree.cli.evaluate import check_fits
+    from eutree.cli._policies import check_fits
     from eutree.envs.experts import EXPERTS
 
     known = EXPERTS.get(spec.id.rpartition(":")[2], {})

@@ -9,6 +9,7 @@ from eutree.errors import InvalidArgumentError
 if TYPE_CHECKING:
     from eutree.interaction.names import Names
     from eutree.policies import TreePolicy
+    from eutree.schema import EnvironmentSpec
 
 
 def load_policy(path: Path, *, hand_edited: bool = False) -> "TreePolicy":
@@ -43,3 +44,14 @@ def policy_file(path: Path) -> Path:
             "writes at its end"
         )
     return file
+
+
+def check_fits(policy: "TreePolicy", path: Path, spec: "EnvironmentSpec") -> None:
+    """Raise InvalidArgumentError unless the policy's features are those of the environment."""
+    from eutree.interaction import describe
+    from eutree.interaction.action_grid import acting_as
+    from eutree.interaction.making import make
+
+    schema = describe(acting_as(make(spec), policy))
+    wanted = schema.with_history(policy.history, policy.past_actions)
+    wanted.check_same(policy.schema, str(path), of=str(spec))

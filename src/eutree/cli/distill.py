@@ -107,7 +107,7 @@ def distill(
 
 def _teacher(spec: EnvironmentSpec, expert: str | None, policy: Path | None) -> "Controller":
     """Return the scripted expert or the policy that was named."""
-    from eutree.cli.evaluate import check_fits
+    from eutree.cli._policies import check_fits
 
     if expert is not None and policy is None:
         return controller(expert, "--expert", spec)

@@ -1,7 +1,7 @@
 """``eutree evaluate``: how well a policy does over many episodes."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -9,23 +9,9 @@ from eutree.cli._cluster import cluster, workers_options
 from eutree.cli._controllers import Rival, against_option
 from eutree.cli._options import count_option, env_arg_option, json_option, override, seed_option
 from eutree.cli._output import Output
-from eutree.cli._policies import load_policy
+from eutree.cli._policies import check_fits, load_policy
 from eutree.errors import InvalidArgumentError
 from eutree.schema import EnvironmentSpec
-
-if TYPE_CHECKING:
-    from eutree.policies import TreePolicy
-
-
-def check_fits(policy: "TreePolicy", path: Path, spec: EnvironmentSpec) -> None:
-    """Raise InvalidArgumentError unless the policy's features are those of the environment."""
-    from eutree.interaction import describe
-    from eutree.interaction.action_grid import acting_as
-    from eutree.interaction.making import make
-
-    schema = describe(acting_as(make(spec), policy))
-    wanted = schema.with_history(policy.history, policy.past_actions)
-    wanted.check_same(policy.schema, str(path), of=str(spec))
 
 
 @click.command(epilog="Example: eutree evaluate runs/a/policy.json --episodes 1000")

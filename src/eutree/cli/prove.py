@@ -113,7 +113,7 @@ def _sampled(
     sure: tuple[float, tuple[float, float] | None],
 ) -> "Certificate":
     """Return the statistical certificate of a property."""
-    from eutree.cli.evaluate import check_fits
+    from eutree.cli._policies import check_fits
     from eutree.evaluation import evaluate
     from eutree.proof.properties import parse
     from eutree.proof.sampling import Sampling, certify_sample
