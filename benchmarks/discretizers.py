@@ -22,18 +22,18 @@ import gymnasium
 import numpy as np
 
 import eutree
-from eutree.discretization.cells import GOAL, Cells
-from eutree.discretization.corner_process import KnownWorld, Solved, solved
-from eutree.discretization.displacements import GivenController, LearnedController
-from eutree.discretization.influence import CRITERIA, refined
-from eutree.discretization.kuhn import Grid
-from eutree.discretization.parti_game import GOES_ON, TAKEN_BACK, PartiGame, Rules
 from eutree.envs.experts import EXPERTS
-from eutree.envs.maze import MOVES
 from eutree.learners.choices import with_choices
 from eutree.learners.registry import method
 from eutree.policies import TreePolicy
 from eutree.trees import DecisionTree
+from eutree_lab.parti_game.cells import GOAL, Cells
+from eutree_lab.parti_game.displacements import GivenController, LearnedController
+from eutree_lab.parti_game.game import GOES_ON, TAKEN_BACK, PartiGame, Rules
+from eutree_lab.tasks.maze import MOVES
+from eutree_lab.vrd.corner_process import KnownWorld, Solved, solved
+from eutree_lab.vrd.influence import CRITERIA, refined
+from eutree_lab.vrd.kuhn import Grid
 
 PUBLISHED = {  # Al-Ansari 2001, table 5: trials, cells, steps, final path; means of 40
     "MazeA": (9, 34, 3536, 298),

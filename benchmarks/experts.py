@@ -10,7 +10,7 @@ import gymnasium
 import numpy as np
 
 import eutree  # noqa: F401 - registers the environments
-from eutree.envs.experts import EXPERTS, Expert, careless, late
+from eutree.envs.experts import Expert, all_experts, careless, late
 
 
 def episode(env: Any, policy: Any, seed: int) -> tuple[float, float, int]:
@@ -37,11 +37,11 @@ def measure(name: str, expert: Expert, episodes: int) -> np.ndarray:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--episodes", type=int, default=200)
-    parser.add_argument("--env", choices=[*EXPERTS], help="only this environment")
+    parser.add_argument("--env", choices=[*all_experts()], help="only this environment")
     options = parser.parse_args()
     print("| environment | expert | mean return | standard deviation | success | mean length |")
     print("|---|---|---|---|---|---|")
-    for name, experts in EXPERTS.items():
+    for name, experts in all_experts().items():
         if options.env not in (None, name) or (options.env is None and name.endswith("Evasion-v0")):
             continue
         if "Evasion" in name:

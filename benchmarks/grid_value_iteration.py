@@ -25,9 +25,9 @@ from eutree.envs import _dynamics as dynamics
 from eutree.envs._dynamics import EvasionParameters
 from eutree.envs.vector import EvasionVectorEnv
 from eutree.evaluation import Evaluation
-from eutree.experiments.experiment import FULL
 from eutree.mdp import TabularMDP, TransitionCounts
 from eutree.mdp.model import NO_ACTION, TERMINAL
+from eutree_lab.paper.experiment import FULL
 
 ENVIRONMENT = "eutree/Evasion2-v0"
 CELLS = (30, 22, 22)  # 1 m of the main path and of each opponent's path

@@ -13,9 +13,9 @@ import gymnasium
 
 import eutree
 from eutree.evaluation.intervals import mean_interval
-from eutree.experiments.runs import STARTS
 from eutree.learners import PAPER, UTreeMethod
 from eutree.splitting import KolmogorovSmirnov
+from eutree_lab.paper.runs import STARTS
 
 FIRST_SEED = 1000
 

@@ -13,7 +13,7 @@ _Item = TypeVar("_Item")
 # Each half of the kernels takes about as long to compile, and its tests call none of the other's.
 APART = (
     ("c45", "splitting", "mdp", "trees"),
-    ("world_model", "neural", "cart", "discretization", "policy_search"),
+    ("world_model", "neural", "cart", "methods", "policy_search"),
 )
 
 

@@ -10,8 +10,8 @@ import numpy as np
 import pygame
 
 import eutree  # noqa: F401 - registers
-from eutree.envs.experts import EXPERTS
-from eutree.envs.registration import DOMAINS
+from eutree_lab.tasks.experts import EXPERTS
+from eutree_lab.tasks.registration import TASKS
 
 IMAGE = Path(__file__).parents[1] / "images" / "domains.png"
 COLUMNS = 5
@@ -32,7 +32,7 @@ def trail(name: str) -> np.ndarray:
 
 
 def main() -> None:
-    images = [trail(name)[::2, ::2] for name in DOMAINS]
+    images = [trail(name)[::2, ::2] for name in TASKS]
     images += [np.full_like(images[0], 255)] * (-len(images) % COLUMNS)
     rows = [np.hstack(images[i : i + COLUMNS]) for i in range(0, len(images), COLUMNS)]
     pygame.image.save(pygame.surfarray.make_surface(np.vstack(rows).transpose(1, 0, 2)), IMAGE)

@@ -10,12 +10,12 @@ import argparse
 import shutil
 from pathlib import Path
 
-from eutree.experiments.framework import TASKS, specs
-from eutree.experiments.framework_report import (
+from eutree_lab.framework.report import (
     FrameworkResults,
     expectations_to_markdown,
     report,
 )
+from eutree_lab.framework.runs import TASKS, specs
 
 PAGE = Path(__file__).resolve().parents[1] / "results" / "framework.md"
 HEAD = (

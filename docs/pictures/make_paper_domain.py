@@ -12,10 +12,10 @@ from pathlib import Path
 
 from eutree.evaluation.bootstrap import bootstrap
 from eutree.evaluation.intervals import Estimate
-from eutree.experiments.drawing import LABELS
-from eutree.experiments.experiment import FULL, by_learner
-from eutree.experiments.results import Results
-from eutree.experiments.runs import RunRecord
+from eutree_lab.paper.drawing import LABELS
+from eutree_lab.paper.experiment import FULL, by_learner
+from eutree_lab.paper.results import Results
+from eutree_lab.paper.runs import RunRecord
 
 RESULTS = Path(__file__).resolve().parents[1] / "results"
 GRID = RESULTS / "grid-value-iteration-paper-domain.csv"

@@ -16,12 +16,12 @@ from dataclasses import replace
 from pathlib import Path
 from textwrap import wrap
 
-from eutree.experiments.claims import FAILS, HOLDS, OPEN
-from eutree.experiments.experiment import FULL
-from eutree.experiments.objective import NUMBERS, cost
-from eutree.experiments.registry import EXPERIMENTS
-from eutree.experiments.reproduce import claims_to_markdown, number_text, reproduce
-from eutree.experiments.results import Results
+from eutree_lab.paper.claims import FAILS, HOLDS, OPEN
+from eutree_lab.paper.experiment import FULL
+from eutree_lab.paper.objective import NUMBERS, cost
+from eutree_lab.paper.registry import EXPERIMENTS
+from eutree_lab.paper.reproduce import claims_to_markdown, number_text, reproduce
+from eutree_lab.paper.results import Results
 
 DOCS = Path(__file__).resolve().parents[1]
 VERDICTS = (HOLDS, FAILS, OPEN)

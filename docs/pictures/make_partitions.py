@@ -15,16 +15,17 @@ import numpy as np
 from matplotlib.collections import PolyCollection
 
 import eutree  # noqa: F401 - registers
-from eutree.discretization.cells import GOAL, Cells
-from eutree.discretization.corner_process import KnownWorld, Solved, solved
-from eutree.discretization.displacements import LearnedController
-from eutree.discretization.influence import refined
-from eutree.discretization.kuhn import Grid
-from eutree.discretization.parti_game import GOES_ON, PartiGame, Rules
-from eutree.envs._walls import PLANS
-from eutree.learners.parti_game import cells_seen
-from eutree.learners.partition import Partition, Plane, corners_seen
+from eutree.learners.partition import Partition, Plane
 from eutree.trees import DecisionTree
+from eutree_lab.parti_game.cells import GOAL, Cells
+from eutree_lab.parti_game.displacements import LearnedController
+from eutree_lab.parti_game.game import GOES_ON, PartiGame, Rules
+from eutree_lab.parti_game.method import cells_seen
+from eutree_lab.tasks._walls import PLANS
+from eutree_lab.vrd.corner_process import KnownWorld, Solved, solved
+from eutree_lab.vrd.influence import refined
+from eutree_lab.vrd.kuhn import Grid
+from eutree_lab.vrd.regions import corners_seen
 
 IMAGES = Path(__file__).parents[1] / "images"
 ACTIONS = ("#0b62a8", "#a84300")  # push left, push right

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eutree.experiments import drawing
+from eutree_lab.paper import drawing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -11,12 +11,12 @@ from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
-from eutree.experiments.objective import NUMBERS, nearest
-from eutree.experiments.results import Results
-from eutree.experiments.search import FIRST_SEED, Scored, Search, specs_of
-from eutree.experiments.search_plan import PLAN
-from eutree.experiments.search_table import to_markdown, write_tables
-from eutree.experiments.settings import Demonstrator, Domain, Reading, Setting
+from eutree_lab.paper.objective import NUMBERS, nearest
+from eutree_lab.paper.results import Results
+from eutree_lab.paper.search import FIRST_SEED, Scored, Search, specs_of
+from eutree_lab.paper.search_plan import PLAN
+from eutree_lab.paper.search_table import to_markdown, write_tables
+from eutree_lab.paper.settings import Demonstrator, Domain, Reading, Setting
 
 RESULTS = Path(__file__).resolve().parents[1] / "results"
 

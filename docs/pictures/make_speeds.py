@@ -13,12 +13,12 @@ from pathlib import Path
 
 from eutree.evaluation.bootstrap import bootstrap
 from eutree.evaluation.intervals import Estimate
-from eutree.experiments.claims import HOLDS, judged
-from eutree.experiments.experiment import FULL, by_learner, by_speed
-from eutree.experiments.registry import EXPERIMENTS
-from eutree.experiments.reproduce import claims_to_markdown, reproduce
-from eutree.experiments.results import Results
-from eutree.experiments.runs import RunRecord
+from eutree_lab.paper.claims import HOLDS, judged
+from eutree_lab.paper.experiment import FULL, by_learner, by_speed
+from eutree_lab.paper.registry import EXPERIMENTS
+from eutree_lab.paper.reproduce import claims_to_markdown, reproduce
+from eutree_lab.paper.results import Results
+from eutree_lab.paper.runs import RunRecord
 
 DOCS = Path(__file__).resolve().parents[1]
 SCALE = replace(FULL, domain="Evasion")

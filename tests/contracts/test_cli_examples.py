@@ -12,8 +12,8 @@ from tests.contracts.documents import shortened
 # Run elsewhere, or not by a test: why.
 NOT_HERE = {
     "warm-up": "tests/cli/test_first_command.py runs it; it compiles for minutes",
-    "demo": "tests/experiments runs it; it takes a while",
-    "reproduce": "tests/experiments runs the smoke settings; the figures take hours",
+    "demo": "tests/demo runs it; it takes a while",
+    "reproduce": "tests/lab/paper runs the smoke settings; the figures take hours",
     "demos replay": "opens a window",
     "demos merge": "needs folders that the session does not make",
     "demos rename": "needs a file of names, which a person writes",

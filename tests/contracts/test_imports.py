@@ -68,7 +68,7 @@ def test_what_benchmarks_pages_and_examples_import_is_there() -> None:
     for path in sorted(path for folder in folders for path in folder.rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             module = node.module or "" if isinstance(node, ast.ImportFrom) else ""
-            if module.startswith("eutree.") and not exists(module):
+            if module.startswith(("eutree.", "eutree_lab.")) and not exists(module):
                 missing.add((path.name, module))
     assert missing == set()
 

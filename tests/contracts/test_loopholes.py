@@ -15,7 +15,7 @@ SOURCE = Path(__file__).parents[2] / "src"
 PACKAGES = {
     ".".join(path.parent.relative_to(SOURCE).parts)
     for path in SOURCE.rglob("__init__.py")
-    if path.parent.name != "eutree"
+    if path.parent.parent != SOURCE
 }
 Sources = dict[str, ast.Module]
 
@@ -52,9 +52,9 @@ ASKS_WHAT_IS_LOADED = {"eutree.parallel": {"'joblib' not in sys.modules"}}
 MIDDLES = {
     "eutree.thresholds": "the rule itself",
     "eutree.c45.drawing": "places on paper",
-    "eutree.discretization.cells": "boxes are halved, whatever lies in them",
-    "eutree.discretization.kuhn": "boxes are halved, whatever lies in them",
-    "eutree.envs.puck": "a constant of the task",
+    "eutree_lab.parti_game.cells": "boxes are halved, whatever lies in them",
+    "eutree_lab.vrd.kuhn": "boxes are halved, whatever lies in them",
+    "eutree_lab.tasks.puck": "a constant of the task",
     "eutree.evaluation.bootstrap": "shares of draws",
     "eutree.evaluation.intervals": "bisection",
     "eutree.export._layout": "places on paper",
@@ -92,7 +92,7 @@ def private_of_others(sources: Sources) -> set[tuple[str, str]]:
             words = f"{origin}.{name}".split(".")
             private = [i for i, word in enumerate(words) if re.match(r"_[a-z]", word)]
             if (
-                words[0] == "eutree"
+                words[0] in ("eutree", "eutree_lab")
                 and private
                 and not own.startswith(".".join(words[: private[0]]))
             ):

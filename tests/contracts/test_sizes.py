@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-SOURCE = Path(__file__).parents[2] / "src" / "eutree"
+SOURCE = Path(__file__).parents[2] / "src"
 MOST_METHODS, MOST_PARAMETERS = 20, 10
 MOST_KERNEL_PARAMETERS = 8  # what is more is state, and goes into a named tuple
 COMPILING = {"compiled", "compiled_later", "compiled_uncounted", "inlined"}
@@ -20,11 +20,11 @@ LEAST_COMMENTS = 60  # per 1,000 lines of all kernels together
 
 # scikit-learn's conventions ask for these methods, or for one argument of ``__init__`` a setting.
 LARGE_CLASSES = {
-    "c45/estimator.py C45Classifier": "scikit-learn",
+    "eutree/c45/estimator.py C45Classifier": "scikit-learn",
 }
 LONG_SIGNATURES = {
-    "c45/estimator.py C45Classifier.__init__": "scikit-learn",
-    "training/learn.py learn": "the main job in one call",
+    "eutree/c45/estimator.py C45Classifier.__init__": "scikit-learn",
+    "eutree/training/learn.py learn": "the main job in one call",
 }
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef

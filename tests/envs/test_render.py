@@ -11,6 +11,7 @@ from eutree.envs import _render as render
 from eutree.envs._dynamics import EvasionParameters, EvasionState
 from eutree.envs._text import text_picture
 from eutree.envs.evasion import EvasionEnv
+from eutree.envs.painting import PAPER
 from eutree.errors import MissingExtraError
 
 pytest.importorskip("pygame", reason="needs the extra record")
@@ -44,10 +45,10 @@ def test_everybody_is_where_the_state_says() -> None:
     assert is_near(pixel(image, 10.0 + off_centre, 5.0), render.OPPONENT)
     assert is_near(pixel(image, 20.0 + off_centre, -7.0), render.OPPONENT)
     assert is_near(pixel(image, 30.0, 0.0), render.GOAL_COLOR)
-    assert is_near(pixel(image, 16.0, 5.0), render.PAPER)
+    assert is_near(pixel(image, 16.0, 5.0), PAPER)
     assert is_near(pixel(image, 14.5, 0.0), render.PATH)
     assert is_near(pixel(image, 8.0, 1.0), render.GATE, 110)
-    assert not is_near(pixel(image, 8.0, 1.0), render.PAPER, 60)
+    assert not is_near(pixel(image, 8.0, 1.0), PAPER, 60)
 
 
 def test_picture_is_a_function_of_the_state() -> None:
@@ -85,7 +86,7 @@ def test_any_proportions_fit(count: int, arguments: dict) -> None:
     env = EvasionEnv(n_opponents=count, render_mode="rgb_array", **arguments)
     env.reset(seed=0)
     image = env.render()
-    paper = np.array(render.PAPER)
+    paper = np.array(PAPER)
     border = np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]])
     assert (border == paper).all()
     assert (image != paper).any()

@@ -9,7 +9,6 @@ import numpy as np
 from eutree.data import Demonstrations
 from eutree.data.files import DemonstrationFolder
 from eutree.data.journal import recover_episode
-from eutree.experiments.runs import RunRecord
 from eutree.files import read_document
 from eutree.learners import Problem, Start, UTree
 from eutree.policies import TreePolicy
@@ -20,6 +19,7 @@ from eutree.training.phases import Plan
 from eutree.training.progress import progress_to_csv
 from eutree.training.run import Run
 from eutree.training.run_folder import ConfigDocument
+from eutree_lab.paper.runs import RunRecord
 from tests.files.mutations import mutate, mutate_elements, mutate_members, mutate_records
 from tests.golden.contents import METHODS
 

@@ -3,11 +3,11 @@
 from dataclasses import replace
 
 import eutree
-from eutree.experiments.runs import Performance, Point, RunRecord, RunSpec
 from eutree.interaction.making import make
 from eutree.learners import PAPER, PlanningMethod
 from eutree.policy_search.planner import Planner
 from eutree.schema import EnvironmentSpec
+from eutree_lab.paper.runs import Performance, Point, RunRecord, RunSpec
 from tests.data.journals import journal_of
 from tests.data.strategies import three_episodes
 from tests.policies.small import small_policy

@@ -9,11 +9,11 @@ import pytest
 
 from eutree.data import Demonstrations
 from eutree.data.journal import recover_episode
-from eutree.experiments.runs import RunRecord
 from eutree.files import read_arrays, read_document, write_document
 from eutree.policies import TreePolicy
 from eutree.training.checkpoint import restore_checkpoint, stored_observations, write_checkpoint
 from eutree.training.run_folder import ConfigDocument
+from eutree_lab.paper.runs import RunRecord
 from tests.data.strategies import same
 from tests.files.loaders import unstarted
 from tests.golden import contents

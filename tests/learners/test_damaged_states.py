@@ -15,11 +15,11 @@ import pytest
 from eutree.errors import FormatError
 from eutree.learners import UTreeMethod
 from eutree.learners.declared import Stored
-from eutree.learners.history_u_tree import HistoryUTreeMethod
 from eutree.learners.model_planning import PlanningMethod
-from eutree.learners.registry import BUILT_IN, METHODS
+from eutree.learners.registry import METHODS
 from eutree.learners.restoring import restored
 from eutree.world_model.ensemble import EnsembleSettings
+from eutree_lab.history_u_tree.method import HistoryUTreeMethod
 from tests.damages import damages
 from tests.learners.battery import FILE, SMALL, Case
 from tests.worlds import Corridor, play
@@ -36,7 +36,7 @@ OTHERS = {
         world_model=EnsembleSettings(members=2, hidden=8, batch=16, updates=20, more_updates=5),
     ),
 }
-NAMES = (*BUILT_IN, *OTHERS)
+NAMES = (*METHODS, *OTHERS)
 
 
 @cache

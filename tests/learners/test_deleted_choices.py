@@ -4,9 +4,10 @@ import pytest
 
 from eutree.errors import InvalidArgumentError
 from eutree.learners import METHODS
-from eutree.learners.registry import _DELETED, from_document, to_document
+from eutree.learners.registry import from_document, to_document
 
-CHOICES = [(name, choice) for name, deleted in _DELETED.items() for choice in deleted]
+DELETED = {name: getattr(kind, "deleted", {}) for name, kind in METHODS.items()}
+CHOICES = [(name, choice) for name, deleted in DELETED.items() for choice in deleted]
 OTHERS = {
     "planner.world_model": "neural",
     "gate": {"type": "ConservativeImprovement", "threshold": 0.5, "decay": 0.9},
@@ -24,7 +25,7 @@ def with_choice(document, choice, value):
 @pytest.mark.parametrize(("name", "choice"), CHOICES)
 def test_a_file_that_names_the_usual_value_loads(name, choice):
     usual = METHODS[name]()
-    older = with_choice(to_document(usual), choice, _DELETED[name][choice])
+    older = with_choice(to_document(usual), choice, DELETED[name][choice])
     assert from_document(older) == usual
     assert choice.partition(".")[0] in older  # and is left as it was
 

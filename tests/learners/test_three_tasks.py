@@ -20,10 +20,10 @@ from eutree.learners import METHODS
 from eutree.learners.distilled_dqn import DistilledDQN
 from eutree.learners.model_planning import PlanningMethod
 from eutree.learners.starts import STARTS
-from eutree.learners.variable_resolution import VariableResolutionMethod
 from eutree.neural import DoubleDQNSettings
 from eutree.policy_search.planner import Planner
 from eutree.world_model.ensemble import EnsembleSettings
+from eutree_lab.vrd.method import VariableResolutionMethod
 
 TASKS = ("eutree/Evasion2-v0", "MountainCar-v0", "CartPole-v1")
 SMALL = {  # methods whose default choices are too much for a test

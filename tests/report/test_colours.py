@@ -11,14 +11,14 @@ import gymnasium
 import pytest
 
 import eutree
-from eutree.experiments.demo import run_demo
-from eutree.experiments.experiment import SMOKE
-from eutree.experiments.registry import chosen
-from eutree.experiments.reproduce import reproduce
-from eutree.experiments.stories import DemoSettings, Story
+from eutree.demo.job import run_demo
+from eutree.demo.stories import DemoSettings, Story
 from eutree.policies import TreePolicy
 from eutree.report import WatchedEpisode, demonstrations_page, policy_page, run_page
 from eutree.schema import EnvironmentSpec
+from eutree_lab.paper.experiment import SMOKE
+from eutree_lab.paper.registry import chosen
+from eutree_lab.paper.reproduce import reproduce
 from tests.report.browser import open_page
 from tests.report.colours import palette, wrong_colours
 from tests.report.pages import report

@@ -20,7 +20,7 @@ from eutree.schema import EnvironmentSpec
 if TYPE_CHECKING:
     from rich.console import Group
 
-    from eutree.experiments.demo import DemoResult
+    from eutree.demo.job import DemoResult
 
 
 @click.command(epilog="Example: eutree demo CartPole-v1 --expert fall")
@@ -54,7 +54,7 @@ def demo(
     the tree; elsewhere the demonstrator is a mediocre script.
     """
     os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # pictures are drawn without a display
-    from eutree.experiments.demo import run_demo, settings_for, table_rows
+    from eutree.demo.job import run_demo, settings_for, table_rows
     from eutree.training.many import FinishedRun
 
     output = Output(as_json=as_json)
@@ -106,7 +106,7 @@ def _story(result: "DemoResult") -> "Group":
     from rich.table import Table
     from rich.text import Text
 
-    from eutree.experiments.demo import table_rows
+    from eutree.demo.job import table_rows
 
     header, rows = table_rows(result)
     table = Table(*header)

@@ -31,7 +31,6 @@ COMMANDS = {
     "edit": "Change a policy by hand, and lock what must stay.",
     "why": "Say why a policy decides as it does for an observation.",
     "show": "Show a policy's tree in the terminal or as a page.",
-    "reproduce": "Reproduce the paper's figures and tables.",
     "demo": "Run the whole main job once, ending in an HTML report.",
     "warm-up": "Compile everything now, so that no later command waits for it.",
 }

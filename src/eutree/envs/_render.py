@@ -8,7 +8,6 @@ second, fading: a person sees directions, the sensors do not.
 used; the extra ``record`` installs it.
 """
 
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
@@ -18,9 +17,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eutree.envs._dynamics import EvasionParameters, EvasionState, collides, reflect
-from eutree.errors import MissingExtraError
-
-Color = tuple[int, ...]
+from eutree.envs.painting import (
+    AGENT,
+    BAND,
+    DOT,
+    GATE,
+    GOAL_COLOR,
+    OPPONENT,
+    PAPER,
+    PATH,
+    SHADOW,
+    WHITE,
+    Color,
+    import_pygame,
+)
 
 WIDTH, HEIGHT = 600, 400
 SMOOTHING = 2  # drawn this much larger and scaled down, which smooths every edge
@@ -31,17 +41,6 @@ MAIN_PATH_WIDTH = 0.62  # [m]
 DOT_SPACING = 0.55  # between the dots of an opponent's path [m]
 TRAIL_SECONDS, TRAIL_PIECES = 1.0, 28
 
-PAPER = (250, 249, 246)
-PATH = (223, 222, 215)
-DOT = (190, 188, 180)
-BAND = (242, 196, 106)
-GATE = (214, 150, 40)
-AGENT = (38, 98, 196)
-OPPONENT = (222, 78, 62)
-GOAL_COLOR = (52, 158, 96)
-WHITE = (255, 255, 255)
-SHADOW = (60, 56, 48)
-
 FRAMES_PER_SECOND = 30  # of the window, between two steps
 
 
@@ -50,17 +49,6 @@ def picture(parameters: EvasionParameters, state: EvasionState) -> NDArray[np.ui
     pygame = import_pygame()
     surface = _draw(parameters, state)
     return np.ascontiguousarray(pygame.surfarray.array3d(surface).transpose(1, 0, 2))
-
-
-def import_pygame() -> Any:
-    """Return the module pygame, or raise MissingExtraError."""
-    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
-    try:
-        import pygame
-        import pygame.surfarray  # pygame loads it only when asked
-    except ImportError:
-        raise MissingExtraError("pygame-ce", "record") from None
-    return pygame
 
 
 @dataclass(frozen=True)

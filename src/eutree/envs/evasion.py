@@ -22,8 +22,9 @@ from eutree.envs._dynamics import (
     EvasionParameters,
     EvasionState,
 )
-from eutree.envs._render import Window, import_pygame, picture
+from eutree.envs._render import Window, picture
 from eutree.envs._text import text_picture
+from eutree.envs.painting import import_pygame
 from eutree.validation import check_choice
 
 RENDER_MODES = ("human", "rgb_array", "ansi")

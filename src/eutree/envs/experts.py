@@ -5,6 +5,7 @@ A policy has SB3's ``predict``; ``eutree.record`` takes the expert itself:
 """
 
 from collections.abc import Mapping
+from importlib.metadata import entry_points
 
 from eutree.envs._classic_experts import (
     balance,
@@ -17,7 +18,6 @@ from eutree.envs._classic_experts import (
     swing_elbow,
     swing_upright,
 )
-from eutree.envs._domain_experts import round_the_walls, run_up, swing_up
 from eutree.envs._evasion_experts import (
     GatePolicy,
     LookAheadPolicy,
@@ -27,7 +27,7 @@ from eutree.envs._evasion_experts import (
 )
 from eutree.envs._imperfect import CarelessPolicy, Expert, LatePolicy, careless, late
 from eutree.envs._scripted import RulePolicy
-from eutree.errors import UnknownNameError
+from eutree.errors import InvalidArgumentError, UnknownNameError
 
 __all__ = [
     "EXPERTS",
@@ -37,6 +37,7 @@ __all__ = [
     "LatePolicy",
     "LookAheadPolicy",
     "RulePolicy",
+    "all_experts",
     "balance",
     "brake_upright",
     "careless",
@@ -46,20 +47,18 @@ __all__ = [
     "look_ahead",
     "push_along",
     "rock",
-    "round_the_walls",
-    "run_up",
     "steer_home",
     "swing_both",
     "swing_elbow",
-    "swing_up",
     "swing_upright",
     "wait_at_crossing",
     "wait_for_the_end",
 ]
 
+GROUP = "eutree.experts"  # entry points of other distributions: mappings like EXPERTS
+
 _EVASION: Mapping[str, Expert] = {"gate": wait_at_crossing, "look-ahead": look_ahead}
 _PAPER_EVASION: Mapping[str, Expert] = {"gate": wait_for_the_end, "look-ahead": look_ahead}
-_MAZE: Mapping[str, Expert] = {"round": round_the_walls}
 
 EXPERTS: Mapping[str, Mapping[str, Expert]] = {
     "eutree/Evasion-v0": _EVASION,
@@ -67,12 +66,6 @@ EXPERTS: Mapping[str, Mapping[str, Expert]] = {
     "eutree/Evasion3-v0": _EVASION,
     "eutree/PaperEvasion2-v0": _PAPER_EVASION,
     "eutree/PaperEvasion3-v0": _PAPER_EVASION,
-    "eutree/CarOnHill-v0": {"swing": swing_up},
-    "eutree/MazeA-v0": _MAZE,
-    "eutree/MazeB-v0": _MAZE,
-    "eutree/MazeC-v0": _MAZE,
-    "eutree/MazeD-v0": _MAZE,
-    "eutree/Puck-v0": {"run-up": run_up},
     "CartPole-v1": {"fall": follow_the_fall, "balance": balance},
     "MountainCar-v0": {"push": push_along, "rock": rock},
     "Acrobot-v1": {"both": swing_both, "elbow": swing_elbow},
@@ -88,6 +81,26 @@ def experts_for(environment: str) -> Mapping[str, Expert]:
         environment: Its id, with or without the module to import (``"eutree:..."``).
     """
     name = environment.rpartition(":")[2]
-    if name not in EXPERTS:
-        raise UnknownNameError("environment with a scripted expert", name, EXPERTS)
-    return EXPERTS[name]
+    if name in EXPERTS:
+        return EXPERTS[name]
+    every = all_experts()
+    if name not in every:
+        raise UnknownNameError("environment with a scripted expert", name, every)
+    return every[name]
+
+
+def all_experts() -> Mapping[str, Mapping[str, Expert]]:
+    """Return the scripted experts of every environment, with those of other distributions.
+
+    Raises:
+        InvalidArgumentError: Those of one cannot be imported.
+    """
+    every = dict(EXPERTS)
+    for point in entry_points(group=GROUP):
+        try:
+            every = {**point.load(), **every}
+        except Exception as error:  # whatever a package's author lets happen
+            raise InvalidArgumentError(
+                f"experts {point.name!r}, {point.value}, cannot be imported: {error}"
+            ) from error
+    return every

@@ -68,6 +68,7 @@ class PlanningMethod:
 
     name: ClassVar[str] = "planning"
     needs: ClassVar[Needs] = Needs(gathering=True)
+    deleted: ClassVar[Mapping[str, Any]] = {"planner.world_model": "trees"}
 
     gathering_episodes: int = 20
     exploration: float = 0.1

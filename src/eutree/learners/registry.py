@@ -1,8 +1,9 @@
 """The methods by name, and how one is written to a file and read back.
 
-A method is found by an entry point: those of eutree are listed here, one of another distribution
-names its class in the group ``eutree.methods`` of its metadata. One that is not installed is handed
-to ``learn`` itself, is named ``module:Class``, or is made known by ``register``.
+A method is found by an entry point: those of the core are listed here; every other one, those of
+``eutree_lab`` too, names its class in the group ``eutree.methods`` of its distribution's metadata.
+One that is not installed is handed to ``learn`` itself, is named ``module:Class``, or is made known
+by ``register``.
 
 A file never decides what is imported: it names a method by its name alone, and its choices are read
 back by the class of the method that the run was resumed with.
@@ -29,22 +30,8 @@ _HINT = (
 _OURS = MappingProxyType({
     "planning": "eutree.learners.model_planning:PlanningMethod",
     "u-tree": "eutree.learners.u_tree:UTreeMethod",
-    "vqql": "eutree.learners.vector_quantization:VectorQuantizationMethod",
-    "adaptive-q": "eutree.learners.adaptive_q:AdaptiveQMethod",
-    "density-tree": "eutree.learners.density_tree:DensityTreeMethod",
     "distilled-dqn": "eutree.learners.distilled_dqn:DistilledDQN",
-    "history-u-tree": "eutree.learners.history_u_tree:HistoryUTreeMethod",
-    "vrd": "eutree.learners.variable_resolution:VariableResolutionMethod",
-    "parti-game": "eutree.learners.parti_game:PartiGameMethod",
 })  # fmt: skip
-BUILT_IN = tuple(_OURS)
-# Choices of earlier releases, and the value of each at which a method learns as it does now.
-_DELETED: Mapping[str, Mapping[str, Any]] = {
-    "planning": {"planner.world_model": "trees"},
-    "u-tree": {"gate": {"type": "AnyGain"}},
-    "history-u-tree": {"gate": {"type": "AnyGain"}},
-    "vqql": {"trial": False},
-}
 
 
 class Methods(Mapping[str, type[Method]]):
@@ -175,7 +162,7 @@ def from_document(document: Mapping[str, Any], *, kind: type[Method] | None = No
     name = choices.pop("name", "")
     if kind is None:
         kind = _installed(name)
-    choices = _without_deleted(kind.name, choices)
+    choices = _without_deleted(kind, choices)
     unknown = sorted(choices.keys() - {field.name for field in fields(cast(Any, kind))})
     if unknown:
         raise InvalidArgumentError(f"method {kind.name!r} has no choice {unknown[0]!r}")
@@ -185,14 +172,17 @@ def from_document(document: Mapping[str, Any], *, kind: type[Method] | None = No
         raise InvalidArgumentError(f"method {kind.name!r}: {error}") from None
 
 
-def _without_deleted(name: str, choices: dict[str, Any]) -> dict[str, Any]:
+def _without_deleted(kind: type[Method], choices: dict[str, Any]) -> dict[str, Any]:
     """Return the choices of an older file without those that are no more.
+
+    A class may have ``deleted``: choices of earlier releases, and the value of each at which the
+    method learns as it does now.
 
     Raises:
         InvalidArgumentError: One of them was not at the value that changes nothing.
     """
     choices = _copied(choices)
-    for choice, usual in _DELETED.get(name, {}).items():
+    for choice, usual in getattr(kind, "deleted", {}).items():
         *outer, last = choice.split(".")
         part: Any = choices
         for key in outer:
@@ -201,7 +191,7 @@ def _without_deleted(name: str, choices: dict[str, Any]) -> dict[str, Any]:
             continue
         if (was := part.pop(last)) != usual:
             raise InvalidArgumentError(
-                f"method {name!r} has the choice {choice!r} no more, which was {shown(was)}: "
+                f"method {kind.name!r} has the choice {choice!r} no more, which was {shown(was)}: "
                 "go on with the release that made the file, or begin a new run"
             )
     return choices

@@ -82,6 +82,7 @@ class UTreeMethod:
 
     name: ClassVar[str] = "u-tree"
     needs: ClassVar[Needs] = Needs()
+    deleted: ClassVar[Mapping[str, Any]] = {"gate": {"type": "AnyGain"}}
 
     discount: float = 0.99
     exploration: float = 0.1

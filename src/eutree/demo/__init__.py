@@ -1,0 +1,1 @@
+"""The whole main job once: what ``eutree demo`` does."""

@@ -1,0 +1,329 @@
+"""What the demo's page shows, in the words of its story."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from eutree.arrays import Floats
+from eutree.compression import CompressionReport
+from eutree.data import Demonstrations, Episode
+from eutree.demo.stories import DemoSettings
+from eutree.evaluation import CurvePoint, Evaluation, Interval
+from eutree.inspection import PolicyDiff
+from eutree.parallel import Workers
+from eutree.policies import TreePolicy
+from eutree.report import CHANGES_ID, RunReport, Stage, Table, WatchedEpisode, WatchedTree, watch
+from eutree.report.changes import changed_leaves
+from eutree.report.chart import Series
+from eutree.report.head import Pointer, Verdict
+from eutree.report.watching import film_if_possible
+from eutree.schema import EnvironmentSpec
+from eutree.training import Judgement
+from eutree.training.many import FinishedRun, LearningRuns
+from eutree.wording import counted
+
+STARTS = 60  # of which one is shown: where learning made the largest difference
+MOST_CHANGES = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Played:
+    """Episodes of two policies from the same starts.
+
+    Attributes:
+        before: The expert tree's.
+        after: The compressed tree's.
+    """
+
+    before: Sequence[Episode]
+    after: Sequence[Episode]
+
+    @classmethod
+    def of(
+        cls, before: TreePolicy, after: TreePolicy, spec: EnvironmentSpec, *, seed: int
+    ) -> "Played":
+        """Let both play."""
+        return cls(
+            *(
+                [w.episode for w in watch(p, spec, episodes=STARTS, seed=seed, pictures=False)]
+                for p in (before, after)
+            )
+        )
+
+    @property
+    def observations(self) -> Floats:
+        """What the later policy decided on, shape [N, d]."""
+        return np.concatenate([episode.observations[:-1] for episode in self.after])
+
+    @property
+    def largest_gain(self) -> int:
+        """The start at which the later policy earned most above the earlier one."""
+        gains = [
+            after.undiscounted_return - before.undiscounted_return
+            for before, after in zip(self.before, self.after, strict=True)
+        ]
+        return int(np.argmax(gains))
+
+
+@dataclass(frozen=True, eq=False)
+class DemoFacts:
+    """Everything that the demo found out.
+
+    Attributes:
+        settings: What was done.
+        demonstrations: What was shown.
+        policies: Expert tree, learned tree and compressed tree, by name.
+        evaluations: How each did on the same fresh episodes.
+        at_home: How the expert tree did where it was shown, if that is elsewhere.
+        judgement: The compressed tree against the expert tree.
+        runs: All learning runs.
+        compression: What compression changed.
+        played: Episodes of both trees from the same starts.
+        changes: What the compressed tree decides otherwise than the expert tree, in its episodes.
+        source: The C function.
+    """
+
+    settings: DemoSettings
+    demonstrations: Demonstrations
+    policies: Mapping[str, TreePolicy]
+    evaluations: Mapping[str, Evaluation]
+    at_home: Evaluation | None
+    judgement: Judgement
+    runs: LearningRuns
+    compression: CompressionReport
+    played: "Played"
+    changes: PolicyDiff
+    source: str
+
+    @property
+    def expert(self) -> TreePolicy:
+        """The tree before learning."""
+        return next(iter(self.policies.values()))
+
+    @property
+    def small(self) -> TreePolicy:
+        """The tree that is handed over."""
+        return tuple(self.policies.values())[-1]
+
+    @property
+    def before(self) -> Evaluation:
+        """How the expert tree did where the others learned."""
+        return next(iter(self.evaluations.values()))
+
+    @property
+    def after(self) -> Evaluation:
+        """How the compressed tree did."""
+        return tuple(self.evaluations.values())[-1]
+
+    @property
+    def verdict(self) -> str:
+        """The result in a sentence."""
+        return "".join(part if isinstance(part, str) else part.words for part in self.sentence)
+
+    @property
+    def sentence(self) -> Verdict:
+        """The result in a sentence; what 95 % intervals do not part is not called better."""
+        story, change = self.settings.story, self.judgement
+        once = f" once {story.changed}" if story.changed else ""
+        leaves = counted(self.small.n_leaves, "leaf")
+        first = f"The tree that was shown {_does(self.before)}{once}"
+        earns = 0 if change.is_start else _told(change.return_interval)
+        succeeds = None if change.success_interval is None else _told(change.success_interval)
+        told = {earns, succeeds} - {None, 0}
+        if not told:
+            return [
+                f"{first}; what was learned {_does(self.after)} with {leaves}, which "
+                f"{self.after.episodes:,} episodes cannot tell apart."
+            ]
+        end = f": with {leaves} it {_does(self.after)}."
+        if succeeds is None or (succeeds and told != {1, -1}):
+            better = "Learning mends it" if told == {1} else "Learning harms it"
+            return [f"{first}. ", Pointer(better, CHANGES_ID), end]
+        before, after = self.before.mean_return, self.after.mean_return
+        better = f"Learning makes it earn {'more' if earns > 0 else 'less'}"
+        figures = f", {after:.4g} in place of {before:.4g}"
+        as_often = (
+            ""
+            if succeeds
+            else (f" Whether it succeeds more often, {self.after.episodes:,} episodes cannot tell.")
+        )
+        return [f"{first}. ", Pointer(better, CHANGES_ID), figures + end + as_often]
+
+
+def demo_report(facts: DemoFacts) -> RunReport:
+    """Return what the page shows."""
+    settings, small = facts.settings, facts.small
+    observations = facts.played.observations
+    return RunReport(
+        title=f"eutree demo, {settings.environment.id}: shown, learned, compressed, exported",
+        verdict=facts.sentence,
+        notes=[_measured(facts)],
+        stages=_stages(facts),
+        watched=WatchedTree(
+            small,
+            _filmed(facts),
+            changed_leaves(facts.expert, small, observations),
+            observations,
+            "The tree that learning and compression made. A dashed outline marks leaves that "
+            "decide otherwise than the tree that was shown; the lit path follows the episode.",
+        ),
+        changes=[(b.words, b.visited or 0.0) for b in facts.changes.boxes if b.visited][
+            :MOST_CHANGES
+        ],
+        curves=_curves(facts),
+        tables={"The runs": _runs(facts), "The trees": _trees(facts)},
+        trees={name: policy for name, policy in facts.policies.items() if policy is not small},
+        texts={f"The C function: {len(facts.source.splitlines())} lines": facts.source},
+        files=[
+            ("the demonstrations", "demonstrations"),
+            ("the expert tree", "expert.json"),
+            ("every run: policy, curve, events, checkpoint", "learned/runs"),
+            ("the best run's tree", "learned/policy.json"),
+            ("the compressed tree", "small.json"),
+            ("the compressed tree in C", "small.c"),
+            ("the compressed tree, drawn", "small.svg"),
+        ],
+    )
+
+
+def _told(interval: Interval) -> int:
+    """Return 1 or -1 where an interval of a difference lies above or below 0, else 0."""
+    return int(interval.low > 0.0) - int(interval.high < 0.0)
+
+
+def _does(evaluation: Evaluation) -> str:
+    """Return what a policy does, as a verb: "succeeds in 58 % of all episodes"."""
+    if evaluation.success_rate is None:
+        return f"earns {evaluation.mean_return:.4g}"
+    return f"succeeds in {_percent(evaluation.success_rate)} of all episodes"
+
+
+def _percent(share: float) -> str:
+    """Return a share with one digit more where it is close to all or nothing."""
+    return f"{100 * share:.0f} %" if 0.02 <= share <= 0.98 else f"{100 * share:.1f} %"
+
+
+def _measured(facts: DemoFacts) -> str:
+    low, high = facts.judgement.return_interval
+    gain = f"{facts.judgement.return_change:+.1f} [{low:.1f}, {high:.1f}]"
+    same = "every decision the same" if facts.judgement.is_start else f"return {gain}"
+    return (
+        f"On {facts.after.episodes:,} fresh episodes that chose nothing, the same for all "
+        f"trees: {same} against the tree that was shown. Brackets are 95 % intervals."
+    )
+
+
+def _figures(evaluation: Evaluation) -> tuple[str, str]:
+    """Return the figure of a policy and its interval: success, or else the return."""
+    if evaluation.success_rate is None or evaluation.success_interval is None:
+        low, high = evaluation.return_interval
+        return f"{evaluation.mean_return:.1f}", f"[{low:.1f}, {high:.1f}]"
+    least, most = evaluation.success_interval
+    return _percent(evaluation.success_rate), f"[{100 * least:.1f}, {100 * most:.1f}]"
+
+
+def _stages(facts: DemoFacts) -> list[Stage]:
+    """Return the story's figures in its order."""
+    shown, story, runs = facts.demonstrations, facts.settings.story, facts.runs
+    leaves = counted(facts.expert.n_leaves, "leaf")
+    if facts.at_home is None:
+        stages = [Stage("The tree that was shown", *_figures(facts.before),
+                        f"{counted(len(shown), 'demonstration')}, {leaves}")]  # fmt: skip
+    else:
+        stages = [
+            Stage("The tree that was shown", *_figures(facts.at_home),
+                  f"{counted(len(shown), 'demonstration')}, {leaves}, nothing changed"),
+            Stage("The same tree, another world", *_figures(facts.before), f"now {story.changed}"),
+        ]  # fmt: skip
+    learned = tuple(facts.evaluations.values())[1]
+    best = runs.runs[runs.winner]
+    steps = f"{best.environment_steps:,} steps, the best of {counted(len(runs.runs), 'run')}"
+    stages.append(Stage("After learning", *_figures(learned), steps))
+    lines = len(facts.source.splitlines())
+    words = f"{facts.compression.n_leaves_before} leaves before; a C function of {lines} lines"
+    stages.append(Stage(f"Compressed to {counted(facts.small.n_leaves, 'leaf')}",
+                        *_figures(facts.after), words))  # fmt: skip
+    return stages
+
+
+def _filmed(facts: DemoFacts) -> list[WatchedEpisode]:
+    """Return the start at which learning made the largest difference, and a demonstration."""
+    changed, at = facts.settings.changed, facts.played.largest_gain
+    played = [
+        (changed, facts.played.after[at], "After learning"),
+        (changed, facts.played.before[at], "Before, from the same start"),
+        (facts.settings.environment, facts.demonstrations.episodes[0], "As it was shown"),
+    ]
+    return Workers(facts.settings.n_jobs).map(_film, played)
+
+
+def _film(played: tuple[EnvironmentSpec, Episode, str]) -> WatchedEpisode:
+    spec, episode, by = played
+    return film_if_possible(spec, episode, by=by)
+
+
+def _curves(facts: DemoFacts) -> dict[str, Series]:
+    """Return success, return and leaves of every run."""
+    runs = facts.runs
+    found = {_name(run, number == runs.winner): run.curve() for number, run in enumerate(runs.runs)}
+    measures: Mapping[str, Callable[[CurvePoint], float | None]] = {
+        "success rate": lambda point: point.success_rate,
+        "return": lambda point: point.mean_return,
+        "leaves": lambda point: float(point.n_leaves),
+    }
+    drawn: dict[str, Series] = {}
+    for measure, value in measures.items():
+        series = {name: [(p.episode, value(p)) for p in points] for name, points in found.items()}
+        if all(known is not None for entries in series.values() for _, known in entries):
+            drawn[measure] = {
+                name: [(float(at), *(float(known or 0.0),) * 3) for at, known in entries]
+                for name, entries in series.items()
+            }
+    return drawn
+
+
+def _name(run: FinishedRun, chosen: bool) -> str:
+    return f"run {run.seed}" + ", chosen" * chosen
+
+
+def _runs(facts: DemoFacts) -> Table:
+    """Return every run as a row."""
+    runs = facts.runs
+    success = all(run.selection.success_rate is not None for run in runs.runs)
+    rows = []
+    for number, run in enumerate(runs.runs):
+        row = [_name(run, number == runs.winner), str(run.n_leaves), f"{run.environment_steps:,}"]
+        rows.append(row + _cells(run.selection, success))
+    count = counted(runs.runs[0].selection.episodes, "episode")
+    return Table(
+        ["run", "leaves", "steps", *_titles(success)],
+        rows,
+        f"Chosen by the mean return of {count} that no run learned from.",
+        runs.winner,
+    )
+
+
+def _trees(facts: DemoFacts) -> Table:
+    """Return every tree as a row."""
+    success = facts.before.success_rate is not None
+    rows = [
+        [name, str(facts.policies[name].n_leaves), *_cells(evaluation, success)]
+        for name, evaluation in facts.evaluations.items()
+    ]
+    caption = f"Judged on {facts.before.episodes:,} fresh episodes, the same for all."
+    return Table(["tree", "leaves", *_titles(success)], rows, caption, len(rows) - 1)
+
+
+def _titles(success: bool) -> list[str]:
+    return ["return [95 %]", *["success [95 %]"] * success]
+
+
+def _cells(evaluation: Evaluation, success: bool) -> list[str]:
+    low, high = evaluation.return_interval
+    cells = [f"{evaluation.mean_return:.1f} [{low:.1f}, {high:.1f}]"]
+    if success and evaluation.success_interval is not None:
+        least, most = evaluation.success_interval
+        rate = evaluation.success_rate or 0.0
+        cells.append(f"{100 * rate:.1f} % [{100 * least:.1f}, {100 * most:.1f}]")
+    return cells

@@ -1,0 +1,1 @@
+"""Research with eutree: methods and tasks of other papers, and the experiments of the paper."""

@@ -1,0 +1,1 @@
+"""Every method from every start, and what teaching is worth to each."""

@@ -1,0 +1,1 @@
+"""A tree whose cuts may ask for what was observed and done before."""

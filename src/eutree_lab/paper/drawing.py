@@ -1,0 +1,99 @@
+"""The look of the figures: matplotlib without a window, one colour a learner, shaded intervals."""
+
+from collections.abc import Callable, Mapping, Sequence
+from io import BytesIO
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from eutree.arrays import Floats
+from eutree.errors import MissingExtraError
+from eutree.evaluation import mean_interval
+from eutree_lab.paper.experiment import Records
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+LABELS = {
+    "c-u-tree": "C. U-Tree",
+    "eu-tree-dt": "EU-Tree - DT",
+    "eu-tree": "EU-Tree",
+    "expert": "Expert tree",
+}
+COLOURS = {
+    "C. U-Tree": "#0b5fa5",
+    "EU-Tree - DT": "#2a7f3e",
+    "EU-Tree": "#a8480c",
+    "Expert tree": "#555555",
+}
+
+
+def blank(title: str, size: tuple[float, float]) -> "Figure":
+    """Return an empty figure of a size in inches, which needs no window.
+
+    Raises:
+        MissingExtraError: matplotlib is not installed.
+    """
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise MissingExtraError("matplotlib", "plot") from None
+    figure = Figure(figsize=size, layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.suptitle(title, fontsize=11)
+    return figure
+
+
+def svg_and_png(name: str, make: "Callable[[], Figure]") -> tuple[bytes, bytes]:
+    """Return a figure as SVG and as PNG; the same figure is always the same bytes."""
+    import matplotlib as mpl
+
+    # A fixed salt and no date.
+    with mpl.rc_context({"svg.hashsalt": name, "svg.fonttype": "path"}):
+        figure = make()
+        svg, png = BytesIO(), BytesIO()
+        figure.savefig(svg, format="svg", metadata={"Date": None})
+        figure.savefig(png, format="png", dpi=150, metadata={"Software": None})
+    return svg.getvalue(), png.getvalue()
+
+
+def side_by_side(
+    title: str, records: Mapping[str, Records], panel: "Callable[[Axes, Records], None]"
+) -> "Figure":
+    """Return a figure with a panel for each preset, from its records.
+
+    Args:
+        title: Of the figure.
+        records: Those of each preset; what does not depend on it has one panel without a name.
+        panel: Draws some records on some axes.
+    """
+    figure = blank(title, (5.2 * len(records), 3.8))
+    axes = np.atleast_1d(figure.subplots(1, len(records), sharey=True))
+    for axis, (name, group) in zip(axes, records.items(), strict=True):
+        is_of_preset = any(record.spec.preset for record in group)
+        axis.set_title(f"preset {name}" if is_of_preset else "", fontsize=10)
+        axis.grid(alpha=0.25, linewidth=0.6)
+        axis.spines[["top", "right"]].set_visible(False)
+        panel(axis, group)
+    return figure
+
+
+def curve(axis: "Axes", x: Sequence[float], runs: Floats, name: str, *, style: str = "-") -> None:
+    """Draw the mean of some runs, shape [runs, points], with the 95 % interval shaded."""
+    intervals = np.array([mean_interval(column) for column in runs.T])
+    colour = COLOURS.get(name)
+    (line,) = axis.plot(x, runs.mean(axis=0), style, label=name, color=colour, linewidth=1.6)
+    axis.fill_between(
+        x, intervals[:, 0], intervals[:, 1], color=line.get_color(), alpha=0.18, linewidth=0
+    )
+
+
+def label(axis: "Axes", x: str, y: str, *, limits: tuple[float, float] | None = None) -> None:
+    """Name the axes and show the legend."""
+    axis.set_xlabel(x)
+    axis.set_ylabel(y)
+    if limits is not None:
+        axis.set_ylim(*limits)
+    axis.legend(fontsize=8, frameon=False)

@@ -1,0 +1,142 @@
+"""Table 2: states and reward of the expert tree, the C. U-Tree and the EU-Tree in 2-Evasion.
+
+A run's *final policy* is what ``eutree_lab.paper.finals`` says. The other reading, the policies
+after equally many episodes, is judged too.
+"""
+
+import numpy as np
+
+from eutree.arrays import Integers
+from eutree.evaluation import Estimate, bootstrap, bootstrap_rows
+from eutree_lab.paper.claims import Claim, close_to, judged
+from eutree_lab.paper.experiment import Experiment, Records, Scale, by_learner
+from eutree_lab.paper.figure_2_3 import final, specs
+from eutree_lab.paper.runs import Performance, RunRecord, RunSpec
+
+# (states, average reward per trial) of each row, and how near ours must be to say "the same"
+PAPER = {"Expert tree": (9, 82), "C. U-Tree": (167, 50), "EU-Tree": (30, 80)}
+NEAR_STATES = {"Expert tree": 2, "C. U-Tree": 50, "EU-Tree": 10}
+NEAR_REWARD = 5.0
+
+
+def judge(records: Records) -> list[Claim]:
+    """Return Table 2's six numbers, and the order of its rows."""
+    rows = table(records)
+    claims = []
+    for name, (states, reward) in PAPER.items():
+        key = name.lower().replace(". ", "-").replace(" ", "-")
+        claims.append(
+            close_to(
+                f"table-2/{key}/states",
+                f"{name}: number of states.",
+                number=states,
+                estimate=bootstrap([p.n_leaves for p in rows[name]]),
+                tolerance=NEAR_STATES[name],
+            )
+        )
+        claims.append(
+            close_to(
+                f"table-2/{key}/reward",
+                f"{name}: average reward per trial.",
+                number=reward,
+                estimate=bootstrap([p.mean_return for p in rows[name]]),
+                tolerance=NEAR_REWARD,
+            )
+        )
+    groups = by_learner(records)
+    at_the_end = _ratio(
+        _states([record.final for record in groups["c-u-tree"]]),
+        _states([record.final for record in groups["eu-tree"]]),
+    )
+    return [
+        *claims,
+        *_orders(rows),
+        judged(
+            "table-2/far-more-states-at-the-end",
+            "The same, with all policies taken after equally many episodes.",
+            paper="5.6",
+            estimate=at_the_end,
+            low=2.0,
+            rule="states of the C. U-Tree over those of the EU-Tree at the end, at least 2",
+        ),
+    ]
+
+
+def _states(row: list[Performance]) -> Integers:
+    return np.array([performance.n_leaves for performance in row])
+
+
+def table(records: Records) -> dict[str, list[Performance]]:
+    """Return the final policies of each row of the table, one for each run."""
+    groups = by_learner(records)
+    return {
+        "Expert tree": [_expert(record) for record in groups["eu-tree"]],
+        "C. U-Tree": [final(record) for record in groups["c-u-tree"]],
+        "EU-Tree": [final(record) for record in groups["eu-tree"]],
+    }
+
+
+def _expert(record: RunRecord) -> Performance:
+    if record.expert is None:
+        raise TypeError(f"{record.spec.name} has no expert tree")
+    return record.expert
+
+
+def _orders(rows: dict[str, list[Performance]]) -> list[Claim]:
+    states = {name: _states(row) for name, row in rows.items()}
+    reward = {name: np.array([p.mean_return for p in row]) for name, row in rows.items()}
+    return [
+        judged(
+            "table-2/far-more-states",
+            "The C. U-Tree generates a far greater number of states than the EU-Tree.",
+            paper="5.6",
+            estimate=_ratio(states["C. U-Tree"], states["EU-Tree"]),
+            low=2.0,
+            rule="states of the C. U-Tree over those of the EU-Tree, at least 2",
+        ),
+        judged(
+            "table-2/poorer-performance",
+            "More states result in poorer overall performance of the C. U-Tree.",
+            paper="30",
+            estimate=bootstrap(reward["EU-Tree"] - reward["C. U-Tree"]),
+            low=0.0,
+            rule="reward of the EU-Tree minus that of the C. U-Tree, above zero",
+        ),
+        judged(
+            "table-2/expert-best-by-a-small-margin",
+            "The expert tree has the best performance by a small margin.",
+            paper="2",
+            estimate=bootstrap(reward["Expert tree"] - reward["EU-Tree"]),
+            low=0.0,
+            high=5.0,
+            rule="reward of the expert tree minus that of the EU-Tree, from 0 to 5",
+        ),
+        judged(
+            "table-2/expert-smallest",
+            "The expert tree has the smallest number of states.",
+            paper="21",
+            estimate=bootstrap((states["EU-Tree"] - states["Expert tree"]).astype(np.float64)),
+            low=0.0,
+            rule="states of the EU-Tree minus those of the expert tree, above zero",
+        ),
+    ]
+
+
+def _ratio(first: Integers, second: Integers) -> Estimate:
+    """Return the ratio of two means over runs with its bootstrap interval; runs are paired."""
+    return bootstrap_rows(
+        lambda rows: first[rows].mean(axis=1) / second[rows].mean(axis=1), first.size
+    )
+
+
+def table_2_specs(scale: Scale, preset: str) -> list[RunSpec]:
+    """Return the runs of Figure 2, which the table reads too."""
+    return specs(2, scale, preset)
+
+
+TABLE_2 = Experiment(
+    id="table-2",
+    title="Table 2: number of states and average reward in 2-Evasion",
+    specs=table_2_specs,
+    judge=judge,
+)

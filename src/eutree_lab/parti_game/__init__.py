@@ -1,0 +1,1 @@
+"""Parti-game: cells that are cut where no way to the goal is known."""

@@ -1,0 +1,1 @@
+"""Small tasks of other papers, and who demonstrates them."""

@@ -1,0 +1,1 @@
+"""VQQL: Q-learning over a codebook, one in each leaf."""

@@ -1,0 +1,362 @@
+"""Variable resolution discretization in a learned world model.
+
+R. Munos and A. Moore, *Variable Resolution Discretization in Optimal Control* (Machine Learning 49,
+2002), take the world as given; here a world model is fitted to what was lived through, in every
+update: the model, the process over the corners of the boxes, its exact solution, and boxes halved
+where a criterion says so (:mod:`eutree_lab.vrd.influence`). The expert tree is the first
+partition, and its actions at the corners are the first policy, kept on ties.
+
+The method's own policy is a look-ahead in the model. What is shown is C4.5's tree of it.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from eutree.arrays import Floats, Integers
+from eutree.errors import InvalidArgumentError
+from eutree.learners import Decisions, History, Needs, Part, Problem, Start, Step, Stored, Update
+from eutree.learners.declared import TREE, TREE_AND_HISTORY, Declared, Found, part, prefixed
+from eutree.learners.episode_buffer import EpisodeBuffer, store, store_demonstrations
+from eutree.learners.learner import Arrays, TrueModel
+from eutree.learners.model_planning import transitions_of
+from eutree.learners.partition import Partition, Plane, leaves_seen
+from eutree.learners.root_box import root_box
+from eutree.policies import TreePolicy
+from eutree.trees import DecisionTree
+from eutree.validation import check_choice, check_integer, check_number
+from eutree.world_model import fit_world_models
+from eutree_lab.relabelling import relabelled
+from eutree_lab.vrd.corner_process import (
+    Dynamics,
+    KnownWorld,
+    ModelledWorld,
+    Solved,
+    World,
+    solved,
+)
+from eutree_lab.vrd.influence import CRITERIA, refined
+from eutree_lab.vrd.kuhn import MOST_FEATURES, Grid
+from eutree_lab.vrd.regions import corners_seen
+
+FEWEST = 8  # transitions that a model is fitted to
+
+
+@dataclass(frozen=True, kw_only=True)
+class VariableResolutionMethod:
+    """The choices of variable resolution discretization.
+
+    Attributes:
+        first_boxes: Boxes at the first solution; all are halved until there are so many. Where
+            they are too coarse V is so wrong that criteria refine the wrong places.
+        criterion: Where boxes are halved: "average", "nonlinearity", "disagreement", "combined",
+            "stdev_inf" or "starts" (the influence on the starts of what was demonstrated;
+            "average" where nothing was).
+        share: Share of the boxes that one refinement halves.
+        refinements: Refinements in an update.
+        max_corners: Corners (states) from which on nothing is halved.
+        discount: gamma.
+        longest: Steps that an action is held at most.
+        exploration: epsilon, the probability of a random action while gathering.
+        gathering_episodes: Episodes between two updates.
+        pessimism: Share of the gap between safe and fatal that the model takes for fatal.
+        true_model: Whether the environment's own model takes the place of the learned one.
+    """
+
+    name: ClassVar[str] = "vrd"
+    needs: ClassVar[Needs] = Needs(max_features=MOST_FEATURES)
+
+    first_boxes: int = 256
+    criterion: str = "starts"
+    share: float = 0.2
+    refinements: int = 3
+    max_corners: int = 1000
+    discount: float = 0.99
+    longest: int = 50
+    exploration: float = 0.1
+    gathering_episodes: int = 20
+    pessimism: float = 0.5
+    true_model: bool = False
+
+    def __post_init__(self) -> None:
+        check_integer("first_boxes", self.first_boxes, low=1)
+        check_choice("criterion", self.criterion, CRITERIA)
+        check_number("share", self.share, low=0.0, high=1.0, low_open=True)
+        check_integer("refinements", self.refinements, low=1)
+        check_integer("max_corners", self.max_corners, low=2)
+        check_number("discount", self.discount, low=0.0, high=1.0, low_open=True)
+        check_integer("longest", self.longest, low=1)
+        check_number("exploration", self.exploration, low=0.0, high=1.0)
+        check_integer("gathering_episodes", self.gathering_episodes, low=1)
+        check_number("pessimism", self.pessimism, low=0.0, high=1.0, low_open=True, high_open=True)
+
+    def start(self, problem: Problem, start: Start) -> "VariableResolution":
+        """Return the learner at its start."""
+        learner = VariableResolution(problem, start, self)
+        if self.true_model and problem.model is None:
+            raise InvalidArgumentError(
+                "method 'vrd' does not fit this task: true_model needs an environment that offers "
+                "its model, and observations that are its whole state"
+            )
+        if start.episodes or self.true_model:
+            learner.learn()
+        return learner
+
+    def restore(self, problem: Problem, start: Start, state: Arrays) -> "VariableResolution":
+        """Return the learner whose ``state()`` this was; it goes on to the same bytes."""
+        return VariableResolution.from_state(problem, start, self, state)
+
+    def declared(self, problem: Problem, start: Start) -> Declared:
+        """Return what the arrays of a ``state()`` are."""
+        solved_from = Part({"solved_from": Stored("i8", "1", low=0, most="N")})
+        values = Part(
+            {
+                "box": Stored("f8", "2d"),
+                "values": Stored("f8", "C"),
+                "policy": Stored("i8", "C", low=0, below="A"),
+            },
+            self._is_solved,
+            optional=True,
+        )
+        return problem.declare(*TREE_AND_HISTORY, solved_from, values)
+
+    def _is_solved(self, found: Found) -> None:
+        """Raise FormatError unless there is a value for each corner of the tree's boxes."""
+        try:
+            grid = _grid(dict(found.state), found.sizes["d"])
+        except InvalidArgumentError as error:
+            raise found.refuse("box", str(error)) from None
+        if found.sizes["C"] != grid.n_corners:
+            raise found.refuse(
+                "values", f"must have {grid.n_corners} entries, the corners of the tree's boxes"
+            )
+        if found.value("solved_from") < FEWEST and not self.true_model:
+            raise found.refuse("solved_from", f"must be at least {FEWEST} where there are values")
+
+
+class VariableResolution:
+    """The learner of variable resolution discretization.
+
+    Args:
+        problem: Its names and bounds.
+        start: Where it begins.
+        method: How to learn.
+
+    Attributes:
+        tree: The present boxes.
+        solved: The present boxes with their values; None before the first update.
+        history: All transitions stored so far.
+    """
+
+    def __init__(self, problem: Problem, start: Start, method: VariableResolutionMethod) -> None:
+        self.method, self.n_actions = method, problem.n_actions
+        self.tree = DecisionTree.single_leaf(problem.n_features)
+        self._expert: TreePolicy | None = start.expert
+        if start.expert is not None:
+            self.tree = start.expert.tree
+        self._informed = None if start.random else start.expert
+        self._problem = problem
+        self.solved: Solved | None = None
+        self._world: World | None = None
+        self._model_steps = 0
+        self._solved_from = 0
+        self._starts = np.array([e.observations[0] for e in start.episodes if len(e)])
+        self.history = History(problem.n_features, 1)
+        store_demonstrations(self.history, start.episodes)
+        self._buffer = EpisodeBuffer()
+
+    def start_episode(self, observation: Floats, generator: np.random.Generator) -> None:
+        """Begin an episode at its first observation, shape [d]; all its chance is ``generator``."""
+        self._buffer.start(observation, generator)
+
+    def act(self) -> int:
+        """Return the best action by one look ahead; a random one with epsilon."""
+        generator = self._buffer.generator
+        if generator.random() < self.method.exploration:
+            return int(generator.integers(self.n_actions))
+        if self.solved is None and self._informed is None:
+            return int(generator.integers(self.n_actions))
+        return int(self.own_policy().predict(self._buffer.present)[0])
+
+    def observe(self, step: Step) -> None:
+        """Take what came of an action."""
+        self._buffer.add(step)
+
+    def end_episode(self) -> None:
+        """Store the episode, whose last step was terminated or truncated."""
+        episode = self._buffer.finish()
+        store(self.history, episode)
+
+    def discard_episode(self) -> None:
+        """Be as before ``start_episode``, to the bit; do nothing between two episodes."""
+        self._buffer.clear()
+
+    def update(self, generator: np.random.Generator) -> Update:
+        """Fit the model to all that is stored, refine, and solve."""
+        self.learn()
+        if self.solved is None:
+            return Update()
+        return Update(
+            figures={
+                "n_corners": self.solved.grid.n_corners,
+                "n_boxes": self.tree.n_leaves,
+                "model_steps": self._model_steps,
+            }
+        )
+
+    def learn(self) -> None:
+        """Fit the model and refine the boxes as often as the method says."""
+        if self.history.size < FEWEST and not self.method.true_model:
+            return
+        self._solved_from = self.history.size
+        world = self._world = self._fitted()
+        before = self.solved
+        grid = self._new_grid()
+        while grid.tree.n_leaves < self.method.first_boxes:
+            longest = ((grid.high - grid.low) / grid.span).argmax(axis=1)
+            grid = grid.halve([(i, int(axis)) for i, axis in enumerate(longest)])
+        self.tree = grid.tree
+        self.solved = solved(grid, world, before=before, initial_policy=self._prior(grid))
+        for _ in range(self.method.refinements):
+            if self.solved.grid.n_corners >= self.method.max_corners:
+                break
+            finer = refined(self.solved, self._criterion(), self.method.share, self._starts)
+            if finer.tree.n_leaves == self.tree.n_leaves:
+                break
+            self.tree = finer.tree
+            prior = self._prior(finer)
+            self.solved = solved(finer, world, before=self.solved, initial_policy=prior)
+        self._model_steps = world.n_steps_taken  # without those of acting, which come later
+
+    def decisions(self) -> Decisions:
+        """Return C4.5's tree of the look-ahead; before there is one, the expert's tree."""
+        observations = self.history.observations
+        if self.solved is None or not len(observations):
+            if self._expert is not None:
+                return Decisions(tree=self._expert.tree, actions=self._expert.actions)
+            return Decisions(
+                tree=DecisionTree.single_leaf(self._problem.n_features),
+                actions=np.zeros(1, dtype=np.int64),
+            )
+        actions, _ = self.own_policy().predict(observations)
+        return relabelled(observations, actions, self.n_actions)
+
+    def own_policy(self) -> "LookAheadPolicy":
+        """Return the look-ahead, frozen; before there is one, the expert, or the first action."""
+        return LookAheadPolicy(self.solved, self._world, self._informed)
+
+    def partition(self, plane: Plane) -> Partition:
+        """Return the boxes that a plane meets; the corners where it shows all features."""
+        if self.solved is None:
+            decisions = self.decisions()
+            unknown = np.full(decisions.tree.n_leaves, np.nan)
+            return Partition(plane, leaves_seen(decisions.tree, decisions.actions, unknown, plane))
+        grid = self.solved.grid
+        regions = corners_seen(grid, self.solved.policy, self.solved.values, plane)
+        if len(plane.at) > 2:
+            return Partition(plane, regions, "value")
+        return Partition(plane, regions, "value", grid.corners[:, plane.axes], "corners")
+
+    def state(self) -> Arrays:
+        """Return all that is known between two episodes."""
+        state: Arrays = {name: getattr(self.tree, name) for name in TREE}
+        state |= prefixed("history_", self.history.state())
+        state["solved_from"] = np.array([self._solved_from])
+        if self.solved is not None:
+            state["values"], state["policy"] = self.solved.values, self.solved.policy
+            state["box"] = np.stack(self.solved.grid.box)
+        return state
+
+    @classmethod
+    def from_state(
+        cls, problem: Problem, start: Start, method: VariableResolutionMethod, state: Arrays
+    ) -> "VariableResolution":
+        """Return the learner whose ``state()`` this was; the model is fitted again."""
+        learner = cls(problem, replace(start, episodes=()), method)
+        learner._starts = np.array([e.observations[0] for e in start.episodes if len(e)])
+        learner.history = History.from_state(
+            part(state, "history_"), DecisionTree.single_leaf(problem.n_features)
+        )
+        learner.tree = DecisionTree(problem.n_features, **{name: state[name] for name in TREE})
+        learner._solved_from = int(state["solved_from"][0])
+        if "values" in state:
+            learner._world = learner._fitted()
+            learner.solved = Solved.of(
+                _grid(state, problem.n_features), learner._world,
+                np.array(state["values"]), np.array(state["policy"]),
+            )  # fmt: skip
+        return learner
+
+    def _fitted(self) -> World:
+        """Return the world model of the transitions that were stored at the last update."""
+        true, method = self._problem.model, self.method
+        if method.true_model and true is not None:
+            return KnownWorld(_dynamics(true), self.n_actions, method.discount, method.longest)
+        data = replace(transitions_of(self.history, self.n_actions), memory=False)
+        (model,) = fit_world_models(data.until(self._solved_from), [self.method.pessimism])
+        return ModelledWorld(
+            model.without_noise(), self.n_actions, self.method.discount, self.method.longest
+        )
+
+    def _new_grid(self) -> Grid:
+        return Grid.of(self.tree, *root_box(self._problem, self.tree, self.history.observations))
+
+    def _prior(self, grid: Grid) -> Any:
+        """Return the expert's action at each corner, or None."""
+        expert = self._informed
+        return None if expert is None else expert.actions[expert.tree.leaf_index(grid.corners)]
+
+    def _criterion(self) -> str:
+        """Return the criterion; without demonstrations there are no starts that could matter."""
+        wanted = self.method.criterion
+        return "average" if wanted == "starts" and not len(self._starts) else wanted
+
+
+@dataclass(frozen=True, eq=False)
+class LookAheadPolicy:
+    """Decides by one look ahead in a world.
+
+    Attributes:
+        solved: Boxes and values; None before there are any.
+        world: Where actions lead; None with them.
+        expert: What decides in that case; None: the first action.
+    """
+
+    solved: Solved | None
+    world: World | None
+    expert: TreePolicy | None
+
+    def predict(
+        self,
+        observation: ArrayLike,
+        state: Any = None,
+        episode_start: Any = None,
+        deterministic: bool = True,
+    ) -> tuple[Any, Any]:
+        """Return the action for one observation [d] or a batch [E, d], as Stable-Baselines3."""
+        given = np.asarray(observation, dtype=np.float64)
+        rows = np.atleast_2d(given)
+        if self.solved is not None and self.world is not None:
+            actions = self.solved.actions(self.world, rows)
+        elif self.expert is not None:
+            actions = self.expert.actions[self.expert.tree.leaf_index(rows)].astype(np.int64)
+        else:
+            actions = np.zeros(len(rows), dtype=np.int64)
+        return (int(actions[0]) if given.ndim == 1 else actions), state
+
+
+def _dynamics(model: TrueModel) -> Dynamics:
+    """Return a model that says what ends as one that says how likely it goes on."""
+
+    def dynamics(states: Floats, actions: Integers) -> tuple[Floats, Floats, Floats]:
+        after, rewards, ends = model(states, actions)
+        return after, rewards, np.where(ends, 0.0, 1.0)
+
+    return dynamics
+
+
+def _grid(state: Arrays, n_features: int) -> Grid:
+    tree = DecisionTree(n_features, **{name: state[name] for name in TREE})
+    return Grid.of(tree, state["box"][0], state["box"][1])
