@@ -41,10 +41,10 @@ from eutree.distillation import DistillationSettings
 from eutree.envs.experts import EXPERTS
 from eutree.evaluation import mean_interval
 from eutree.files import read_archive
-from eutree.learners.contenders import Contender, unpacked_contenders
 from eutree.learners.declared import part
 from eutree.learners.distilled_dqn import DistilledDQN
-from eutree.learners.distilled_dqn_learner import NUMBERS, Stage
+from eutree.learners.distilled_dqn.contenders import Contender, unpacked_contenders
+from eutree.learners.distilled_dqn.learner import NUMBERS, Stage
 from eutree.policies import TreePolicy
 from eutree.policy_search.rank_correlation import RankCorrelation, rank_correlation
 from eutree.training import stored_transitions
@@ -243,7 +243,7 @@ def front_matter(command: str) -> list[str]:
         f"command: {command}",
         f"commit: {commit}",
         f"date: {time.strftime('%Y-%m-%d')}",
-        "sources: benchmarks/small_trees.py src/eutree/learners/distilled_dqn.py "
+        "sources: benchmarks/small_trees.py src/eutree/learners/distilled_dqn/method.py "
         "src/eutree/neural src/eutree/world_model src/eutree/policy_search src/eutree/cart",
         "---",
         "",

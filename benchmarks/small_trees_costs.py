@@ -19,7 +19,7 @@ import numpy as np
 from benchmarks.small_trees import TASKS, Task, contenders_of, events_of, policy_of
 
 import eutree
-from eutree.learners.students import Students
+from eutree.learners.distilled_dqn.students import Students
 from eutree.neural import DoubleDQN, Scaling
 from eutree.policy_search.rollout_pruning import pruned_by_rollouts
 from eutree.training import stored_transitions

@@ -36,6 +36,7 @@ def modules() -> Sources:
 # users, Minari's files what only Minari brings.
 BY_NAME = {
     "eutree": {"module", "'eutree.report.notebook'"},
+    "eutree.lazy": {"home"},
     "eutree.cli.main": {"f'eutree.cli.{module}'"},
     "eutree.cli._controllers": {"module"},
     "eutree.cli._options": {"name"},
@@ -158,6 +159,31 @@ def round_the_facade(sources: Sources) -> set[tuple[str, str]]:
     }
 
 
+# A folder a method: what others may have of it is what its front names.
+METHODS = (
+    "eutree.learners.u_tree",
+    "eutree.learners.planning",
+    "eutree.learners.distilled_dqn",
+    "eutree_lab.history_u_tree",
+    "eutree_lab.parti_game",
+    "eutree_lab.vqql",
+    "eutree_lab.vrd",
+)
+
+
+def inside_a_method(sources: Sources) -> set[tuple[str, str]]:
+    """Return who imports from inside of a method's folder, from outside of it, and what."""
+    return {
+        (module, origin)
+        for module, tree in sources.items()
+        for origin, name in imports(tree)
+        for method in METHODS
+        if f"{origin}.{name}".startswith(f"{method}.")
+        and (origin != method or f"{method}.{name}" in modules())
+        and not f"{module}.".startswith(f"{method}.")
+    }
+
+
 def _numbers(node: ast.AST) -> set[object]:
     return {part.value for part in ast.walk(node) if isinstance(part, ast.Constant)}
 
@@ -201,6 +227,11 @@ RULES: dict[Callable[[Sources], set[tuple[str, str]]], list[str]] = {
         "import sys\nversion = sys.modules['eutree'].__version__",
         "from sys import modules",
         "import sys\nfound = 'joblib' not in sys.modules",
+    ],
+    inside_a_method: [
+        "from eutree.learners.u_tree.learner import UTree",
+        "from eutree.learners.planning import learner",
+        "import eutree_lab.vrd.kuhn",
     ],
     round_the_facade: ["from eutree.trees.tree import DecisionTree"],
     middles: [

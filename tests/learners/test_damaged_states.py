@@ -15,7 +15,7 @@ import pytest
 from eutree.errors import FormatError
 from eutree.learners import UTreeMethod
 from eutree.learners.declared import Stored
-from eutree.learners.model_planning import PlanningMethod
+from eutree.learners.planning import PlanningMethod
 from eutree.learners.registry import METHODS
 from eutree.learners.restoring import restored
 from eutree.world_model.ensemble import EnsembleSettings

@@ -10,9 +10,9 @@ from eutree.data import Demonstrations
 from eutree.envs.experts import follow_the_fall
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.interaction import GuardedEnv, episode_seed, record
-from eutree.learners.contenders import Contender
 from eutree.learners.distilled_dqn import DistilledDQN
-from eutree.learners.distilled_dqn_learner import Stage
+from eutree.learners.distilled_dqn.contenders import Contender
+from eutree.learners.distilled_dqn.learner import Stage
 from eutree.learners.learner import Problem, Start, Step
 from eutree.learners.restoring import checked_state
 from eutree.neural import DoubleDQNSettings

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from eutree.data import Episode
-from eutree.learners.dagger import ROUNDS, DAgger
+from eutree.learners.distilled_dqn.dagger import ROUNDS, DAgger
+from eutree.learners.distilled_dqn.experience import Experience
+from eutree.learners.distilled_dqn.students import Students
 from eutree.learners.episode_buffer import FinishedEpisode
-from eutree.learners.experience import Experience
-from eutree.learners.students import Students
 from eutree.world_model.action_trees import single_action
 
 

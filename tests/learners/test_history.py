@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eutree.learners.history import History
-from eutree.learners.targets import LambdaReturn, OneStep
+from eutree.learners.u_tree import LambdaReturn, OneStep
 from eutree.trees import DecisionTree
 from tests import naive_learning
 from tests.learners.histories import assert_consistent

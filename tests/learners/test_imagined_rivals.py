@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from eutree.learners.experience import Experience
-from eutree.learners.imagined_rivals import PRUNED, ImaginedRivals
-from eutree.learners.students import Students
+from eutree.learners.distilled_dqn.experience import Experience
+from eutree.learners.distilled_dqn.imagined_rivals import PRUNED, ImaginedRivals
+from eutree.learners.distilled_dqn.students import Students
 from eutree.world_model.action_trees import n_leaves
 from eutree.world_model.ensemble import EnsembleSettings
 from tests.worlds import room_episode

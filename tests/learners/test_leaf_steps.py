@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from eutree.errors import InvalidArgumentError
 from eutree.learners import Step
-from eutree.learners.leaf_steps import LeafSteps
+from eutree.learners.u_tree.leaf_steps import LeafSteps
 from eutree.mdp import TERMINAL, TabularMDP, TransitionCounts
 from eutree.trees import DecisionTree
 

@@ -9,7 +9,7 @@ from benchmarks.people import TASKS, folder
 
 import eutree
 from eutree.learners.learner import Problem, Start
-from eutree.learners.model_planning import PlanningMethod
+from eutree.learners.planning import PlanningMethod
 from eutree.policy_search.planner import Plan, Planner
 from eutree.world_model import leaf_node
 from eutree.world_model.action_trees import single_action

@@ -18,7 +18,7 @@ from eutree.envs.experts import experts_for
 from eutree.errors import InvalidArgumentError
 from eutree.learners import METHODS
 from eutree.learners.distilled_dqn import DistilledDQN
-from eutree.learners.model_planning import PlanningMethod
+from eutree.learners.planning import PlanningMethod
 from eutree.learners.starts import STARTS
 from eutree.neural import DoubleDQNSettings
 from eutree.policy_search.planner import Planner

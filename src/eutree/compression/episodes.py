@@ -13,7 +13,7 @@ from eutree.errors import InvalidArgumentError
 from eutree.interaction.recipe import Environment
 from eutree.interaction.return_range import return_range as known_range
 from eutree.learners import History
-from eutree.learners.model_planning import transitions_of
+from eutree.learners.transitions import transitions_of
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
 from eutree.validation import check_integer, check_number, check_range

@@ -1,8 +1,12 @@
-"""Learners of trees: the protocol, the methods, their presets."""
+"""Learners of trees: the protocol, the methods, their presets.
 
+A method and its preset are imported when they are asked for: who needs one type loads no learner.
+"""
+
+from typing import TYPE_CHECKING
+
+from eutree.lazy import lazily
 from eutree.learners.declared import Part, Stored
-from eutree.learners.distilled_dqn import DistilledDQN
-from eutree.learners.expert_tree import fit_expert_tree
 from eutree.learners.history import History, Relabelling
 from eutree.learners.learner import (
     Decisions,
@@ -15,12 +19,15 @@ from eutree.learners.learner import (
     Step,
     Update,
 )
-from eutree.learners.model_planning import ModelPlanning, PlanningMethod
-from eutree.learners.presets import CORRECTED, DEFAULT, PAPER, PAPER_D, PRESETS
-from eutree.learners.registry import METHODS, method, preset, register
-from eutree.learners.starts import STARTS, start_of
-from eutree.learners.targets import LambdaReturn, OneStep, Target
-from eutree.learners.u_tree import UTree, UTreeMethod
+
+if TYPE_CHECKING:
+    from eutree.learners.distilled_dqn import DistilledDQN
+    from eutree.learners.expert_tree import fit_expert_tree
+    from eutree.learners.planning import ModelPlanning, PlanningMethod
+    from eutree.learners.presets import CORRECTED, DEFAULT, PAPER, PAPER_D, PRESETS
+    from eutree.learners.registry import METHODS, method, preset, register
+    from eutree.learners.starts import STARTS, start_of
+    from eutree.learners.u_tree import LambdaReturn, OneStep, Target, UTree, UTreeMethod
 
 __all__ = [
     "CORRECTED",
@@ -57,3 +64,16 @@ __all__ = [
     "register",
     "start_of",
 ]
+
+__getattr__ = lazily(
+    __name__,
+    {
+        "eutree.learners.distilled_dqn": "DistilledDQN",
+        "eutree.learners.expert_tree": "fit_expert_tree",
+        "eutree.learners.planning": "ModelPlanning PlanningMethod",
+        "eutree.learners.presets": "CORRECTED DEFAULT PAPER PAPER_D PRESETS",
+        "eutree.learners.registry": "METHODS method preset register",
+        "eutree.learners.starts": "STARTS start_of",
+        "eutree.learners.u_tree": "LambdaReturn OneStep Target UTree UTreeMethod",
+    },
+)

@@ -11,7 +11,7 @@ had been chosen in advance; ``corrected`` tests the best of all cuts for what it
 from dataclasses import replace
 
 from eutree.learners.learner import Method
-from eutree.learners.model_planning import PlanningMethod
+from eutree.learners.planning import PlanningMethod
 from eutree.learners.u_tree import UTreeMethod
 from eutree.splitting import KolmogorovSmirnov, Naive, Permutation
 

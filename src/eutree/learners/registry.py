@@ -28,7 +28,7 @@ _HINT = (
     "(docs/your-own-method.md)."
 )
 _OURS = MappingProxyType({
-    "planning": "eutree.learners.model_planning:PlanningMethod",
+    "planning": "eutree.learners.planning:PlanningMethod",
     "u-tree": "eutree.learners.u_tree:UTreeMethod",
     "distilled-dqn": "eutree.learners.distilled_dqn:DistilledDQN",
 })  # fmt: skip

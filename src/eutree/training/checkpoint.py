@@ -20,8 +20,8 @@ from eutree.arrays import Floats
 from eutree.errors import FormatError
 from eutree.evaluation import CurvePoint
 from eutree.files import Document, read_archive, write_archive
-from eutree.learners.model_planning import as_whole
 from eutree.learners.restoring import restored
+from eutree.learners.transitions import as_whole
 from eutree.training.judging import Judgement
 from eutree.training.phases import Position
 from eutree.training.progress import GatheredEpisodes, progress_to_csv

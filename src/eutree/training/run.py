@@ -15,8 +15,8 @@ from eutree.errors import InvalidArgumentError
 from eutree.evaluation import CurvePoint
 from eutree.interaction.seeding import Stream
 from eutree.learners.learner import KnowsItsModel
-from eutree.learners.model_planning import transitions_of
 from eutree.learners.model_trust import ModelTrust
+from eutree.learners.transitions import transitions_of
 from eutree.policies import TreePolicy
 from eutree.policies.reach import within_reach
 from eutree.training.asking import Questions

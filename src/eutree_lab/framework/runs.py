@@ -38,7 +38,7 @@ from eutree.policy_search.planner import Planner
 from eutree.schema import EnvironmentSpec
 from eutree.training import LearningResult, Run, learn
 from eutree.validation import check_choice
-from eutree_lab.parti_game.method import PartiGameMethod
+from eutree_lab.parti_game import PartiGameMethod
 
 GOOD, POOR = "good", "poor"
 FROZEN = "frozen"  # the expert tree, which learns nothing

@@ -31,9 +31,9 @@ from numpy.typing import NDArray
 from eutree.arrays import Floats, Int32s, Integers
 from eutree.data import Episode
 from eutree.learners import Decisions, LambdaReturn, LeafSplit, Problem, Start, Update, UTree
-from eutree.learners.discretizer import Discretizer
 from eutree.learners.learner import Arrays
 from eutree.learners.statistics import returns_by_action
+from eutree.learners.u_tree import Discretizer
 from eutree.splitting import Split
 from eutree.trees import DecisionTree
 

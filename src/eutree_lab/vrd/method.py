@@ -21,9 +21,9 @@ from eutree.learners import Decisions, History, Needs, Part, Problem, Start, Ste
 from eutree.learners.declared import TREE, TREE_AND_HISTORY, Declared, Found, part, prefixed
 from eutree.learners.episode_buffer import EpisodeBuffer, store, store_demonstrations
 from eutree.learners.learner import Arrays, TrueModel
-from eutree.learners.model_planning import transitions_of
 from eutree.learners.partition import Partition, Plane, leaves_seen
 from eutree.learners.root_box import root_box
+from eutree.learners.transitions import transitions_of
 from eutree.policies import TreePolicy
 from eutree.trees import DecisionTree
 from eutree.validation import check_choice, check_integer, check_number

@@ -5,8 +5,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from eutree.arrays import Integers
-from eutree.learners.discretizer import Discretizer
 from eutree.learners.history import History
+from eutree.learners.u_tree.discretizer import Discretizer
 
 
 class LeafTests:

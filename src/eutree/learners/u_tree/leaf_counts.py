@@ -6,9 +6,9 @@ A history that forgets takes transitions back from the counts; V, Q and the queu
 import numpy as np
 
 from eutree.arrays import Booleans, Floats
-from eutree.learners.discretizer import Discretizer
 from eutree.learners.history import History
-from eutree.learners.leaf_steps import LeafEpisode
+from eutree.learners.u_tree.discretizer import Discretizer
+from eutree.learners.u_tree.leaf_steps import LeafEpisode
 from eutree.mdp import TabularMDP, TransitionCounts
 
 

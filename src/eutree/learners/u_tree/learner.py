@@ -31,12 +31,8 @@ from eutree.learners.declared import (
     part,
     prefixed,
 )
-from eutree.learners.discretizer import Discretizer
 from eutree.learners.forgetting import LeafReservoirs
 from eutree.learners.history import History
-from eutree.learners.leaf_counts import counted, counted_again, uncount
-from eutree.learners.leaf_steps import LeafSteps
-from eutree.learners.leaf_tests import LeafTests
 from eutree.learners.learner import (
     Arrays,
     Decisions,
@@ -47,10 +43,14 @@ from eutree.learners.learner import (
     Step,
     Update,
 )
-from eutree.learners.solving import Solving
 from eutree.learners.statistics import leaf_statistics
-from eutree.learners.targets import OneStep, Target
 from eutree.learners.teaching import Lessons
+from eutree.learners.u_tree.discretizer import Discretizer
+from eutree.learners.u_tree.leaf_counts import counted, counted_again, uncount
+from eutree.learners.u_tree.leaf_steps import LeafSteps
+from eutree.learners.u_tree.leaf_tests import LeafTests
+from eutree.learners.u_tree.solving import Solving
+from eutree.learners.u_tree.targets import OneStep, Target
 from eutree.splitting import KolmogorovSmirnov, LeafSample, Naive, SignificanceTest, Split
 from eutree.trees import DecisionTree
 from eutree.validation import check_integer, check_number

@@ -6,14 +6,16 @@ from enum import IntEnum
 import numpy as np
 
 from eutree.arrays import Floats
-from eutree.learners.contender_races import ContenderRaces
-from eutree.learners.contenders import Contender, packed_trees, unpacked_trees
-from eutree.learners.dagger import DAgger
 from eutree.learners.declared import part, prefixed
-from eutree.learners.distilled_dqn_choices import DistilledDQNChoices
+from eutree.learners.distilled_dqn.choices import DistilledDQNChoices
+from eutree.learners.distilled_dqn.contender_races import ContenderRaces
+from eutree.learners.distilled_dqn.contenders import Contender, packed_trees, unpacked_trees
+from eutree.learners.distilled_dqn.dagger import DAgger
+from eutree.learners.distilled_dqn.experience import Experience
+from eutree.learners.distilled_dqn.imagined_rivals import PRUNED, ImaginedRivals
+from eutree.learners.distilled_dqn.students import Students
+from eutree.learners.distilled_dqn.teachers import GivenTeacher, NetworkTeacher
 from eutree.learners.episode_buffer import EpisodeBuffer
-from eutree.learners.experience import Experience
-from eutree.learners.imagined_rivals import PRUNED, ImaginedRivals
 from eutree.learners.learner import (
     Arrays,
     Decisions,
@@ -25,8 +27,6 @@ from eutree.learners.learner import (
     ValuingPolicy,
 )
 from eutree.learners.model_trust import ModelTrust
-from eutree.learners.students import Students
-from eutree.learners.teachers import GivenTeacher, NetworkTeacher
 from eutree.policy_search.patient_race import LOOKS
 from eutree.world_model.action_trees import from_decision_tree, n_leaves, to_decision_tree
 

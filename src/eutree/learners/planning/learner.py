@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from eutree.arrays import Booleans, Floats, Int32s, Integers
+from eutree.arrays import Floats, Int32s, Integers
 from eutree.c45 import C45Settings, grow
 from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
@@ -33,16 +33,17 @@ from eutree.learners.declared import (
     prefixed,
 )
 from eutree.learners.forgetting import RecentEpisodes
-from eutree.learners.history import TERMINAL, History
+from eutree.learners.history import History
 from eutree.learners.learner import Arrays, Decisions, Needs, Problem, Start, Step, Update
 from eutree.learners.statistics import returns_by_action
 from eutree.learners.teaching import Lessons
+from eutree.learners.transitions import transitions_of
 from eutree.policies import LeafStatistics
 from eutree.policy_search.planner import Plan, Planner
 from eutree.trees import DecisionTree
 from eutree.trees.grafting import graft
 from eutree.validation import check_integer, check_number
-from eutree.world_model import ActionTree, Transitions
+from eutree.world_model import ActionTree
 from eutree.world_model.action_trees import from_decision_tree, to_decision_tree
 
 _UNPRUNED = C45Settings(use_penalty=False, prune=False)
@@ -407,28 +408,6 @@ class _Actor:
         order = np.argsort(leaves, kind="stable")
         sizes = np.bincount(leaves, minlength=self._tree.n_leaves)
         return np.split(order, np.cumsum(sizes)[:-1])
-
-
-def transitions_of(history: History, n_actions: int) -> Transitions:
-    """Return a history as planning sees it; what a gap divides counts as two episodes."""
-    return Transitions(
-        history.observations,
-        history.actions.astype(np.int64),
-        history.rewards,
-        history.next_observations,
-        history.entered == TERMINAL,
-        as_whole(history.episodes.astype(np.int64), history.continues),
-        n_actions,
-    )
-
-
-def as_whole(episodes: Integers, continues: Booleans) -> Integers:
-    """Return numbers of episodes [N] such that what a gap divides counts as two."""
-    gaps = ~continues
-    gaps[1:] &= episodes[1:] == episodes[:-1]
-    gaps[:1] = False
-    whole: Integers = episodes + np.cumsum(gaps)
-    return whole
 
 
 def _forgetting(method: PlanningMethod) -> RecentEpisodes | None:

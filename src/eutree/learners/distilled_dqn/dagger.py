@@ -1,7 +1,7 @@
 """DAgger (Ross, Gordon and Bagnell 2011): trees act, the teacher says what it would have done."""
 
-from eutree.learners.experience import Experience
-from eutree.learners.students import Students
+from eutree.learners.distilled_dqn.experience import Experience
+from eutree.learners.distilled_dqn.students import Students
 from eutree.world_model import ActionTree
 
 STUDENT_LEAVES = 400  # of DAgger's trees: they gather data, nobody reads them

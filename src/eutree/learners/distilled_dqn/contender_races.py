@@ -8,12 +8,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from eutree.learners.contenders import Contender, packed_contenders, unpacked_contenders
 from eutree.learners.declared import part, prefixed
-from eutree.learners.experience import Experience
+from eutree.learners.distilled_dqn.contenders import (
+    Contender,
+    packed_contenders,
+    unpacked_contenders,
+)
+from eutree.learners.distilled_dqn.experience import Experience
+from eutree.learners.distilled_dqn.students import Students
 from eutree.learners.learner import Arrays, Figures
 from eutree.learners.model_trust import ModelTrust
-from eutree.learners.students import Students
 from eutree.policy_search.patient_race import PatientRace
 from eutree.world_model import ActionTree
 

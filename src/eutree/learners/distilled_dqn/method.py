@@ -20,7 +20,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from eutree.learners.contenders import ORIGINS
 from eutree.learners.declared import (
     HISTORY_PART,
     MOST,
@@ -31,8 +30,9 @@ from eutree.learners.declared import (
     Stored,
     packed_trees_part,
 )
-from eutree.learners.distilled_dqn_choices import DistilledDQNChoices
-from eutree.learners.distilled_dqn_learner import NUMBERS, DistilledDQNLearner, Stage
+from eutree.learners.distilled_dqn.choices import DistilledDQNChoices
+from eutree.learners.distilled_dqn.contenders import ORIGINS
+from eutree.learners.distilled_dqn.learner import NUMBERS, DistilledDQNLearner, Stage
 from eutree.learners.learner import Arrays, Needs, Problem, Start
 from eutree.neural.network import n_weights
 from eutree.world_model.ensemble import N_KINDS

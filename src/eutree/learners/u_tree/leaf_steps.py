@@ -6,10 +6,10 @@ import numpy as np
 
 from eutree.arrays import Floats, Int32s, Integers
 from eutree.compiled import machine_code
-from eutree.learners import _kernels_step
-from eutree.learners._kernels_step import REFUSED, UNKNOWN
 from eutree.learners.episode_buffer import EpisodeBuffer, FinishedEpisode
 from eutree.learners.learner import Step
+from eutree.learners.u_tree import _kernels_step
+from eutree.learners.u_tree._kernels_step import REFUSED, UNKNOWN
 from eutree.mdp import TERMINAL, TabularMDP
 from eutree.trees import DecisionTree
 

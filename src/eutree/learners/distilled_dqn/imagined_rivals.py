@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from eutree.learners.contenders import Contender
-from eutree.learners.experience import Experience
+from eutree.learners.distilled_dqn.contenders import Contender
+from eutree.learners.distilled_dqn.experience import Experience
+from eutree.learners.distilled_dqn.students import Students
 from eutree.learners.learner import Arrays
 from eutree.learners.model_trust import ModelTrust
-from eutree.learners.students import Students
 from eutree.policy_search.rollout_pruning import pruned_by_rollouts
 from eutree.world_model import ActionTree
 from eutree.world_model.ensemble import Ensemble, EnsembleSettings, fit_ensemble

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 
 from eutree.arrays import Floats
-from eutree.learners.distilled_dqn_choices import DistilledDQNChoices
+from eutree.learners.distilled_dqn.choices import DistilledDQNChoices
 from eutree.learners.history import TERMINAL, History
 from eutree.learners.learner import Arrays, Problem, Start, ValuingPolicy
 from eutree.neural import DoubleDQN, Scaling

@@ -8,7 +8,7 @@ from eutree.data import Episode
 from eutree.learners.episode_buffer import FinishedEpisode, store, store_demonstrations
 from eutree.learners.history import History
 from eutree.learners.learner import Arrays
-from eutree.learners.model_planning import transitions_of
+from eutree.learners.transitions import transitions_of
 from eutree.trees import DecisionTree
 from eutree.world_model import Transitions
 

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from eutree.learners.targets import Target
+from eutree.learners.u_tree.targets import Target
 from eutree.splitting import LeafSample, Split
 
 

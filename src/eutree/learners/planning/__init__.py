@@ -1,0 +1,5 @@
+"""``planning``: plan in model trees, and let what is planned prove itself."""
+
+from eutree.learners.planning.learner import ModelPlanning, PlanningMethod
+
+__all__ = ["ModelPlanning", "PlanningMethod"]
