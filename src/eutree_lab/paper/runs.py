@@ -13,7 +13,6 @@ import gymnasium
 import msgspec
 from msgspec import UNSET, UnsetType
 
-import eutree.envs.evasion  # noqa: F401 - a worker process must know the environments
 from eutree.compression import compress
 from eutree.data import Demonstrations
 from eutree.envs.experts import experts_for
