@@ -1,7 +1,5 @@
 """Cutting a tree to size by imagined returns."""
 
-import sys
-
 import gymnasium
 import numpy as np
 import pytest
@@ -158,9 +156,7 @@ def test_a_world_model_is_refused_where_it_cannot_tell_trees(monkeypatch, sign):
     )
     scores = sign * cuts
     found = Pruned(asked[-1], "imagined", 0.0, 1.0, asked, scores)
-    monkeypatch.setattr(
-        sys.modules["eutree.compression.compress"], "pruned_in_imagination", lambda *a, **k: found
-    )
+    monkeypatch.setattr(ImaginedEpisodes, "pruned", lambda *a, **k: found)
     known = Transitions.of(
         [Episode(np.array([[1.0], [2.0]]), np.array([0]), np.array([1.0]), True, False)], 2
     )

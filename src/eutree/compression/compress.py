@@ -11,6 +11,7 @@ demanded fidelity wins. Who can give something up gets less: a share of the reco
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,9 +20,8 @@ from eutree.arrays import Floats
 from eutree.c45 import C45Settings
 from eutree.compression.candidates import Ladder, by_c45, lossless, merged, with_locks
 from eutree.compression.costs import WEIGHTS, Costs
-from eutree.compression.episodes import Demand, ImaginedEpisodes, RealEpisodes, as_real
+from eutree.compression.episodes import Demand, RealEpisodes, as_real
 from eutree.compression.front import Pick, front_of
-from eutree.compression.imagined import Pruned, pruned_in_imagination
 from eutree.compression.racing import Arena, Verdict, meet, play_rounded
 from eutree.compression.report import CompressionReport, FrontEntry
 from eutree.compression.rounding import Rounding, rounded, steps_of
@@ -40,6 +40,9 @@ from eutree.validation import (
     check_seed,
 )
 
+if TYPE_CHECKING:  # a world model is loaded where episodes are imagined
+    from eutree.compression.imagined import ImaginedEpisodes, Pruned
+
 IMAGINED_STREAM = 41
 ASKED = 60  # episodes of each tree that a world model is held against
 _ASKED_BLOCK = 2_000_000
@@ -54,7 +57,7 @@ def compress(
     mode: str = "auto",
     max_disagreement: float | None = None,
     max_leaves: int | None = None,
-    imagined: ImaginedEpisodes | None = None,
+    imagined: "ImaginedEpisodes | None" = None,
     env: RealEpisodes | Environment | None = None,
     weights: str = "visits",
     round_thresholds: Rounding = False,
@@ -117,12 +120,9 @@ def compress(
     elif max_leaves is not None:
         imagine = None
         if imagined is not None:
-            imagine = partial(
-                pruned_in_imagination,
-                known=imagined.transitions(policy),
-                settings=imagined.world_model,
-                generator=np.random.default_rng((seed, IMAGINED_STREAM)),
-            )
+            generator = np.random.default_rng((seed, IMAGINED_STREAM))
+            known = imagined.transitions(policy)
+            imagine = partial(imagined.pruned, known, generator=generator)
         result, method, scores = _of_size(policy, costs, max_leaves, imagine, arena)
     elif max_disagreement is not None:
         result, method = _within(policy, costs, max_disagreement)
@@ -193,7 +193,7 @@ def _of_size(
     policy: TreePolicy,
     costs: Costs,
     max_leaves: int,
-    imagine: Callable[..., Pruned] | None,
+    imagine: "Callable[..., Pruned] | None",
     arena: Arena | None,
 ) -> tuple[TreePolicy, str, tuple[float, float] | None]:
     """Return a tree of at most so many leaves, what made it, and its score with the input's."""
@@ -206,7 +206,7 @@ def _of_size(
         return exact, "merge", None
     if imagine is None:
         return Ladder(policy, costs).of_size(max_leaves), "budget", None
-    found = imagine(policy, costs, max_leaves=max_leaves)
+    found = imagine(policy, costs, max_leaves)
     if arena is not None:  # where trees can play, a model is believed only if it can tell them
         means = [arena.run(one, _ASKED_BLOCK, ASKED).mean() for one in found.asked]
         found.check_order(np.array(means))
@@ -217,7 +217,7 @@ def _check_size(
     policy: TreePolicy,
     mode: str,
     max_leaves: int | None,
-    imagined: ImaginedEpisodes | None,
+    imagined: "ImaginedEpisodes | None",
     *,
     others: tuple[float | None, float | None],
 ) -> None:

@@ -1,26 +1,17 @@
-"""Which episodes speak for a smaller tree: real ones, or those that a world model imagines."""
+"""Which episodes speak for a smaller tree: real ones, the same for every tree."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import gymnasium
 
 from eutree.contests.betting import TUNED
 from eutree.contests.smallest import ATTEMPTS
-from eutree.data import Demonstrations
-from eutree.errors import InvalidArgumentError
 from eutree.interaction.recipe import Environment
 from eutree.interaction.return_range import return_range as known_range
-from eutree.learners import History
-from eutree.learners.transitions import transitions_of
-from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
 from eutree.validation import check_integer, check_number, check_range
-from eutree.world_model import Transitions
-from eutree.world_model.ensemble import EnsembleSettings
-
-Experience = History | Demonstrations | Transitions
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,36 +96,3 @@ def as_real(env: "RealEpisodes | Environment | None") -> RealEpisodes | None:
     if env is None or isinstance(env, RealEpisodes):
         return env
     return RealEpisodes(env, searches=True)
-
-
-@dataclass(frozen=True)
-class ImaginedEpisodes:
-    """Episodes imagined by a world model.
-
-    Attributes:
-        experience: What it is fitted to: a run's ``history``, demonstrations, or transitions.
-        world_model: How.
-    """
-
-    experience: Experience
-    world_model: EnsembleSettings = field(default_factory=EnsembleSettings)
-
-    def transitions(self, policy: TreePolicy) -> Transitions:
-        """Return the experience in the features of a policy.
-
-        Raises:
-            InvalidArgumentError: It has other features, or holds nothing.
-        """
-        if isinstance(self.experience, Transitions):
-            known = self.experience
-        elif isinstance(self.experience, History):
-            known = transitions_of(self.experience, policy.schema.n_actions)
-        else:
-            shown = self.experience.with_history(policy.history, policy.past_actions)
-            known = Transitions.of(shown.kept, policy.schema.n_actions)
-        if known.observations.shape[1] != policy.tree.n_features or not known.rewards.size:
-            raise InvalidArgumentError(
-                f"experience must hold transitions of {policy.tree.n_features} features, "
-                f"got shape {known.observations.shape}"
-            )
-        return known

@@ -5,14 +5,17 @@ the one that brakes. Where transitions are at hand, an ensemble of networks is f
 cuts are chosen by imagined episodes; the cheapest pruning by labels is a rival as well.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from eutree.arrays import Floats, Integers
 from eutree.compression.candidates import Ladder, merged
 from eutree.compression.costs import Costs
+from eutree.data import Demonstrations
 from eutree.errors import InvalidArgumentError
+from eutree.learners import History
+from eutree.learners.transitions import transitions_of
 from eutree.policies import TreePolicy
 from eutree.policy_search.rank_correlation import rank_correlation
 from eutree.policy_search.rollout_pruning import pruned_by_rollouts
@@ -21,6 +24,8 @@ from eutree.world_model import ActionTree, Transitions
 from eutree.world_model.action_trees import from_decision_tree, to_decision_tree
 from eutree.world_model.ensemble import EnsembleSettings, fit_ensemble
 from eutree.world_model.ensemble_rollouts import EnsembleRollouts
+
+Experience = History | Demonstrations | Transitions
 
 TRIES = 6  # prunings with imagined episodes of their own
 TIMES = 3  # leaves to prune from, in those allowed; what is larger is cut by labels first
@@ -61,6 +66,51 @@ class Pruned:
                 f"correlation {found.value:.2f} [{found.low:.2f}, {found.high:.2f}] with the "
                 "returns that they earned, no better than chance; let the trees play instead"
             )
+
+
+@dataclass(frozen=True)
+class ImaginedEpisodes:
+    """Episodes imagined by a world model.
+
+    Attributes:
+        experience: What it is fitted to: a run's ``history``, demonstrations, or transitions.
+        world_model: How.
+    """
+
+    experience: Experience
+    world_model: EnsembleSettings = field(default_factory=EnsembleSettings)
+
+    def transitions(self, policy: TreePolicy) -> Transitions:
+        """Return the experience in the features of a policy.
+
+        Raises:
+            InvalidArgumentError: It has other features, or holds nothing.
+        """
+        if isinstance(self.experience, Transitions):
+            known = self.experience
+        elif isinstance(self.experience, History):
+            known = transitions_of(self.experience, policy.schema.n_actions)
+        else:
+            shown = self.experience.with_history(policy.history, policy.past_actions)
+            known = Transitions.of(shown.kept, policy.schema.n_actions)
+        if known.observations.shape[1] != policy.tree.n_features or not known.rewards.size:
+            raise InvalidArgumentError(
+                f"experience must hold transitions of {policy.tree.n_features} features, "
+                f"got shape {known.observations.shape}"
+            )
+        return known
+
+    def pruned(
+        self,
+        known: Transitions,
+        policy: TreePolicy,
+        costs: Costs,
+        max_leaves: int,
+        *,
+        generator: np.random.Generator,
+    ) -> Pruned:
+        """Return a policy cut to at most so many leaves; see ``pruned_in_imagination``."""
+        return pruned_in_imagination(policy, costs, known, max_leaves, self.world_model, generator)
 
 
 def pruned_in_imagination(

@@ -1,16 +1,21 @@
 """The agent-environment loop, for any Gymnasium environment that a tree can act in."""
 
+from typing import TYPE_CHECKING
+
 from eutree.interaction.action_grid import GriddedAction
 from eutree.interaction.decoding import DecodedObservation
 from eutree.interaction.episode import run_episode
 from eutree.interaction.guard import GuardedEnv
-from eutree.interaction.keys import KeyMap, keys_of_environment, parse_keys
 from eutree.interaction.record import record
-from eutree.interaction.recorder import Recorder
 from eutree.interaction.seeding import episode_seed
-from eutree.interaction.session import Session
-from eutree.interaction.settings import SessionSettings
 from eutree.interaction.spaces import describe
+from eutree.lazy import lazily
+
+if TYPE_CHECKING:
+    from eutree.interaction.keys import KeyMap, keys_of_environment, parse_keys
+    from eutree.interaction.recorder import Recorder
+    from eutree.interaction.session import Session
+    from eutree.interaction.settings import SessionSettings
 
 __all__ = [
     "DecodedObservation",
@@ -27,3 +32,13 @@ __all__ = [
     "record",
     "run_episode",
 ]
+
+__getattr__ = lazily(
+    __name__,
+    {
+        "eutree.interaction.keys": "KeyMap keys_of_environment parse_keys",
+        "eutree.interaction.recorder": "Recorder",
+        "eutree.interaction.session": "Session",
+        "eutree.interaction.settings": "SessionSettings",
+    },
+)

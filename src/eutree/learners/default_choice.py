@@ -9,9 +9,9 @@ hundred thousand steps, demonstrations that fix its scales, and gets further the
 from dataclasses import dataclass
 
 from eutree.data import Demonstrations
-from eutree.learners.distilled_dqn import DistilledDQN
 from eutree.learners.learner import Method
 from eutree.learners.presets import DEFAULT
+from eutree.learners.registry import method
 from eutree.wording import counted
 
 MANY_FEATURES = 6  # Acrobot has six; five (4-Evasion) were not measured
@@ -50,12 +50,12 @@ class Evidence:
 def default_for(known: Evidence) -> Choice:
     """Return the method that learns where none is named, and why."""
     if known.teacher:
-        return Choice(DistilledDQN(), "distilled-dqn learns: it asks the teacher")
+        return Choice(method("distilled-dqn"), "distilled-dqn learns: it asks the teacher")
     demonstrations, steps = known.demonstrations, known.steps
     missing = _missing(demonstrations, steps)
     if not missing and demonstrations is not None:
         return Choice(
-            DistilledDQN(),
+            method("distilled-dqn"),
             f"distilled-dqn learns: {counted(demonstrations.schema.n_features, 'feature')} are "
             f"many for planning, and {steps} steps are enough for a teacher of its own",
         )
