@@ -163,7 +163,7 @@ def test_a_plants_log_is_imported_by_its_own_columns(ask, tmp_path, capsys):
     assert "the last action of 2 episodes is left out" in said
     error = ask("import", log, "--out", tmp_path / "c", code=2)
     assert "--episode-column and --action-column" in error
-    assert "--delimiter" in error
+    assert "--time COLUMN, with --episode-gap 1h" in error
     assert run(["demos", "import", "--help"]) == 0
     shown = " ".join(capsys.readouterr().out.split())
     assert 'Two columns are required: "episode"' in shown

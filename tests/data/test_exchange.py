@@ -241,7 +241,7 @@ def test_what_a_table_lacks_is_said_with_the_way_out(tmp_path):
     with pytest.raises(FormatError, match=r"required are 'episode' and 'action'.*--episode-column"):
         Demonstrations.from_csv(path, delimiter=";")
     with pytest.raises(FormatError, match="and what separates the values by --delimiter"):
-        Demonstrations.from_csv(path)
+        Demonstrations.from_csv(path, delimiter=",")
     with pytest.raises(FormatError, match=r"there is no column 'days' in \['day', "):
         Demonstrations.from_csv(path, columns={"episode": "days"}, delimiter=";")
     with pytest.raises(InvalidArgumentError, match=r"unknown columns 'episodes'.*'episode'"):
@@ -251,9 +251,9 @@ def test_what_a_table_lacks_is_said_with_the_way_out(tmp_path):
     path.write_text("episode,action,day,x\n0,1,2,3\n")
     with pytest.raises(FormatError, match="two columns have the same name: 'episode'"):
         Demonstrations.from_csv(path, columns={"episode": "day"})
-    path.write_text("episode;action;x\n0;1;20,5\n")
+    path.write_text('episode,action,x\n0,1,"20,5"\n')
     with pytest.raises(FormatError, match="a finite number, with a decimal point, got '20,5'"):
-        Demonstrations.from_csv(path, delimiter=";")
+        Demonstrations.from_csv(path)
 
 
 def test_rows_say_which_actions_were_dropped():

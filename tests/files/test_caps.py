@@ -14,7 +14,7 @@ import io, resource, struct, sys, zipfile, zlib
 from pathlib import Path
 import numpy as np
 from eutree.data import Demonstrations
-from eutree.data.csv_reader import MAX_CSV
+from eutree.data.csv_reader import MAX_EPISODES, MAX_NUMBERS
 from eutree.data.journal import recover_episode
 from eutree.errors import FormatError
 from eutree.files.arrays import MAX_ARCHIVE
@@ -41,11 +41,11 @@ data = start + b'"nodes": [' + b"{}," * (room // 3) + end
 load = TreePolicy.load
 """,
     "many small rows": """
-data = b"episode,action,x\\n" + b"0,0,1\\n" * (MAX_CSV // 6 - 10)
+data = b"episode,action,x\\n" + b"0,0,1\\n" * (MAX_NUMBERS // 3)
 load = Demonstrations.from_csv
 """,
     "many small episodes": """
-data = b"episode,action,x\\n" + b"".join(b"%d,0,1\\n" % k for k in range(MAX_CSV // 16))
+data = b"episode,action,x\\n" + b"".join(b"%d,0,1\\n" % k for k in range(MAX_EPISODES + 1))
 load = Demonstrations.from_csv
 """,
     "compressed bytes": """

@@ -238,7 +238,18 @@ def stats(folder: Path, html: Path | None, as_json: bool) -> None:
 @click.option("--episode-column", help="Column of a .csv that says which episode; else 'episode'.")
 @click.option("--action-column", help="Column with the actions, names or numbers; else 'action'.")
 @click.option("--reward-column", help="Column with the rewards (more is better); else 'reward'.")
-@click.option("--delimiter", default=",", show_default=True, help="What separates the values.")
+@click.option("--delimiter", help="What separates the values; else as the first line shows.")
+@click.option("--drop", multiple=True, metavar="COLUMN", help="A column that is no feature.")
+@click.option("--nominal", multiple=True, metavar="COLUMN",
+              help="A column of text: each category becomes a feature.")  # fmt: skip
+@click.option("--missing", default="", metavar="hold|drop|NUMBER",
+              help="What an empty cell means: the value before it; the row is left out and the "
+              "episode ends; a number.")  # fmt: skip
+@click.option("--time", default="", metavar="COLUMN", help="The column of the time.")
+@click.option("--time-format", default="", metavar="FORMAT",
+              help="Its form, '%d.%m.%Y %H:%M', where it is not seconds or ISO 8601.")  # fmt: skip
+@click.option("--episode-gap", metavar="SPAN", help="A pause that ends an episode: 90s, 1h.")
+@click.option("--actions", metavar="NAME,NAME,...", help="The actions, in order.")
 @env_arg_option
 @json_option
 def import_(
@@ -248,9 +259,12 @@ def import_(
     episode_column: str | None,
     action_column: str | None,
     reward_column: str | None,
-    delimiter: str,
+    delimiter: str | None,
+    episode_gap: str | None,
+    actions: str | None,
     env_arguments: dict[str, Any],
     as_json: bool,
+    **log: Any,
 ) -> None:
     """Read demonstrations from SOURCE: minari:ID, or a file ending in .csv or .npz.
 
@@ -259,14 +273,20 @@ def import_(
     "action_name", "reward", "terminated", "truncated", "seed", "ending", "is_success" and "kept"
     are known; every other column is a feature, its unit in brackets: "level [m]". The last row of
     an episode has an empty action: it is what the last action led to. Without such a row the last
-    action is left out.
+    action is left out. A machine's log without marks of episodes is read by --time.
     """
-    from eutree.data import Demonstrations
+    from eutree.data import Demonstrations, LogFormat
+    from eutree.data.log_format import seconds_of
 
     kind = _kind("SOURCE", source)
     named = {"episode": episode_column, "action": action_column, "reward": reward_column}
     columns = {name: column for name, column in named.items() if column is not None}
-    if kind != "csv" and (columns or delimiter != ","):
+    log_format = LogFormat(
+        episode_gap=None if episode_gap is None else seconds_of(episode_gap),
+        actions=() if actions is None else tuple(name.strip() for name in actions.split(",")),
+        **log,
+    )
+    if kind != "csv" and (columns or delimiter is not None or log_format != LogFormat()):
         raise InvalidArgumentError(f"columns and --delimiter are for a file .csv, got {source!r}")
     schema, spec = (None, None) if environment is None else _described(environment, env_arguments)
     if kind == "minari":
@@ -275,7 +295,12 @@ def import_(
             loaded = replace(loaded, schema=schema, environment=spec)
     elif kind == "csv":
         loaded = Demonstrations.from_csv(
-            source, schema=schema, environment=spec, columns=columns, delimiter=delimiter
+            source,
+            schema=schema,
+            environment=spec,
+            columns=columns,
+            delimiter=delimiter,
+            log=log_format,
         )
     else:
         loaded = Demonstrations.from_npz(source, schema=schema, environment=spec)

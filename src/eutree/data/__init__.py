@@ -3,5 +3,13 @@
 from eutree.data.demonstrations import Demonstrations, check_rewards
 from eutree.data.episode import Episode
 from eutree.data.files import DemonstrationFolder, RunningEpisode
+from eutree.data.log_format import LogFormat
 
-__all__ = ["DemonstrationFolder", "Demonstrations", "Episode", "RunningEpisode", "check_rewards"]
+__all__ = [
+    "DemonstrationFolder",
+    "Demonstrations",
+    "Episode",
+    "LogFormat",
+    "RunningEpisode",
+    "check_rewards",
+]

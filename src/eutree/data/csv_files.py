@@ -14,8 +14,10 @@ import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from eutree.data.csv_reader import KNOWN, CsvReader
+from eutree.data.csv_reader import CsvReader
+from eutree.data.csv_table import KNOWN
 from eutree.data.episode import Episode
+from eutree.data.log_format import LogFormat
 from eutree.errors import InvalidArgumentError
 from eutree.files import write_text
 from eutree.schema import Schema
@@ -47,7 +49,8 @@ def read_csv(
     schema: Schema | None = None,
     *,
     columns: Mapping[str, str] | None = None,
-    delimiter: str = ",",
+    delimiter: str | None = None,
+    log: LogFormat | None = None,
 ) -> tuple[tuple[Episode, ...], Schema]:
     """Read episodes, and the schema that the columns tell unless one is given.
 
@@ -55,14 +58,15 @@ def read_csv(
         path: The file.
         schema: Names and units, if known.
         columns: The table's own names of known columns: ``{"episode": "day"}``.
-        delimiter: The character between two values.
+        delimiter: The character between two values; None for the one that the first line shows.
+        log: How a machine's log is to be read as episodes.
 
     Raises:
         InvalidArgumentError: ``columns`` names an unknown column, or ``delimiter`` is none.
         FormatError: A column is missing, or a value is not what it must be; says which line.
         FileError: The file is missing or cannot be read.
     """
-    reader = CsvReader(path, schema, columns=columns, delimiter=delimiter)
+    reader = CsvReader(path, schema, columns=columns, delimiter=delimiter, log=log)
     return reader.episodes, reader.schema
 
 

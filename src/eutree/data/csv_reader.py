@@ -1,43 +1,28 @@
 """Reading a table of episodes row by row, keeping numbers and not text."""
 
-import csv
-import io
+import math
 import re
 from array import array
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
+from eutree.arrays import Floats
+from eutree.data.csv_table import CsvTable
 from eutree.data.episode import Episode
+from eutree.data.log_format import MAX_CATEGORIES, LogFormat, LogRows, Row, hint, label
 from eutree.data.rows import DROPPED, MAX_NAMES
 from eutree.errors import FormatError, InvalidArgumentError
-from eutree.files import read_bytes
 from eutree.schema import Feature, Schema, numbered_actions
-from eutree.validation import check_choice
 
-MAX_CSV = 32 * 2**20
+MAX_NUMBERS = 24 * 2**20  # of all rows: features, action and reward
 MAX_EPISODES = 100_000
 
-KNOWN = (
-    "episode",
-    "step",
-    "action",
-    "action_name",
-    "reward",
-    "terminated",
-    "truncated",
-    "seed",
-    "ending",
-    "is_success",
-    "kept",
-)
-REQUIRED = ("episode", "action")
+_DECIMAL_COMMA = re.compile(r"\s*[-+]?\d+,\d+(?:[eE][-+]?\d+)?\s*")
 _INDEX = re.compile(r"[0-9]{1,5}")
 _SEED = re.compile(r"[0-9]{1,99}")
 _TRUTH = {"": None, "true": True, "false": False, "1": True, "0": False}
-
-_Row = dict[str, str]
 
 
 class CsvReader:
@@ -47,7 +32,8 @@ class CsvReader:
         path: The file.
         schema: Names and units; made from the columns if None.
         columns: The table's own names of known columns: ``{"episode": "day"}``.
-        delimiter: The character between two values.
+        delimiter: The character between two values; None for the one that the first line shows.
+        log: How a machine's log is to be read as episodes.
 
     Attributes:
         episodes: The episodes, in the order in which they begin.
@@ -64,84 +50,63 @@ class CsvReader:
         schema: Schema | None,
         *,
         columns: Mapping[str, str] | None = None,
-        delimiter: str = ",",
+        delimiter: str | None = None,
+        log: LogFormat | None = None,
     ) -> None:
         self._path = path
-        self._own_names = _checked_columns(columns or {})
-        self._delimiter = _checked_delimiter(delimiter)
+        self._log = log or LogFormat()
+        self._table = CsvTable(path, columns or {}, delimiter, self._log)
         self._codes: dict[str, int] = {}  # of the texts in the column action
         self._names: dict[str, str] = {}  # what action_name says about them
-        groups: dict[str, _EpisodeRows] = {}
-        rows = self._rows()
-        header = next(rows)[1]
-        self._features = [column for column in header if column not in KNOWN]
-        if schema is not None and schema.n_features != len(self._features):
-            reason = f"expected {schema.n_features} features, got columns {self._features}"
-            raise FormatError(path, "line 1", reason)
-        for line, row in rows:
-            group = groups.setdefault(row["episode"], _EpisodeRows())
+        self._categories: dict[str, dict[str, int]] = {name: {} for name in self._log.nominal}
+        groups: dict[tuple[str, int], _EpisodeRows] = {}
+        log_rows = LogRows(path, self._log, self._table)
+        numbers = 0
+        for line, row in self._table.rows():
+            episode = log_rows.episode_of(line, row)
+            if episode is None:
+                continue
+            group = groups.setdefault(episode, _EpisodeRows())
+            numbers += len(self._table.features) + 2
             if len(groups) > MAX_EPISODES:
                 raise FormatError(path, f"line {line}", f"more than {MAX_EPISODES:,} episodes")
+            if numbers > MAX_NUMBERS:
+                raise FormatError(path, f"line {line}", f"more than {MAX_NUMBERS:,} numbers")
             self._add(group, line, row)
+        self._check_width(schema)
         self._texts = list(self._codes)
         self.schema = self._made_schema() if schema is None else schema
+        indices = [self._index(code) for code in range(len(self._texts))]
+        self._indices = np.array(indices, dtype=np.int64)
         self.episodes = tuple(self._episode(group) for group in groups.values())
 
-    def _rows(self) -> Iterator[tuple[int, _Row]]:
-        """Yield the columns, then each row, with the number of its line."""
-        content = io.BytesIO(read_bytes(self._path, limit=MAX_CSV))
-        text = io.TextIOWrapper(content, "utf-8-sig", newline="")
-        reader = csv.reader(text, strict=True, delimiter=self._delimiter)
-        try:
-            columns = self._renamed(next(reader, []))
-            yield 1, dict.fromkeys(columns, "")
-            for values in reader:
-                if len(values) != len(columns):
-                    reason = f"expected {len(columns)} values, got {len(values)}"
-                    raise FormatError(self._path, f"line {reader.line_num}", reason)
-                yield reader.line_num, dict(zip(columns, values, strict=True))
-        except csv.Error as error:
-            raise FormatError(self._path, f"line {reader.line_num}", str(error)) from None
-        except UnicodeDecodeError:
-            reason = "not UTF-8 text"
-            raise FormatError(self._path, f"after line {reader.line_num}", reason) from None
-
-    def _renamed(self, found: list[str]) -> list[str]:
-        """Return the table's columns under the names that we know them by."""
-        for name in self._own_names.values():
-            if name not in found:
-                raise FormatError(self._path, "line 1", f"there is no column {name!r} in {found}")
-        known = {own: name for name, own in self._own_names.items()}
-        columns = [known.get(column, column) for column in found]
-        self._check_columns(columns, found)
-        return columns
-
-    def _check_columns(self, columns: list[str], found: list[str]) -> None:
-        for name in REQUIRED:
-            if name not in columns:
-                reason = (
-                    f"there is no column {name!r} in {found}; required are 'episode' and 'action', "
-                    "or columns named by --episode-column and --action-column "
-                    "(in Python columns={'episode': ..., 'action': ...})"
-                )
-                if name == "episode":
-                    reason += "; a log in one piece is one episode: give it a column of zeros"
-                if len(found) == 1 and any(mark in found[0] for mark in ";\t|"):
-                    reason += "; and what separates the values by --delimiter"
-                raise FormatError(self._path, "line 1", reason)
-        if len(set(columns)) < len(columns):
-            twice = sorted({name for name in columns if columns.count(name) > 1})
-            reason = f"two columns have the same name: {', '.join(map(repr, twice))}"
+    def _check_width(self, schema: Schema | None) -> None:
+        names = self._labels()
+        if schema is not None and schema.n_features != len(names):
+            reason = f"expected {schema.n_features} features, got columns {names}"
             raise FormatError(self._path, "line 1", reason)
-        if not 1 <= len(set(columns) - set(KNOWN)) <= MAX_NAMES:
-            raise FormatError(self._path, "line 1", "there is no column of a feature, or too many")
 
-    def _add(self, group: "_EpisodeRows", line: int, row: _Row) -> None:
+    def _labels(self) -> list[str]:
+        """Return the features, one for each category of a nominal column."""
+        labels = []
+        for column in self._table.features:
+            if column in self._categories:
+                labels += [f"{column} is {name}" for name in self._told(column)]
+            else:
+                labels.append(label(column))
+        return labels
+
+    def _told(self, column: str) -> list[str]:
+        """Return the categories that have a feature of their own: of two one is enough."""
+        names = sorted(self._categories[column])
+        return names[1:] if len(names) == 2 else names
+
+    def _add(self, group: "_EpisodeRows", line: int, row: Row) -> None:
         """Add a row to its episode."""
         if group.observations and not group.last_row["action"]:
             reason = "only an episode's last row may have no action"
             raise FormatError(self._path, f"line {group.last_line}", reason)
-        group.observations.extend(self._number(row, name, line) for name in self._features)
+        group.observations.extend([self._value(row, name, line) for name in self._table.features])
         group.last_line, group.last_row = line, row
         if row["action"]:
             if any(group.ends[-1]):
@@ -153,7 +118,7 @@ class CsvReader:
             flags = (self._truth(row, name, line) for name in ("terminated", "truncated"))
             group.ends = (group.ends[-1], (next(flags) is True, next(flags) is True))
 
-    def _add_reward(self, group: "_EpisodeRows", line: int, row: _Row) -> None:
+    def _add_reward(self, group: "_EpisodeRows", line: int, row: Row) -> None:
         """Add the reward of a row: an episode has one for each action, or none."""
         known = bool(row.get("reward"))
         if group.rewards and known != group.has_rewards:
@@ -162,7 +127,7 @@ class CsvReader:
         group.has_rewards = known
         group.rewards.append(self._number(row, "reward", line) if known else 0.0)
 
-    def _code(self, row: _Row, line: int) -> int:
+    def _code(self, row: Row, line: int) -> int:
         code = self._codes.setdefault(row["action"], len(self._codes))
         if code >= MAX_NAMES:
             raise FormatError(self._path, f"line {line}", f"more than {MAX_NAMES:,} actions")
@@ -173,7 +138,9 @@ class CsvReader:
     def _made_schema(self) -> Schema:
         """Return a schema of what the columns and the actions tell."""
         actions = tuple(self._codes)
-        if all(map(str.isdecimal, actions)):
+        if self._log.actions:
+            actions = self._log.actions
+        elif all(map(str.isdecimal, actions)):
             large = [a for a in actions if not _INDEX.fullmatch(a) or int(a) >= MAX_NAMES]
             if large:
                 reason = f"must be an index below {MAX_NAMES:,}, got {large[0]}"
@@ -182,23 +149,45 @@ class CsvReader:
             unnamed = numbered_actions(highest + 1)
             names = {int(text): name for text, name in self._names.items()}
             actions = tuple(names.get(k, name) for k, name in enumerate(unnamed))
+        elif all(map(_is_quantity, actions)):
+            actions = tuple(sorted(actions, key=float))
         try:
-            return Schema(tuple(map(Feature.from_label, self._features)), actions)
+            return Schema(tuple(map(self._feature, self._labels())), actions)
         except InvalidArgumentError as error:
             raise FormatError(self._path, "", str(error)) from None
+
+    def _feature(self, name: str) -> Feature:
+        column, _, category = name.rpartition(" is ")
+        if column in self._categories and category in self._categories[column]:
+            return Feature(name, low=0.0, high=1.0, is_integer=True)
+        return Feature.from_label(name)
+
+    def _observations(self, group: "_EpisodeRows") -> Floats:
+        """Return the observations of an episode, categories as features of their own, [T, d]."""
+        values = np.frombuffer(group.observations).reshape(-1, len(self._table.features))
+        if not self._categories:
+            return values
+        columns: list[Floats] = []
+        for number, column in enumerate(self._table.features):
+            if column in self._categories:
+                codes = self._categories[column]
+                columns += [1.0 * (values[:, number] == codes[name]) for name in self._told(column)]
+            else:
+                columns.append(values[:, number])
+        return np.stack(columns, axis=1)
 
     def _episode(self, group: "_EpisodeRows") -> Episode:
         row, line = group.last_row, group.last_line
         dropped = bool(row["action"])  # what the last action led to is not in the table
-        extras = {DROPPED: self._index(group.actions[-1])} if dropped else {}
+        extras = {DROPPED: int(self._indices[group.actions[-1]])} if dropped else {}
         count = len(group.actions) - dropped
         terminated, truncated = group.ends[0] if dropped else group.ends[1]
-        actions = np.array([self._index(code) for code in group.actions[:count]], dtype=np.int64)
+        actions = self._indices[np.frombuffer(group.actions, dtype=np.int64)[:count]]
         try:
             return Episode(
-                np.array(group.observations).reshape(-1, len(self._features)),
+                self._observations(group),
                 actions,
-                np.array(group.rewards)[:count],
+                np.frombuffer(group.rewards)[:count],
                 terminated=terminated,
                 truncated=truncated,
                 seed=self._seed(row, line),
@@ -214,6 +203,8 @@ class CsvReader:
     def _index(self, code: int) -> int:
         """Return the action that a text in the column means: an index, or else a name."""
         text, names = self._texts[code], self.schema.actions
+        if self._log.actions and text in names:
+            return names.index(text)
         if _INDEX.fullmatch(text) and int(text) < len(names):
             return int(text)
         if text in names:
@@ -221,26 +212,44 @@ class CsvReader:
         reason = f"must be one of {', '.join(names)} or its index, got {text!r}"
         raise FormatError(self._path, "action", reason)
 
-    def _number(self, row: _Row, column: str, line: int) -> float:
+    def _value(self, row: Row, column: str, line: int) -> float:
+        """Return the number in a cell, that of its category where it is text."""
+        if column not in self._categories:
+            return self._number(row, column, line)
+        codes, text = self._categories[column], row[column].strip()
+        if not text:
+            reason = f"{column} must be a category, got {text!r}{hint(text, column)}"
+            raise FormatError(self._path, f"line {line}", reason)
+        code = codes.setdefault(text, len(codes))
+        if code >= MAX_CATEGORIES:
+            reason = f"{column} has more than {MAX_CATEGORIES} categories; leave it out by --drop"
+            raise FormatError(self._path, f"line {line}", reason)
+        return float(code)
+
+    def _number(self, row: Row, column: str, line: int) -> float:
         text = row[column]
+        if self._table.delimiter != "," and _DECIMAL_COMMA.fullmatch(text):
+            text = text.replace(",", ".")
         try:
             number = float(text)
         except ValueError:
-            number = np.nan
-        if not np.isfinite(number) or "_" in text:
-            hint = ", with a decimal point" if re.fullmatch(r"\s*[-+]?\d+,\d+\s*", text) else ""
-            reason = f"{column} must be a finite number{hint}, got {text!r}"
+            number = math.nan
+        if not math.isfinite(number) or "_" in text:
+            comma = _DECIMAL_COMMA.fullmatch(text)
+            more = ", with a decimal point" if comma else ""
+            what = "" if comma or _is_special(text) else hint(text, column)
+            reason = f"{column} must be a finite number{more}, got {text!r}{what}"
             raise FormatError(self._path, f"line {line}", reason)
         return number
 
-    def _truth(self, row: _Row, column: str, line: int) -> bool | None:
+    def _truth(self, row: Row, column: str, line: int) -> bool | None:
         text = row.get(column, "").lower()
         if text not in _TRUTH:
             reason = f"{column} must be true or false, got {text!r}"
             raise FormatError(self._path, f"line {line}", reason)
         return _TRUTH[text]
 
-    def _seed(self, row: _Row, line: int) -> int | None:
+    def _seed(self, row: Row, line: int) -> int | None:
         text = row.get("seed", "")
         if text and not _SEED.fullmatch(text):
             reason = f"seed must be an integer >= 0, got {text!r}"
@@ -262,18 +271,17 @@ class _EpisodeRows:
         # Terminated and truncated after the last action but one, and after the last.
         self.ends = ((False, False), (False, False))
         self.last_line = 0
-        self.last_row: _Row = {}
+        self.last_row: Row = {}
 
 
-def _checked_columns(columns: Mapping[str, str]) -> dict[str, str]:
-    for name in columns:
-        check_choice("columns", name, KNOWN)
-    return dict(columns)
+def _is_special(text: str) -> bool:
+    """Return whether a text is read as a number, but as none that is finite."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
-def _checked_delimiter(delimiter: str) -> str:
-    if len(delimiter) != 1 or delimiter in '"\r\n':
-        raise InvalidArgumentError(
-            f"delimiter must be one character, no quote and no end of line, got {delimiter!r}"
-        )
-    return delimiter
+def _is_quantity(text: str) -> bool:
+    return _is_special(text) and math.isfinite(float(text))

@@ -4,7 +4,7 @@ import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +19,9 @@ from eutree.features import FeatureMap
 from eutree.frames import data_frame
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.wording import counted
+
+if TYPE_CHECKING:
+    from eutree.data.log_format import LogFormat
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,7 +255,8 @@ class Demonstrations(Displayed):
         schema: Schema | None = None,
         environment: EnvironmentSpec | None = None,
         columns: Mapping[str, str] | None = None,
-        delimiter: str = ",",
+        delimiter: str | None = None,
+        log: "LogFormat | None" = None,
     ) -> "Demonstrations":
         """Read a table with one row for each observation; see docs/formats.
 
@@ -265,11 +269,12 @@ class Demonstrations(Displayed):
             environment: How to make the environment again, if known.
             columns: The table's own names of the columns that are known by others:
                 ``{"episode": "day", "action": "heater", "reward": "gain"}``.
-            delimiter: The character between two values.
+            delimiter: The character between two values; None for the one that the first line shows.
+            log: How a machine's log is to be read: its time, text, empty cells (``LogFormat``).
         """
         from eutree.data.csv_files import read_csv
 
-        episodes, found = read_csv(path, schema, columns=columns, delimiter=delimiter)
+        episodes, found = read_csv(path, schema, columns=columns, delimiter=delimiter, log=log)
         return _blamed(path, episodes, found, environment, Path(path).stem)
 
     def to_csv(self, path: str | Path) -> None:

@@ -7,6 +7,7 @@ that folder removes it. Every file of eutree is written and read through this pa
 """
 
 import errno
+import io
 import itertools
 import os
 import platform
@@ -130,6 +131,25 @@ def append_text(path: str | Path, text: str) -> None:
                 raise
         finally:
             os.close(descriptor)
+
+
+@contextmanager
+def opened_text(path: str | Path, *, limit: int) -> Iterator[io.TextIOWrapper]:
+    """Open a regular file of at most ``limit`` bytes to read it as UTF-8, line ends as they are.
+
+    Raises:
+        FileError: The file is missing, unreadable or no regular file.
+        FormatError: It is larger than ``limit``.
+    """
+    with reported("read", path):
+        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
+    with open(descriptor, encoding="utf-8-sig", newline="") as file:
+        status = os.fstat(descriptor)
+        if not stat.S_ISREG(status.st_mode):
+            raise FileError("read", path, "it is not a regular file")
+        if status.st_size > limit:
+            raise FormatError(path, "", f"too large: {status.st_size:,} bytes, more than {limit:,}")
+        yield file
 
 
 def read_bytes(path: str | Path, *, limit: int) -> bytes:

@@ -1,0 +1,203 @@
+"""Logs as machines write them: time stamps, text, empty cells, episodes that nobody has marked."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Protocol
+
+from eutree.errors import FormatError, InvalidArgumentError
+from eutree.validation import check_number
+
+HOLD, LEAVE_OUT = "hold", "drop"
+MAX_CATEGORIES = 100  # of one column: each is a feature
+_SECONDS = {"s": 1, "min": 60, "h": 3600, "d": 86400}
+_SPAN = re.compile(r"(\d+(?:\.\d+)?)\s*(s|min|h|d)?")
+_UNIT = re.compile(r"(?P<name>.*\S)\s+\((?P<unit>[^()]*)\)")
+
+Row = dict[str, str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogFormat:
+    """How a machine's log is to be read as episodes.
+
+    Attributes:
+        drop: Columns that are no features.
+        nominal: Columns of text, a choice of categories: each category becomes a feature that is 1
+            where it is chosen, ``"mode is auto"``; of two categories the later one by the alphabet
+            is enough.
+        missing: What an empty cell means: ``"hold"``, the value before it in the episode; a number;
+            ``"drop"``, the row is left out, and the episode ends before it, since what its last
+            action led to is not known. Refused if "".
+        time: Column of the time, which is no feature: seconds, or ISO 8601.
+        time_format: Its form as ``datetime.strptime`` has it, where it is another.
+        episode_gap: Seconds between two rows after which a new episode begins.
+        actions: Names of the actions in the order of their indices, where the order matters.
+    """
+
+    drop: tuple[str, ...] = ()
+    nominal: tuple[str, ...] = ()
+    missing: str = ""
+    time: str = ""
+    time_format: str = ""
+    episode_gap: float | None = None
+    actions: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.missing not in ("", HOLD, LEAVE_OUT) and not _is_number(self.missing):
+            raise InvalidArgumentError(
+                f"missing must be {HOLD}, {LEAVE_OUT} or a number, got {self.missing!r}"
+            )
+        if self.episode_gap is not None:
+            check_number("episode_gap", self.episode_gap, low=0.0, low_open=True)
+        if (self.episode_gap is not None or self.time_format) and not self.time:
+            raise InvalidArgumentError("time must name the column that a gap is seen in, got ''")
+
+
+def seconds_of(text: str) -> float:
+    """Return how long a span is: ``90``, ``90s``, ``15min``, ``1h``, ``2d``.
+
+    >>> seconds_of("1.5h")
+    5400.0
+    """
+    match = _SPAN.fullmatch(text.strip())
+    if match is None:
+        raise InvalidArgumentError(
+            f"episode_gap must be a span as 90s, 15min, 1h or 2d, got {text!r}"
+        )
+    return float(match[1]) * _SECONDS[match[2] or "s"]
+
+
+def label(column: str) -> str:
+    """Return a column's name with its unit in brackets, as a schema has it.
+
+    >>> label("level (m)")
+    'level [m]'
+    """
+    match = _UNIT.fullmatch(column)
+    return f"{match['name']} [{match['unit']}]" if match else column
+
+
+def hint(text: str, column: str) -> str:
+    """Return what may be done about a cell that is no number, to follow "got ...'"."""
+    if not text.strip():
+        return f"; an empty cell is filled by --missing {HOLD} or a number, or its row left out"
+    if _is_date(text):
+        return f"; name the time by --time {column!r}"
+    return f"; text is a choice of categories by --nominal {column!r}, or left out by --drop"
+
+
+class HasFeatures(Protocol):
+    """A table that knows which of its columns are features."""
+
+    @property
+    def features(self) -> Sequence[str]:
+        """The columns that are features."""
+
+
+class LogRows:
+    """The rows of a log: which episode each belongs to, and its empty cells filled.
+
+    Args:
+        path: The file, for messages.
+        log: How to read it.
+        table: Whose columns they have.
+    """
+
+    def __init__(self, path: str | Path, log: LogFormat, table: HasFeatures) -> None:
+        self._path = path
+        self._log = log
+        self._table = table
+        self._episodes: dict[str, _Progress] = {}
+
+    def episode_of(self, line: int, row: Row) -> tuple[str, int] | None:
+        """Return the episode of a row and fill its empty cells; None where it is left out.
+
+        Raises:
+            FormatError: Time goes back, or is none.
+        """
+        name = row.get("episode", "")
+        progress = self._episodes.setdefault(name, _Progress())
+        if self._log.time:
+            self._advance(progress, line, row)
+        if self._log.missing and not self._fill(progress, row):
+            return None
+        progress.before = row
+        return name, progress.part
+
+    def _advance(self, progress: "_Progress", line: int, row: Row) -> None:
+        now = self._seconds(row[self._log.time], line)
+        if progress.time is not None:
+            step = now - progress.time
+            if step < 0:
+                reason = (
+                    f"{self._log.time} goes back, to {row[self._log.time]!r}: sort the rows, or "
+                    "name the column of the episodes"
+                )
+                raise FormatError(self._path, f"line {line}", reason)
+            if self._log.episode_gap is not None and step > self._log.episode_gap:
+                progress.break_off()
+        progress.time = now
+
+    def _fill(self, progress: "_Progress", row: Row) -> bool:
+        """Fill the empty cells of a row; return False where it is to be left out."""
+        also = ("action",) if self._log.missing == HOLD else ()
+        empty = [column for column in (*self._table.features, *also) if not row[column].strip()]
+        if not empty:
+            return True
+        if self._log.missing == LEAVE_OUT:
+            progress.break_off()
+            return False
+        if self._log.missing == HOLD and progress.before is None:
+            return False  # there is nothing yet to hold
+        for column in empty:
+            held = progress.before if self._log.missing == HOLD else None
+            row[column] = self._log.missing if held is None else held[column]
+        return True
+
+    def _seconds(self, text: str, line: int) -> float:
+        try:
+            if self._log.time_format:
+                return datetime.strptime(text.strip(), self._log.time_format).timestamp()
+            if _is_number(text):
+                return float(text)
+            return datetime.fromisoformat(text.strip()).timestamp()
+        except (ValueError, OverflowError, OSError):
+            wanted = self._log.time_format or "seconds, or as 2026-03-01 14:05:00"
+            reason = (
+                f"{self._log.time} must be a time, {wanted}, got {text!r}"
+                "; another form is told by --time-format '%d.%m.%Y %H:%M'"
+            )
+            raise FormatError(self._path, f"line {line}", reason) from None
+
+
+class _Progress:
+    """Where the reading of an episode stands."""
+
+    __slots__ = ("before", "part", "time")
+
+    def __init__(self) -> None:
+        self.before: Row | None = None
+        self.part = 0
+        self.time: float | None = None
+
+    def break_off(self) -> None:
+        """Let the next row begin a new episode."""
+        self.part += 1
+        self.before = None
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return abs(float(text)) < float("inf") and "_" not in text
+    except ValueError:
+        return False
+
+
+def _is_date(text: str) -> bool:
+    try:
+        return datetime.fromisoformat(text.strip()) is not None
+    except ValueError:
+        return bool(re.match(r"\s*\d{1,4}[-./]\d{1,2}[-./]\d{1,4}", text))

@@ -1,0 +1,184 @@
+"""Logs as machines write them: what is read, and what is asked for in one line."""
+
+import numpy as np
+import pytest
+
+from eutree.data import Demonstrations, LogFormat
+from eutree.data.log_format import label, seconds_of
+from eutree.errors import FormatError, InvalidArgumentError
+
+PLANT = (
+    "time;line;mode;level (m);inflow [l/s];pump\n"
+    "2026-03-01 08:00:00;A;auto;1,50;3;off\n"
+    "2026-03-01 08:00:10;A;auto;1,55;;off\n"
+    "2026-03-01 08:00:20;A;hand;1,70;4;low\n"
+    "2026-03-01 09:30:00;A;auto;0,90;2;off\n"
+    "2026-03-01 09:30:10;A;service;1,00;2;high\n"
+    "2026-03-01 09:30:20;A;auto;1,10;1;off\n"
+)
+READ = {"time": "time", "drop": ("line",), "nominal": ("mode",), "episode_gap": 3600.0}
+
+
+@pytest.fixture
+def plant(tmp_path):
+    path = tmp_path / "plant.csv"
+    path.write_text(PLANT)
+    return path
+
+
+def read(path, **changes):
+    log = LogFormat(**(READ | {"missing": "hold"} | changes))
+    return Demonstrations.from_csv(path, columns={"action": "pump"}, log=log)
+
+
+def test_a_machines_log_is_read_as_it_is(plant):
+    demos = read(plant, actions=("off", "low", "high"))
+    assert demos.schema.feature_names == (
+        "mode is auto",
+        "mode is hand",
+        "mode is service",
+        "level",
+        "inflow",
+    )
+    assert [f.unit for f in demos.schema.features] == ["", "", "", "m", "l/s"]
+    assert demos.schema.features[0].is_integer
+    assert demos.schema.actions == ("off", "low", "high")
+    first, second = demos.episodes
+    assert first.observations.tolist() == [
+        [1, 0, 0, 1.5, 3],
+        [1, 0, 0, 1.55, 3],
+        [0, 1, 0, 1.7, 4],
+    ]
+    assert second.observations[:, 0].tolist() == [1, 0, 1]
+    assert first.actions.tolist() == [0, 0]
+    assert second.actions.tolist() == [0, 2]
+    assert [e.extras["dropped_action"] for e in demos] == [1, 0]
+
+
+def test_of_two_categories_one_feature_is_enough(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("episode,action,door\n0,a,shut\n0,b,open\n0,,open\n")
+    demos = Demonstrations.from_csv(path, log=LogFormat(nominal=("door",)))
+    assert demos.schema.feature_names == ("door is shut",)
+    assert demos.observations.tolist() == [[1.0], [0.0]]
+
+
+def test_rows_with_holes_end_an_episode_or_are_filled(plant):
+    left_out = read(plant, missing="drop")
+    assert [len(e.observations) for e in left_out.episodes] == [1, 1, 3]
+    filled = read(plant, missing="-1")
+    assert filled.episodes[0].observations[1, 4] == -1.0
+
+
+def test_nothing_is_held_over_a_pause_or_before_the_first(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("t,action,x,y\n0,a,,1\n1,a,2,1\n2,b,,1\n500,a,,1\n501,b,3,1\n502,a,4,1\n")
+    log = LogFormat(time="t", episode_gap=60.0, missing="hold")
+    demos = Demonstrations.from_csv(path, log=log)
+    assert [e.observations[:, 0].tolist() for e in demos.episodes] == [[2.0, 2.0], [3.0, 4.0]]
+
+
+def test_an_action_that_is_logged_when_it_changes_is_held(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("t,action,x\n0,on,1\n1,,2\n2,off,3\n3,,4\n4,,5\n")
+    demos = Demonstrations.from_csv(path, log=LogFormat(time="t", missing="hold"))
+    assert demos.schema.actions == ("on", "off")
+    assert demos.episodes[0].actions.tolist() == [0, 0, 1, 1]
+
+
+def test_each_episode_of_several_machines_has_its_own_time(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("m,t,action,x\na,0,u,1\nb,0,u,2\na,9,u,3\nb,5,u,4\na,8000,u,5\nb,10,u,6\n")
+    log = LogFormat(time="t", episode_gap=100.0)
+    demos = Demonstrations.from_csv(path, columns={"episode": "m"}, log=log)
+    assert [e.observations.ravel().tolist() for e in demos.episodes] == [[1, 3], [2, 4, 6], [5]]
+
+
+def test_levels_of_a_quantity_are_in_their_order(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("episode,action,x\n0,2.5,1\n0,-1.0,2\n0,0.0,3\n0,,4\n")
+    assert Demonstrations.from_csv(path).schema.actions == ("-1.0", "0.0", "2.5")
+
+
+@pytest.mark.parametrize("mark", [",", ";", "\t", "|"])
+def test_what_separates_the_values_is_seen(tmp_path, mark):
+    path = tmp_path / "log.csv"
+    path.write_text("episode,action,x\n0,0,1\n0,,2\n".replace(",", mark))
+    assert Demonstrations.from_csv(path).observations.tolist() == [[1.0]]
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"missing": ""}, r"line 3: inflow \[l/s\] must be a finite number, got ''; an empty cell"),
+        ({"nominal": ()}, "line 2: mode must be a finite number, got 'auto'; text is a choice"),
+        ({"drop": ()}, "line 2: line must be a finite number, got 'A'; text is a choice"),
+        ({"drop": ("lines",)}, "line 1: there is no column 'lines'"),
+        ({"time": "stamp"}, "line 1: there is no column 'stamp'"),
+        ({"time": "inflow [l/s]", "drop": ("line", "time")}, "must be a time, seconds, or as"),
+        ({"time": "", "episode_gap": None, "drop": ("line", "time")}, "nothing marks the episodes"),
+        ({"actions": ("off", "on")}, "action: must be one of off, on or its index, got 'low'"),
+    ],
+)
+def test_what_is_not_known_is_asked_for_by_its_column(plant, changes, said):
+    with pytest.raises(FormatError, match=said):
+        read(plant, **changes)
+
+
+def test_a_time_that_is_none_or_goes_back_is_said(tmp_path, plant):
+    with pytest.raises(FormatError, match="time must be a time, %d"):
+        read(plant, time_format="%d.%m.%Y")
+    german = tmp_path / "german.csv"
+    german.write_text("t;action;x\n01.03.2026;a;1\n02.03.2026;a;2\n")
+    hinted = {"log": LogFormat(time="x")}
+    with pytest.raises(FormatError, match="name the time by --time 't'"):
+        Demonstrations.from_csv(german, **hinted)
+    log = LogFormat(time="t", time_format="%d.%m.%Y")
+    assert len(Demonstrations.from_csv(german, log=log)) == 1
+    german.write_text("t;action;x\n5;a;1\n4;a;2\n")
+    with pytest.raises(FormatError, match="line 3: t goes back, to '4': sort the rows"):
+        Demonstrations.from_csv(german, log=LogFormat(time="t"))
+
+
+def test_spans_and_units_are_read():
+    assert [seconds_of(text) for text in ("90", "90s", "15min", "1 h", "2d")] == [
+        90,
+        90,
+        900,
+        3600,
+        172800,
+    ]
+    assert label("level (m)") == "level [m]"
+    assert label("f(x)") == "f(x)"
+    with pytest.raises(InvalidArgumentError, match="episode_gap must be a span as 90s"):
+        seconds_of("soon")
+
+
+@pytest.mark.parametrize(
+    ("log", "said"),
+    [
+        ({"missing": "mean"}, "missing must be hold, drop or a number, got 'mean'"),
+        ({"episode_gap": 5.0}, "time must name the column"),
+        ({"time": "t", "episode_gap": -1.0}, "episode_gap must be"),
+    ],
+)
+def test_a_format_that_means_nothing_is_refused(log, said):
+    with pytest.raises(InvalidArgumentError, match=said):
+        LogFormat(**log)
+
+
+def test_too_many_categories_are_no_choice(tmp_path):
+    path = tmp_path / "log.csv"
+    rows = "".join(f"0,a,batch-{k}\n" for k in range(101))
+    path.write_text(f"episode,action,batch\n{rows}")
+    with pytest.raises(FormatError, match="line 102: batch has more than 100 categories; leave"):
+        Demonstrations.from_csv(path, log=LogFormat(nominal=("batch",)))
+
+
+def test_a_log_makes_the_round_trip(plant, tmp_path):
+    demos = read(plant)
+    demos.to_csv(tmp_path / "again.csv")
+    again = Demonstrations.from_csv(tmp_path / "again.csv")
+    assert again.schema.feature_names == demos.schema.feature_names
+    assert np.array_equal(again.observations, demos.observations)
+    assert [e.actions.tolist() for e in again] == [e.actions.tolist() for e in demos]
