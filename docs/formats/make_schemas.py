@@ -14,16 +14,15 @@ sys.path.insert(0, str(FOLDER.parents[1] / "src"))
 
 import msgspec  # noqa: E402
 
-import eutree  # noqa: E402
 from eutree.files.documents import Document  # noqa: E402
 
 
 def document_types() -> list[type[Document]]:
-    """Return every kind of document that some module of the package defines."""
-    sources = Path(eutree.__file__).parent
+    """Return every kind of document that some module of the two packages defines."""
+    sources = FOLDER.parents[1] / "src"
     for path in sorted(sources.rglob("*.py")):
         if "(Document," in path.read_text():
-            parts = path.relative_to(sources.parent).with_suffix("").parts
+            parts = path.relative_to(sources).with_suffix("").parts
             importlib.import_module(".".join(parts))
     return sorted(_subclasses(Document), key=lambda kind: kind.FORMAT)
 
@@ -52,7 +51,9 @@ def file_name(kind: type[Document]) -> str:
 
 def texts() -> dict[str, str]:
     """Return what each file must hold."""
-    kinds = [kind for kind in document_types() if kind.__module__.startswith("eutree.")]
+    kinds = [
+        kind for kind in document_types() if kind.__module__.startswith(("eutree.", "eutree_lab."))
+    ]
     return {
         file_name(kind): json.dumps(schema_of(kind), indent=2, sort_keys=True) + "\n"
         for kind in kinds

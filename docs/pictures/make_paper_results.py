@@ -4,7 +4,7 @@
 
 Runs that the folder lacks are done first (half an hour on one core for all of them). With
 ``--only`` the other sections of the page stay as they are. What no setting reaches is read from
-docs/results/search.csv, which docs/pictures/make_search.py writes.
+docs/results/search.csv.
 """
 
 import argparse
@@ -18,7 +18,7 @@ from textwrap import wrap
 
 from eutree_lab.paper.claims import FAILS, HOLDS, OPEN
 from eutree_lab.paper.experiment import FULL
-from eutree_lab.paper.objective import NUMBERS, cost
+from eutree_lab.paper.numbers import NUMBERS
 from eutree_lab.paper.registry import EXPERIMENTS
 from eutree_lab.paper.reproduce import claims_to_markdown, number_text, reproduce
 from eutree_lab.paper.results import Results
@@ -136,7 +136,7 @@ def _counts(body: str) -> str:
     table = (DOCS / "results" / "search.csv").read_text(encoding="utf-8")
     tried = list(csv.DictReader(table.splitlines()))
     told = {n: [float(row[n.name]) for row in tried if row[n.name]] for n in NUMBERS}
-    never = [n for n, values in told.items() if values and all(cost(n, v) for v in values)]
+    never = [n for n, values in told.items() if values and all(n.missed_by(v) for v in values)]
     names = "; ".join(f"{n.name} ({n.paper}), told by {len(told[n])}" for n in never)
     under_none = f"Under none of them do these agree: {names}." if never else (
         "There is none of its numbers that agrees under no setting."

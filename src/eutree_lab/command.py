@@ -22,9 +22,6 @@ if TYPE_CHECKING:
     from eutree_lab.framework.runs import FrameworkSpec
     from eutree_lab.paper.runs import RunSpec
 
-SEARCH = "search"
-SEARCH_TITLE = "The domain and the reading in which the paper's numbers come out"
-
 
 @click.command(
     short_help="Reproduce the paper's figures and tables.",
@@ -43,8 +40,6 @@ SEARCH_TITLE = "The domain and the reading in which the paper's numbers come out
               show_default=True, help="Constants of the domain.")  # fmt: skip
 @count_option("--runs", 15, "Runs of each learner.", least=2)
 @count_option("--episodes", 400, "Episodes of each run.")
-@click.option("--demos", type=click.Path(path_type=Path, exists=True), multiple=True,
-              help="Folder of a person's demonstrations, for search. May be repeated.")  # fmt: skip
 @click.option("--smoke", is_flag=True, help="A few tiny runs, to see that everything works.")
 @workers_options("the runs")
 @seed_option
@@ -58,7 +53,6 @@ def reproduce(
     domain: str,
     runs: int,
     episodes: int,
-    demos: tuple[Path, ...],
     smoke: bool,
     n_jobs: int,
     backend: str,
@@ -70,9 +64,6 @@ def reproduce(
 
     The experiment "framework" is ours: every method from every start, on three tasks. It has no
     presets, and episodes of its own.
-
-    The experiment "search" looks for the domain and the reading of what the paper leaves open in
-    which its numbers come out, on seeds of its own.
     """
     from dataclasses import asdict, replace
 
@@ -89,11 +80,8 @@ def reproduce(
     output = Output(as_json=as_json)
     if listing or experiment is None:
         titles = {name: e.title for name, e in EXPERIMENTS.items()}
-        titles |= {FRAMEWORK: FRAMEWORK_TITLE, SEARCH: SEARCH_TITLE}
+        titles |= {FRAMEWORK: FRAMEWORK_TITLE}
         output.result(titles, "\n".join(f"{name}  {title}" for name, title in titles.items()))
-        return
-    if experiment == SEARCH:
-        _search(output, out, demos, smoke=smoke, n_jobs=n_jobs, backend=backend, address=address)
         return
     if experiment == FRAMEWORK:
         runs = SMOKE_RUNS if smoke else runs
@@ -156,49 +144,3 @@ def _framework(output: Output, wanted: "list[FrameworkSpec]", out: Path, n_jobs:
     output.result(facts | {"path": str(result.folder)}, table)
     _say_smoke(output, smoke=smoke)
     output.say(f"tables: {result.folder / 'framework.md'}")
-
-
-def _search(
-    output: Output,
-    out: Path,
-    demos: tuple[Path, ...],
-    *,
-    smoke: bool,
-    n_jobs: int,
-    backend: str,
-    address: str | None,
-) -> None:
-    """Search, write the tables, and show the nearest settings."""
-    from rich.table import Table
-
-    from eutree_lab.paper.search import Search
-    from eutree_lab.paper.search_plan import PLAN, SMOKE_PLAN
-    from eutree_lab.paper.search_space import choices_of
-    from eutree_lab.paper.search_table import SHOWN, write_tables
-
-    with cluster(backend, address), output.progress("runs", 100) as progress:
-
-        def show(stage: str, count: int, total: int) -> None:
-            progress.update(100 * count // total, f"{stage}: {count} of {total}")
-
-        plan = SMOKE_PLAN if smoke else PLAN
-        search = Search(out, plan=plan, demonstrations=demos, n_jobs=n_jobs, on_run=show)
-        scored = search.run()
-    write_tables(out, scored, smoke=smoke)
-    table = Table("setting", "stage", "final policy", "numbers that agree", "mean cost")
-    for index, one in enumerate(scored[:SHOWN], start=1):
-        agreeing = f"{one.distance.n_agreeing} of {len(one.distance.costs)}"
-        table.add_row(str(index), one.stage, one.final, agreeing, f"{one.distance.mean:.3f}")
-    found = [
-        {
-            "choices": choices_of(one.setting),
-            "stage": one.stage,
-            "final": one.final,
-            "mean_cost": one.distance.mean,
-            "numbers": dict(one.distance.ours),
-        }
-        for one in scored
-    ]
-    output.result({"smoke": smoke, "settings": found, "path": str(out)}, table)
-    _say_smoke(output, smoke=smoke)
-    output.say(f"{len(scored)} settings: {out / 'search.md'}")

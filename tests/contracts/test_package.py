@@ -3,6 +3,7 @@
 import configparser
 import email
 import hashlib
+import importlib.metadata
 import os
 import re
 import subprocess
@@ -80,6 +81,14 @@ def test_the_metadata_is_what_an_index_shows(installed: Path) -> None:
     assert {group: dict(offered[group]) for group in offered.sections()} == groups
 
 
+def test_what_is_installed_offers_what_the_sources_do() -> None:
+    """An entry point is of the metadata that was installed, not of the sources beside it."""
+    found = importlib.metadata.distribution("eutree").entry_points
+    groups = {"console_scripts": PROJECT["scripts"], **PROJECT["entry-points"]}
+    named = {(group, name, value) for group, of in groups.items() for name, value in of.items()}
+    assert {(p.group, p.name, p.value) for p in found} == named, "run: make install-test"
+
+
 def test_the_wheel_works_without_the_sources(installed: Path, tmp_path: Path) -> None:
     environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
     environment |= {"PYTHONPATH": str(installed), "EUTREE_JIT": "0"}
@@ -89,7 +98,9 @@ def test_the_wheel_works_without_the_sources(installed: Path, tmp_path: Path) ->
         "for line in ('record eutree/Evasion2-v0 --expert gate --episodes 3 --out demos',\n"
         "             'fit demos --out expert.json --episodes 5',\n"
         "             'show expert.json --html tree.html',\n"
-        "             'export expert.json --out expert.py'):\n"
+        "             'export expert.json --out expert.py',\n"
+        "             'learn eutree/MazeA-v0 --method vqql --episodes 2 --out run',\n"
+        "             'reproduce --list'):\n"
         "    assert run(line.split()) == 0, line\n"
     )
     subprocess.run(

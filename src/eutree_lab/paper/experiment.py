@@ -4,11 +4,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from msgspec import UNSET, UnsetType
-
 from eutree_lab.paper.claims import Claim
 from eutree_lab.paper.runs import RunRecord, RunSpec
-from eutree_lab.paper.settings import Setting
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,8 +27,6 @@ class Scale:
         first_seed: Seed of the first run.
         domain: ``"PaperEvasion"``, the constants in which most of the paper is true, or
             ``"Evasion"``, in which things were measured before those were found.
-        setting: What the paper leaves open, where it is not left to the environment, its scripted
-            expert and the preset.
         smoke: Whether it only shows that everything works.
     """
 
@@ -43,7 +38,6 @@ class Scale:
     speeds: tuple[float, ...] = tuple(round(2.2 + 0.1 * i, 1) for i in range(21))
     first_seed: int = 0
     domain: str = "PaperEvasion"
-    setting: Setting | UnsetType = UNSET
     smoke: bool = False
 
     def environment(self, opponents: int) -> str:
@@ -65,7 +59,6 @@ class Scale:
             evaluation_episodes=self.evaluation_episodes if learns else 0,
             final_episodes=self.final_episodes,
             seed=self.first_seed + run,
-            setting=self.setting,
         )
 
 

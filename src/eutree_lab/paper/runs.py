@@ -5,7 +5,7 @@ everything that decides its result, so a folder of results never holds one under
 """
 
 import hashlib
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from functools import lru_cache
 from typing import Any, ClassVar
 
@@ -20,12 +20,11 @@ from eutree.evaluation import evaluate
 from eutree.files import Document
 from eutree.interaction import record
 from eutree.interaction.making import make
-from eutree.learners import Method, fit_expert_tree
+from eutree.learners import fit_expert_tree
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
 from eutree.training import LearningResult, Run, learn
 from eutree_lab.paper.finals import FINALS
-from eutree_lab.paper.settings import Setting
 
 STARTS = {"c-u-tree": "nothing", "eu-tree-dt": "tree", "eu-tree": "tree+demos"}
 DEMONSTRATED_SPEED = 3.2  # m/s, the paper's
@@ -47,8 +46,6 @@ class RunSpec:
         evaluation_episodes: Episodes of each frozen evaluation.
         final_episodes: Episodes of the evaluation of the final policy.
         seed: Seed of demonstrations, learning and evaluations.
-        setting: What the paper leaves open, where it is not as the environment, its scripted gate
-            rule and the preset have it.
     """
 
     environment: str
@@ -61,15 +58,11 @@ class RunSpec:
     evaluation_episodes: int = 100
     final_episodes: int = 1000
     seed: int = 0
-    setting: Setting | UnsetType = UNSET
 
     @property
     def name(self) -> str:
         """A file name that tells the run apart from every other."""
-        decided = {name: value for name, value in asdict(self).items() if value is not UNSET}
-        if self.setting is not UNSET:
-            decided["setting"] = self.setting.decided()
-        digest = hashlib.sha256(repr(sorted(decided.items())).encode()).hexdigest()[:12]
+        digest = hashlib.sha256(repr(sorted(asdict(self).items())).encode()).hexdigest()[:12]
         return f"{self.learner}-{self.preset or 'c45'}-{self.seed:02d}-{digest}"
 
 
@@ -141,7 +134,7 @@ def run(spec: RunSpec) -> RunRecord:
 
 
 def demonstrate(spec: RunSpec) -> Demonstrations:
-    """Return the demonstrations: at 3.2 m/s, or those of a person."""
+    """Return the demonstrations, at 3.2 m/s."""
     return _shown(
         RunSpec(
             environment=spec.environment,
@@ -149,7 +142,6 @@ def demonstrate(spec: RunSpec) -> Demonstrations:
             preset="",
             demonstrations=spec.demonstrations,
             seed=spec.seed,
-            setting=spec.setting if spec.setting is UNSET else replace(spec.setting, reading=None),
         )
     )
 
@@ -157,8 +149,6 @@ def demonstrate(spec: RunSpec) -> Demonstrations:
 @lru_cache(maxsize=16)  # arms and readings of a seed share them, and come one after the other
 def _shown(spec: RunSpec) -> Demonstrations:
     shown = _environment(spec, DEMONSTRATED_SPEED)
-    if spec.setting is not UNSET:
-        return spec.setting.demonstrator.show(shown, spec.demonstrations, spec.seed)
     gate = experts_for(spec.environment)["gate"]
     return record(shown, gate, episodes=spec.demonstrations, seed=spec.seed)
 
@@ -174,7 +164,7 @@ def _learn(
         env,
         demonstrations=demonstrations,
         expert=expert,
-        method=_method(spec),
+        method=spec.preset,
         start=STARTS[spec.learner],
         episodes=spec.episodes,
         evaluate_every=spec.evaluate_every,
@@ -187,18 +177,7 @@ def _learn(
 
 def _environment(spec: RunSpec, speed: float) -> gymnasium.Env[Any, Any]:
     """Make the environment of the run at an opponent speed."""
-    decided = {}
-    if spec.setting is not UNSET:
-        n_opponents = 3 if "Evasion3" in spec.environment else 2
-        decided = spec.setting.domain.arguments(n_opponents)
-    return make(EnvironmentSpec(spec.environment, {"opponent_speed": speed, **decided}))
-
-
-def _method(spec: RunSpec) -> str | Method:
-    """Return how to learn: the preset, or the paper's learner as the setting reads it."""
-    if spec.setting is UNSET or spec.setting.reading is None:
-        return spec.preset
-    return spec.setting.reading.method()
+    return make(EnvironmentSpec(spec.environment, {"opponent_speed": speed}))
 
 
 def _record(

@@ -9,16 +9,14 @@ import pytest
 
 from eutree.evaluation.intervals import Estimate
 from eutree_lab.paper.claims import judged
-from eutree_lab.paper.objective import NUMBERS
-from eutree_lab.paper.search import FIRST_SEED
-from eutree_lab.paper.search_plan import PLAN
-from eutree_lab.paper.search_space import CHOICES
+from eutree_lab.paper.numbers import NUMBERS
 
 DOCS = Path(__file__).parents[3] / "docs"
+SEARCHED = range(7000, 7004)  # seeds of the search: docs/results/search.md
 
 
-def script(name):
-    spec = importlib.util.spec_from_file_location(name, DOCS / "pictures" / f"{name}.py")
+def script(name, folder=DOCS / "pictures"):
+    spec = importlib.util.spec_from_file_location(name, folder / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -57,7 +55,7 @@ def test_the_first_paragraph_counts_verdicts_and_what_no_setting_reaches(page):
 def test_the_kept_table_of_the_search_has_every_choice_and_every_number():
     with (DOCS / "results" / "search.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
-    assert set(rows[0]) >= {*CHOICES, *(number.name for number in NUMBERS)}
+    assert set(rows[0]) >= {number.name for number in NUMBERS}
     assert len(rows) >= 100
     first = (DOCS / "results" / "search.md").read_text(encoding="utf-8")
     assert f"**{len(rows)} settings" in first
@@ -66,9 +64,17 @@ def test_the_kept_table_of_the_search_has_every_choice_and_every_number():
 
 def test_the_judging_seeds_are_not_those_of_the_search():
     judged = script("make_paper_results").JUDGED
-    most = max(len(rung.keep) for rung in PLAN.rungs)
-    searched = set(range(FIRST_SEED, FIRST_SEED + most))
-    assert not searched & set(range(judged.first_seed, judged.first_seed + judged.runs))
+    assert not {*SEARCHED} & {*range(judged.first_seed, judged.first_seed + judged.runs)}
+
+
+def test_the_tables_of_the_search_are_made_of_its_settings():
+    tables = script("paper_search", DOCS.parent / "benchmarks").tables
+    with (DOCS / "results" / "search.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    page = (DOCS / "results" / "search.md").read_text(encoding="utf-8")
+    assert all(section in page for section in tables(rows))
+    rows[0]["EU-Tree: states"] = "41"  # one more than agrees
+    assert tables(rows)[0] not in page
 
 
 @pytest.mark.parametrize(

@@ -153,7 +153,7 @@ def test_a_smoke_run_says_so_wherever_it_gives_verdicts(tmp_path):
 def test_the_command_lists_and_runs(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert run_cli(["reproduce", "--list", "--json"]) == 0
-    assert list(json.loads(capsys.readouterr().out)) == [*EXPERIMENTS, "framework", "search"]
+    assert list(json.loads(capsys.readouterr().out)) == [*EXPERIMENTS, "framework"]
     line = ["reproduce", "expert", "--smoke", "--preset", "paper", "--json", "--out", "r"]
     assert run_cli(line) == 0
     answer = json.loads(capsys.readouterr().out)
