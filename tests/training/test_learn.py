@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 
 import eutree
+from eutree.data import Episode
 from eutree.errors import EnvironmentFault, InvalidArgumentError, RunFolderError
 from eutree.interaction import GuardedEnv, episode_seed
 from eutree.interaction.seeding import Stream
 from eutree.learners import PAPER
 from eutree.learners.history import TERMINAL
+from eutree.schema import Schema
 from tests.interaction.sick import Healthy
 from tests.worlds import FEW_IMAGINED
 
@@ -277,10 +279,34 @@ def test_learning_offline_needs_no_environment(env, tmp_path, start):
     assert 0.5 * recorded.n_transitions < result.history.size < 0.8 * recorded.n_transitions
     assert result.against_fit.n_held_out == 20
     if not result.against_fit.believed:
-        assert result.policy == eutree.fit_expert_tree(recorded)
+        assert result.policy == eutree.fit(recorded, episodes=0).policy
     assert same(result, eutree.learn(None, **options))
     assert eutree.TreePolicy.load(tmp_path / "a" / "policy.json") == result.policy
     assert eutree.evaluate(result.policy, env, episodes=100).mean_return > 0
+
+
+def test_the_tree_of_fit_is_handed_over_as_fit_makes_it():
+    """Whoever acted followed the observation before, which ``fit`` sees and the method does not."""
+    generator = np.random.default_rng(0)
+    episodes = []
+    for _ in range(15):
+        seen = generator.random((31, 1))
+        before = np.concatenate([seen[:1], seen[:-2]])
+        actions = (before[:, 0] > 0.5).astype(int)
+        episodes.append(Episode(seen, actions, generator.normal(size=30), True, False))
+    late = eutree.Demonstrations(tuple(episodes), Schema.anonymous(1, 2))
+    result = eutree.learn(None, demonstrations=late, method="paper", return_range=(-99, 99))
+    assert result.learned.history == 0
+    assert not result.against_fit.believed
+    assert "this is the tree of fit" in result.against_fit.describe()
+    assert result.policy == eutree.fit(late, episodes=0).policy
+    assert result.policy.history == 1
+
+
+@pytest.mark.parametrize("wrong", [(1.0, 0.0), (0.0, np.inf), 3.0])
+def test_a_range_of_returns_that_is_none_is_refused(demonstrations, wrong):
+    with pytest.raises(InvalidArgumentError, match="return_range must be the lowest and the high"):
+        eutree.learn(None, demonstrations=demonstrations, return_range=wrong)
 
 
 def test_a_planner_does_not_learn_offline(env, demonstrations):

@@ -81,6 +81,9 @@ if TYPE_CHECKING:
 @count_option("--judge-episodes", None, "Most fresh episodes of start and result at the end; the "
               "start is handed over where the result is not shown to be better. 0: none.",
               least=0)  # fmt: skip
+@click.option("--return-range", type=float, nargs=2, metavar="LOW HIGH",
+              help="Lowest and highest return of an episode, where the environment does not say "
+              "it, and --offline.")  # fmt: skip
 @count_option("--max-transitions", None, "Most transitions to remember; by default all.")
 @click.option("--ask", help="Ask for a demonstration where the learner is unsure: web (a "
               "person), or a scripted expert.")  # fmt: skip

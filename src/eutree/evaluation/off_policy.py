@@ -1,47 +1,40 @@
 """Is a tree believed to beat another, by recorded episodes that neither was fitted to?
 
-Whoever acted while the episodes were recorded followed some policy mu. At each held-out step at
-which the two trees decide differently the action taken counts for the tree that would have taken
-it, by the inverse of its chance mu(a | o), with its advantage: how much more than usual followed.
-The sum over an episode estimates without bias what following the one tree instead of the other
-would gain, one deviation from mu at a time (the first-order term of the performance difference;
-Kakade and Langford, *Approximately optimal approximate reinforcement learning*, ICML 2002). A
-policy whose single deviations all gain is better than mu itself (the policy improvement theorem),
-and nothing has to be known of observations and actions that were never recorded, as a fitted Q
-would have to.
+What each held-out episode says is one number (:mod:`eutree.evaluation.log_gains`), and the numbers
+of whole episodes do not depend on each other. Their mean is bounded from below by betting
+(:mod:`eutree.contests.betting`): where the range of returns is known, the bound is above the truth
+in at most 5 % of all logs, however rare the losses. Where it is not known that of the whole log
+stands for it, the sentence says so, and nothing is believed of actions that the log shows less than
+100 times where the trees differ.
 
-Single deviations say little of a tree that goes where mu never stayed. So the learned tree must
-also earn more in a world model of the episodes that it was learned from, in paired rollouts from
-their starts. The two fail differently: the first where trees differ in long runs, the second where
-the model is poor.
-
-Advantages are generalized ones (Schulman et al. 2016, Eq. 16) with V fitted to the episodes that
-the trees were learned from; mu is the shares of actions in the leaves of a C4.5 tree of those.
-Differences of whole episodes are compared, by Student's bound: steps of one depend on each other.
+Single deviations say little of a tree that goes where nobody stayed. So where they speak, the tree
+must also earn more in a world model of the episodes that it was learned from, in paired rollouts
+from their starts. The two fail differently: the first where trees differ in long runs, the second
+where the model is poor. What they say together holds under a condition, which is in the sentence.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import cast
+from functools import cached_property
 
 import numpy as np
 
-from eutree.arrays import Floats, Integers
-from eutree.c45 import C45Settings, grow
+from eutree.contests import Bounds
+from eutree.contests.betting import lower_bound, tuned_stake
 from eutree.data import Episode
-from eutree.evaluation.intervals import mean_interval
+from eutree.evaluation.log_cuts import cuts
+from eutree.evaluation.log_gains import Gains, Log
 from eutree.policies import TreePolicy
+from eutree.wording import counted
 from eutree.world_model import PairedRollouts, Transitions, fit_world_models
 from eutree.world_model.action_trees import from_decision_tree
-from eutree.world_model.dynamics import ModelTree, fit_model_tree
 
 FEWEST_HELD_OUT = 4  # episodes; below that no difference is believed
 HELD_OUT = 1 / 3  # share of the episodes
-SWEEPS = 5  # fits of V, each to returns that go on behind a truncated end by the one before
-LEAVES = 32
-ROWS_PER_LEAF = 20
-LAMBDA = 0.9
+BLIND = 100  # steps at which a tree must have been followed where the range is not known
 ROLLOUTS = 200
+# Of a whole episode. Heavier ones say next to nothing, but what they say needs no condition.
+MOST_WEIGHT, MOST_WEIGHT_KNOWN = 20.0, 1000.0  # the second where the range of returns is known
 MIDDLE = 0.5  # between pessimism and optimism
 CONFIDENCE = 0.95  # of the one-sided bound
 
@@ -53,29 +46,41 @@ class OffPolicyComparison:
     Attributes:
         gain: Estimated gain of the learned tree over the other in an episode; nan where unknown.
         low: Lower bound of the gain at the confidence of ``CONFIDENCE``.
-        predicted: What it earns more in rollouts of a world model, less a standard error.
+        predicted: What it earns more in rollouts of a world model, less a standard error; nan
+            where whole episodes speak, who need no model.
         n_held_out: Held-out episodes.
+        condition: What the bound depends on, as the end of a sentence; "" where on nothing.
+        tried: Steps of the log at which the trees differ and the learned one was followed.
+        needed: Steps of that kind that a claim needs: where the range of returns is not known,
+            losses rarer than once in a third of them may not have been seen.
     """
 
     gain: float
     low: float
     predicted: float
     n_held_out: int
+    condition: str = ""
+    tried: int = 0
+    needed: int = 0
 
     @property
     def believed(self) -> bool:
         """Whether the learned tree is believed to be the better."""
-        return bool(self.low > 0.0 and self.predicted > 0.0)
+        agreed = np.isnan(self.predicted) or self.predicted > 0.0
+        return bool(self.low > 0.0 and agreed and self.tried >= self.needed)
 
-    def facts(self) -> dict[str, float | int | bool | None]:
+    def facts(self) -> dict[str, float | int | bool | str | None]:
         """Return the comparison in JSON's types; None where nothing is known."""
         known = self.n_held_out >= FEWEST_HELD_OUT
         return {
             "gain": self.gain if known else None,
             "low": self.low if known else None,
-            "predicted": self.predicted if known else None,
+            "predicted": self.predicted if known and not np.isnan(self.predicted) else None,
             "n_held_out": self.n_held_out,
             "believed": self.believed,
+            "condition": self.condition,
+            "tried": self.tried,
+            "needed": self.needed,
         }
 
     def describe(self) -> str:
@@ -85,12 +90,20 @@ class OffPolicyComparison:
                 f"not believed to beat fit: {self.n_held_out} episodes could be held out, and "
                 f"{FEWEST_HELD_OUT} are needed; this is the tree of fit"
             )
+        whole = np.isnan(self.predicted)
         found = (
-            f"{self.gain:+.4g}, at least {self.low:+.4g} at {CONFIDENCE:.0%}, "
-            f"by {self.n_held_out} held-out episodes; {self.predicted:+.4g} in a world model"
+            f"{'return' if whole else 'by single deviations'} {self.gain:+.4g}, at least "
+            f"{self.low:+.4g} at {CONFIDENCE:.0%}, by {self.n_held_out} held-out episodes"
         )
+        found += "" if whole else f"; {self.predicted:+.4g} in a world model"
         if self.believed:
-            return f"believed to beat fit: return {found}"
+            found = f"believed to beat fit: {found}"
+            return f"{found}, {self.condition}" if self.condition else found
+        if self.tried < self.needed:
+            found += (
+                f"; in the log it was followed at {counted(self.tried, 'step')} at which they "
+                f"differ, and {self.needed} are needed where the range of returns is not known"
+            )
         return f"not believed to beat fit ({found}); this is the tree of fit"
 
 
@@ -119,6 +132,7 @@ def compare_off_policy(
     *,
     discount: float,
     generator: np.random.Generator,
+    return_range: tuple[float, float] | None = None,
 ) -> OffPolicyComparison:
     """Return what held-out episodes say of a learned tree against another.
 
@@ -127,100 +141,114 @@ def compare_off_policy(
         other: The other one, for example the tree of ``fit``.
         known: Episodes that V and the actions' chances are fitted to.
         held_out: Episodes that nothing was fitted to.
-        discount: gamma of the advantages.
+        discount: gamma of the advantages of single deviations.
         generator: Source of the random numbers of rollouts.
+        return_range: Lowest and highest return of an episode; None where they are not known.
     """
-    if len(held_out) < FEWEST_HELD_OUT:
-        return OffPolicyComparison(float("nan"), -np.inf, -np.inf, len(held_out))
-    log = _Log(known, learned.schema.n_actions)
-    value = _fitted_value(log, discount)
-    change = np.array(
-        [_gain(learned, other, log, value, episode, discount) for episode in held_out]
-    )  # [E]
-    low = mean_interval(change, confidence=2 * CONFIDENCE - 1).low
-    predicted = _predicted(learned, other, known, generator)
-    return OffPolicyComparison(float(change.mean()), low, predicted, len(held_out))
+    judge = Judge(
+        other=other,
+        known=known,
+        held_out=held_out,
+        discount=discount,
+        generator=generator,
+        return_range=return_range,
+    )
+    return judge.of(learned)
 
 
-def _predicted(
-    learned: TreePolicy, other: TreePolicy, known: Sequence[Episode], generator: np.random.Generator
-) -> float:
-    """Return what a tree earns more than another in rollouts, less a standard error."""
-    (model,) = fit_world_models(Transitions.of(known, learned.schema.n_actions), (MIDDLE,))
-    rollouts = PairedRollouts(model, ROLLOUTS, 1.0, generator)
-    rollouts.run(from_decision_tree(other.tree, other.actions))
-    gain = rollouts.gain(from_decision_tree(learned.tree, learned.actions))
-    return gain.mean - gain.error
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Judge:
+    """Compares trees with one and the same other tree; see ``compare_off_policy``.
 
+    Attributes:
+        other: The tree to beat.
+        known: Episodes that V and the actions' chances are fitted to.
+        held_out: Episodes that nothing was fitted to.
+        discount: gamma of the advantages of single deviations.
+        generator: Source of the random numbers of rollouts.
+        return_range: Lowest and highest return of an episode; None where they are not known.
+    """
 
-class _Log:
-    """The transitions of episodes, and the chances of the actions in them."""
+    other: TreePolicy
+    known: Sequence[Episode]
+    held_out: Sequence[Episode]
+    discount: float
+    generator: np.random.Generator
+    return_range: tuple[float, float] | None = None
 
-    def __init__(self, episodes: Sequence[Episode], n_actions: int) -> None:
-        kept = [episode for episode in episodes if len(episode)]
-        self.n_actions = n_actions
-        self.episodes = kept
-        self.observations = np.concatenate([e.observations[:-1] for e in kept])  # [N, d]
-        self.actions = np.concatenate([e.actions for e in kept])  # [N]
-        grown = grow(self.observations, self.actions, n_classes=n_actions, settings=C45Settings())
-        self._tree, _ = grown.to_decision_tree()
-        counts = np.ones((self._tree.n_leaves, n_actions))  # Laplace's: nothing is impossible
-        np.add.at(counts, (self._tree.leaf_index(self.observations), self.actions), 1.0)
-        self._chances = counts / counts.sum(axis=1, keepdims=True)  # [L, A]
+    def of(self, learned: TreePolicy, error: float = 1.0 - CONFIDENCE) -> OffPolicyComparison:
+        """Return what the held-out episodes say of a tree; the bound is wrong as often as that."""
+        if len(self.held_out) < FEWEST_HELD_OUT:
+            return OffPolicyComparison(float("nan"), -np.inf, -np.inf, len(self.held_out))
+        found = self._gains(learned)
+        stake = tuned_stake(found.fitted, 0.0, found.worst)[0] if found.worst < 0.0 else None
+        low = lower_bound(found.values, found.worst, error, stake)
+        return OffPolicyComparison(
+            gain=float(found.values.mean()),
+            low=low,
+            predicted=float("nan") if found.whole else self._predicted(learned),
+            n_held_out=len(self.held_out),
+            condition=self._condition(found),
+            tried=found.tried,
+            needed=BLIND if self.return_range is None else 0,
+        )
 
-    def chances(self, observations: Floats, actions: Integers) -> Floats:
-        """Return mu(a | o) of each step, shape [n]."""
-        chances: Floats = self._chances[self._tree.leaf_index(observations), actions]
-        return chances
+    def chosen(self, learned: TreePolicy) -> tuple[TreePolicy, OffPolicyComparison]:
+        """Return the tree that the held-out episodes support, cut to it, and what they say of it.
 
+        Of the learned tree and its cuts those that are believed to beat the other tree are kept,
+        each bound with its share of the error (Bonferroni), and the smallest within a standard
+        error of the best of them is the one. Where none is believed it is the learned tree.
+        """
+        if len(self.held_out) < FEWEST_HELD_OUT:
+            return learned, self.of(learned)
+        trees = cuts(learned, self._log)
+        said = [self.of(tree, (1.0 - CONFIDENCE) / len(trees)) for tree in trees]
+        believed = [k for k, one in enumerate(said) if one.believed]
+        if not believed:
+            return learned, said[0]
+        best = max(believed, key=lambda k: said[k].gain)
+        values = self._gains(trees[best]).values
+        least = said[best].gain - float(values.std(ddof=1)) / np.sqrt(values.size)
+        near = [k for k in believed if said[k].gain >= least]
+        smallest = min(near, key=lambda k: trees[k].n_leaves)
+        return trees[smallest], said[smallest]
 
-def _fitted_value(log: _Log, discount: float) -> ModelTree:
-    """Return V of whoever acted, a tree with linear leaves."""
-    value = None
-    for _ in range(SWEEPS):
-        returns = np.concatenate([_returns(episode, value, discount) for episode in log.episodes])
-        value = fit_model_tree(log.observations, returns, max_leaves=LEAVES, min_leaf=ROWS_PER_LEAF)
-    return cast(ModelTree, value)
+    def _gains(self, learned: TreePolicy) -> Gains:
+        most = MOST_WEIGHT if self.return_range is None else MOST_WEIGHT_KNOWN
+        return self._log.gains(learned, self.other, self.held_out, self._limits, most_weight=most)
 
+    @cached_property
+    def _log(self) -> Log:
+        return Log(self.known, self.other.schema.n_actions, self.discount)
 
-def _returns(episode: Episode, value: ModelTree | None, discount: float) -> Floats:
-    """Return the discounted sum of rewards from each step on, shape [T]."""
-    ahead, returns = 0.0, np.empty(len(episode))
-    if value is not None and not episode.terminated:
-        ahead = float(value.predict(episode.observations[-1:])[0])
-    for step in range(len(episode) - 1, -1, -1):
-        ahead = float(episode.rewards[step]) + discount * ahead
-        returns[step] = ahead
-    return returns
+    @cached_property
+    def _limits(self) -> tuple[float, float]:
+        """Lowest and highest return of an episode: as known, and wider if seen wider."""
+        returns = [e.undiscounted_return for e in (*self.known, *self.held_out)]
+        ends = [*returns, *(self.return_range or ())]
+        return min(ends), max(ends)
 
+    @cached_property
+    def _rollouts(self) -> PairedRollouts:
+        """Rollouts of the other tree in a world model."""
+        transitions = Transitions.of(self.known, self.other.schema.n_actions)
+        (model,) = fit_world_models(transitions, (MIDDLE,))
+        rollouts = PairedRollouts(model, ROLLOUTS, 1.0, self.generator)
+        rollouts.run(from_decision_tree(self.other.tree, self.other.actions))
+        return rollouts
 
-def _advantages(episode: Episode, value: ModelTree, discount: float) -> Floats:
-    """Return how much more than usual followed each step, shape [T]."""
-    values = value.predict(episode.observations)  # [T + 1]
-    if episode.terminated:
-        values[-1] = 0.0
-    surprises = episode.rewards + discount * values[1:] - values[:-1]
-    ahead, advantages = 0.0, np.empty(len(episode))
-    for step in range(len(episode) - 1, -1, -1):
-        ahead = float(surprises[step]) + discount * LAMBDA * ahead
-        advantages[step] = ahead
-    return advantages
+    def _predicted(self, learned: TreePolicy) -> float:
+        """Return what a tree earns more than the other in rollouts, less a standard error."""
+        gain = self._rollouts.gain(from_decision_tree(learned.tree, learned.actions))
+        return gain.mean - gain.error
 
-
-def _gain(
-    learned: TreePolicy,
-    other: TreePolicy,
-    log: _Log,
-    value: ModelTree,
-    episode: Episode,
-    discount: float,
-) -> float:
-    """Return what single deviations to one tree gained over those to the other in an episode."""
-    observations, actions = episode.observations[:-1], episode.actions
-    one, two = (policy.actions[policy.tree.leaf_index(observations)] for policy in (learned, other))
-    differ = one != two
-    if not differ.any():
-        return 0.0
-    sign = (one == actions).astype(np.float64) - (two == actions)  # [T]
-    weights = np.where(differ, sign / log.chances(observations, actions), 0.0)
-    return float((weights * _advantages(episode, value, discount)).sum())
+    def _condition(self, found: Gains) -> str:
+        """Return what a bound depends on."""
+        if not found.whole:
+            return (
+                "if single deviations add up, and no episode speaks against it more strongly than "
+                f"by {-found.worst:.4g}, the most seen"
+            )
+        known = self.return_range is not None
+        return Bounds(0.0, 0.0, 0.0, self._limits, known).condition()

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from eutree.data import Demonstrations
-from eutree.fitting.candidates import Candidate
 from eutree.fitting.person import Person
 from eutree.fitting.playing import Played, Player
 from eutree.fitting.repair import blame, repairs
+from eutree.learners.expert_candidates import Candidate
 
 RACING, REPAIRING, CONFIRMING, JUDGING, COMPARING = 0, 100, 200, 300, 301  # first blocks
 MOST_REPAIRS = 3  # one after the other

@@ -9,7 +9,6 @@ import gymnasium
 from eutree.c45 import C45Settings
 from eutree.data import Demonstrations, Episode
 from eutree.errors import EutreeError, InvalidArgumentError, shown
-from eutree.fitting.candidates import SETTINGS, Candidate, candidates, promising
 from eutree.fitting.choosing import COMPARING, JUDGING, MOST_REPAIR_PLAYS, mend, race
 from eutree.fitting.diagnosis import (
     about_demonstrations,
@@ -27,6 +26,13 @@ from eutree.interaction import describe
 from eutree.interaction.action_grid import acting_as
 from eutree.interaction.making import make
 from eutree.interaction.recipe import Environment, opened
+from eutree.learners.expert_candidates import (
+    SETTINGS,
+    Candidate,
+    best_left_out,
+    candidates,
+    promising,
+)
 from eutree.validation import check_integer, check_seed
 
 MOST_RACING = 8  # candidates
@@ -46,10 +52,11 @@ def fit(
 ) -> FitReport:
     """Return the best tree that C4.5 makes of demonstrations, and how good it is beside them.
 
-    C4.5 of release 8 and a few variants (``eutree.fitting.candidates``) are compared by episodes
-    left out, the best eight by playing. While the winner falls short of the demonstrator, the leaf
-    that has most to do with failing is repaired by what else was shown there, where playing
-    confirms that. At last it plays fresh episodes; what is wrong with it is in ``warnings``.
+    C4.5 of release 8 and a few variants (``eutree.learners.expert_candidates``) are compared by
+    episodes left out, the best eight by playing. While the winner falls short of the demonstrator,
+    the leaf that has most to do with failing is repaired by what else was shown there, where
+    playing confirms that. At last it plays fresh episodes; what is wrong with it is in
+    ``warnings``.
 
     Args:
         demonstrations: What was shown; at least one step.
@@ -95,7 +102,7 @@ def fit(
             if practise:
                 raise InvalidArgumentError(f"practise must be 0 without an environment: {missing}")
             notes = [f"The tree was not played: {missing}"] if missing else []
-            return _report(_best_left_out(found), None, demonstrations, found, notes)
+            return _report(best_left_out(found), None, demonstrations, found, notes)
         player = Player(world, seed, on_progress)
         fitting = _Fitting(demonstrations, world, player, episodes, seed)
         chosen, known = fitting.choose(found, repair=settings is None)
@@ -204,11 +211,6 @@ def _world(
     world = acting_as(world, demonstrations)
     describe(world).check_same(demonstrations.schema, "demonstrations", of="the environment")
     return world, ""
-
-
-def _best_left_out(found: list[Candidate]) -> Candidate:
-    """Return the candidate that decides most like the episodes left out."""
-    return max(promising(found, len(found)), key=lambda entry: float(entry.correct.mean()))
 
 
 def _report(

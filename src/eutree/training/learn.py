@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import gymnasium
 
@@ -19,17 +19,17 @@ from eutree.interaction.action_grid import acting_as
 from eutree.interaction.first_look import look_at
 from eutree.interaction.recipe import Environment, opened
 from eutree.interaction.requests import Controller
-from eutree.interaction.return_range import return_range
+from eutree.interaction.return_range import return_range as known_range
 from eutree.interaction.seeding import Stream
 from eutree.learners import Method, Problem, Start, start_of
-from eutree.learners import method as method_of
-from eutree.learners.default_choice import Choice, Evidence, default_for
+from eutree.learners.default_choice import Evidence
 from eutree.learners.learner import HasTeacher, check_fits
-from eutree.learners.registry import checked_document, checked_method
+from eutree.learners.registry import checked_document
 from eutree.policies import Policy, TreePolicy
 from eutree.training.asking import Asking, questions_for
 from eutree.training.beginning import Arena, Beginning, generator_of
 from eutree.training.callback import CallbackLike, CallbackListener
+from eutree.training.chosen_method import choice_of, remembering, with_limit
 from eutree.training.handover import handover_for
 from eutree.training.log import DISCOUNT, Log
 from eutree.training.phases import MANY, Plan
@@ -39,7 +39,7 @@ from eutree.training.run import Run
 from eutree.training.run_folder import ConfigDocument, RunFolder, SavingClock, length_of_run
 from eutree.training.teaching import AskedTeacher, Teacher, as_teacher
 from eutree.training.tensorboard import TensorBoardLog
-from eutree.validation import check_integer, check_number
+from eutree.validation import check_integer, check_number, check_range
 
 Progress = Callable[[Run], None]
 
@@ -61,6 +61,7 @@ def learn(
     max_leaves: int | None = None,
     keep_success: bool = False,
     judge_episodes: int | None = None,
+    return_range: tuple[float, float] | None = None,
     seed: int = 0,
     evaluate_every: int = 20,
     evaluation_episodes: int = 100,
@@ -115,6 +116,9 @@ def learn(
             and earn no less, and succeeds less often by a point at most. None takes five for each
             episode of the run, 300 to 5,000; 0 plays none and hands over what was learned, as the
             presets that read the paper literally do.
+        return_range: Lowest and highest return that an episode can have, where ``env`` does not
+            say so itself (``eutree.interaction.return_range``); what is said of the learned tree
+            then holds without a condition, also offline.
         seed: The same seed gives the same result, byte for byte.
         evaluate_every: Episodes between two frozen evaluations.
         evaluation_episodes: Episodes of each frozen evaluation.
@@ -149,6 +153,7 @@ def learn(
     if env is not None and not isinstance(env, gymnasium.Env):
         return _learn_in(env, locals())
     check_integer("evaluation_episodes", evaluation_episodes, low=1)
+    return_range = None if return_range is None else check_range("return_range", return_range)
     if env is None:
         _check_acts_nowhere(race_steps, ask, keep_success=keep_success)
     env = None if env is None else acting_as(env, expert or demonstrations)
@@ -156,15 +161,15 @@ def learn(
         episodes, steps, minutes = length_of_run(out)
     asking = asking or Asking()
     clock = SavingClock(checkpoint_seconds)
-    choice = _choice(
+    choice = choice_of(
         None if method == "auto" else method,
         start,
         Evidence(demonstrations, steps, teacher is not None),
         offline=env is None,
         plans=bool(race_steps or keep_success or history or max_transitions) or ask is not None,
     )
-    chosen = _with_limit(
-        _remembering(choice.method, max_transitions), max_leaves, races=race_steps > 0
+    chosen = with_limit(
+        remembering(choice.method, max_transitions), max_leaves, races=race_steps > 0
     )
     plan = Plan(
         episodes=_episodes(episodes, steps, minutes),
@@ -184,7 +189,7 @@ def learn(
     log = None
     if env is None:
         recorded = _needed(demonstrations, "offline learning")
-        log = Log.of(recorded, expert, seed=seed)
+        log = Log.of(recorded, expert, return_range, seed=seed)
         problem = Problem(recorded.schema, recorded.environment, history)
         environment = f"offline: {recorded.environment}"
     else:
@@ -212,7 +217,7 @@ def learn(
     run = Run(
         beginning,
         plan,
-        None if env is None else _arena(guarded, env, evaluation_episodes),
+        None if env is None else _arena(guarded, env, evaluation_episodes, return_range),
         stop=stop,
         questions=questions_for(ask, asking, out),
     )
@@ -235,6 +240,7 @@ def learn(
         race=None if plan.race is None else asdict(plan.race),
         keep_success=keep_success,
         judge_episodes=judge_episodes,
+        return_range=return_range,
     )
     listener = None if callback is None else _listener(callback, run, env)
     if out is None:
@@ -301,30 +307,6 @@ def _episodes(episodes: int | None, steps: int | None, minutes: float | None) ->
     return EPISODES if steps is None and minutes is None else MANY
 
 
-def _with_limit(method: Method, max_leaves: int | None, *, races: bool) -> Method:
-    """Return a method that ends with at most so many leaves, unless a race sees to that.
-
-    Where one does, a planner knows no limit: what its explorers may try decides what is stored, and
-    from that the race's models are fitted (``docs/decisions/racing.md``).
-    """
-    if max_leaves is None:
-        return method
-    check_integer("max_leaves", max_leaves, low=2)
-    if hasattr(method, "max_leaves"):
-        return cast(Method, replace(cast(Any, method), max_leaves=max_leaves))
-    if races:
-        return method
-    planner = getattr(method, "planner", None)
-    if planner is None:
-        raise InvalidArgumentError(
-            f"max_leaves must be None for method {method.name!r} without race_steps, "
-            f"got {max_leaves}"
-        )
-    improvement = replace(planner.improvement, max_leaves=max_leaves)
-    limited = replace(planner, improvement=improvement)
-    return cast(Method, replace(cast(Any, method), planner=limited))
-
-
 def _learn_in(env: Environment, arguments: dict[str, Any]) -> LearningResult:
     """Return what ``learn`` returns for an environment that is made for it, and closed then."""
     with opened(env) as made:
@@ -357,13 +339,18 @@ def _check_acts_nowhere(
         raise InvalidArgumentError("ask must be None without an environment: nothing is acted in")
 
 
-def _arena(guarded: GuardedEnv, env: gymnasium.Env[Any, Any], episodes: int) -> Arena:
+def _arena(
+    guarded: GuardedEnv,
+    env: gymnasium.Env[Any, Any],
+    episodes: int,
+    returns: tuple[float, float] | None,
+) -> Arena:
     """Return where a run acts, and frozen policies are evaluated in so many episodes."""
     return Arena(
         guarded,
         lambda policy, seed: evaluate(policy, env, episodes=episodes, seed=seed),
         lambda policy, starts, seed: evaluate_starts(policy, env, starts, seed=seed),
-        return_range(env),
+        returns or known_range(env),
     )
 
 
@@ -415,37 +402,6 @@ def _go_on(
         # What an interruption left half done is not saved: the last checkpoint is good.
         if folder is not None and run.state.whole:
             folder.save_checkpoint(run)
-
-
-def _choice(
-    method: str | Method | None,
-    start: str | None,
-    evidence: Evidence,
-    *,
-    offline: bool,
-    plans: bool,
-) -> Choice:
-    """Return the method that is meant, and why where nobody said so.
-
-    With ``plans`` something is asked of the run that only planning does.
-    """
-    if method is not None:
-        own = method_of(method) if isinstance(method, str) else checked_method(method)
-        return Choice(own, "")
-    if offline or plans or start not in (None, "demos", "tree+demos"):
-        return Choice(method_of("corrected" if offline else "default"), "")
-    return default_for(evidence)
-
-
-def _remembering(chosen: Method, max_transitions: int | None) -> Method:
-    """Return a method with the bound on its memory."""
-    if max_transitions is None:
-        return chosen
-    if not hasattr(chosen, "max_transitions"):
-        raise InvalidArgumentError(
-            f"max_transitions must be None for method {chosen.name!r}, got {max_transitions}"
-        )
-    return cast(Method, replace(cast(Any, chosen), max_transitions=max_transitions))
 
 
 def _problem(env: GuardedEnv) -> Problem:

@@ -179,7 +179,8 @@ def learn_runs(
         )
         if handover is not None and result.against_start is not None and not result.is_start:
             start = evaluated(result.first)
-            judgement = _against_start(handover, result, start, judged, return_range(env))
+            known = options.get("return_range") or return_range(env)
+            judgement = _against_start(handover, result, start, judged, known)
             judged = start if judgement.handed_over == START else judged
     finally:
         env.close()

@@ -75,6 +75,7 @@ class ConfigDocument(Document, frozen=True, kw_only=True):
     race: dict[str, Any] | None = None
     keep_success: bool = False
     judge_episodes: int | None = None
+    return_range: tuple[float, float] | None = None
 
 
 def length_of_run(out: str | Path) -> tuple[int | None, int | None, float | None]:

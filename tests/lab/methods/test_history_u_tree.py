@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from gymnasium import spaces
 
+import eutree
 from eutree.c45 import C45Settings, grow
 from eutree.interaction import GuardedEnv, record
 from eutree.learners import Start
@@ -135,3 +136,11 @@ def test_its_policy_remembers_by_itself(tmp_path):
     policy = learner.decisions().policy(problem)
     assert (policy.history, policy.past_actions) == (1, 1)
     assert policy.schema.feature_names[-1] == "did action_1, 1 ago"
+
+
+def test_it_learns_from_a_log_alone():
+    careless = eutree.experts.careless(eutree.experts.wait_at_crossing, 0.3, seed=1)
+    log = eutree.record("eutree/Evasion2-v0", careless, episodes=15, seed=3)
+    result = eutree.learn(None, demonstrations=log, method=HistoryUTreeMethod())
+    assert result.learned.past_actions == 1
+    assert result.against_fit.n_held_out == 5

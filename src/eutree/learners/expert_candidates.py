@@ -14,7 +14,7 @@ import numpy as np
 from eutree.arrays import Floats
 from eutree.c45 import C45Settings
 from eutree.data import Demonstrations
-from eutree.learners import fit_expert_tree
+from eutree.learners.expert_tree import fit_expert_tree
 from eutree.policies import TreePolicy
 
 RELEASE_8 = C45Settings()
@@ -97,6 +97,14 @@ def promising(found: list[Candidate], most: int) -> list[Candidate]:
     further = [entry for entry in found if entry not in simple and _explains_more(entry, best)]
     ordered = sorted([*simple, *further], key=_share_correct, reverse=True)
     return [first, *(entry for entry in ordered if entry is not first)][:most]
+
+
+def best_left_out(found: list[Candidate]) -> Candidate:
+    """Return the candidate that decides most like the episodes left out: ``fit`` without playing.
+
+    Of one with more previous observations than the first the same is asked as by ``promising``.
+    """
+    return max(promising(found, len(found)), key=_share_correct)
 
 
 def _share_correct(candidate: Candidate) -> float:

@@ -1,0 +1,215 @@
+"""What recorded episodes say of acting by one tree in place of another, episode by episode.
+
+Whoever acted while they were recorded followed some policy mu. Compared are two ways to act: as in
+the log, but where two trees decide differently by the one of them, or by the other. What an episode
+says of that gain is one number, without bias if mu is right, and nothing has to be known of
+observations and actions that were never recorded. There are two such numbers:
+
+* *whole episodes*, where few steps of an episode decide: its return, less what was to be expected
+  where the trees first differ, weighted by the inverse chance of all actions from there on that one
+  tree would have taken, less the same for the other (importance sampling: Precup, Sutton and Singh,
+  *Eligibility traces for off-policy policy evaluation*, ICML 2000). It is the gain itself, and lies
+  within the largest weight times the range of returns.
+* *single deviations*, elsewhere: at each step at which they differ, the advantage of the action
+  taken over its chance, for the tree that would have taken it. Their sum is the first-order term
+  of the gain (Kakade and Langford, *Approximately optimal approximate reinforcement learning*,
+  ICML 2002): what deviating once gains, added up. Nothing bounds it but what was seen.
+
+Advantages are generalized ones (Schulman et al. 2016, Eq. 16) with V fitted to episodes that do not
+judge; mu is the shares of actions in the leaves of a C4.5 tree of those.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+
+from eutree.arrays import Floats, Integers
+from eutree.c45 import C45Settings, grow
+from eutree.data import Episode
+from eutree.policies import TreePolicy
+from eutree.world_model.dynamics import ModelTree, fit_model_tree
+
+SWEEPS = 5  # fits of V, each to returns that go on behind a truncated end by the one before
+LEAVES = 32
+ROWS_PER_LEAF = 20
+LAMBDA = 0.9
+
+
+@dataclass(frozen=True, eq=False)
+class Gains:
+    """What episodes say of a tree against another.
+
+    Attributes:
+        values: One number for each episode that judges.
+        fitted: One for each episode of the log that V and the chances were fitted to.
+        worst: No number can be lower, or none is.
+        whole: Whether they are of whole episodes; else of single deviations.
+        tried: Steps at which the trees differ and the one in question was followed, in all
+            episodes.
+    """
+
+    values: Floats  # [E]
+    fitted: Floats  # [K]
+    worst: float
+    whole: bool
+    tried: int
+
+
+class Log:
+    """Episodes that V and the chances of actions are fitted to, and what others say by them.
+
+    Args:
+        episodes: At least one step.
+        n_actions: Number of actions A.
+        discount: gamma of V and the advantages of single deviations.
+    """
+
+    def __init__(self, episodes: Sequence[Episode], n_actions: int, discount: float) -> None:
+        self.episodes = [episode for episode in episodes if len(episode)]
+        self.n_actions, self._discount = n_actions, discount
+        rows = np.concatenate([e.observations[:-1] for e in self.episodes])  # [N, d]
+        actions = np.concatenate([e.actions for e in self.episodes])  # [N]
+        grown = grow(rows, actions, n_classes=n_actions, settings=C45Settings())
+        self._tree, _ = grown.to_decision_tree()
+        counts = np.ones((self._tree.n_leaves, n_actions))  # Laplace's: nothing is impossible
+        np.add.at(counts, (self._tree.leaf_index(rows), actions), 1.0)
+        self._chances = counts / counts.sum(axis=1, keepdims=True)  # [L, A]
+        self._value = _fitted_value(rows, self.episodes, discount)
+
+    def chances(self, episode: Episode) -> Floats:
+        """Return mu of every action at each step, shape [T, A]."""
+        chances: Floats = self._chances[self._tree.leaf_index(episode.observations[:-1])]
+        return chances
+
+    def advantages(self, episode: Episode) -> Floats:
+        """Return how much more than usual followed each step, shape [T]."""
+        values = self._value.predict(episode.observations)  # [T + 1]
+        if episode.terminated:
+            values[-1] = 0.0
+        surprises = episode.rewards + self._discount * values[1:] - values[:-1]
+        return _sums_ahead(surprises, self._discount * LAMBDA)
+
+    def gains(
+        self,
+        one: TreePolicy,
+        other: TreePolicy,
+        episodes: Sequence[Episode],
+        limits: tuple[float, float],
+        *,
+        most_weight: float,
+    ) -> Gains:
+        """Return what episodes say of acting by ``one`` in place of ``other``.
+
+        Args:
+            one: The tree in question.
+            other: The tree that it is compared with.
+            episodes: Episodes that nothing was fitted to.
+            limits: Lowest and highest return of an episode.
+            most_weight: Of a whole episode; where one could be heavier single deviations speak.
+        """
+        told = [_Differing(one, other, self, episode) for episode in (*self.episodes, *episodes)]
+        largest = max(each.largest_weight for each in told)
+        whole = largest <= most_weight
+        if whole:
+            both = np.array([each.whole(self._value, limits) for each in told])
+            values, worst = both[:, 0], float(both[:, 1].min())
+        else:
+            values = np.array([each.deviations(self.advantages(each.episode)) for each in told])
+            worst = min(float(values.min()), 0.0)
+        n = len(self.episodes)
+        tried = sum(each.n_followed for each in told)
+        return Gains(values[n:], values[:n], worst, whole, tried)
+
+
+def rows_of(policy: TreePolicy, episode: Episode) -> Floats:
+    """Return the features of a tree at each step; an episode may have more, behind them, [T, d]."""
+    rows = episode.observations[:-1]
+    if policy.tree.n_features > rows.shape[1]:
+        rows = episode.with_features(policy.features).observations[:-1]
+    return rows[:, : policy.tree.n_features]
+
+
+def decisions(policy: TreePolicy, episode: Episode) -> Integers:
+    """Return what a tree does at each step, shape [T]."""
+    taken: Integers = policy.actions[policy.tree.leaf_index(rows_of(policy, episode))]
+    return taken
+
+
+class _Differing:
+    """The steps of an episode at which two trees decide differently, and what was done there."""
+
+    def __init__(self, one: TreePolicy, other: TreePolicy, log: Log, episode: Episode) -> None:
+        self.episode = episode
+        ours, theirs = decisions(one, episode), decisions(other, episode)
+        self._steps = np.flatnonzero(ours != theirs)  # [D]
+        chances = log.chances(episode)[self._steps]
+        of = np.arange(self._steps.size)
+        taken = episode.actions[self._steps]
+        self._both = [
+            (chosen[self._steps] == taken, chances[of, chosen[self._steps]])
+            for chosen in (ours, theirs)
+        ]
+
+    @property
+    def largest_weight(self) -> float:
+        """The weight if all actions had been those of one of the trees."""
+        with np.errstate(over="ignore"):
+            return float(max(np.prod(1.0 / chance) for _, chance in self._both))
+
+    @property
+    def n_followed(self) -> int:
+        """Steps at which the first tree was followed."""
+        return int(self._both[0][0].sum())
+
+    def whole(self, value: ModelTree, limits: tuple[float, float]) -> tuple[float, float]:
+        """Return what the episode says of the gain of whole episodes, and the worst it could say.
+
+        The worst is that the one tree had been followed to the lowest return, or the other to the
+        highest.
+        """
+        if not self._steps.size:
+            return 0.0, 0.0
+        first, rewards = self._steps[0], self.episode.rewards
+        ahead = float(value.predict(self.episode.observations[first : first + 1])[0])
+        expected = float(np.clip(rewards[:first].sum() + ahead, *limits))
+        ours, theirs = (float(np.prod(1.0 / chance)) for _, chance in self._both)
+        worst = -max(ours * (expected - limits[0]), theirs * (limits[1] - expected))
+        weight = sum(
+            sign * most * followed.all()
+            for sign, most, (followed, _) in zip((1, -1), (ours, theirs), self._both, strict=True)
+        )
+        return float(weight * (rewards.sum() - expected)), worst
+
+    def deviations(self, advantages: Floats) -> float:
+        """Return what single deviations to one tree gained over those to the other."""
+        (ours, chance), (theirs, other_chance) = self._both
+        weights = ours / chance - theirs / other_chance
+        return float((weights * advantages[self._steps]).sum())
+
+
+def _fitted_value(rows: Floats, episodes: Sequence[Episode], discount: float) -> ModelTree:
+    """Return V of whoever acted, a tree with linear leaves."""
+    value = None
+    for _ in range(1 if all(episode.terminated for episode in episodes) else SWEEPS):
+        returns = np.concatenate([_returns(episode, value, discount) for episode in episodes])
+        value = fit_model_tree(rows, returns, max_leaves=LEAVES, min_leaf=ROWS_PER_LEAF)
+    return cast(ModelTree, value)
+
+
+def _returns(episode: Episode, value: ModelTree | None, discount: float) -> Floats:
+    """Return the discounted sum of rewards from each step on, shape [T]."""
+    rewards = episode.rewards.astype(np.float64)
+    if value is not None and not episode.terminated:
+        rewards[-1] += discount * float(value.predict(episode.observations[-1:])[0])
+    return _sums_ahead(rewards, discount)
+
+
+def _sums_ahead(values: Floats, discount: float) -> Floats:
+    """Return the discounted sum of values from each step on, shape [T]."""
+    ahead, sums = 0.0, np.empty(len(values))
+    for step in range(len(values) - 1, -1, -1):
+        ahead = float(values[step]) + discount * ahead
+        sums[step] = ahead
+    return sums
