@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 import warnings
+from pathlib import Path
 
 import gymnasium
 import pytest
@@ -11,6 +12,8 @@ from gymnasium.utils.env_checker import check_env
 
 import eutree  # noqa: F401 - registers
 from eutree.envs.registration import IDS, register
+
+SOURCE = str(Path(__file__).parents[2] / "src")
 
 
 @pytest.mark.parametrize("name", IDS)
@@ -57,3 +60,81 @@ def test_module_prefix_imports_and_registers_cheaply() -> None:
     subprocess.run(
         [sys.executable, "-c", program], check=True, env=os.environ | {"PYTHONPATH": "src"}
     )
+
+
+STRANGER = """
+import gymnasium
+import numpy as np
+
+
+class Line(gymnasium.Env):
+    observation_space = gymnasium.spaces.Box(0.0, 9.0, (1,), np.float64)
+    action_space = gymnasium.spaces.Discrete(2)
+    max_steps = 9
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.place = 0.0
+        return np.array([self.place]), {}
+
+    def step(self, action):
+        self.place += action
+        return np.array([self.place]), float(action), self.place >= 3.0, False, {}
+
+
+def register():
+    gymnasium.register(id="stranger/Line-v0", entry_point=Line)
+
+
+class Go:
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        return np.ones(np.shape(observation)[:-1], int), state
+
+
+EXPERTS = {"stranger/Line-v0": {"go": lambda env: Go()}}
+"""
+
+
+def installed(folder: Path, entry_points: str) -> dict[str, str]:
+    """Return the variables under which a distribution of that metadata is found."""
+    (folder / "stranger.py").write_text(STRANGER)
+    metadata = folder / "stranger-1.0.dist-info"
+    metadata.mkdir()
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: stranger\nVersion: 1.0\n")
+    (metadata / "entry_points.txt").write_text(entry_points)
+    path = os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")]), SOURCE])
+    return {**os.environ, "PYTHONPATH": path}
+
+
+def test_a_stranger_adds_an_environment_and_its_demonstrator(tmp_path: Path) -> None:
+    points = (
+        "[eutree.environments]\nline = stranger:register\n[eutree.experts]\nx = stranger:EXPERTS\n"
+    )
+    line = ["record", "stranger/Line-v0", "--expert", "go", "--episodes", "2", "--out", "demos"]
+    done = subprocess.run(
+        [sys.executable, "-m", "eutree", *line],
+        cwd=tmp_path, env=installed(tmp_path, points), capture_output=True, text=True, timeout=120,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "demos" / "demonstrations.json").exists()
+
+
+def test_a_stranger_that_cannot_be_imported_is_named_and_stops_nobody(tmp_path: Path) -> None:
+    points = "[eutree.environments]\nline = stranger:nothing\n[eutree.experts]\nx = nowhere:X\n"
+    code = (
+        "import warnings\n"
+        "with warnings.catch_warnings(record=True) as said:\n"
+        "    import eutree\n"
+        "print(said[0].message)\n"
+        "from eutree.envs.experts import experts_for\n"
+        "assert experts_for('CartPole-v1')\n"
+        "try:\n    experts_for('stranger/Line-v0')\n"
+        "except eutree.EutreeError as error:\n    print(error)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env=installed(tmp_path, points), capture_output=True, text=True, check=True, timeout=120,
+    )  # fmt: skip
+    first, second = done.stdout.splitlines()
+    assert first.startswith("environments 'line', stranger:nothing, cannot be registered: ")
+    assert second.startswith("experts 'x', nowhere:X, cannot be imported: ")

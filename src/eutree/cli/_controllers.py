@@ -40,9 +40,9 @@ def controller(name: str, option: str, spec: EnvironmentSpec) -> "Controller":
         InvalidArgumentError: The module cannot be imported, or the policy is of another task.
     """
     from eutree.cli._policies import check_fits
-    from eutree.envs.experts import EXPERTS
+    from eutree.envs.experts import known_experts
 
-    known = EXPERTS.get(spec.id.rpartition(":")[2], {})
+    known = known_experts(spec.id)
     if name in known:
         return known[name]
     if is_own(name):

@@ -43,6 +43,7 @@ __all__ = [
     "careless",
     "experts_for",
     "follow_the_fall",
+    "known_experts",
     "late",
     "look_ahead",
     "push_along",
@@ -80,13 +81,17 @@ def experts_for(environment: str) -> Mapping[str, Expert]:
     Args:
         environment: Its id, with or without the module to import (``"eutree:..."``).
     """
+    found = known_experts(environment)
+    if not found:
+        name = environment.rpartition(":")[2]
+        raise UnknownNameError("environment with a scripted expert", name, all_experts())
+    return found
+
+
+def known_experts(environment: str) -> Mapping[str, Expert]:
+    """Return ``experts_for`` an environment; nothing if it has none."""
     name = environment.rpartition(":")[2]
-    if name in EXPERTS:
-        return EXPERTS[name]
-    every = all_experts()
-    if name not in every:
-        raise UnknownNameError("environment with a scripted expert", name, every)
-    return every[name]
+    return EXPERTS[name] if name in EXPERTS else all_experts().get(name, {})
 
 
 def all_experts() -> Mapping[str, Mapping[str, Expert]]:

@@ -1,0 +1,97 @@
+"""How heavy the house is: ceilings that are lowered, never raised; each names its target.
+
+Who adds a feature pays with an old one. A ceiling stands a little above today's figure, so that a
+mended fault does not have to pay; what is far below its ceiling lowers it.
+"""
+
+import ast
+import inspect
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+import eutree
+
+SOURCE = Path(__file__).parents[2] / "src"
+LARGE = {"eutree/cli": 36, "eutree/interaction": 35, "eutree/training": 29}  # files
+SLACK = 0.05  # how far below its ceiling a figure may lie before the ceiling has to follow
+
+
+def files(package: str) -> list[Path]:
+    return sorted((SOURCE / package).rglob("*.py"))
+
+
+def lines(paths: list[Path]) -> int:
+    return sum(len(path.read_text().splitlines()) for path in paths)
+
+
+def loaded(code: str) -> int:
+    """Return how many modules of the two packages a fresh interpreter has loaded after a line."""
+    count = "sum(m.partition('.')[0] in ('eutree', 'eutree_lab') for m in sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", f"import sys\n{code}\nprint({count})"],
+        capture_output=True, text=True, check=True, timeout=120,
+    )  # fmt: skip
+    return int(done.stdout.splitlines()[-1])
+
+
+def assert_under(figure: int, ceiling: int) -> None:
+    assert figure <= ceiling, f"{figure} is more than the ceiling of {ceiling}: what can go?"
+    assert figure >= ceiling * (1 - SLACK) - 2, f"lower the ceiling of {ceiling} to {figure}"
+
+
+@pytest.mark.parametrize(("package", "ceiling"), [("eutree", 58_000), ("eutree_lab", 8_200)])
+def test_lines_of_source(package: str, ceiling: int) -> None:
+    """Targets: 42,000 lines of the core, then 40,000; 10,000 of the lab."""
+    assert_under(lines(files(package)), ceiling)
+
+
+@pytest.mark.parametrize(("package", "ceiling"), [("eutree", 415), ("eutree_lab", 62)])
+def test_files_of_source(package: str, ceiling: int) -> None:
+    """Target: 250 files of the core."""
+    assert_under(len(files(package)), ceiling)
+
+
+def test_files_of_a_folder() -> None:
+    """Target: 25 in every folder; those that have more may not get more."""
+    counts = Counter(path.parent.relative_to(SOURCE).as_posix() for path in files(""))
+    large = {folder: n for folder, n in counts.items() if n > 25}
+    assert large.keys() == LARGE.keys()
+    for folder, n in large.items():
+        assert_under(n, LARGE[folder])
+
+
+@pytest.mark.parametrize(
+    ("code", "ceiling"),
+    [
+        ("import eutree; eutree.learn; from eutree.learners import PRESETS", 212),
+        ("import eutree; eutree.compress", 110),
+        ("import eutree; eutree.export.FORMATS", 55),
+        ("import eutree.cli.show, eutree.report", 260),
+    ],
+    ids=["learn", "compress", "export", "show"],
+)
+def test_modules_that_a_job_loads(code: str, ceiling: int) -> None:
+    """Targets: 130 for ``learn`` with ``planning``, 70 for ``compress``, 50 for ``export``."""
+    assert_under(loaded(code), ceiling)
+
+
+def test_the_front_door() -> None:
+    """Targets: 12 parameters of ``learn``, and 60 lines."""
+    body = ast.parse(inspect.getsource(inspect.unwrap(eutree.learn))).body[0]
+    assert isinstance(body, ast.FunctionDef)
+    assert_under(len(inspect.signature(eutree.learn).parameters), 28)
+    told = len((ast.get_docstring(body, clean=False) or "").splitlines())
+    assert_under((body.end_lineno or 0) - body.lineno + 1 - told, 165)
+
+
+def test_what_is_counted(tmp_path: Path) -> None:
+    assert loaded("import eutree.errors") < loaded("import eutree.export") < 200
+    assert lines([SOURCE / "eutree" / "thresholds.py"]) == 12
+    with pytest.raises(AssertionError, match="what can go"):
+        assert_under(101, 100)
+    with pytest.raises(AssertionError, match="lower the ceiling"):
+        assert_under(80, 100)
