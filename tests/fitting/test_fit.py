@@ -351,7 +351,7 @@ class TestRace:
         assert winner is found[2]
         assert played.policy is trees[2]
         assert player.episodes <= 60
-        assert len(played.episodes) == 10 + 15
+        assert len(played.episodes) == 2 * 12  # of three trees, and twice as many of the best two
 
     def test_the_first_wins_ties_and_a_block_is_the_same_for_all(self, corridor, shown):
         tree = eutree.fit_expert_tree(shown)
@@ -362,6 +362,26 @@ class TestRace:
         other = player.play(tree, 3, block=3)
         assert all(a.equals(b) for a, b in zip(first.episodes, again.episodes, strict=True))
         assert not first.episodes[0].equals(other.episodes[0])
+
+
+class TestWorths:
+    def test_success_counts_before_the_return_and_the_return_among_equals(self, corridor, shown):
+        played = Player(corridor, 0).play(eutree.fit_expert_tree(shown), 2, 0)
+        lucky, rich = played.episodes
+        low = wrong(lucky, rewards=np.full(len(lucky), -50.0), is_success=True)
+        high = wrong(rich, rewards=np.full(len(rich), 50.0), is_success=False)
+        more = wrong(low, rewards=np.full(len(lucky), -49.0))
+        worths = Played(played.policy, (low, high, more)).worths
+        assert worths[2] > worths[0] > worths[1]
+        silent = tuple(wrong(episode, is_success=None) for episode in (low, high))
+        worths = Played(played.policy, silent).worths
+        assert worths[1] > worths[0]
+
+    def test_episodes_of_a_block_go_on_where_they_stopped(self, corridor, shown):
+        player, tree = Player(corridor, 0), eutree.fit_expert_tree(shown)
+        whole, second = player.play(tree, 5, 3), player.play(tree, 3, 3, first=2)
+        pairs = zip(whole.episodes[2:], second.episodes, strict=True)
+        assert all(one.equals(other) for one, other in pairs)
 
 
 class TestRepair:

@@ -1,10 +1,15 @@
-"""Choose a tree by playing: halve the candidates, then repair the winner where it does harm."""
+"""Choose a tree by playing: halve the candidates, then repair the winner where it does harm.
+
+Both are contests (:mod:`eutree.contests`) that promise nothing: who judges the tree that they hand
+on plays fresh episodes.
+"""
 
 from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 
+from eutree.contests import Halving
 from eutree.data import Demonstrations
 from eutree.fitting.person import Person
 from eutree.fitting.playing import Played, Player
@@ -21,26 +26,22 @@ MOST_REPAIR_PLAYS = MOST_REPAIRS * (3 * BLAMED_LEAVES + 1 + 4)
 def race(found: list[Candidate], player: Player, budget: int) -> tuple[Candidate, Played]:
     """Return the winner and what it has played: the worse half drops out after each round.
 
-    Each round plays a new block, the same for all who are left, and all blocks count. The first
-    wins ties.
+    All play the same episodes, in each round as many more as they have played. The first wins ties.
 
     Args:
         found: The candidates, at least one.
         player: Plays them.
         budget: Episodes of all of them together.
     """
-    rounds = max(1, int(np.ceil(np.log2(len(found)))))
-    plays: dict[int, Played] = {}
-    left = list(range(len(found)))
-    for number in range(rounds):
-        episodes = max(1, budget // (rounds * len(left)))
-        for rival in left:
-            more = player.play(found[rival].policy, episodes, RACING + number)
-            plays[rival] = plays[rival].followed_by(more) if rival in plays else more
-        left.sort(key=lambda rival: plays[rival].merit, reverse=True)
-        left = sorted(left[: (len(left) + 1) // 2])
-    best = max(left, key=lambda rival: plays[rival].merit)
-    return found[best], plays[best]
+    left, cost, rounds = len(found), len(found), 1
+    while left > 2:  # a round doubles what each of those left has played
+        left = (left + 1) // 2
+        cost += left * 2 ** (rounds - 1)
+        rounds += 1
+    first = max(1, budget // cost)
+    rule = Halving(first=first, most=first * 2 ** (rounds - 1))
+    winner, played = player.contest(rule, [entry.policy for entry in found], RACING)
+    return found[winner], played
 
 
 def mend(
@@ -66,21 +67,15 @@ def mend(
     for number in range(MOST_REPAIRS):
         if not person.is_above(played.evaluation):
             break
-        own = player.play(candidate.policy, budget, REPAIRING + number)
-        best, most = candidate, own.merit
-        for rival in _repaired(candidate, played, demonstrations, person):
-            merit = player.play(rival.policy, budget, REPAIRING + number).merit
-            if merit > most:
-                best, most = rival, merit
-        if best is candidate:
-            break
-        first, again = (
-            player.play(entry.policy, 2 * budget, CONFIRMING + number)
-            for entry in (candidate, best)
-        )
-        if again.merit <= first.merit:
-            break
-        candidate, played = best, again
+        tried = [candidate, *_repaired(candidate, played, demonstrations, person)]
+        for block, episodes in ((REPAIRING, budget), (CONFIRMING, 2 * budget)):
+            rule = Halving(first=episodes, most=episodes)
+            policies = [entry.policy for entry in tried]
+            winner, again = player.contest(rule, policies, block + number)
+            if winner == 0:
+                return candidate, played
+            tried = [candidate, tried[winner]]
+        candidate, played = tried[1], again
     return candidate, played
 
 

@@ -7,6 +7,7 @@ from typing import Any
 import gymnasium
 
 from eutree.c45 import C45Settings
+from eutree.contests import Halving
 from eutree.data import Demonstrations, Episode
 from eutree.errors import EutreeError, InvalidArgumentError, shown
 from eutree.fitting.choosing import COMPARING, JUDGING, MOST_REPAIR_PLAYS, mend, race
@@ -185,10 +186,9 @@ class _Fitting:
             on_progress=tell,
         )
         self.player.begin("comparing", (1 + len(rivals)) * self.episodes)
-        mine = self.player.play(chosen.policy, self.episodes, COMPARING)
-        plays = [self.player.play(rival, self.episodes, COMPARING) for rival in rivals]
-        best = max(plays, key=lambda played: played.merit)
-        if best.merit <= mine.merit:
+        rule = Halving(first=self.episodes, most=self.episodes)
+        winner, best = self.player.contest(rule, [chosen.policy, *rivals], COMPARING)
+        if winner == 0:
             return None
         words = f"{episodes} episodes of practice"
         return replace(chosen, policy=best.policy, repairs=(*chosen.repairs, words)), best

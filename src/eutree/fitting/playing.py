@@ -1,19 +1,21 @@
 """Play trees: every episode is counted and kept, with the leaves that decided in it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import gymnasium
 import numpy as np
 
-from eutree.arrays import Booleans, Integers
+from eutree.arrays import Booleans, Floats, Integers
+from eutree.contests import Halving, hold, new_table
 from eutree.data import Episode
 from eutree.evaluation import Evaluation
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
 from eutree.interaction.seeding import Stream
 from eutree.policies import TreePolicy
 
+TIE = 1e-9  # of a success: what a unit of return is worth beside it
 Progress = Callable[[str, int, int], None]  # what for, episodes played for it, at most so many
 
 
@@ -42,10 +44,12 @@ class Played:
         )
 
     @property
-    def merit(self) -> tuple[float, float]:
-        """What trees are compared by: the share of successes where there are any, the return."""
-        figures = self.evaluation
-        return figures.success_rate or 0.0, figures.mean_return
+    def worths(self) -> Floats:
+        """What trees are compared by, [E]: success where there is any, among equals the return."""
+        return np.array([
+            bool(episode.is_success) + TIE * episode.undiscounted_return
+            for episode in self.episodes
+        ])  # fmt: skip
 
     def failed(self, enough: float) -> Booleans:
         """Return which episodes failed, [E]; without successes, which earned too little."""
@@ -88,18 +92,38 @@ class Player:
         """Say what the next episodes are played for, and how many there may be of them."""
         self._stage, self._most, self._before = stage, most, self.episodes
 
-    def play(self, policy: TreePolicy, episodes: int, block: int) -> Played:
-        """Return what came of the first ``episodes`` of a block.
+    def play(self, policy: TreePolicy, episodes: int, block: int, *, first: int = 0) -> Played:
+        """Return what came of so many episodes of a block, from the ``first`` one on.
 
         Raises:
             EnvironmentFault: The environment broke its contract.
         """
         seed = episode_seed(self._seed, block, Stream.FITTING)
         played = []
-        for number in range(episodes):
+        for number in range(first, first + episodes):
             played.append(run_episode(self._env, policy, episode_seed(seed, number)))
             self.episodes += 1
             if self._on_progress is not None:
                 count = self.episodes - self._before
                 self._on_progress(self._stage, count, max(count, self._most))
         return Played(policy, tuple(played))
+
+    def contest(
+        self, rule: Halving, rivals: Sequence[TreePolicy], block: int
+    ) -> tuple[int, Played]:
+        """Return which tree has won, the first of equals, and what it has played.
+
+        Args:
+            rule: Decides.
+            rivals: The trees, at least one.
+            block: Where their episodes come from.
+        """
+        plays: dict[int, Played] = {}
+
+        def run(tree: int, starts: Sequence[int]) -> Floats:
+            more = self.play(rivals[tree], len(starts), block, first=starts[0])
+            plays[tree] = plays[tree].followed_by(more) if tree in plays else more
+            return more.worths
+
+        winner = hold(rule, new_table(len(rivals), rule.most), run).winner
+        return winner, plays[winner]
