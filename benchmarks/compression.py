@@ -22,9 +22,9 @@ from eutree.c45 import C45Settings, grow
 from eutree.compression import RealEpisodes
 from eutree.compression.compress import compress, observation_box
 from eutree.envs.experts import experts_for
-from eutree.evaluation import bootstrap
 from eutree.interaction.making import make
 from eutree.trees.boxes import disagreement
+from eutree_lab.statistics import bootstrap
 
 DOMAINS = {"2-Evasion": "eutree/Evasion2-v0", "3-Evasion": "eutree/Evasion3-v0"}
 MARGIN = 2.0  # two stops in an episode; a collision costs 50

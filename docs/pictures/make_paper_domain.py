@@ -10,12 +10,12 @@ import csv
 from dataclasses import replace
 from pathlib import Path
 
-from eutree.evaluation.bootstrap import bootstrap
 from eutree.evaluation.intervals import Estimate
 from eutree_lab.paper.drawing import LABELS
 from eutree_lab.paper.experiment import FULL, by_learner
 from eutree_lab.paper.results import Results
 from eutree_lab.paper.runs import RunRecord
+from eutree_lab.statistics import bootstrap
 
 RESULTS = Path(__file__).resolve().parents[1] / "results"
 GRID = RESULTS / "grid-value-iteration-paper-domain.csv"

@@ -11,7 +11,6 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
-from eutree.evaluation.bootstrap import bootstrap
 from eutree.evaluation.intervals import Estimate
 from eutree_lab.paper.claims import HOLDS, judged
 from eutree_lab.paper.experiment import FULL, by_learner, by_speed
@@ -19,6 +18,7 @@ from eutree_lab.paper.registry import EXPERIMENTS
 from eutree_lab.paper.reproduce import claims_to_markdown, reproduce
 from eutree_lab.paper.results import Results
 from eutree_lab.paper.runs import RunRecord
+from eutree_lab.statistics import bootstrap
 
 DOCS = Path(__file__).resolve().parents[1]
 SCALE = replace(FULL, domain="Evasion")

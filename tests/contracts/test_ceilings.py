@@ -16,7 +16,12 @@ import pytest
 import eutree
 
 SOURCE = Path(__file__).parents[2] / "src"
-LARGE = {"eutree/cli": 36, "eutree/interaction": 35, "eutree/training": 29}  # files
+LARGE = {
+    "eutree/cli": 36,
+    "eutree/interaction": 35,
+    "eutree/learners": 27,
+    "eutree/training": 29,
+}  # files
 SLACK = 0.05  # how far below its ceiling a figure may lie before the ceiling has to follow
 
 
@@ -43,7 +48,7 @@ def assert_under(figure: int, ceiling: int) -> None:
     assert figure >= ceiling * (1 - SLACK) - 2, f"lower the ceiling of {ceiling} to {figure}"
 
 
-@pytest.mark.parametrize(("package", "ceiling"), [("eutree", 58_000), ("eutree_lab", 8_200)])
+@pytest.mark.parametrize(("package", "ceiling"), [("eutree", 57_500), ("eutree_lab", 8_300)])
 def test_lines_of_source(package: str, ceiling: int) -> None:
     """Targets: 42,000 lines of the core, then 40,000; 10,000 of the lab."""
     assert_under(lines(files(package)), ceiling)
@@ -68,7 +73,7 @@ def test_files_of_a_folder() -> None:
     ("code", "ceiling"),
     [
         ("import eutree; eutree.learn; from eutree.learners import PRESETS", 212),
-        ("import eutree; eutree.compress", 110),
+        ("import eutree; eutree.compress", 104),
         ("import eutree; eutree.export.FORMATS", 55),
         ("import eutree.cli.show, eutree.report", 260),
     ],
@@ -83,7 +88,7 @@ def test_the_front_door() -> None:
     """Targets: 12 parameters of ``learn``, and 60 lines."""
     body = ast.parse(inspect.getsource(inspect.unwrap(eutree.learn))).body[0]
     assert isinstance(body, ast.FunctionDef)
-    assert_under(len(inspect.signature(eutree.learn).parameters), 28)
+    assert_under(len(inspect.signature(eutree.learn).parameters), 29)
     told = len((ast.get_docstring(body, clean=False) or "").splitlines())
     assert_under((body.end_lineno or 0) - body.lineno + 1 - told, 165)
 

@@ -56,7 +56,6 @@ MIDDLES = {
     "eutree_lab.parti_game.cells": "boxes are halved, whatever lies in them",
     "eutree_lab.vrd.kuhn": "boxes are halved, whatever lies in them",
     "eutree_lab.tasks.puck": "a constant of the task",
-    "eutree.evaluation.bootstrap": "shares of draws",
     "eutree.evaluation.intervals": "bisection",
     "eutree.export._layout": "places on paper",
     "eutree.export._probes": "points to test exports at",

@@ -143,7 +143,7 @@ class C45Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # sk
 
     def decision_path(self, X: ArrayLike) -> Any:
         """Return which nodes each row visits on its way to ``apply``, sparse [N, n_nodes]."""
-        from scipy.sparse import csr_matrix  # type: ignore[import-untyped]  # untyped
+        from scipy.sparse import csr_matrix  # untyped
 
         paths = [self._tree().path(leaf) for leaf in self.apply(X).tolist()]
         nodes = np.concatenate([np.empty(0, np.int64), *paths])

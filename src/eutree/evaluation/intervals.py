@@ -1,6 +1,6 @@
 """Intervals by formula: of a mean over many episodes, of a share of successes.
 
-Over learning runs, which are few and far from normal, use :mod:`eutree.evaluation.bootstrap`.
+Over learning runs, which are few and far from normal, use SciPy's bootstrap.
 
 References: E. B. Wilson, *Probable inference, the law of succession, and statistical inference*,
 JASA 22 (1927); M. Abramowitz, I. A. Stegun, *Handbook of Mathematical Functions*, 26.7.

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
-from eutree.evaluation import Estimate, bootstrap, bootstrap_rows
+from eutree.evaluation import Estimate
 from eutree_lab.framework.runs import (
     DEMOS,
     FROZEN,
@@ -29,6 +29,7 @@ from eutree_lab.framework.runs import (
     FrameworkRecord,
 )
 from eutree_lab.paper.claims import FAILS, HOLDS, OPEN, judged
+from eutree_lab.statistics import bootstrap, bootstrap_rows
 
 SHARE = 0.95  # of the way from chance to the expert tree, that counts as learned
 HALF = 0.5  # of the learning time from nothing, that the paper's teaching stays below

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from eutree.evaluation import bootstrap
 from eutree_lab.paper.claims import Claim, judged
 from eutree_lab.paper.experiment import Experiment, Records, Scale
 from eutree_lab.paper.runs import RunSpec
+from eutree_lab.statistics import bootstrap
 
 DOMAINS = {2: "2-Evasion", 3: "3-Evasion"}
 LEARNERS = ("c-u-tree", "eu-tree")

@@ -6,19 +6,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eutree.arrays import Floats
-from eutree.evaluation import (
-    Durations,
-    Estimate,
-    bootstrap,
-    bootstrap_rows,
-    restricted_mean_ratio,
-    trials_to_threshold,
-)
+from eutree.evaluation import Estimate
 from eutree_lab.paper import drawing
 from eutree_lab.paper.claims import Claim, judged
 from eutree_lab.paper.experiment import Experiment, Records, Scale, by_learner
 from eutree_lab.paper.finals import FINAL, FINALS
 from eutree_lab.paper.runs import Performance, RunRecord, RunSpec
+from eutree_lab.statistics import (
+    Durations,
+    bootstrap,
+    bootstrap_rows,
+    restricted_mean_ratio,
+    trials_to_threshold,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eutree.arrays import Floats
-from eutree.evaluation import bootstrap, kaplan_meier, spearman
 from eutree_lab.paper import drawing
 from eutree_lab.paper.claims import Claim, judged
 from eutree_lab.paper.experiment import Experiment, Records, Scale, by_learner, by_speed
 from eutree_lab.paper.figure_2_3 import LEVEL, durations, learning_curve, success
 from eutree_lab.paper.runs import DEMONSTRATED_SPEED, RunRecord, RunSpec
+from eutree_lab.statistics import bootstrap, restricted_mean, spearman
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -120,7 +120,7 @@ def judge_5(records: Records) -> list[Claim]:
 def _trials(runs: list[RunRecord]) -> float:
     """Return the restricted mean of the episodes to the level."""
     horizon = float(runs[0].curve[-1].episode)
-    return kaplan_meier(durations(runs)).restricted_mean(horizon)
+    return restricted_mean(durations(runs), horizon)
 
 
 def draw_4a(axes: "Axes", records: Records) -> None:

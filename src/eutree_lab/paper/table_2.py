@@ -7,11 +7,12 @@ after equally many episodes, is judged too.
 import numpy as np
 
 from eutree.arrays import Integers
-from eutree.evaluation import Estimate, bootstrap, bootstrap_rows
+from eutree.evaluation import Estimate
 from eutree_lab.paper.claims import Claim, close_to, judged
 from eutree_lab.paper.experiment import Experiment, Records, Scale, by_learner
 from eutree_lab.paper.figure_2_3 import final, specs
 from eutree_lab.paper.runs import Performance, RunRecord, RunSpec
+from eutree_lab.statistics import bootstrap, bootstrap_rows
 
 # (states, average reward per trial) of each row, and how near ours must be to say "the same"
 PAPER = {"Expert tree": (9, 82), "C. U-Tree": (167, 50), "EU-Tree": (30, 80)}
