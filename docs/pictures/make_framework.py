@@ -10,12 +10,9 @@ import argparse
 import shutil
 from pathlib import Path
 
-from eutree_lab.framework.report import (
-    FrameworkResults,
-    expectations_to_markdown,
-    report,
-)
+from eutree_lab.framework.report import FrameworkResults, report
 from eutree_lab.framework.runs import TASKS, specs
+from eutree_lab.framework.verdicts import EXPECTATIONS
 
 PAGE = Path(__file__).resolve().parents[1] / "results" / "framework.md"
 HEAD = (
@@ -41,6 +38,13 @@ def main() -> None:
     page = divided(text) | sections
     parts = [beginning.rstrip("\n"), *(f"## {title}\n\n{s}" for title, s in page.items())]
     PAGE.write_text("\n\n".join(part.rstrip("\n") for part in parts) + "\n", encoding="utf-8")
+
+
+def expectations_to_markdown() -> str:
+    """Return what was expected, as a table."""
+    lines = ["| method | sentence | expected | because |", "|---|---|---|---|"]
+    lines += [f"| `{e.method}` | {e.sentence} | {e.expected} | {e.reason} |" for e in EXPECTATIONS]
+    return "\n".join(lines)
 
 
 def tasks() -> str:

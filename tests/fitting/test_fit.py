@@ -110,7 +110,7 @@ class TestDoubt:
         tree = by_hand(shown.schema, door=(0, 1))
         mixed = replace(shown, episodes=Player(corridor, 1).play(tree, 100, 0).episodes)
         report = eutree.fit(mixed, corridor, episodes=100, settings=RELEASE_8)
-        assert report.as_good_as_shown is None
+        assert report.verdict.is_open
         assert "Too close to tell" in report.warnings[0]
         assert "leaf" in report.warnings[1]
 
@@ -153,7 +153,6 @@ class TestFit:
     def test_a_tree_that_is_as_good_is_returned_without_a_warning(self, corridor, shown):
         report = eutree.fit(shown, corridor, episodes=100)
         assert report.warnings == ()
-        assert report.as_good_as_shown
         assert report.verdict.word == "as good"
         assert report.played.success_rate == report.person.success_rate == 1.0
         assert report.person.episodes == 12
@@ -172,7 +171,7 @@ class TestFit:
         plain = eutree.fit(demonstrations, settings=RELEASE_8, episodes=60)
         assert plain.policy == eutree.fit_expert_tree(demonstrations)
         assert plain.played.success_rate < 0.1
-        assert not plain.as_good_as_shown
+        assert plain.verdict.is_worse
         (harm,) = [text for text in plain.warnings if "hold on to the end in leaf" in text]
         assert "'time limit'" in harm
         assert "stop where" in harm
@@ -190,7 +189,7 @@ class TestFit:
             practise=100,
             on_progress=lambda stage, count, most: told.append((stage, count, most)),
         )
-        assert not alone.as_good_as_shown
+        assert alone.verdict.is_worse
         assert f"{alone.played.successes.sum()} of 100 (" in alone.warnings[0]
         assert "leaf" in alone.warnings[1]
         assert report.played.success_rate > alone.played.success_rate + 0.1
@@ -218,7 +217,7 @@ class TestFit:
     def test_without_playing_the_choice_is_made_by_episodes_left_out(self, shown):
         report = eutree.fit(shown, episodes=0)
         assert report.played is None
-        assert report.as_good_as_shown is None
+        assert report.verdict is None
         assert report.warnings == ()
 
     def test_an_environment_that_cannot_be_made_is_said(self, shown):
@@ -252,7 +251,6 @@ class TestFit:
         report = eutree.fit(replace(shown, episodes=tuple(unknown)), corridor, episodes=5)
         assert "shown: unknown returns in 12 episodes" in str(report)
         assert report.verdict.word == "not comparable"
-        assert report.as_good_as_shown is None
 
 
 class TestBadInput:

@@ -176,15 +176,6 @@ def test_a_gain_is_the_score_of_the_paired_differences(ensemble):
     assert 0 < few < 0.5 * (rollouts.n_steps_taken - before - few)
 
 
-def test_optimism_takes_disagreement_of_the_members_for_a_chance(ensemble):
-    careful, hopeful = (
-        EnsembleRollouts(ensemble, 20, np.random.default_rng(6), pessimism=k) for k in (0.5, -0.5)
-    )
-    for rollouts in (careful, hopeful):
-        rollouts.run(CAREFUL)
-    assert careful.gain(RECKLESS).mean < hopeful.gain(RECKLESS).mean
-
-
 def test_a_deviation_is_the_naive_deviation(ensemble):
     """One other action at a step, then the policy; with the chance of that episode and step."""
     rollouts = EnsembleRollouts(ensemble, 4, np.random.default_rng(6))
@@ -231,7 +222,7 @@ def test_the_careful_tree_is_imagined_to_earn_more(ensemble):
 
 
 def test_score_is_the_mean_of_members_less_their_spread(ensemble):
-    rollouts = EnsembleRollouts(ensemble, 2, np.random.default_rng(8), pessimism=0.5)
+    rollouts = EnsembleRollouts(ensemble, 2, np.random.default_rng(8))
     assert rollouts.score(np.array([1.0, 5.0, 3.0, 7.0])) == pytest.approx(4.0 - 0.5 * 2.0)
 
 

@@ -6,7 +6,7 @@ from eutree.data import Episode
 from eutree.display import Displayed
 from eutree.evaluation import Evaluation
 from eutree.fitting.person import Person
-from eutree.fitting.verdict import AS_GOOD, BETTER, WORSE, Standing, result_in_words, verdict
+from eutree.fitting.verdict import Standing, result_in_words, verdict
 from eutree.policies import TreePolicy
 
 
@@ -44,15 +44,6 @@ class FitReport(Displayed):
     def verdict(self) -> Standing | None:
         """How the tree compares with its demonstrator; None if it was not played."""
         return None if self.played is None else verdict(self.person.whole, self.played)
-
-    @property
-    def as_good_as_shown(self) -> bool | None:
-        """Whether the verdict is *better* or *as good*, False if it is *worse*.
-
-        None if the tree was not played, or if its episodes cannot tell.
-        """
-        word = "" if self.verdict is None else self.verdict.word
-        return {BETTER: True, AS_GOOD: True, WORSE: False}.get(word)
 
     def __str__(self) -> str:
         """Return the report in a few lines, without the tree."""

@@ -15,7 +15,7 @@ The loop of a run, for every method:
     whenever a policy is wanted:           learner.decisions().policy(problem)
 
 What only some learners can do is a protocol of its own, which its user checks for by
-``isinstance``: ``CanDoubt``, ``CanRace``, ``ChoosesStarts``, ``HasStages``, ``HasTeacher``,
+``isinstance``: ``CanDoubt``, ``ChoosesStarts``, ``HasStages``, ``HasTeacher``,
 ``KnowsItsModel``, ``HasPolicy``, ``HasPartition``.
 """
 
@@ -370,19 +370,6 @@ class CanDoubt(Protocol):
 
     def intended_action(self, observation: Floats) -> int:
         """Return what the tree that acts takes at an observation of shape [d]."""
-        ...
-
-
-@runtime_checkable
-class CanRace(Protocol):
-    """A learner that searches among policies by episodes of their own, a phase of the run."""
-
-    def next_heat(self) -> tuple[TreePolicy, int] | None:
-        """Return the tree to run next, and the number of the start to run it from; None to end."""
-        ...
-
-    def heat_run(self, episode: Episode) -> None:
-        """Take the episode that the tree of ``next_heat`` ran."""
         ...
 
 

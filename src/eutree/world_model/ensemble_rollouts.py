@@ -14,6 +14,9 @@ FIRST_LOOK = 5  # a comparison is looked at when a fifth of the episodes has bee
 CLEARLY = 2.0  # standard errors below what would be needed
 
 
+PESSIMISM = 0.5  # standard deviations of the members that are taken off a score
+
+
 class EnsembleRollouts(Rollouts):
     """Paired rollouts of policy trees in an ensemble.
 
@@ -23,8 +26,6 @@ class EnsembleRollouts(Rollouts):
         ensemble: The world model, M members.
         n_starts: Stored first observations to start from.
         generator: Source of starts and of all random numbers.
-        pessimism: k of the score, the mean over members minus k standard deviations; below 0 it is
-            optimism.
 
     Attributes:
         n_members: Members M.
@@ -35,8 +36,6 @@ class EnsembleRollouts(Rollouts):
         ensemble: Ensemble,
         n_starts: int,
         generator: np.random.Generator,
-        *,
-        pessimism: float = 0.5,
     ) -> None:
         self._world = ensemble.world
         self._range = ensemble.returns
@@ -44,7 +43,6 @@ class EnsembleRollouts(Rollouts):
         self._starts, self._n_starts = ensemble.starts, n_starts
         self._n_actions = ensemble.n_actions
         self.n_members = len(ensemble.weights)
-        self._pessimism = pessimism
         d = ensemble.starts.shape[1]
         super().__init__(n_starts * self.n_members, self._horizon, d, generator)
 
@@ -67,9 +65,9 @@ class EnsembleRollouts(Rollouts):
         return self._cut(out)
 
     def score(self, returns: Floats) -> float:
-        """Return the mean over members minus k standard deviations, of returns [n M]."""
+        """Return the mean over members less ``PESSIMISM`` deviations, of returns [n M]."""
         of_members = returns.reshape(-1, self.n_members).mean(axis=0)
-        return float(of_members.mean() - self._pessimism * of_members.std())
+        return float(of_members.mean() - PESSIMISM * of_members.std())
 
     def gain(self, rival: ActionTree, *, hopeless: float = -np.inf) -> Gain:
         """Return the score of what the rival earns more; stop early below ``hopeless``.

@@ -36,7 +36,6 @@ from eutree_lab.framework.runs import (
     run,
 )
 from eutree_lab.framework.verdicts import (
-    EXPECTATIONS,
     Runs,
     Times,
     Verdict,
@@ -158,13 +157,6 @@ def report(specs: Sequence[FrameworkSpec], results: FrameworkResults) -> Reprodu
     for task in runs.tasks:
         write_bytes(results.folder / f"framework-{task}.svg", draw(runs, task))
     return Reproduction(found, results.folder)
-
-
-def expectations_to_markdown() -> str:
-    """Return what was expected, as a table."""
-    lines = ["| method | sentence | expected | because |", "|---|---|---|---|"]
-    lines += [f"| `{e.method}` | {e.sentence} | {e.expected} | {e.reason} |" for e in EXPECTATIONS]
-    return "\n".join(lines)
 
 
 def verdicts_to_markdown(runs: Runs, found: Sequence[Verdict]) -> str:
