@@ -67,15 +67,16 @@ def not_worse(table, *, margin, error, most, known=None, blind=300):
     return ("heat", (0, 1), min(max(32, math.ceil(1.5 * n)), most))
 
 
-def halving(table, *, first, most, prices=None):
+def halving(table, *, first, most, prices=None, guesses=None):
     """Return what Halving says, where one tree is left at the end."""
     alive, n = list(range(len(table))), min(first, most)
     while True:
         if any(table[tree][start] is None for tree in alive for start in range(n)):
             return ("heat", tuple(sorted(alive)), n)
-        score = {
-            tree: mean_of(table[tree][:n]) - (prices[tree] if prices else 0.0) for tree in alive
-        }
+        score = {}
+        for tree in alive:
+            values = table[tree][:n] + ([guesses[tree]] * 64 if guesses else [])
+            score[tree] = mean_of(values) - (prices[tree] if prices else 0.0)
         alive.sort(key=lambda tree: (-score[tree], tree))
         if len(alive) == 1:
             return ("verdict", alive[0])
@@ -116,3 +117,33 @@ def smallest_near_best(table, *, sizes, episodes):
         if mean_of([table[tree][k] - table[best][k] for k in starts]) >= -error:
             return ("verdict", tree)
     return ("verdict", best)
+
+
+def ahead(table, *, looks, errors, final, patient, prices=None, known=None):
+    """Return what Ahead says, look by look and pair by pair."""
+    prices = prices or [0.0] * len(table)
+    alive = list(range(len(table)))
+    for n in looks:
+        if any(table[tree][start] is None for tree in alive for start in range(n)):
+            return ("heat", tuple(sorted(alive)), n)
+        gains = {tree: [table[tree][k] - table[0][k] for k in range(n)] for tree in alive[1:]}
+        lead = {tree: mean_of(gains[tree]) + prices[0] - prices[tree] for tree in gains}
+        rivals = sorted(gains, key=lambda tree: (-lead[tree], tree))
+        alive = [0, *rivals[: max(len(rivals) // 2, 1)]]
+        if len(alive) > 2 and n < looks[-1]:
+            continue
+        rival = alive[1]
+        mean, error = lead[rival], standard_error(gains[rival])
+        saved = prices[0] - prices[rival]
+        sure = mean_of(gains[rival]) + min(saved, 0.0)
+        told = [table[tree][k] for tree in (0, rival) for k in range(n)] + list(known or ())
+        stands = patient or n * mean + min(told) - max(told) > 0.0
+        if stands and n >= 32 and sure > errors * error:
+            return ("verdict", rival)
+        if stands and not patient and {8: 4.79, 16: 3.73}.get(n, math.inf) * error < sure:
+            return ("verdict", rival)
+        if n == looks[-1]:
+            return ("verdict", rival if stands and mean > final * error else 0)
+        if mean < -error and n >= 32 if patient else mean <= 0.0:
+            return ("verdict", 0)
+    raise AssertionError("the last look decides")

@@ -86,15 +86,30 @@ def test_better_and_not_worse_say_what_their_twin_says(seed, margin, known, step
 
 
 @settings(max_examples=25, deadline=None)
-@given(seed=seeds, n_trees=st.integers(1, 9), step=st.sampled_from([1e-6, 1.0]))
-def test_halving_says_what_its_twin_says(seed, n_trees, step):
+@given(
+    seed=seeds,
+    n_trees=st.integers(1, 9),
+    step=st.sampled_from([1e-6, 1.0]),
+    guessed=st.booleans(),
+)
+def test_halving_says_what_its_twin_says(seed, n_trees, step, guessed):
     prices = tuple(0.1 * k for k in range(n_trees))
-    rule = Halving(first=4, most=20, prices=prices)
+    guesses = tuple(np.random.default_rng(seed).normal(size=n_trees)) if guessed else ()
+    rule = Halving(first=4, most=20, prices=prices, guesses=guesses)
 
     def twin(table):
-        return naive.halving(table, first=4, most=20, prices=prices)
+        return naive.halving(table, first=4, most=20, prices=prices, guesses=guesses)
 
     follow(rule, twin, n_trees, world(seed, n_trees, 0.3, step))
+
+
+def test_a_guess_counts_for_some_episodes_and_is_overruled_by_more():
+    """Ahead by 1 in every episode, behind by 3 as guessed: that is 192 episodes' worth."""
+    for most, winner in ((64, 0), (256, 1)):
+        table = np.zeros((2, most))
+        table[1] = 1.0
+        rule = Halving(first=most, most=most, guesses=(3.0, 0.0))
+        assert rule.next(table).winner == winner
 
 
 @settings(max_examples=25, deadline=None)

@@ -16,6 +16,7 @@ from eutree.c45 import C45Settings
 from eutree.cli.learn import learn as learn_command
 from eutree.compression import imagined
 from eutree.compression.episodes import RealEpisodes
+from eutree.contests import Ahead, AheadApart, ahead, rules
 from eutree.distillation import DistillationSettings
 from eutree.evaluation import off_policy
 from eutree.learners import default_choice
@@ -23,7 +24,7 @@ from eutree.learners.confidence import Confidence
 from eutree.learners.presets import CORRECTED, DEFAULT, PRESETS
 from eutree.learners.registry import METHODS
 from eutree.learners.starts import STARTS
-from eutree.policy_search import improvement, planner, racing
+from eutree.policy_search import improvement, planner
 from eutree.splitting import KolmogorovSmirnov, Permutation
 from eutree.training import proposals, run_folder, search, variants
 from eutree.training.learn import EPISODES
@@ -47,8 +48,7 @@ def default(function: object, name: str) -> object:
 
 
 plans, better = DEFAULT.planner, DEFAULT.planner.improvement
-paired = [racing.FIRST_BLOCK * 2**k for k in range(5)]
-assert paired[-1] == racing.MANY
+paired, apart = Ahead(), AheadApart()
 
 SAID = {
     "learning.md": [
@@ -63,8 +63,8 @@ SAID = {
         f"about {plans.n_steps:,} steps together, at least {planner.FEWEST_ROLLOUTS} episodes",
         f"A threshold moves to one of {word(2 * len(improvement.SHIFTS))} places near it",
         f"({percent(better.price)} of a typical return for each leaf)",
-        f"acts for at least {plans.min_episodes} episodes ({planner._FEWEST_EPISODES} if it earns "
-        f"more by {word(planner._CLEARLY)} standard errors)",
+        f"acts for at least {plans.min_episodes} episodes ({apart.few} if it earns "
+        f"more by {word(apart.clearly)} standard errors)",
         f"the mean of its last {plans.memory} returns",
         f"The best by the mean return of {default(eutree.learn_runs, 'selection_episodes')} "
         "episodes",
@@ -74,12 +74,14 @@ SAID = {
         f"up to {word(search.ROUNDS)} times, as long as the incumbent is replaced (a quarter of",
         f"at the usual price of a leaf and at {word(max(proposals.DEARER))} times that",
         f"{word(proposals.VARIANTS)} variants of the incumbent",
-        f"All run the same {racing.FIRST_BLOCK} episodes",
-        f"Both run the same {', '.join(map(str, paired))} episodes",
-        f"by one standard error after {racing.ENOUGH} episodes "
-        f"({word(racing.OF_MANY_ERRORS)} for a variant",
-        f"is smaller and as good after {racing.MANY}.",
-        f"after at least {racing.FEWEST} episodes, all {word(len(proposals._MODELS))} models",
+        f"up to {search.MOST_KNOWING}). The first of the",
+        f"chooses the {word(proposals.PROMISING)} challengers",
+        f"its guess counts for {rules.GUESS} episodes",
+        f"Both run the same {', '.join(map(str, paired.looks))} episodes",
+        f"by {word(search.OF_ONE_ERRORS)} standard error after {ahead.ENOUGH} episodes "
+        f"({word(search.OF_MANY_ERRORS)} for a variant",
+        f"is smaller and as good after {paired.most}.",
+        f"If the steps end before, all {word(len(proposals._MODELS))} models",
         f"the returns to go in the last {proposals.RECENT} episodes",
         f"with lambda = {variants.LAMBDA}.",
         f"fitted to the last {plans.max_transitions:,} transitions at most",

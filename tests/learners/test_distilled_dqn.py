@@ -6,6 +6,7 @@ import gymnasium
 import numpy as np
 import pytest
 
+from eutree.contests.ahead import Lead
 from eutree.data import Demonstrations
 from eutree.envs.experts import follow_the_fall
 from eutree.errors import FormatError, InvalidArgumentError
@@ -16,7 +17,6 @@ from eutree.learners.distilled_dqn.learner import Stage
 from eutree.learners.learner import Problem, Start, Step
 from eutree.learners.restoring import checked_state
 from eutree.neural import DoubleDQNSettings
-from eutree.policy_search.patient_race import PatientRace
 from eutree.world_model.action_trees import single_action
 from eutree.world_model.ensemble import EnsembleSettings
 from eutree.world_model.ensemble_rollouts import EnsembleRollouts
@@ -256,9 +256,8 @@ def test_a_model_whose_order_may_be_chance_needs_a_clear_win(ordered, adopted, w
     races = learner.races
     pairs = np.random.default_rng(3).standard_normal(72)
     pairs = (pairs - pairs.mean()) / pairs.std(ddof=1) * np.sqrt(72)
-    race = PatientRace(2, (72,), np.array([np.zeros(72), pairs + 1.3]))
-    mean, error, _ = race.ahead(1)
-    assert mean / error == pytest.approx(1.3)
+    lead = Lead.of(pairs + 1.3)
+    assert lead.mean / lead.error == pytest.approx(1.3)
     others = [contender(place) for place in range(2, 12)]
     if not ordered:
         for one, imagined in zip(others, (3, 9, 5, 2, 11, 6, 4, 10, 8, 7), strict=True):
@@ -268,7 +267,8 @@ def test_a_model_whose_order_may_be_chance_needs_a_clear_win(ordered, adopted, w
         Contender(single_action(1), "pruned", 1.0, (1.3 + 0.01 * pairs).tolist()),
         *others,
     ]
-    races.entrants, races.race = [0, 1], race
+    races.entrants = [0, 1]
+    races.take_up((72,), np.array([np.zeros(72), pairs + 1.3]))
     assert learner.model_trust().better_than_chance is ordered
     facts = races.end(learner.model_trust())
     assert facts["policy"] == races.incumbent == adopted

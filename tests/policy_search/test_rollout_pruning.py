@@ -1,10 +1,9 @@
-"""Pruning by imagined returns, patient races, and whether a model orders trees."""
+"""Pruning by imagined returns, and whether a model orders trees."""
 
 import numpy as np
 import pytest
 from scipy import stats
 
-from eutree.policy_search.patient_race import PatientRace
 from eutree.policy_search.rank_correlation import rank_correlation, ranks
 from eutree.policy_search.rollout_pruning import pruned_by_rollouts
 from eutree.world_model import Transitions
@@ -65,59 +64,6 @@ def test_the_limit_is_kept_by_as_few_cuts_as_possible(ensemble):
     rollouts = EnsembleRollouts(ensemble, 10, generator)
     pruned, _ = pruned_by_rollouts(LARGE, rollouts, 5, generator)
     assert 2 <= n_leaves(pruned) <= 5
-
-
-def run(race, means, seed, *, spread=10.0, most=10_000):
-    """Run a race of entrants whose returns have these means; return winner and episodes run."""
-    generator = np.random.default_rng(seed)
-    luck = spread * generator.standard_normal((len(means), 1000))
-    n = 0
-    while n < most and (heat := race.next()) is not None:
-        entrant, episode = heat
-        assert np.isnan(race.returns[entrant, episode])
-        race.tell(entrant, episode, means[entrant] + luck[entrant, episode])
-        n += 1
-    return race.winner(), n
-
-
-def test_the_best_rival_wins_nearly_always():
-    means = [0.0, -5.0, 8.0, 2.0, -20.0, 1.0]
-    won = [run(PatientRace(6), means, seed)[0] for seed in range(60)]
-    assert won.count(2) > 48
-
-
-def test_an_incumbent_that_is_better_stays():
-    won = [run(PatientRace(4), [10.0, 0.0, 1.0, -5.0], seed)[0] for seed in range(40)]
-    assert won.count(0) == 40
-
-
-def test_nobody_is_judged_on_fewer_than_32_pairs():
-    """A rival far behind, alone with the incumbent, still meets it 32 times and more."""
-    race = PatientRace(2)
-    _, n = run(race, [0.0, -1000.0], 0)
-    assert n >= 2 * 32
-    assert not np.isnan(race.returns[:, :32]).any()
-
-
-def test_a_race_that_steps_cut_short_wants_a_standard_error():
-    race = PatientRace(2)
-    for episode, (own, other) in enumerate(((0.0, 1.0), (0.0, 9.0), (4.0, 0.0))):
-        race.tell(0, episode, own)
-        race.tell(1, episode, other)
-    assert race.winner() == 0  # 2 ahead, with a standard error of 3.8
-    for episode in range(3, 8):
-        race.tell(0, episode, 0.0)
-        race.tell(1, episode, 8.0)
-    assert race.winner() == 1
-
-
-def test_a_race_goes_on_from_its_returns():
-    race = PatientRace(5)
-    means = [0.0, 1.0, 2.0, 3.0, 4.0]
-    run(race, means, 3, most=37)
-    other = PatientRace(5, returns=race.returns)
-    assert other.next() == race.next()
-    assert other.standing() == race.standing()
 
 
 @pytest.mark.parametrize("seed", range(5))

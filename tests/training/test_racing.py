@@ -1,5 +1,7 @@
 """Racing ends a run: the better tree wins, steps count, a kill costs an episode at most."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,7 @@ from eutree.envs.experts import careless
 from eutree.errors import InvalidArgumentError, RunFolderError
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
 from eutree.learners.transitions import transitions_of
-from eutree.training.proposals import SearchSettings, key
+from eutree.training.proposals import PROMISING, SearchSettings, key
 from eutree.training.search import PolicySearch
 from tests.corridor import WRONG, Corridor, policy_of
 
@@ -96,6 +98,25 @@ def test_a_search_that_is_stored_and_restored_ends_the_same(env, plain):
     assert key(again.incumbent) == key(searched.incumbent)
     assert (again.raced.steps, again.state.tried) == (searched.raced.steps, searched.state.tried)
     assert again.state.chance == searched.state.chance
+
+
+@pytest.mark.parametrize("foretold", [True, False])
+def test_few_run_where_a_model_foretells_what_the_incumbent_earns(env, plain, foretold):
+    """The world model ranks challengers if it is right of the incumbent; else all of them run."""
+    search = search_of(plain)
+    guarded = GuardedEnv(env)
+    own = [run_episode(guarded, plain.policy, episode_seed(5, k)) for k in range(12)]
+    if not foretold:
+        own = [replace(episode, rewards=episode.rewards - 50.0) for episode in own]
+    rivals = [policy_of(0, place, 1) for place in (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0)]
+    chosen, guesses = search._proposals.guessed(plain.policy, own, rivals, [])
+    if not foretold:
+        assert (chosen, guesses) == (tuple(rivals), ())
+        return
+    assert len(chosen) == len(guesses) == PROMISING < len(rivals)
+    real = {key(one): eutree.evaluate(one, env, episodes=50, seed=9).mean_return for one in rivals}
+    best = max(rivals, key=lambda one: real[key(one)])
+    assert key(best) in {key(one) for one in chosen}
 
 
 def test_locked_leaves_stay_as_they_are(env, plain):

@@ -1,4 +1,4 @@
-"""Which tree? Every place that asks it holds a contest, and one of four rules decides.
+"""Which tree? Every place that asks it holds a contest, and one of a few rules decides.
 
 A contest knows a *table* of returns alone, a row for each tree and a column for each start, NaN
 where a tree has not run yet. A rule is a frozen value; ``rule.next(table)`` says which trees are to
@@ -8,12 +8,15 @@ world model or of a log: they differ in the function that runs an episode, which
 given. In all of them row 0 is the *incumbent*; the others are *challengers*.
 """
 
-from eutree.contests.holding import hold, missing
+from eutree.contests.ahead import Ahead, AheadApart
+from eutree.contests.holding import held, hold, missing, next_episode
 from eutree.contests.rules import Better, Halving, NotWorse
 from eutree.contests.smallest import SmallestWithin
 from eutree.contests.table import Bounds, Heat, Rule, Table, Verdict, bounds_of_change, new_table
 
 __all__ = [
+    "Ahead",
+    "AheadApart",
     "Better",
     "Bounds",
     "Halving",
@@ -24,7 +27,9 @@ __all__ = [
     "Table",
     "Verdict",
     "bounds_of_change",
+    "held",
     "hold",
     "missing",
     "new_table",
+    "next_episode",
 ]

@@ -24,6 +24,7 @@ FIRST = 32  # pairs before a challenger is called hopeless
 HOPELESS = 2.33  # standard errors: 99 %, one-sided
 GROWTH = 1.5  # of the pairs from one heat to the next
 BLIND = 300  # pairs
+GUESS = 64  # episodes that a guess counts for
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,12 +38,15 @@ class Halving:
         most: Most starts of a tree.
         keep: Trees that are left at the end; the verdict names the best of them.
         prices: Return that each tree has to earn for its leaves; empty for none.
+        guesses: Return that each tree is guessed to earn; empty for none. A guess counts for as
+            much as ``GUESS`` episodes: luck is less then, of which the first rounds are full.
     """
 
     first: int = 8
     most: int = 512
     keep: int = 1
     prices: tuple[float, ...] = ()
+    guesses: tuple[float, ...] = ()
 
     def next(self, table: Table) -> Heat | Verdict:
         """Return the next round, or the best of those left."""
@@ -60,7 +64,10 @@ class Halving:
         """Return who is left, the best first, the starts they run, and those all of them ran."""
         alive, n, known = tuple(range(len(table))), min(self.first, self.most), 0
         while not np.isnan(table[list(alive), :n]).any():
-            means = table[:, :n].mean(axis=1) - (np.array(self.prices) if self.prices else 0.0)
+            means = table[:, :n].mean(axis=1)
+            if self.guesses:
+                means = (n * means + GUESS * np.array(self.guesses)) / (n + GUESS)
+            means = means - (np.array(self.prices) if self.prices else 0.0)
             alive, known = tuple(sorted(alive, key=lambda one: (-means[one], one))), n
             if len(alive) <= self.keep and (self.keep == 1 or n >= self.most):
                 break

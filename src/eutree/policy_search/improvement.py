@@ -7,7 +7,8 @@ that pays. A change is accepted only if the changed policy earns more than the p
 paired rollouts, by more than its price in leaves.
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +24,7 @@ from eutree.world_model.common_chance import Rollouts
 MOST_BOXES = 12
 SHIFTS = (0.02, 0.05, 0.1, 0.2, 0.4)
 FEW = 20
+CYCLES, GROWN = 3, 5  # of shrinking, and leaves by which a policy may grow between two
 # What a deviation inside a box has to pay on average, as a share of the most that one pays.
 LEAST_GAINS = (0.25, 0.5, 0.75)
 
@@ -83,13 +85,26 @@ class Improvement:
             policy = packed(nested(rollouts.policy))
         return policy
 
-    def shrink(self, rollouts: Rollouts, policy: ActionTree, scale: float) -> ActionTree:
-        """Return a policy of at most ``max_leaves``: subtrees replaced where that costs least.
+    def shrunk(self, rollouts: Rollouts, policy: ActionTree, scale: float) -> Iterator[ActionTree]:
+        """Yield policies of at most ``max_leaves``, each made of the last one.
 
-        Arguments are those of ``improve``.
+        Cut to size, a policy may grow again by a few leaves that cost nothing and is cut once more:
+        so leaves move to where they earn most. Arguments are those of ``improve``.
         """
+        wide = replace(self, price=0.0, max_leaves=self.max_leaves + GROWN)
         rollouts.redraw()
         rollouts.run(policy)
+        for cycle in range(CYCLES):
+            self._cut(rollouts)
+            policy = self.improve(rollouts, rollouts.policy, scale)
+            yield policy
+            if cycle + 1 < CYCLES:
+                wide.improve(rollouts, policy, scale)
+                rollouts.redraw()
+                rollouts.run(rollouts.policy)
+
+    def _cut(self, rollouts: Rollouts) -> None:
+        """Cut the policy to size: the node first by which least is lost, thresholds moved after."""
         while n_leaves(rollouts.policy) > self.max_leaves:
             policy = rollouts.policy
             most, chosen = -np.inf, policy
@@ -100,7 +115,7 @@ class Improvement:
                     if gain.mean > most and n_leaves(rival) > 1:
                         most, chosen = gain.mean, rival
             rollouts.run(chosen)
-        return self.improve(rollouts, rollouts.policy, scale)
+            _perturb_thresholds(rollouts)
 
     def _insert_boxes(self, rollouts: Rollouts, price: float, *, begin: bool) -> None:
         """Insert the most promising boxes, one for each leaf, that pass the test.

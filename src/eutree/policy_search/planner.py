@@ -11,7 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from eutree.arrays import Floats, Integers
+from eutree.arrays import Integers
+from eutree.contests import AheadApart, Verdict, new_table
+from eutree.contests.ahead import lead_apart
 from eutree.policy_search.improvement import Improvement
 from eutree.validation import check_integer, check_number
 from eutree.world_model import ActionTree, PairedRollouts, Transitions, fit_world_models
@@ -19,7 +21,6 @@ from eutree.world_model.action_trees import n_leaves
 from eutree.world_model.common_chance import Rollouts
 
 FEWEST_ROLLOUTS = 100  # episodes
-_FEWEST_EPISODES = 5  # episodes
 _FEW_OWN = 10  # episodes
 _CLEARLY = 3.0  # standard errors
 
@@ -199,7 +200,8 @@ class Planner:
         """
         n, own, returns = plan.demonstrations, plan.own_episodes, data.episode_returns
         shown, earned = returns[:n], returns[list(own)]
-        if not n or len(own) < _FEW_OWN or not _clearly_better(shown, earned):
+        lead = lead_apart(earned, shown)
+        if not n or len(own) < _FEW_OWN or lead.mean <= _CLEARLY * lead.error:
             return plan
         as_shown = data.until(int(np.searchsorted(data.episodes, n)))
         (world,) = fit_world_models(as_shown, (self.optimism,))
@@ -231,16 +233,14 @@ class Planner:
     def _deserves(
         self, plan: Plan, challenger: ActionTree, data: Transitions, pessimistic: Rollouts
     ) -> bool:
-        """Return whether the model prefers the challenger, and real returns do too."""
+        """Return whether real returns prefer the challenger, and the model does too."""
         returns = data.episode_returns  # [E]
         tried = returns[list(plan.challenger_episodes[-self.memory :])]
         known = self._evidence(plan)[-3 * self.memory :] or _others(plan, returns.size)
-        proved = returns[list(known)]
-        if tried.size < _FEWEST_EPISODES or not proved.size:
-            return False
-        if tried.size < self.min_episodes and not _clearly_better(tried, proved):
-            return False
-        if tried.mean() <= proved.mean():
+        table = new_table(2, max(tried.size, len(known)))
+        table[0, : len(known)] = returns[list(known)]
+        table[1, : tried.size] = tried
+        if not isinstance(AheadApart(enough=self.min_episodes).next(table), Verdict):
             return False
         pessimistic.run(plan.incumbent)
         gain = pessimistic.gain(challenger)
@@ -279,9 +279,3 @@ def _others(plan: Plan, n_episodes: int) -> tuple[int, ...]:
     return tuple(
         sorted(set(range(n_episodes)) - set(plan.challenger_episodes) - set(plan.assisted_episodes))
     )
-
-
-def _clearly_better(tried: Floats, proved: Floats) -> bool:
-    """Return whether few episodes are enough: a difference of several standard errors."""
-    error = np.sqrt(tried.var() / tried.size + proved.var() / proved.size)
-    return bool(tried.mean() - proved.mean() > _CLEARLY * error)

@@ -10,9 +10,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from eutree.arrays import Integers
+from eutree.arrays import Floats, Integers
 from eutree.compression.candidates import Ladder, with_locks
 from eutree.compression.costs import Costs
+from eutree.contests.ahead import Lead
 from eutree.data import Episode
 from eutree.policies import TreePolicy
 from eutree.policy_search.improvement import Improvement
@@ -30,6 +31,10 @@ MOST_RUNGS = 12  # prunings that race
 MOST_KNOWN = 50_000  # transitions that models are fitted to
 RECENT = 300  # episodes whose advantages are known
 VARIANTS = 10  # of which one is tried
+PROMISING = 4  # challengers that race, where models can be trusted
+# Standard errors, and share of a typical return, by which a model may miss the incumbent's returns;
+# the next episode may have the worst return seen, too.
+SURE, NEAR = 2.0, 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,13 +163,60 @@ class Proposals:
         for model in self._models(episodes):
             rollouts = self._rollouts(model)
             if policy.n_leaves > self.max_leaves:
-                yield self._policy_of(self._improvement.shrink(rollouts, start, self._scale))
+                for tree in self._improvement.shrunk(rollouts, start, self._scale):
+                    yield self._policy_of(tree)
                 continue
             tree = start
             for factor in DEARER:
                 dearer = replace(self._improvement, price=self._improvement.price * factor)
                 tree = dearer.improve(rollouts, tree, self._scale)
                 yield self._policy_of(tree)
+
+    def guessed(
+        self,
+        policy: TreePolicy,
+        own: Sequence[Episode],
+        rivals: Sequence[TreePolicy],
+        episodes: Sequence[Episode],
+    ) -> tuple[tuple[TreePolicy, ...], tuple[float, ...]]:
+        """Return the challengers that promise most, and what each is guessed to earn.
+
+        It is what the tree earns in the first of the models that foretells the incumbent's returns.
+        Where none does all are returned, without a guess.
+
+        Args:
+            policy: The incumbent.
+            own: Real episodes of it.
+            rivals: The challengers.
+            episodes: All episodes run so far.
+        """
+        lead = Lead.of(np.array([episode.undiscounted_return for episode in own]))
+        low, high = self.range_seen(episodes)
+        reach = SURE * lead.error + NEAR * self._scale + (high - low) / len(own)
+        for model in self._models(episodes):
+            expected, *guesses = self._returns(model, [policy, *rivals]).tolist()
+            if abs(expected - lead.mean) <= reach:
+                break
+        else:
+            return tuple(rivals), ()
+        worth = np.array(guesses) - self.leaf_price * np.array([one.n_leaves for one in rivals])
+        best = np.argsort(-worth, kind="stable")[:PROMISING].tolist()
+        return tuple(rivals[k] for k in best), tuple(guesses[k] for k in best)
+
+    def range_seen(self, episodes: Sequence[Episode]) -> tuple[float, float]:
+        """Return the lowest and highest return of all that was stored, and of some episodes."""
+        raced = np.array([episode.undiscounted_return for episode in episodes])
+        seen = np.concatenate([self._data.episode_returns, raced])
+        return float(seen.min()), float(seen.max())
+
+    def _returns(self, model: WorldModel, trees: Sequence[TreePolicy]) -> Floats:
+        """Return what trees earn in common episodes of a world model, shape [trees]."""
+        first, *others = (from_decision_tree(tree.tree, tree.actions) for tree in trees)
+        rollouts = self._rollouts(model)
+        rollouts.redraw()
+        rollouts.run(first)
+        gains = [0.0, *(rollouts.gain(tree).mean for tree in others)]
+        return rollouts.mean_return + np.array(gains)
 
     def _models(self, episodes: Sequence[Episode]) -> Iterator[WorldModel]:
         """Yield the world models that propose."""

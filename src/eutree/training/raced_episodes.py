@@ -10,10 +10,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from eutree.arrays import Floats
+from eutree.contests import Rule, Verdict, held, new_table
 from eutree.data import Episode
 from eutree.policies import TreePolicy
-from eutree.policy_search.racing import Race
 from eutree.training.proposals import key
 
 STARTS = 2**20  # of one block: more than ever run
@@ -91,20 +90,18 @@ class RacedEpisodes:
         self._stored = deque(episodes[n_known:])
         self._run = {key(tree): list(own)} if own else {}
 
-    def drive(
-        self, race: Race[Result], block: Block, trees: Sequence[TreePolicy]
-    ) -> Running[Result]:
-        """Run the heats of a race; the budget may end before it does."""
-        returns: Floats | None = None
+    def hold(self, rule: Rule, block: Block, trees: Sequence[TreePolicy]) -> Running[Verdict]:
+        """Hold a contest of trees, the incumbent first; the budget may end before it does."""
+        contest = held(rule, new_table(len(trees), rule.most))
         try:
-            heat = next(race)
+            tree, starts = next(contest)
             while True:
-                run = yield from self.of(trees[heat.runner], heat.episodes, block)
-                returns = None if run is None else np.array([e.undiscounted_return for e in run])
-                heat = race.send(returns)
+                run = yield from self.of(trees[tree], range(starts[0], starts[-1] + 1), block)
+                returns = None if run is None else [e.undiscounted_return for e in run]
+                tree, starts = contest.send(None if returns is None else np.array(returns))
         except StopIteration as end:
-            result: Result = end.value
-            return result
+            verdict: Verdict = end.value
+            return verdict
 
     def of(self, tree: TreePolicy, numbers: range, block: Block) -> Running[list[Episode] | None]:
         """Return a tree's episodes from some starts of the block; None if steps are short."""

@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 
 from eutree.compression.candidates import merged, with_locks
+from eutree.contests import Ahead, Halving
 from eutree.data import Episode
 from eutree.interaction.seeding import Stream
 from eutree.policies import TreePolicy
-from eutree.policy_search.racing import FIRST_BLOCK, halving, paired
 from eutree.training.proposals import MOST_LEAVES, Proposals, SearchSettings, key
 from eutree.training.raced_episodes import Block, RacedEpisodes, Running
 from eutree.training.variants import Advantages
@@ -31,6 +31,10 @@ from eutree.world_model import Transitions
 ROUNDS = 3  # of proposals, at most
 ROUND_SHARE = 0.25  # of the steps, for a round
 NEWS = 0.05  # share of steps after which they are fitted anew
+FIRST_EPISODES = 4  # of the incumbent, in which a variant has to make a difference
+MOST_EPISODES = 64  # of a race of many
+KNOWING, MOST_KNOWING = 0.1, 16  # share of a race's steps, and episodes, by which models are chosen
+OF_ONE_ERRORS, OF_MANY_ERRORS = 1.0, 2.0  # standard errors that win: of one challenger, of many
 IDLE = 100  # of those tried, without a step: nothing is left to vary
 STAGES = ("begin", "cut", "propose", "race", "prove", "vary", "end")
 
@@ -221,7 +225,7 @@ class PolicySearch:
     def _prove(self, state: SearchState) -> Running[SearchState]:
         """Let it replace the incumbent if it earns clearly more on other starts."""
         policy, rival = state.incumbent, state.challengers[0]
-        better = yield from self._better(state, rival, of_many=False)
+        better = yield from self._better(state, rival, errors=OF_ONE_ERRORS)
         if better is None:
             better = self._proposals.prefer(policy, rival, self.raced.all)
         if not better:
@@ -248,7 +252,7 @@ class PolicySearch:
         policy = state.incumbent
         own = None
         if state.idle < IDLE:
-            own = yield from self.raced.of(policy, range(FIRST_BLOCK), state.starts)
+            own = yield from self.raced.of(policy, range(FIRST_EPISODES), state.starts)
         if own is None or state.fitted is None or self._known is None:
             return replace(state, stage="end")
         if self.raced.steps > state.fitted[0] + NEWS * self._settings.steps:
@@ -258,7 +262,7 @@ class PolicySearch:
         if rival is None:
             return state
         state = replace(state, tried=state.tried + 1)
-        better = yield from self._better(state, rival, of_many=True)
+        better = yield from self._better(state, rival, errors=OF_MANY_ERRORS)
         idle = 0 if self.raced.steps > steps else state.idle
         if not better:
             self.raced.drop(rival)
@@ -285,27 +289,44 @@ class PolicySearch:
         )
 
     def _winner(self, state: SearchState) -> Running[TreePolicy]:
-        trees = state.challengers
-        affordable = (state.limit - self.raced.steps) // (2 * self.raced.longest * len(trees))
-        race = halving(
-            [tree.n_leaves for tree in trees],
-            leaf_price=self._proposals.leaf_price,
-            first=int(np.clip(affordable, 1, FIRST_BLOCK)),
-            block=state.block,
-        )
-        return trees[(yield from self.raced.drive(race, state.starts, trees))]
+        """Return the best of the challengers; only the most promising of them run.
+
+        World models that foretell what the incumbent earns say which these are.
+        """
+        trees, room = state.challengers, state.limit - self.raced.steps
+        n = int(np.clip(KNOWING * room // self.raced.longest, 2, MOST_KNOWING))
+        own = yield from self.raced.of(state.incumbent, range(n), state.starts)
+        length, guesses = self.raced.longest, ()
+        if own is not None:
+            trees, guesses = self._proposals.guessed(state.incumbent, own, trees, self.raced.all)
+            length = sum(map(len, own)) // n
+        affordable = (state.limit - self.raced.steps) // (2 * length * len(trees))
+        first = int(np.clip(affordable, 1, MOST_EPISODES // 2))
+        prices = self._prices(trees)
+        rule = Halving(first=first, most=MOST_EPISODES, prices=prices, guesses=guesses)
+        verdict = yield from self.raced.hold(rule, state.starts, trees)
+        return trees[verdict.winner]
 
     def _better(
-        self, state: SearchState, rival: TreePolicy, *, of_many: bool
+        self, state: SearchState, rival: TreePolicy, *, errors: float
     ) -> Running[bool | None]:
-        """Return whether a challenger earns clearly more, and succeeds as often if it must."""
+        """Return whether a challenger is ahead, and succeeds as often if it must.
+
+        None if it is so far, and the budget is too small to be sure.
+        """
         trees = (state.incumbent, rival)
-        saved = self._proposals.leaf_price * (trees[0].n_leaves - rival.n_leaves)
-        race = paired(saved, of_many=of_many, block=state.block)
-        better = yield from self.raced.drive(race, state.starts, trees)
-        if better and self._settings.keep_success and self.raced.succeeds_less(*trees):
+        known = self._proposals.range_seen(self.raced.all)
+        rule = Ahead(errors=errors, final=errors, prices=self._prices(trees), known=known)
+        verdict = yield from self.raced.hold(rule, state.starts, trees)
+        if not verdict.winner:
             return False
-        return better
+        if self._settings.keep_success and self.raced.succeeds_less(*trees):
+            return False
+        return True if verdict.shown else None
+
+    def _prices(self, trees: Sequence[TreePolicy]) -> tuple[float, ...]:
+        """Return what each tree has to earn for its leaves."""
+        return tuple(self._proposals.leaf_price * tree.n_leaves for tree in trees)
 
     def _fit_advantages(self) -> tuple[int, int, dict[str, Any]]:
         """Fit what recorded steps gained; return what it takes to fit the same again."""

@@ -5,9 +5,13 @@ the same ones. What another tree ran, deciding alike throughout, is known and no
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from eutree.contests import Ahead, Table, new_table, next_episode
+from eutree.contests.ahead import Lead
+from eutree.contests.table import pairs
 from eutree.learners.declared import part, prefixed
 from eutree.learners.distilled_dqn.contenders import (
     Contender,
@@ -18,9 +22,9 @@ from eutree.learners.distilled_dqn.experience import Experience
 from eutree.learners.distilled_dqn.students import Students
 from eutree.learners.learner import Arrays, Figures
 from eutree.learners.model_trust import ModelTrust
-from eutree.policy_search.patient_race import PatientRace
 from eutree.world_model import ActionTree
 
+SURE = 2.0  # standard errors that end a race, and that win where its rivals cannot be trusted
 MANY_RETURNS = 12  # below which a contender's mean says little
 ROW_OF_RACE = 10_000  # starts of one race are numbered from this times the race's number on
 
@@ -37,7 +41,8 @@ class ContenderRaces:
         contenders: The start and all trees that raced or are to race.
         incumbent: Number of the contender that is the policy.
         entrants: Numbers of those in the present race, the incumbent first.
-        race: The race under way; None between two.
+        rule: What decides the race under way; None between two.
+        table: The returns of its entrants so far, shape [entrants, starts].
         number: Races so far.
     """
 
@@ -47,7 +52,8 @@ class ContenderRaces:
         self.contenders = [first]
         self.incumbent = 0
         self.entrants: list[int] = []
-        self.race: PatientRace | None = None
+        self.rule: Ahead | None = None
+        self.table = new_table(0, 0)
         self.number = 0
         self._run: list[tuple[int, int, int]] = []  # entrant, number, first row of each heat
         self._heat: tuple[int, int] | None = None
@@ -85,10 +91,10 @@ class ContenderRaces:
     def begin(self, rivals: Sequence[int], looks: Sequence[int]) -> None:
         """Begin a race of the policy with these rivals."""
         self.entrants = [self.incumbent, *rivals]
-        self.race = PatientRace(len(self.entrants), looks)
+        self.take_up(looks, new_table(len(self.entrants), looks[-1]))
         self.number += 1
         self._run = []
-        self._call(self.race)
+        self._call()
 
     def last_episode_was_heat(self) -> Figures:
         """Take the last episode as a heat of the race, and find the next one.
@@ -96,8 +102,8 @@ class ContenderRaces:
         Returns:
             What was run, and the result if it was the last heat; nothing between two races.
         """
-        race, heat = self.race, self._heat
-        if race is None or heat is None:
+        heat = self._heat
+        if heat is None:
             return {}
         rows = self._experience.last()
         value = self._experience.return_of(rows)
@@ -110,12 +116,13 @@ class ContenderRaces:
             "return": value,
         }
         self._run.append((*heat, rows.start))
-        self._tell(race, heat, value)
-        self._call(race)
-        if self.is_run:
-            won = race.winner()
-            mean, error, pairs = race.ahead(won)
-            facts |= {"winner": self.entrants[won], "ahead": mean, "error": error, "pairs": pairs}
+        self._tell(heat, value)
+        self._call()
+        if self.is_run and self.rule is not None:
+            won = self.rule.stopped(self.table).winner
+            lead = Lead.of(pairs(self.table[[0, won]]))
+            facts |= {"winner": self.entrants[won], "ahead": lead.mean, "error": lead.error,
+                      "pairs": lead.pairs}  # fmt: skip
         return facts
 
     def end(self, trust: ModelTrust | None) -> Figures:
@@ -127,24 +134,32 @@ class ContenderRaces:
         Args:
             trust: How the model that proposed the rivals orders trees.
         """
-        if self.race is None:
+        if self.rule is None:
             return {}
         trusted = trust is not None and trust.better_than_chance
-        rival = self.entrants[self.race.winner(clearly=not trusted)]
+        rule = self.rule if trusted else replace(self.rule, final=self.rule.errors)
+        rival = self.entrants[rule.stopped(self.table).winner]
         if self.contenders[rival].sure_return > self.contenders[self.incumbent].sure_return:
             self.incumbent = rival
-        self.race, self._heat = None, None
+        self.rule, self._heat = None, None
         facts: Figures = {"policy": self.incumbent}
         if trust is not None:
             facts.update(trust.figures())
         return facts
 
-    def _call(self, race: PatientRace) -> None:
+    def take_up(self, looks: Sequence[int], table: Table) -> None:
+        """Let a race be under way."""
+        self.rule = Ahead(looks=tuple(looks), errors=SURE, final=0.0, patient=True)
+        self.table = table
+
+    def _call(self) -> None:
         """Find the next heat that has to be run."""
-        self._heat = race.next()
+        if self.rule is None:
+            return
+        self._heat = next_episode(self.rule, self.table)
         while self._heat is not None and (known := self._known(*self._heat)) is not None:
-            self._tell(race, self._heat, known)
-            self._heat = race.next()
+            self._tell(self._heat, known)
+            self._heat = next_episode(self.rule, self.table)
 
     def _known(self, entrant: int, number: int) -> float | None:
         tree, history = self.contenders[self.entrants[entrant]].tree, self._experience.history
@@ -154,8 +169,8 @@ class ContenderRaces:
                 return self._experience.return_of(rows)
         return None
 
-    def _tell(self, race: PatientRace, heat: tuple[int, int], value: float) -> None:
-        race.tell(*heat, value)
+    def _tell(self, heat: tuple[int, int], value: float) -> None:
+        self.table[heat] = value
         self.contenders[self.entrants[heat[0]]].returns.append(value)
 
     def contenders_state(self) -> Arrays:
@@ -164,11 +179,11 @@ class ContenderRaces:
 
     def race_state(self) -> Arrays:
         """Return the race under way as arrays; nothing between two."""
-        if self.race is None:
+        if self.rule is None:
             return {}
         return {
-            "race_returns": self.race.returns,
-            "race_looks": np.array(self.race.looks, dtype=np.int64),
+            "race_returns": self.table,
+            "race_looks": np.array(self.rule.looks, dtype=np.int64),
             "race_entrants": np.array(self.entrants, dtype=np.int64),
             "race_run": np.array(self._run, dtype=np.int64).reshape(-1, 3),
         }
@@ -178,8 +193,7 @@ class ContenderRaces:
         self.incumbent, self.number = incumbent, number
         self.contenders = unpacked_contenders(part(state, "contender_"))
         if "race_returns" in state:
-            looks = state["race_looks"].tolist()
             self.entrants = state["race_entrants"].tolist()
             self._run = [tuple(row) for row in state["race_run"].tolist()]
-            self.race = PatientRace(len(self.entrants), looks, state["race_returns"])
-            self._call(self.race)
+            self.take_up(state["race_looks"].tolist(), state["race_returns"].copy())
+            self._call()

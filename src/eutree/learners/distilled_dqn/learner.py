@@ -27,12 +27,12 @@ from eutree.learners.learner import (
     ValuingPolicy,
 )
 from eutree.learners.model_trust import ModelTrust
-from eutree.policy_search.patient_race import LOOKS
 from eutree.world_model.action_trees import from_decision_tree, n_leaves, to_decision_tree
 
 FEWEST_PRUNED = 2
 EPISODES_PER_RIVAL = 30  # that must be affordable for one more rival
 MANY_EPISODES = 200  # affordable: enough for looks that are far apart
+LOOKS = (8, 20, 40, 72, 136)
 SHORT_LOOKS = (4, 10, 20, 40)
 ALL_TIME_BEST = 2  # that meet the policy again in every race
 LAST_ENTRANTS = 5
