@@ -23,7 +23,7 @@ from eutree.contests import Ahead, Halving
 from eutree.data import Episode
 from eutree.interaction.seeding import Stream
 from eutree.policies import TreePolicy
-from eutree.training.proposals import MOST_LEAVES, Proposals, SearchSettings, key
+from eutree.training.proposals import MOST_LEAVES, PROMISING, Proposals, SearchSettings, key
 from eutree.training.raced_episodes import Block, RacedEpisodes, Running
 from eutree.training.variants import Advantages
 from eutree.world_model import Transitions
@@ -293,10 +293,12 @@ class PolicySearch:
 
         World models that foretell what the incumbent earns say which these are.
         """
-        trees, room = state.challengers, state.limit - self.raced.steps
-        n = int(np.clip(KNOWING * room // self.raced.longest, 2, MOST_KNOWING))
-        own = yield from self.raced.of(state.incumbent, range(n), state.starts)
-        length, guesses = self.raced.longest, ()
+        trees, guesses, length = state.challengers, (), self.raced.longest
+        n = KNOWING * (state.limit - self.raced.steps) // self.raced.longest
+        n = int(np.clip(n, 2, MOST_KNOWING))
+        own = None
+        if len(trees) > PROMISING:
+            own = yield from self.raced.of(state.incumbent, range(n), state.starts)
         if own is not None:
             trees, guesses = self._proposals.guessed(state.incumbent, own, trees, self.raced.all)
             length = sum(map(len, own)) // n
