@@ -58,7 +58,7 @@ def hold(rule: Rule, table: Table, run: Run) -> Verdict:
     returns = None
     while True:
         try:
-            asked = contest.send(returns)  # type: ignore[arg-type]  # None begins a generator
+            asked = contest.send(returns)  # None begins a generator
         except StopIteration as end:
             verdict: Verdict = end.value
             return verdict

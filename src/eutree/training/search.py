@@ -293,7 +293,8 @@ class PolicySearch:
 
         World models that foretell what the incumbent earns say which these are.
         """
-        trees, guesses, length = state.challengers, (), self.raced.longest
+        trees, length = state.challengers, self.raced.longest
+        guesses: tuple[float, ...] = ()
         n = KNOWING * (state.limit - self.raced.steps) // self.raced.longest
         n = int(np.clip(n, 2, MOST_KNOWING))
         own = None
