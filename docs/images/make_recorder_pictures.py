@@ -123,38 +123,6 @@ def picture_the_page(folder: Path) -> None:
     process.wait()
 
 
-def picture_a_request() -> None:
-    import threading
-
-    import gymnasium
-    from playwright.sync_api import sync_playwright
-
-    import eutree
-    from eutree.interaction.browser import AskInBrowser
-    from eutree.training import Asking
-
-    os.environ["SDL_VIDEODRIVER"] = "dummy"
-    env = gymnasium.make("eutree/Evasion2-v0", render_mode="rgb_array")
-    asker = AskInBrowser(env, port=0)
-    options: dict[str, Any] = {"method": "paper", "episodes": 1, "evaluation_episodes": 2}
-    options["asking"] = Asking(alone=0)
-    learner = threading.Thread(target=eutree.learn, args=(env,), kwargs={**options, "ask": asker})
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=QUIET.split())
-        page = Page.__new__(Page)
-        page.page = browser.new_page(viewport={"width": 1180, "height": 830}, color_scheme="light")
-        page.page.goto(asker.server.url)
-        page.until("waiting")
-        learner.start()
-        page.until("asked").rest(1.2)
-        page.page.screenshot(path=HERE / "learner-asks.png")
-        page.press("Escape")
-        learner.join()
-        asker.close()
-        browser.close()
-
-
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as name:
         picture_the_page(Path(name))
-        picture_a_request()

@@ -113,12 +113,3 @@ def test_learn_starts_from_an_edited_policy(eutree, expert):
     )
     assert answer.code == 0, answer.err
     assert answer.json["n_leaves"] > 9
-
-
-def test_learn_asks_an_expert(eutree, tmp_path):
-    line = ["learn", "eutree/Evasion2-v0", "--preset", "paper", "--episodes", 3, "--ask-after", 0]
-    line += ["--evaluation-episodes", 2, "--ask", "gate", "--ask-requests", 2, "--ask-steps", 3]
-    eutree(*line, "--out", tmp_path / "run")
-    answers = (tmp_path / "run" / "answers.jsonl").read_text().splitlines()
-    assert 2 <= len(answers) <= 6
-    assert all('"action":' in answer for answer in answers)

@@ -20,7 +20,6 @@ from eutree.contests import Ahead, AheadApart, ahead, rules
 from eutree.distillation import DistillationSettings
 from eutree.evaluation import off_policy
 from eutree.learners import default_choice
-from eutree.learners.confidence import Confidence
 from eutree.learners.presets import CORRECTED, DEFAULT, PRESETS
 from eutree.learners.registry import METHODS
 from eutree.learners.starts import STARTS
@@ -85,7 +84,6 @@ SAID = {
         f"the returns to go in the last {proposals.RECENT} episodes",
         f"with lambda = {variants.LAMBDA}.",
         f"fitted to the last {plans.max_transitions:,} transitions at most",
-        f"an action tried fewer than {word(Confidence().min_tried)} times",
         f"{word(round(off_policy.FEWEST_HELD_OUT / off_policy.HELD_OUT)).capitalize()} episodes "
         "are the least of which some can be held out",
     ],

@@ -15,7 +15,6 @@ from eutree.errors import InvalidArgumentError
 from eutree.evaluation import evaluate_policy
 from eutree.interaction import GuardedEnv
 from eutree.interaction.acting import Actor, as_policy
-from eutree.interaction.requests import Request, ScriptedController, Stretch
 from eutree.interaction.spaces import decoder, encoder
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
@@ -112,16 +111,6 @@ def test_record_evaluate_and_distill_give_the_environments_own_observation(name:
         model, env, DistillationSettings(iterations=2, episodes=1, validation_episodes=2)
     )
     assert eutree.evaluate(tree, env, episodes=2).mean_return == 5.0
-
-
-def test_a_model_that_is_asked_gets_its_own_observation_too() -> None:
-    space = SPACES["dict"]
-    env, model = GuardedEnv(Wander(space), history=1), Model(space)
-    first = env.reset(0)
-    request = Request(1, 1, 0, 0, "", np.array([first]), 2)
-    stretch = Stretch(env, lambda action, n: (env.step(action), n == 2))
-    ScriptedController(model).show(request, stretch)
-    assert len(model.seen) == 2
 
 
 class Positions:

@@ -8,9 +8,6 @@ import pytest
 from eutree.compression import compress
 from eutree.errors import InvalidArgumentError
 from eutree.learners import DEFAULT, PlanningMethod, Start
-from eutree.learners.confidence import FEW, Confidence, doubt
-from eutree.policies import TreePolicy
-from eutree.trees import DecisionTree
 from tests.worlds import Walk, learned_to_walk
 
 QUICK = replace(DEFAULT, planner=replace(DEFAULT.planner, n_episodes=40, min_episodes=5))
@@ -53,36 +50,6 @@ def test_weights_by_values_are_refused_where_no_values_decide(learner):
     policy = learner.decisions().policy(Walk.problem)
     with pytest.raises(InvalidArgumentError, match='weights must be "visits" for a policy without'):
         compress(policy, learner.history.observations, max_disagreement=0.1, weights="q-gap")
-
-
-def test_doubt_is_about_the_action_of_the_tree_that_acts():
-    """It was about the greedy action of a table that did not act."""
-    expert = TreePolicy(
-        tree=DecisionTree.single_leaf(2), actions=np.array([1]), schema=Walk.problem.schema
-    )
-    curious = replace(QUICK, exploration=0.5, planner=replace(QUICK.planner, explorer_share=0.8))
-    learner = curious.start(Walk.problem, Start(expert))
-    generator = np.random.default_rng(0)
-    world = Walk(generator)
-    here = np.array([0.0, 0.5])
-    learner.start_episode(here, generator)
-    assert learner.doubt(here, Confidence()) == FEW
-    assert learner.intended_action(here) == 1
-    learner.discard_episode()
-    for _ in range(40):
-        world.run(learner, np.random.default_rng(generator.integers(2**32)))
-    learner.start_episode(here, generator)
-    history = learner.history
-    returns = np.zeros(history.size)
-    for row in range(history.size - 1, -1, -1):
-        follows = row + 1 < history.size and history.continues[row + 1]
-        returns[row] = history.rewards[row] + (returns[row + 1] if follows else 0.0)
-    actions = history.actions.astype(np.int64)
-    assert min(np.bincount(actions)) >= 10
-    for width in (0.0, 1.96):
-        sure = Confidence(width=width)
-        assert learner.doubt(here, sure) == doubt(returns, actions, 1, 2, sure)
-        assert learner.doubt(here, sure) != doubt(returns, actions, 0, 2, sure) or width
 
 
 def test_it_has_one_discount_and_only_choices_of_its_own():

@@ -19,9 +19,9 @@ from eutree.files import Document, read_document, write_document
 
 KEPT = "command.json"
 # Asked for each time: none changes what a run learns.
-_EACH_TIME = {"out", "resume", "as_json", "list_settings", "checkpoint_seconds", "n_jobs", "port"}
+_EACH_TIME = {"out", "resume", "as_json", "list_settings", "checkpoint_seconds", "n_jobs"}
 _USERS_OWN = {"import", "backend", "address", "tensorboard"}
-_NAMED = {"teacher", "ask", "against"}  # a file, a scripted expert, or MODULE:NAME
+_NAMED = {"teacher", "against"}  # a file, a scripted expert, or MODULE:NAME
 
 _ENV_ARG = "env_arguments"
 # In click's context: what is given on the line, and which of the environment's arguments is not.

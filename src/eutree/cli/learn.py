@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from eutree.cli._asking import asked, render_mode
 from eutree.cli._cluster import cluster, workers_options
 from eutree.cli._controllers import OWN, Rival, against_option, controller
 from eutree.cli._going_on import GoesOn, chosen_by_file, keep, line_to_go_on
@@ -85,13 +84,6 @@ if TYPE_CHECKING:
               help="Lowest and highest return of an episode, where the environment does not say "
               "it, and --offline.")  # fmt: skip
 @count_option("--max-transitions", None, "Most transitions to remember; by default all.")
-@click.option("--ask", help="Ask for a demonstration where the learner is unsure: web (a "
-              "person), or a scripted expert.")  # fmt: skip
-@count_option("--ask-requests", 20, "Most requests of --ask.")
-@count_option("--ask-steps", 20, "Most steps shown for one request.")
-@count_option("--ask-after", 5, "Episodes before the first request of --ask.", least=0)
-@click.option("--keys", help="What a person's keys mean: left=0,right=1,none=0.")
-@click.option("--port", type=click.IntRange(0, 65535), help="Port of the page of --ask web.")
 @click.option("--offline", is_flag=True, help="Learn from the demonstrations alone.")
 @click.option(
     "--resume", is_flag=True, help="Go on with the run in the folder --out, which is enough."
@@ -126,12 +118,6 @@ def learn(
     episodes: int | None,
     steps: int | None,
     race_steps: int,
-    ask: str | None,
-    ask_requests: int,
-    ask_steps: int,
-    ask_after: int,
-    keys: str | None,
-    port: int | None,
     offline: bool,
     runs: int,
     n_jobs: int,
@@ -150,7 +136,6 @@ def learn(
     from eutree.data import Demonstrations
     from eutree.interaction.making import make
     from eutree.policies import TreePolicy
-    from eutree.training import Asking
     from eutree.training import learn as learn_policy
     from eutree.training.signals import stop_on_signals
 
@@ -170,8 +155,6 @@ def learn(
         raise InvalidArgumentError("--offline learns from demonstrations alone; name them: --demos")
     if offline and against is not None:
         raise InvalidArgumentError("--against needs an environment to act in; leave out --offline")
-    if offline and ask is not None:
-        raise InvalidArgumentError("--ask needs an environment to act in; leave out --offline")
     spec = None if offline else _spec(environment, demonstrations, env_arguments)
     rival = None if spec is None or against is None else Rival(against, spec)
     options |= {
@@ -187,8 +170,8 @@ def learn(
     if partition is not None and (offline or runs > 1):
         raise InvalidArgumentError("--partition follows one run that acts: no --offline, no --runs")
     if runs > 1:
-        if spec is None or ask is not None or options.pop("tensorboard") is not None:
-            raise InvalidArgumentError("--runs takes no --offline, --ask or --tensorboard")
+        if spec is None or options.pop("tensorboard") is not None:
+            raise InvalidArgumentError("--runs takes no --offline and no --tensorboard")
         with (
             cluster(backend, address),
             stop_on_signals() as stop,
@@ -198,18 +181,15 @@ def learn(
         rivalry = _rivalry(rival, learned.policy, options["seed"], n_jobs)
         output.result(*many_results(learned, out, rivalry))
         return
-    env = None if spec is None else make(spec, render_mode=render_mode(ask))
+    env = None if spec is None else make(spec)
     with (
         stop_on_signals() as stop,
         _saying_how_to_go_on(output, stop, out),
-        asked(ask, spec, env, output, stop=stop, keys=keys, port=port) as teacher_asked,
         output.progress("learning", 1) as progress,
     ):
         result = learn_policy(
             env,
             out=out,
-            ask=teacher_asked,
-            asking=Asking(max_requests=ask_requests, max_steps=ask_steps, alone=ask_after),
             stop=stop,
             on_progress=_following(Following(progress, output), out),
             callback=None if partition is None else _drawing(partition, out),

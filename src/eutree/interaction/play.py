@@ -16,7 +16,6 @@ from eutree.interaction.trial import Trial
 
 OPENING, COUNTDOWN, PLAYING = "opening", "countdown", "playing"
 PAUSED, REVIEW, FINISHED, FAILED = "paused", "review", "finished", "failed"
-WAITING, ASKED = "waiting", "asked"  # of a session that asks for stretches
 
 REVIEW_SECONDS = 0.7  # a key pressed this soon after the end was meant for the episode
 _TOLERANCE = 1e-9
@@ -170,7 +169,7 @@ class Play:
     def picture(self, now: float) -> Frame | None:
         """Return a new picture if one is due."""
         # While a learner practises the environment is its own, and not to be touched.
-        if self.state in (FINISHED, FAILED, WAITING):
+        if self.state in (FINISHED, FAILED):
             return None
         share = self.controls.pace.shown(now) if self.trial.n_steps > 0 else 1.0
         return self.pictures.next(now, share)

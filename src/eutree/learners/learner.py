@@ -15,7 +15,7 @@ The loop of a run, for every method:
     whenever a policy is wanted:           learner.decisions().policy(problem)
 
 What only some learners can do is a protocol of its own, which its user checks for by
-``isinstance``: ``CanDoubt``, ``ChoosesStarts``, ``HasStages``, ``HasTeacher``,
+``isinstance``: ``ChoosesStarts``, ``HasStages``, ``HasTeacher``,
 ``KnowsItsModel``, ``HasPolicy``, ``HasPartition``.
 """
 
@@ -38,7 +38,6 @@ from eutree.arrays import Booleans, Floats, Integers
 from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
 from eutree.features import FeatureMap
-from eutree.learners.confidence import Confidence
 from eutree.learners.declared import Arrays as Arrays
 from eutree.learners.declared import Declared, Part
 from eutree.learners.goals import reached
@@ -357,19 +356,6 @@ class Method(Protocol):
         A checkpoint is compared with it before ``restore`` is called. Compiled loops trust their
         indices, so whatever one indexes with has the size of what it indexes as its range.
         """
-        ...
-
-
-@runtime_checkable
-class CanDoubt(Protocol):
-    """A learner that knows when it would rather be shown what to do."""
-
-    def doubt(self, observation: Floats, confidence: Confidence) -> str:
-        """Return why, at an observation of shape [d], or ""; nothing of the learner changes."""
-        ...
-
-    def intended_action(self, observation: Floats) -> int:
-        """Return what the tree that acts takes at an observation of shape [d]."""
         ...
 
 

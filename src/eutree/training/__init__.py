@@ -1,6 +1,5 @@
 """Learning runs: gather, update, evaluate, race, and the public ``learn``."""
 
-from eutree.training.asking import Asking
 from eutree.training.checkpoint import stored_observations, stored_transitions
 from eutree.training.judging import Judgement
 from eutree.training.learn import learn
@@ -10,7 +9,6 @@ from eutree.training.run import Run
 from eutree.training.teaching import Teacher
 
 __all__ = [
-    "Asking",
     "Judgement",
     "LearningResult",
     "Phase",

@@ -18,15 +18,13 @@ from eutree.interaction import GuardedEnv, episode_seed
 from eutree.interaction.action_grid import acting_as
 from eutree.interaction.first_look import look_at
 from eutree.interaction.recipe import Environment, opened
-from eutree.interaction.requests import Controller
 from eutree.interaction.return_range import return_range as known_range
 from eutree.interaction.seeding import Stream
 from eutree.learners import Method, Problem, Start, start_of
 from eutree.learners.default_choice import Evidence
 from eutree.learners.learner import HasTeacher, check_fits
 from eutree.learners.registry import checked_document
-from eutree.policies import Policy, TreePolicy
-from eutree.training.asking import Asking, questions_for
+from eutree.policies import TreePolicy
 from eutree.training.beginning import Arena, Beginning, generator_of
 from eutree.training.callback import CallbackLike, CallbackListener
 from eutree.training.chosen_method import choice_of, remembering, with_limit
@@ -73,8 +71,6 @@ def learn(
     checkpoint_seconds: float | None = None,
     tensorboard: str | Path | None = None,
     callback: CallbackLike | None = None,
-    ask: Policy | Controller | None = None,
-    asking: Asking | None = None,
     stop: Callable[[], bool] = lambda: False,
     on_progress: Progress | None = None,
 ) -> LearningResult:
@@ -99,9 +95,9 @@ def learn(
             three. By default what is given.
         episodes: Most episodes of experience; offline, the most updates. 400 where no other budget
             is given, else as many as that allows.
-        steps: Most environment steps of the run: those of learning, of whoever is asked, and of
-            racing, without demonstrations and evaluations. An episode begins only if the longest
-            possible one still fits; where none is known, one is cut short at the budget.
+        steps: Most environment steps of the run: those of learning and of racing, without
+            demonstrations and evaluations. An episode begins only if the longest possible one
+            still fits; where none is known, one is cut short at the budget.
         minutes: Most minutes of the clock for learning and racing. What is learned then depends
             on the machine; everything else repeats byte for byte.
         race_steps: Environment steps spent at the end on policy search with racing: trees proposed
@@ -138,9 +134,6 @@ def learn(
         callback: Follows the run and may end it, as in SB3: a function of ``(locals, globals)``
             called after each step, a callback of SB3's kind, or a list of them. Not
             for offline learning, which takes no steps.
-        ask: Who acts for a stretch where the learner is unsure: a policy, or a controller such as
-            a person in a browser (``eutree.interaction.browser.AskInBrowser``). Nobody by default.
-        asking: How often and for how long somebody may be asked.
         stop: Asked before every step; True ends the run at its last finished episode.
         on_progress: Called after each episode and each evaluation, or each expansion offline.
 
@@ -155,18 +148,17 @@ def learn(
     check_integer("evaluation_episodes", evaluation_episodes, low=1)
     return_range = None if return_range is None else check_range("return_range", return_range)
     if env is None:
-        _check_acts_nowhere(race_steps, ask, keep_success=keep_success)
+        _check_acts_nowhere(race_steps, keep_success=keep_success)
     env = None if env is None else acting_as(env, expert or demonstrations)
     if resume and out is not None and episodes is steps is minutes is None:
         episodes, steps, minutes = length_of_run(out)
-    asking = asking or Asking()
     clock = SavingClock(checkpoint_seconds)
     choice = choice_of(
         None if method == "auto" else method,
         start,
         Evidence(demonstrations, steps, teacher is not None),
         offline=env is None,
-        plans=bool(race_steps or keep_success or history or max_transitions) or ask is not None,
+        plans=bool(race_steps or keep_success or history or max_transitions),
     )
     chosen = with_limit(
         remembering(choice.method, max_transitions), max_leaves, races=race_steps > 0
@@ -219,7 +211,6 @@ def learn(
         plan,
         None if env is None else _arena(guarded, env, evaluation_episodes, return_range),
         stop=stop,
-        questions=questions_for(ask, asking, out),
     )
     config = ConfigDocument(
         environment=environment,
@@ -235,7 +226,6 @@ def learn(
         demonstrations="" if demonstrations is None else demonstrations.digest,
         expert="" if expert is None else hashlib.sha256(expert.to_bytes()).hexdigest(),
         teacher="" if teacher is None else teacher.name(),
-        asking="" if ask is None else repr(asking),
         strict=strict,
         race=None if plan.race is None else asdict(plan.race),
         keep_success=keep_success,
@@ -325,9 +315,7 @@ def _check_races(plan: Plan, start: Start) -> None:
         )
 
 
-def _check_acts_nowhere(
-    race_steps: int, ask: Policy | Controller | None, *, keep_success: bool
-) -> None:
+def _check_acts_nowhere(race_steps: int, *, keep_success: bool) -> None:
     """Raise InvalidArgumentError for what needs an environment to act in."""
     if race_steps:
         raise InvalidArgumentError(
@@ -335,8 +323,6 @@ def _check_acts_nowhere(
         )
     if keep_success:
         raise InvalidArgumentError("keep_success must be False without an environment, got True")
-    if ask is not None:
-        raise InvalidArgumentError("ask must be None without an environment: nothing is acted in")
 
 
 def _arena(

@@ -246,7 +246,7 @@ class _Task:
         seed: int,
         options: dict[str, Any],
     ) -> None:
-        for name in ("on_progress", "stop", "ask", "callback", "tensorboard"):
+        for name in ("on_progress", "stop", "callback", "tensorboard"):
             if options.get(name) is not None:
                 raise InvalidArgumentError(f"{name} must be None for several runs")
         self._recipe, self._folder = Recipe.of(spec), folder

@@ -19,7 +19,6 @@ from eutree.learners.model_trust import ModelTrust
 from eutree.learners.transitions import transitions_of
 from eutree.policies import TreePolicy
 from eutree.policies.reach import within_reach
-from eutree.training.asking import Questions
 from eutree.training.beginning import Arena, Beginning, generator_of, seed_of_next
 from eutree.training.evaluations import Evaluations
 from eutree.training.gathering import GatheringEpisode
@@ -39,7 +38,6 @@ class Run:
         plan: How long it is, and what happens when.
         arena: Where it acts; None for recorded episodes alone.
         stop: Asked before every step; True ends the run at the last finished episode.
-        questions: Asks somebody to act where the learner is unsure; None asks nobody.
 
     Attributes:
         beginning: What the run began with.
@@ -60,7 +58,6 @@ class Run:
         arena: Arena | None,
         *,
         stop: Callable[[], bool] = lambda: False,
-        questions: Questions | None = None,
     ) -> None:
         self.beginning = beginning
         self.learner = beginning.learner()
@@ -71,7 +68,6 @@ class Run:
         self.evaluations = Evaluations(plan, self.state)
         self.racing = Racing(plan, self.state)
         self._arena = arena
-        self._questions = questions
         self._clock = time.monotonic()
         self.first = beginning.start.expert or self.policy()
 
@@ -197,7 +193,6 @@ class Run:
             self._acting().env,
             self.state,
             self.gathered,
-            self._questions,
             room=self.plan.room(self.at),
         )
         episode.run(

@@ -6,7 +6,6 @@
     curve.csv          the frozen evaluations so far
     progress.csv       the same and the gathering phases, under the names of Stable-Baselines3
     events.jsonl       one line for each thing that happened
-    answers.jsonl      what was shown where the learner asked
     expert.json        the expert tree
     policy.json        the policy that is handed over
     learned.json       the learned one, where the start is handed over
@@ -70,7 +69,7 @@ class ConfigDocument(Document, frozen=True, kw_only=True):
     demonstrations: str
     expert: str = ""
     teacher: str = ""
-    asking: str = ""
+    asking: str = ""  # of earlier releases, which could ask: a run that did cannot go on
     strict: bool = False
     race: dict[str, Any] | None = None
     keep_success: bool = False

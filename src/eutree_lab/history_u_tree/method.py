@@ -39,7 +39,6 @@ from eutree.learners import (
     UTree,
     UTreeMethod,
 )
-from eutree.learners.confidence import Confidence
 from eutree.learners.declared import Declared
 from eutree.learners.learner import Arrays
 from eutree.policies import TreePolicy
@@ -229,14 +228,6 @@ class HistoryUTree:
     def decisions(self) -> Decisions:
         """Return the tree, whose features are the present and the past."""
         return replace(self.tree.decisions(), features=self._features)
-
-    def doubt(self, observation: Floats, confidence: Confidence) -> str:
-        """Return why to ask at the present observation, or ""; it is the last one observed."""
-        return self.tree.doubt(self._seen, confidence)
-
-    def intended_action(self, observation: Floats) -> int:
-        """Return the action of the present leaf; the observation is the last one observed."""
-        return self.tree.intended_action(self._seen)
 
     def state(self) -> Arrays:
         """Return all that is known between two episodes."""

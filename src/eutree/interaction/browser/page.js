@@ -14,7 +14,6 @@ const GLYPHS = {
   space: "Space", left: "←", right: "→", up: "↑", down: "↓", enter: "Enter", escape: "Esc",
   tab: "Tab", delete: "Del", backspace: "⌫",
 };
-const STRETCH = ["asked", "countdown", "playing", "paused"];
 const CONTROLS = {
   pause: "pause, go on", end: "end the episode", redo: "same start again", discard: "discard",
   finish: "finish", slower: "slower", faster: "faster", mode: "other mode", wait: "one step without a key",
@@ -173,7 +172,7 @@ async function draw() {
 function acts() { return body.dataset.role === "acting"; }
 function runs() { return view.state === "playing" || view.state === "countdown"; }
 function actionKeys() { return (view.actions || []).flatMap((a) => a.keys.flatMap((k) => k.split("+"))); }
-function goesOn() { return ["opening", "paused", "review", "asked"].includes(view.state); }
+function goesOn() { return ["opening", "paused", "review"].includes(view.state); }
 function used(key) {
   return actionKeys().includes(key) || Object.values(view.controls || {}).includes(key)
     || (goesOn() && (key === "enter" || key === "space"));
@@ -311,17 +310,12 @@ function show() {
   $("take").hidden = !watching;
   $("take").textContent = nobody ? "Act here" : "Take over";
   $("environment").textContent = view.environment;
-  $("heading").textContent = view.asks ? "Learner" : "Recorder";
-  $("episodes-section").hidden = Boolean(view.asks);
-  $("progress").hidden = Boolean(view.asks && !view.saved);
-  $("saved").textContent = view.asks ? `request ${view.saved} of ${view.target}` : `${view.saved} of ${view.target}`;
-  $("progress").setAttribute("aria-label", view.asks ? $("saved").textContent
-    : `${view.saved} of ${view.target} demonstrations saved`);
+  $("saved").textContent = `${view.saved} of ${view.target}`;
+  $("progress").setAttribute("aria-label", `${view.saved} of ${view.target} demonstrations saved`);
   $("fill").style.width = `${Math.min(100, 100 * view.saved / view.target)}%`;
-  document.title = view.asks ? `${STRETCH.includes(view.state) ? "Please show – " : ""}eutree learner`
-    : `${view.saved} of ${view.target} – eutree recorder`;
+  document.title = `${view.saved} of ${view.target} – eutree recorder`;
   rebuild("keys", [view.actions, view.state === "opening", binding, view.keys_chosen, view.role], showKeys);
-  rebuild("controls", [view.controls, view.turn_based, view.asks], showControls);
+  rebuild("controls", [view.controls, view.turn_based], showControls);
   rebuild("pads", [view.actions, view.turn_based, view.controls], showPads);
   rebuild("buttons", [view.state, watching, asksToLeave(), view.saved >= view.target, view.saved > 0, view.controls,
     lastKept(), view.makes, phase()], showButtons);
@@ -389,7 +383,7 @@ function showControls() {
   const rows = Object.keys(CONTROLS).filter((name) => keyFor(name) && (name !== "wait" || view.turn_based));
   words($("controls"), ...rows.map((name) => {
     const row = document.createElement("tr");
-    row.append(cell(view.asks && name === "finish" ? "hand back" : CONTROLS[name]), cell(cap(keyFor(name))));
+    row.append(cell(CONTROLS[name]), cell(cap(keyFor(name))));
     return row;
   }));
 }
@@ -442,17 +436,8 @@ function recordingButtons() {
   }[view.state] || [];
 }
 
-function askingButtons() {
-  return {
-    asked: [["start", "Show it", "enter"], ["finish", "Not now"]],
-    countdown: [["pause", "Pause"], ["finish", "Hand back"]],
-    playing: [["pause", "Pause"], ["finish", "Hand back"]],
-    paused: [["start", "Go on", "enter"], ["finish", "Hand back"]],
-  }[view.state] || [];
-}
-
 function showButtons() {
-  const list = view.asks ? askingButtons() : recordingButtons();
+  const list = recordingButtons();
   const buttons = list.map(([name, text, key], place) => {
     const button = document.createElement("button");
     button.type = "button";
@@ -574,17 +559,6 @@ function keySentence() {
   return `${verb} ${acting.map((a) => `${keyNames(a)}: ${a.name}`).join(", ")}${rest}.`;
 }
 
-function askingCard() {
-  const within = `Please answer within ${view.countdown} s; else learning goes on without you.`;
-  return {
-    waiting: ["The learner practises", "It asks you here when it is unsure. Leave this page open."],
-    asked: ["How would you go on?", `${view.message} ${within}`, keySentence()],
-    playing: [`Request ${view.saved} of ${view.target}`, keySentence()],
-    paused: ["Paused", `${view.message || "All keys are released."} ${within}`],
-    finished: ["Learning has ended", "Thank you. You can close this page."],
-  }[view.state];
-}
-
 function recordingCard() {
   const last = (view.episodes || []).at(-1);
   const enough = view.saved >= view.target;
@@ -613,7 +587,7 @@ function recordingCard() {
 
 function showCard() {
   const last = (view.episodes || []).at(-1);
-  const [title, text, how] = (view.asks && askingCard()) || recordingCard();
+  const [title, text, how] = recordingCard();
   const counting = view.state === "countdown" && view.countdown;
   $("big").hidden = !counting;
   if (counting) $("big").textContent = String(view.countdown);

@@ -30,7 +30,6 @@ from eutree.interaction.browser.wire import (
     encode_picture,
     view_fields,
 )
-from eutree.interaction.engine import Engine
 from eutree.interaction.events import Away, Event, Frame, KeyDown, KeyUp, Present, Seen, Tick
 from eutree.interaction.recorder import Recorder
 from eutree.interaction.signals import orderly_end
@@ -78,7 +77,7 @@ class PageServer:
 
     def __init__(
         self,
-        recorder: Engine,
+        recorder: Recorder,
         *,
         host: str = "127.0.0.1",
         port: int | None = None,

@@ -18,7 +18,6 @@ from eutree.arrays import Floats, Int32s, Integers
 from eutree.c45 import C45Settings, grow
 from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
-from eutree.learners.confidence import Confidence, doubt
 from eutree.learners.declared import (
     LESSONS_PART,
     MOST,
@@ -280,23 +279,6 @@ class ModelPlanning:
             return None
         tree, actions = to_decision_tree(self.plan.challenger, self.tree.n_features)
         return Decisions(tree, actions, None, ())
-
-    def doubt(self, observation: Floats, confidence: Confidence) -> str:
-        """Return why the learner would rather be shown what to do at ``observation``, or "".
-
-        It is about the action of the tree that acts in this episode, by the returns to go of all
-        stored transitions in its leaf. Nothing of the learner changes.
-        """
-        if self.tree.leaf_of(observation.tolist()) in self._locked:
-            return ""
-        best, rows = self._actor.experience(observation)
-        actions = self.history.actions[rows].astype(np.int64)
-        returns = self._actor.returns_to_go[rows]
-        return doubt(returns, actions, best, self.n_actions, confidence)
-
-    def intended_action(self, observation: Floats) -> int:
-        """Return what the tree that acts in this episode takes at an observation of shape [d]."""
-        return self._actor.experience(observation)[0]
 
     def state(self) -> Arrays:
         """Return all that the learner knows, between two episodes; ``from_state`` takes it back."""

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from eutree.arrays import Floats, Int32s, Integers
 from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
-from eutree.learners.confidence import Confidence, doubt
 from eutree.learners.declared import (
     LESSONS_PART,
     MOST,
@@ -378,23 +377,6 @@ class UTree:
             ),
             tuple(sorted(self._locked)),
         )
-
-    def doubt(self, observation: Floats, confidence: Confidence) -> str:
-        """Return why the learner would rather be shown what to do at ``observation``, or "".
-
-        See :mod:`eutree.learners.confidence`. Nothing of the learner changes.
-        """
-        leaf = self.tree.leaf_of(observation.tolist())
-        if leaf in self._locked:
-            return ""
-        rows = self.history.leaving.of(leaf)
-        actions = self.history.actions[rows].astype(np.int64)
-        best = self._greedy(leaf)
-        return doubt(self.targets(rows), actions, best, self.n_actions, confidence)
-
-    def intended_action(self, observation: Floats) -> int:
-        """Return the greedy action at an observation of shape [d]."""
-        return self._greedy(self.tree.leaf_of(observation.tolist()))
 
     def state(self) -> Arrays:
         """Return all that the learner knows, between two episodes; ``from_state`` takes it back."""
