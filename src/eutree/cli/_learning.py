@@ -123,7 +123,7 @@ def as_values(
 
 
 def in_words(
-    result: "LearningResult", out: Path, rivalry: "Rivalry | None", *, recorded: int | None
+    result: "LearningResult", out: Path, rivalry: "Rivalry | None" = None, *, recorded: int | None
 ) -> str:
     """Return a result in a sentence: what it cost, what it is, what was gained.
 
@@ -185,7 +185,7 @@ def run_many(
 
 
 def many_results(
-    learned: "LearningRuns", out: Path, rivalry: "Rivalry | None"
+    learned: "LearningRuns", out: Path, rivalry: "Rivalry | None" = None
 ) -> "tuple[dict[str, Any], Table]":
     """Return several runs for ``--json``, and as a table."""
     from rich.table import Table
