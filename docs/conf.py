@@ -156,6 +156,7 @@ class CommandHelp(SphinxDirective):
 
 def _helps(command: click.Command, name: str) -> Iterator[tuple[str, str]]:
     context = click.Context(command, info_name=name, max_content_width=88, terminal_width=88)
+    context.meta["eutree.help_all"] = True
     yield name, command.get_help(context)
     if isinstance(command, click.Group):
         for child in command.list_commands(context):

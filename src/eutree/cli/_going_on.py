@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 import click
 
 from eutree.cli._controllers import is_own
+from eutree.cli._help import Helped
 from eutree.cli._paths import Written
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.files import Document, read_document, write_document
@@ -39,7 +40,7 @@ class CommandDocument(Document, frozen=True, kw_only=True):
     arguments: Arguments
 
 
-class GoesOn(click.Command):
+class GoesOn(Helped):
     """A command that with ``--resume`` is given again what is kept in the folder ``--out``."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:

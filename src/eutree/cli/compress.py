@@ -9,6 +9,7 @@ import numpy as np
 
 from eutree.cli._cluster import cluster, workers_options
 from eutree.cli._controllers import Rival, against_option
+from eutree.cli._help import Helped
 from eutree.cli._options import (
     count_option,
     env_arg_option,
@@ -33,7 +34,18 @@ if TYPE_CHECKING:
     from eutree.world_model import Transitions
 
 
-@click.command(epilog="Example: eutree compress runs/a --out small.json --round")
+@click.command(
+    cls=Helped,
+    groups={
+        "What is wanted": ("max_leaves", "return_margin", "max_disagreement", "round_thresholds"),
+        "How it is found": ("mode", "imagined", "weights", "demos", "episodes", "confidence",
+                            "return_range", "evaluates"),
+        "What is written": ("out", "front", "against"),
+    },
+    brief=("out", "max_leaves", "return_margin", "round_thresholds", "front", "against", "demos",
+           "imagined", "episodes", "seed", "as_json"),
+    epilog="Example: eutree compress runs/a --out small.json --round",
+)  # fmt: skip
 @click.argument("source", type=click.Path(path_type=Path))
 @output_option("--out", text="File to write.", required=True)
 @path_option(

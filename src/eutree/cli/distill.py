@@ -7,6 +7,7 @@ import click
 
 from eutree.cli._cluster import cluster, workers_options
 from eutree.cli._controllers import OWN, controller
+from eutree.cli._help import Helped
 from eutree.cli._options import (
     count_option,
     env_arg_option,
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 EXAMPLE = "eutree distill eutree/Evasion2-v0 --expert gate --max-leaves 8 --out distilled.json"
 
 
-@click.command(epilog=f"Example: {EXAMPLE}")
+@click.command(cls=Helped, epilog=f"Example: {EXAMPLE}")
 @click.argument("environment")
 @output_option("--out", text="File to write.", required=True)
 @click.option(

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from eutree.cli._help import Helped
 from eutree.cli._options import (
     count_option,
     env_arg_option,
@@ -28,7 +29,8 @@ _NUMBER = re.compile(r"[0-9]{1,9}")  # of a node or a leaf
 
 
 @click.command(
-    epilog="Example: eutree edit expert.json --set-threshold 0=18.5 --lock 1 --out new.json"
+    cls=Helped,
+    epilog="Example: eutree edit expert.json --set-threshold 0=18.5 --lock 1 --out new.json",
 )
 @click.argument("policy", type=click.Path(path_type=Path))
 @click.option("--set-threshold", "thresholds", multiple=True, metavar="NODE=VALUE",

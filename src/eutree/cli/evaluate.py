@@ -7,6 +7,7 @@ import click
 
 from eutree.cli._cluster import cluster, workers_options
 from eutree.cli._controllers import Rival, against_option
+from eutree.cli._help import Helped
 from eutree.cli._options import count_option, env_arg_option, json_option, override, seed_option
 from eutree.cli._output import Output
 from eutree.cli._policies import check_fits, load_policy
@@ -14,7 +15,7 @@ from eutree.errors import InvalidArgumentError
 from eutree.schema import EnvironmentSpec
 
 
-@click.command(epilog="Example: eutree evaluate runs/a/policy.json --episodes 1000")
+@click.command(cls=Helped, epilog="Example: eutree evaluate runs/a/policy.json --episodes 1000")
 @click.argument("policy", type=click.Path(path_type=Path))
 @click.argument("environment", required=False)
 @count_option("--episodes", 100, "How many episodes.")

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from eutree.cli._help import Helped
 from eutree.cli._options import (
     count_option,
     env_arg_option,
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from eutree.fitting import FitReport
 
 
-@click.command(epilog="Example: eutree fit demos/ --out expert.json")
+@click.command(cls=Helped, epilog="Example: eutree fit demos/ --out expert.json")
 @click.argument("demonstrations", type=click.Path(path_type=Path))
 @output_option("--out", text="File to write.", required=True)
 @count_option(

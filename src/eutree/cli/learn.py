@@ -37,8 +37,20 @@ if TYPE_CHECKING:
 
 
 @click.command(
-    cls=GoesOn, epilog="Example: eutree learn eutree/Evasion2-v0 --demos demos/ --out runs/a"
-)
+    cls=GoesOn,
+    groups={
+        "To begin with": ("demos", "expert", "start", "teacher", "teacher_steps", "offline"),
+        "How": ("method", "preset", "changes", "settings", "discount", "list_settings",
+                "max_leaves", "history", "max_transitions"),
+        "How long": ("episodes", "steps", "minutes", "race_steps", "runs"),
+        "What is handed over": ("judge_episodes", "keep_success", "evaluate_every",
+                                "evaluation_episodes", "against"),
+        "The run folder": ("out", "resume", "checkpoint_seconds", "tensorboard", "partition"),
+    },
+    brief=("demos", "expert", "method", "episodes", "steps", "minutes", "max_leaves", "runs", "out",
+           "resume", "env_arguments", "import", "seed", "as_json"),
+    epilog="Example: eutree learn eutree/Evasion2-v0 --demos demos/ --out runs/a",
+)  # fmt: skip
 @click.argument("environment", required=False)
 @path_option("--demos", text="Demonstrations to start from.")
 @path_option("--expert", text="Policy file to start from, instead of the expert tree of --demos.")
@@ -62,7 +74,7 @@ if TYPE_CHECKING:
 @count_option(
     "--episodes", None, "Episodes of experience; 400 where no other budget is given.", least=0
 )
-@count_option("--steps", None, "Most environment steps: learning, whoever is asked, and racing.")
+@count_option("--steps", None, "Most environment steps: learning and racing.")
 @click.option("--minutes", type=click.FloatRange(min=0, min_open=True),
               help="Most minutes of the clock for learning and racing.")  # fmt: skip
 @count_option("--evaluate-every", 20, "Episodes between two frozen evaluations.")

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from eutree.cli._help import Helped
 from eutree.cli._options import (
     count_option,
     env_arg_option,
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 EXIT_CODES = {"proven": 0, "refuted": 1, "undecided": 3}
 
 
-@click.command(epilog="Example: eutree prove expert.json --sampled --html proof.html")
+@click.command(cls=Helped, epilog="Example: eutree prove expert.json --sampled --html proof.html")
 @click.argument("policy", type=click.Path(path_type=Path))
 @click.argument("question", metavar="[PROPERTY]", required=False)
 @click.option("--env", "environment", metavar="ID", help="In place of the one POLICY names.")

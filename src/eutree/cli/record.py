@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from eutree.cli._controllers import OWN, controller
+from eutree.cli._help import Helped
 from eutree.cli._options import (
     count_option,
     env_arg_option,
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from eutree.interaction.browser import PageServer
 
 
-@click.command(epilog="Example: eutree record eutree/Evasion2-v0 --out demos/")
+@click.command(cls=Helped, epilog="Example: eutree record eutree/Evasion2-v0 --out demos/")
 @click.argument("environment")
 @output_option("--out", text="Folder to write; a person continues one that exists.", required=True)
 @count_option("--episodes", 15, "How many episodes.")
