@@ -125,6 +125,26 @@ class PresetsTable(SphinxDirective):
         return container.children
 
 
+class SettingsTable(SphinxDirective):
+    """``{settingstable}``: every choice of every method, its default, and what it does."""
+
+    def run(self) -> list[nodes.Node]:
+        """Return a section for each method, made of the registry."""
+        from eutree.learners.choices import choices_of
+        from eutree.learners.registry import METHODS
+
+        lines = []
+        for name, kind in METHODS.items():
+            lines += [f"## {name}", "", "| setting | default | what it does |", "|---|---|---|"]
+            for one in choices_of(kind()):
+                text = " ".join(one.text.split()).replace("|", "\\|")
+                lines.append(f"| `{one.name}` | `{json.dumps(one.value)}` | {text} |")
+            lines.append("")
+        container = nodes.Element(document=self.state.document)
+        nested_parse_with_titles(self.state, StringList(lines), container)
+        return container.children
+
+
 def say_where_figures_come_from(app: Sphinx, name: str, source: list[str]) -> None:
     """Put command, commit and date of a page of figures below its title."""
     from provenance import Provenance
@@ -174,4 +194,5 @@ def setup(app: Sphinx) -> None:
     app.add_directive("commandhelp", CommandHelp)
     app.add_directive("resultstable", ResultsTable)
     app.add_directive("presetstable", PresetsTable)
+    app.add_directive("settingstable", SettingsTable)
     app.connect("source-read", say_where_figures_come_from)

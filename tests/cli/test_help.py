@@ -32,7 +32,7 @@ def test_all_options_are_shown_once(eutree, name):
     lines = [line.split() for line in options_text.splitlines() if line.startswith("  -")]
     for option in options:
         flag = option.opts[-1]
-        shown = [words for words in lines if flag in (word.strip(",") for word in words[:2])]
+        shown = [words for words in lines if flag == words[words[0] == "-h,"]]
         assert len(shown) == 1, flag
 
 

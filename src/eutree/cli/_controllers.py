@@ -51,7 +51,7 @@ def controller(name: str, option: str, spec: EnvironmentSpec) -> "Controller":
     if path.suffix == ".py":
         raise InvalidArgumentError(f"{option} {name}: name what decides in it: {name}:NAME")
     if not path.exists():
-        raise UnknownNameError(f"{option} for {spec.id}", name, known, hint=_HINT)
+        raise UnknownNameError(option, name, known, hint=_HINT)
     policy = load_policy(path)
     check_fits(policy, path, spec)
     return policy

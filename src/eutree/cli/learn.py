@@ -44,7 +44,7 @@ if TYPE_CHECKING:
                 "max_leaves", "history", "max_transitions"),
         "How long": ("episodes", "steps", "minutes", "race_steps", "runs"),
         "What is handed over": ("judge_episodes", "keep_success", "evaluate_every",
-                                "evaluation_episodes", "against"),
+                                "evaluation_episodes", "return_range", "against"),
         "The run folder": ("out", "resume", "checkpoint_seconds", "tensorboard", "partition"),
     },
     brief=("demos", "expert", "method", "episodes", "steps", "minutes", "max_leaves", "runs", "out",
