@@ -19,9 +19,9 @@ from eutree.envs._dynamics import (
     RUNNING,
     STOP,
     TIME_LIMIT,
-    EvasionParameters,
     EvasionState,
 )
+from eutree.envs._dynamics import EvasionParameters as EvasionParameters  # for proofs about it
 from eutree.envs._render import Window, picture
 from eutree.envs._text import text_picture
 from eutree.envs.painting import import_pygame

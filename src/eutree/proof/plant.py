@@ -17,7 +17,9 @@ from eutree.errors import InvalidArgumentError, shown
 from eutree.interaction import describe
 from eutree.interaction.making import make
 from eutree.policies import TreePolicy
+from eutree.proof.certificate import Certificate
 from eutree.proof.intervals import Intervals, Truth
+from eutree.proof.properties import Property
 from eutree.schema import EnvironmentSpec, Feature, Schema
 
 State = Sequence[Intervals]  # one for each number of the state, each of N boxes
@@ -38,6 +40,8 @@ class Plant:
         measures: Names of the numbers that the conditions of properties are about; those of the
             state by default.
         question: The property that is asked for by default.
+        by_chance: Whether states move by chance without bounds: then it has no ``step``, and
+            ``certify`` answers.
     """
 
     environment: EnvironmentSpec
@@ -49,6 +53,7 @@ class Plant:
     grid: tuple[tuple[float, float, int], ...] = ()
     measures: tuple[str, ...] = ()
     question: str = "arrives"
+    by_chance: ClassVar[bool] = False
 
     def step(self, state: State, action: Integers) -> State:
         """Return where all states in N boxes are one step later.
@@ -70,6 +75,18 @@ class Plant:
     def measure(self, state: State) -> State:
         """Return the numbers that conditions are about."""
         return state
+
+    def certify(
+        self, policy: TreePolicy, asked: Property, refinements: Sequence[int]
+    ) -> Certificate | None:
+        """Return the plant's own answer; None where boxes are to be followed.
+
+        Args:
+            policy: The policy.
+            asked: The property.
+            refinements: How many times finer than the plant's own cells are, one after the other.
+        """
+        return None
 
     def put(self, env: gymnasium.Env[Any, Any], point: Floats) -> Any:
         """Begin an episode of the real environment in a state [d]; return its observation."""
@@ -93,7 +110,7 @@ class Plant:
 
     def check_fits(self, policy: TreePolicy) -> None:
         """Raise InvalidArgumentError unless the policy sees what this plant shows."""
-        if type(self).step is Plant.step:
+        if not self.by_chance and type(self).step is Plant.step:
             raise InvalidArgumentError(
                 f"plant must have a step that moves boxes, got {type(self).__name__} without one"
             )

@@ -4,7 +4,7 @@ Its grammar::
 
     property = "arrives" ["within" N "steps"]
              | "stays in" CONDITIONS [HORIZON] | "avoids" CONDITIONS [HORIZON]
-             | "succeeds" CHANCE
+             | "succeeds" [CHANCE]
              | "returns at least" R [CHANCE]
     HORIZON  = "for" N "steps" | "for ever"
     CHANCE   = "with probability at least" P
@@ -31,7 +31,7 @@ _FORMS = {
     "arrives": re.compile(r"arrives(?:\s+within\s+(?P<steps>\d+)\s+steps?)?"),
     "stays": re.compile(rf"stays\s+in\s+(?P<conditions>.+?){_HORIZON}"),
     "avoids": re.compile(rf"avoids\s+(?P<conditions>.+?){_HORIZON}"),
-    "succeeds": re.compile(rf"succeeds{_CHANCE}"),
+    "succeeds": re.compile(rf"succeeds{_CHANCE}?"),
     "returns": re.compile(rf"returns\s+at\s+least\s+(?P<least>[\d.eE+-]+){_CHANCE}?"),
 }
 

@@ -46,6 +46,9 @@ def prove(
     text = plant.question if question is None else question
     asked = parse(text, plant.schema) if isinstance(text, str) else text
     plant.check_fits(policy)
+    own = plant.certify(policy, asked, (effort or Effort()).refinements)
+    if own is not None:
+        return own
     horizon = plant.limit if asked.horizon is None else asked.horizon
     if asked.kind not in ("arrives", "stays", "avoids"):
         raise InvalidArgumentError(

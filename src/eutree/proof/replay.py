@@ -102,6 +102,11 @@ def check_plant(
         InvalidArgumentError: A real state left the box that it must be in, or an episode went on
             after the plant had surely arrived.
     """
+    if plant.by_chance:
+        raise InvalidArgumentError(
+            f"the plant of {plant.environment} has no boxes that a state could leave; compare what "
+            "it proves with sampled episodes"
+        )
     env = plant.make()
     for _ in range(episodes):
         start = generator.uniform(*np.array(plant.start).T)

@@ -60,7 +60,7 @@ def certify_sample(
 ) -> Certificate:
     """Return the statistical certificate of a property from the episodes of a policy.
 
-    - ``succeeds with probability at least P``: exact binomial bounds of the environment's success.
+    - ``succeeds [with probability at least P]``: exact binomial bounds of its success.
     - ``returns at least R with probability at least P``: the same, of episodes that do.
     - ``returns at least R``: betting bounds of the mean return, which need its range.
     - none: bounds of the success where the environment reports it, of the mean return where its
@@ -85,6 +85,9 @@ def certify_sample(
             f"for {environment}. Without one: 'succeeds with probability at least P', 'returns at "
             "least R [with probability at least P]'"
         )
+    if asked.kind == "succeeds" and asked.chance is None:
+        _successes(evaluation, environment)  # there must be some to speak of
+        return _plain(evaluation, environment, sampling)
     if asked.kind == "succeeds":
         name, reached = "success", _successes(evaluation, environment)
     else:
