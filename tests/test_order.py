@@ -45,5 +45,5 @@ def test_a_part_of_one_half_alone_is_kept_whole():
 
 def test_the_folders_are_there():
     here = Path(__file__).parent
-    assert [f for half in APART for f in half if not (here / f).is_dir()] == []
+    assert [f for half in APART for f in half if not any(here.rglob(f))] == []
     assert not set(APART[0]) & set(APART[1])

@@ -72,10 +72,10 @@ def test_files_of_a_folder() -> None:
 @pytest.mark.parametrize(
     ("code", "ceiling"),
     [
-        ("import eutree; eutree.learn; from eutree.learners import PRESETS", 212),
+        ("import eutree; eutree.learn; from eutree.learners import PRESETS", 178),
         ("import eutree; eutree.compress", 104),
         ("import eutree; eutree.export.FORMATS", 55),
-        ("import eutree.cli.show, eutree.report", 260),
+        ("import eutree.cli.show, eutree.report", 226),
     ],
     ids=["learn", "compress", "export", "show"],
 )

@@ -19,8 +19,7 @@ from eutree.compression.episodes import RealEpisodes
 from eutree.contests import Ahead, AheadApart, ahead, rules
 from eutree.distillation import DistillationSettings
 from eutree.evaluation import off_policy
-from eutree.learners import default_choice
-from eutree.learners.presets import CORRECTED, DEFAULT, PRESETS
+from eutree.learners import CORRECTED, DEFAULT, PRESETS, default_choice
 from eutree.learners.registry import METHODS
 from eutree.learners.starts import STARTS
 from eutree.policy_search import improvement, planner

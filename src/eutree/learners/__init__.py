@@ -23,11 +23,20 @@ from eutree.learners.learner import (
 if TYPE_CHECKING:
     from eutree.learners.distilled_dqn import DistilledDQN
     from eutree.learners.expert_tree import fit_expert_tree
-    from eutree.learners.planning import ModelPlanning, PlanningMethod
-    from eutree.learners.presets import CORRECTED, DEFAULT, PAPER, PAPER_D, PRESETS
+    from eutree.learners.planning import DEFAULT, ModelPlanning, PlanningMethod
+    from eutree.learners.presets import PRESETS
     from eutree.learners.registry import METHODS, method, preset, register
     from eutree.learners.starts import STARTS, start_of
-    from eutree.learners.u_tree import LambdaReturn, OneStep, Target, UTree, UTreeMethod
+    from eutree.learners.u_tree import (
+        CORRECTED,
+        PAPER,
+        PAPER_D,
+        LambdaReturn,
+        OneStep,
+        Target,
+        UTree,
+        UTreeMethod,
+    )
 
 __all__ = [
     "CORRECTED",
@@ -70,10 +79,12 @@ __getattr__ = lazily(
     {
         "eutree.learners.distilled_dqn": "DistilledDQN",
         "eutree.learners.expert_tree": "fit_expert_tree",
-        "eutree.learners.planning": "ModelPlanning PlanningMethod",
-        "eutree.learners.presets": "CORRECTED DEFAULT PAPER PAPER_D PRESETS",
+        "eutree.learners.planning": "DEFAULT ModelPlanning PlanningMethod",
+        "eutree.learners.presets": "PRESETS",
         "eutree.learners.registry": "METHODS method preset register",
         "eutree.learners.starts": "STARTS start_of",
-        "eutree.learners.u_tree": "LambdaReturn OneStep Target UTree UTreeMethod",
+        "eutree.learners.u_tree": (
+            "CORRECTED LambdaReturn OneStep PAPER PAPER_D Target UTree UTreeMethod"
+        ),
     },
 )

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from eutree.data import Demonstrations
 from eutree.learners.learner import Method
-from eutree.learners.presets import DEFAULT
+from eutree.learners.planning import DEFAULT
 from eutree.learners.registry import method
 from eutree.wording import counted
 

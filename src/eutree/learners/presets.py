@@ -1,42 +1,34 @@
-"""The presets: what the paper states, in its two readings, its correction, and the default.
+"""The presets: the default, and what the paper states, in its two readings, and its correction."""
 
-"The trial split that results in the largest difference between the two distributions is then
-tested": the largest difference can be the lowest p-value, under which trees grow to the paper's
-size (``paper``), or, to the letter, the largest Kolmogorov-Smirnov distance D (``paper-d``).
-What else the paper leaves open is decided once for all experiments, by a search for the domain and
-the reading in which its numbers come out (``docs/results/search.md``). Both test one cut as if it
-had been chosen in advance; ``corrected`` tests the best of all cuts for what it is.
-"""
-
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
+from importlib.metadata import EntryPoint
+from types import MappingProxyType
+from typing import cast
 
 from eutree.learners.learner import Method
-from eutree.learners.planning import PlanningMethod
-from eutree.learners.u_tree import UTreeMethod
-from eutree.splitting import KolmogorovSmirnov, Naive, Permutation
 
-PAPER = UTreeMethod(
-    discount=0.99,
-    exploration=0.05,
-    gathering_episodes=20,
-    splitter=KolmogorovSmirnov(score="scaled", compare="pooled", min_leaf=1),
-    significance=Naive(alpha=0.01),
-    solve_each_split=True,
-    untried_value=None,
-)
+_HOMES = MappingProxyType({
+    "default": "eutree.learners.planning:DEFAULT",
+    "paper": "eutree.learners.u_tree:PAPER",
+    "paper-d": "eutree.learners.u_tree:PAPER_D",
+    "corrected": "eutree.learners.u_tree:CORRECTED",
+})  # fmt: skip
 
-PAPER_D = replace(PAPER, splitter=KolmogorovSmirnov(score="distance", compare="pooled", min_leaf=1))
 
-CORRECTED = replace(
-    PAPER,
-    splitter=KolmogorovSmirnov(score="calibrated", compare="action", min_leaf=10),
-    significance=Permutation(alpha=0.01, by_episode=True),
-    solve_each_split=False,
-    solve_growth=1.1,
-    retest_growth=1.5,
-)
+class Presets(Mapping[str, Method]):
+    """The presets by name; the method of each is imported when it is asked for."""
 
-DEFAULT = PlanningMethod()
+    def __getitem__(self, name: str) -> Method:
+        return cast(Method, EntryPoint(name, _HOMES[name], "").load())
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(_HOMES)
+
+    def __len__(self) -> int:
+        return len(_HOMES)
+
+
+PRESETS = Presets()
 
 
 def reads_the_paper(method: Method) -> bool:
@@ -44,12 +36,4 @@ def reads_the_paper(method: Method) -> bool:
 
     What such a learner ends with is what is studied, so nothing takes its place.
     """
-    return isinstance(method, UTreeMethod) and isinstance(method.significance, Naive)
-
-
-PRESETS: dict[str, Method] = {
-    "default": DEFAULT,
-    "paper": PAPER,
-    "paper-d": PAPER_D,
-    "corrected": CORRECTED,
-}
+    return bool(getattr(method, "reads_the_paper", False))

@@ -2,4 +2,6 @@
 
 from eutree.learners.planning.learner import ModelPlanning, PlanningMethod
 
-__all__ = ["ModelPlanning", "PlanningMethod"]
+DEFAULT = PlanningMethod()
+
+__all__ = ["DEFAULT", "ModelPlanning", "PlanningMethod"]

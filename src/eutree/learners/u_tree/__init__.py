@@ -2,9 +2,13 @@
 
 from eutree.learners.u_tree.discretizer import Discretizer
 from eutree.learners.u_tree.learner import UTree, UTreeMethod, u_tree_parts
+from eutree.learners.u_tree.presets import CORRECTED, PAPER, PAPER_D
 from eutree.learners.u_tree.targets import LambdaReturn, OneStep, Target
 
 __all__ = [
+    "CORRECTED",
+    "PAPER",
+    "PAPER_D",
     "Discretizer",
     "LambdaReturn",
     "OneStep",

@@ -108,6 +108,11 @@ class UTreeMethod:
         if self.max_transitions is not None:
             check_integer("max_transitions", self.max_transitions, low=1)
 
+    @property
+    def reads_the_paper(self) -> bool:
+        """Whether leaves are cut by the paper's stopping criterion, read literally."""
+        return isinstance(self.significance, Naive)
+
     def cut(self, sample: LeafSample, generator: np.random.Generator) -> Split | None:
         """Return the best cut of a leaf if it is significant, or None (the stopping criterion)."""
         split = self.splitter.best(sample)
