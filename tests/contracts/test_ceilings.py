@@ -16,12 +16,7 @@ import pytest
 import eutree
 
 SOURCE = Path(__file__).parents[2] / "src"
-LARGE = {
-    "eutree/cli": 36,
-    "eutree/interaction": 35,
-    "eutree/learners": 27,
-    "eutree/training": 29,
-}  # files
+LARGE = {"eutree/cli": 36, "eutree/interaction": 32, "eutree/training": 28}  # files
 SLACK = 0.05  # how far below its ceiling a figure may lie before the ceiling has to follow
 
 
@@ -48,13 +43,13 @@ def assert_under(figure: int, ceiling: int) -> None:
     assert figure >= ceiling * (1 - SLACK) - 2, f"lower the ceiling of {ceiling} to {figure}"
 
 
-@pytest.mark.parametrize(("package", "ceiling"), [("eutree", 57_500), ("eutree_lab", 8_300)])
+@pytest.mark.parametrize(("package", "ceiling"), [("eutree", 56_500), ("eutree_lab", 8_300)])
 def test_lines_of_source(package: str, ceiling: int) -> None:
     """Targets: 42,000 lines of the core, then 40,000; 10,000 of the lab."""
     assert_under(lines(files(package)), ceiling)
 
 
-@pytest.mark.parametrize(("package", "ceiling"), [("eutree", 415), ("eutree_lab", 62)])
+@pytest.mark.parametrize(("package", "ceiling"), [("eutree", 408), ("eutree_lab", 62)])
 def test_files_of_source(package: str, ceiling: int) -> None:
     """Target: 250 files of the core."""
     assert_under(len(files(package)), ceiling)
