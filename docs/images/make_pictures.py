@@ -56,6 +56,7 @@ def main() -> None:
             page.wait_for_selector("body[data-ready]")
             for _ in range(6):
                 page.click("#forward")
+            page.click("#fit")  # the whole tree, its root too
             page.evaluate("scrollTo(0, 0)")
             page.screenshot(path=str(HERE / f"{name}.png"))
         _rules(browser.new_page(viewport={"width": 1280, "height": 800}), path)

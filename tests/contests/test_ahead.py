@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from eutree.contests import Ahead, AheadApart, Heat, Verdict, hold, new_table, next_episode
 from eutree.contests.ahead import Lead
 from tests import naive_contests as naive
-from tests.contests.test_contests import follow, seeds, world
+from tests.contests.following import follow, seeds, world
 
 VARIANT = Ahead(errors=2.0, final=2.0)
 PATIENT = Ahead(looks=(8, 20, 40, 72, 136), errors=2.0, final=0.0, patient=True)
