@@ -21,7 +21,7 @@ judge; mu is the shares of actions in the leaves of a C4.5 tree of those.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import cast
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -57,6 +57,15 @@ class Gains:
     tried: int
 
 
+class _Told(NamedTuple):
+    """What V and mu say of an episode."""
+
+    episode: Episode
+    chances: Floats  # [T, A]
+    values: Floats  # [T + 1]
+    advantages: Floats  # [T]
+
+
 class Log:
     """Episodes that V and the chances of actions are fitted to, and what others say by them.
 
@@ -76,20 +85,34 @@ class Log:
         counts = np.ones((self._tree.n_leaves, n_actions))  # Laplace's: nothing is impossible
         np.add.at(counts, (self._tree.leaf_index(rows), actions), 1.0)
         self._chances = counts / counts.sum(axis=1, keepdims=True)  # [L, A]
+        self._cache: dict[int, _Told] = {}
         self._value = _fitted_value(rows, self.episodes, discount)
 
     def chances(self, episode: Episode) -> Floats:
         """Return mu of every action at each step, shape [T, A]."""
-        chances: Floats = self._chances[self._tree.leaf_index(episode.observations[:-1])]
-        return chances
+        return self._told(episode).chances
+
+    def values(self, episode: Episode) -> Floats:
+        """Return V at each observation, shape [T + 1]."""
+        return self._told(episode).values
 
     def advantages(self, episode: Episode) -> Floats:
         """Return how much more than usual followed each step, shape [T]."""
-        values = self._value.predict(episode.observations)  # [T + 1]
-        if episode.terminated:
-            values[-1] = 0.0
-        surprises = episode.rewards + self._discount * values[1:] - values[:-1]
-        return _sums_ahead(surprises, self._discount * LAMBDA)
+        return self._told(episode).advantages
+
+    def _told(self, episode: Episode) -> "_Told":
+        """Return what V and mu say of an episode; once for all trees that are compared."""
+        told = self._cache.get(id(episode))
+        if told is None or told.episode is not episode:
+            chances = self._chances[self._tree.leaf_index(episode.observations[:-1])]
+            values = self._value.predict(episode.observations)
+            ahead = values[1:].copy()
+            if episode.terminated:
+                ahead[-1:] = 0.0
+            surprises = episode.rewards + self._discount * ahead - values[:-1]
+            advantages = _sums_ahead(surprises, self._discount * LAMBDA)
+            told = self._cache[id(episode)] = _Told(episode, chances, values, advantages)
+        return told
 
     def gains(
         self,
@@ -113,7 +136,7 @@ class Log:
         largest = max(each.largest_weight for each in told)
         whole = largest <= most_weight
         if whole:
-            both = np.array([each.whole(self._value, limits) for each in told])
+            both = np.array([each.whole(self.values(each.episode), limits) for each in told])
             values, worst = both[:, 0], float(both[:, 1].min())
         else:
             values = np.array([each.deviations(self.advantages(each.episode)) for each in told])
@@ -163,7 +186,7 @@ class _Differing:
         """Steps at which the first tree was followed."""
         return int(self._both[0][0].sum())
 
-    def whole(self, value: ModelTree, limits: tuple[float, float]) -> tuple[float, float]:
+    def whole(self, values: Floats, limits: tuple[float, float]) -> tuple[float, float]:
         """Return what the episode says of the gain of whole episodes, and the worst it could say.
 
         The worst is that the one tree had been followed to the lowest return, or the other to the
@@ -172,8 +195,7 @@ class _Differing:
         if not self._steps.size:
             return 0.0, 0.0
         first, rewards = self._steps[0], self.episode.rewards
-        ahead = float(value.predict(self.episode.observations[first : first + 1])[0])
-        expected = float(np.clip(rewards[:first].sum() + ahead, *limits))
+        expected = min(max(float(rewards[:first].sum() + values[first]), limits[0]), limits[1])
         ours, theirs = (float(np.prod(1.0 / chance)) for _, chance in self._both)
         worst = -max(ours * (expected - limits[0]), theirs * (limits[1] - expected))
         weight = sum(
