@@ -179,7 +179,7 @@ def main() -> None:
     """Print and write the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--logs", type=int, default=400)
-    parser.add_argument("--rooms", type=int, default=40)
+    parser.add_argument("--rooms", type=int, default=20)
     parser.add_argument("--out", type=Path, default=Path("docs/results"))
     options = parser.parse_args()
     lines = [

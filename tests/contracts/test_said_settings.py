@@ -87,14 +87,14 @@ SAID = {
         "are the least of which some can be held out",
     ],
     "methods.md": [
-        f"where at least {word(default_choice.ENOUGH_SHOWN)} demonstrations of "
-        f"{word(default_choice.MANY_FEATURES)} features or more are given and `--steps` is at "
-        f"least {default_choice.ENOUGH_STEPS:,}",
+        f"where at least {word(default_choice.ENOUGH_SHOWN)} demonstrations are given",
+        f"{default_choice.ENOUGH_STEPS[12]:,} from 12 features on, "
+        f"{default_choice.ENOUGH_STEPS[6]:,} from six on",
     ],
-    "good-for.md": [f"and {default_choice.ENOUGH_STEPS:,} steps to spend the default is"],
+    "good-for.md": [f"and {default_choice.ENOUGH_STEPS[6]:,} steps to spend the default is"],
     "small-trees.md": [
-        f"of {word(default_choice.MANY_FEATURES)} features or more and "
-        f"{default_choice.ENOUGH_STEPS:,} steps",
+        f"of six features or more and {default_choice.ENOUGH_STEPS[6]:,} steps, of twelve or more "
+        f"and {default_choice.ENOUGH_STEPS[12]:,}",
     ],
     "which-knobs.md": [f"`--set price={2 * better.price}` asks for twice as much as the default"],
     "compression.md": [

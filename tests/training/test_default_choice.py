@@ -1,15 +1,21 @@
 """Which method learns where none is named."""
 
 import itertools
+import json
+import subprocess
+import sys
 
 import gymnasium
 import numpy as np
 import pytest
 
 import eutree
+from eutree.cli.main import run
+from eutree.data import Episode
 from eutree.envs.experts import EXPERTS, follow_the_fall
 from eutree.learners import DistilledDQN
 from eutree.learners.default_choice import Evidence, default_for
+from eutree.schema import Schema
 
 
 class Pushes:
@@ -31,6 +37,35 @@ def acrobot():
     return eutree.record(env, EXPERTS["Acrobot-v1"]["both"], episodes=5, seed=0)
 
 
+def shown_with(n_features):
+    """Return demonstrations of so many features."""
+    episodes = tuple(
+        Episode(
+            np.random.default_rng(k).random((9, n_features)), [0, 1] * 4, [1.0] * 8, True, False
+        )
+        for k in range(5)
+    )
+    return eutree.Demonstrations(episodes, Schema.anonymous(n_features, 2))
+
+
+@pytest.mark.parametrize(
+    ("n_features", "steps", "name"),
+    [
+        (21, 20_000, "distilled-dqn"),
+        (21, 19_999, "planning"),
+        (12, 20_000, "distilled-dqn"),
+        (8, 80_000, "planning"),
+        (8, 95_000, "distilled-dqn"),
+        (4, 500_000, "planning"),
+    ],
+)
+def test_the_more_features_the_fewer_steps_a_teacher_needs(n_features, steps, name):
+    choice = default_for(Evidence(shown_with(n_features), steps))
+    assert choice.method.name == name
+    assert {name, choice.alternative} == {"planning", "distilled-dqn"}
+    assert choice.said().endswith(f"; the other is method {choice.alternative!r}")
+
+
 def test_many_features_and_many_steps_get_a_teacher(acrobot):
     choice = default_for(Evidence(acrobot, 100_000))
     assert choice.method == DistilledDQN()
@@ -38,15 +73,53 @@ def test_many_features_and_many_steps_get_a_teacher(acrobot):
 
 
 def test_everything_else_is_planned(cart, acrobot):
-    for known, why in (
-        (Evidence(None, 500_000), "planning learns: a network as teacher would need 5 dem"),
-        (Evidence(cart, 500_000), "planning learns: 4 features are few enough for it"),
-        (Evidence(acrobot, None), "planning learns: a network as teacher would need a budget"),
-        (Evidence(acrobot, 40_000), "planning learns: a network as teacher would need 80000 steps"),
-    ):
+    for known, why, alternative in (
+        (Evidence(None, 500_000), "a network as teacher would need 5 demonstrations", ""),
+        (Evidence(cart, 500_000), "4 features are few enough for it", "distilled-dqn"),
+        (Evidence(cart, None), "4 features are few enough for it", ""),
+        (Evidence(acrobot, None), "a network as teacher needs a budget of steps", ""),
+        (Evidence(acrobot, 40_000), "of 6 features a network as teacher would need 90000 steps, "
+         "not 40000", "distilled-dqn"),
+    ):  # fmt: skip
         choice = default_for(known)
         assert choice.method.name == "planning"
-        assert choice.reason.startswith(why)
+        assert choice.reason == f"planning learns: {why}"
+        assert choice.alternative == alternative
+
+
+SCRIPT = """
+import eutree
+env = "CartPole-v1"
+shown = eutree.record(env, eutree.experts.follow_the_fall, episodes=5, seed=0)
+for _ in range(2):
+    eutree.learn(env, demonstrations=shown, steps=600, episodes=1, evaluation_episodes=1,
+                 judge_episodes=0)
+eutree.learn(env, demonstrations=shown, method="planning", steps=600, episodes=1,
+             evaluation_episodes=1, judge_episodes=0)
+"""
+
+
+def test_a_plain_script_says_once_which_method_learns_and_what_the_other_is():
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=True
+    )
+    said = "planning learns: 4 features are few enough for it; the other is method 'distilled-dqn'"
+    assert done.stderr.splitlines().count(said) == 1
+
+
+def test_the_command_says_it_and_its_json_too(tmp_path, cart, capsys):
+    cart.save(tmp_path / "demos")
+    line = ["learn", "CartPole-v1", "--demos", str(tmp_path / "demos"), "--steps", "600",
+            "--episodes", "1", "--evaluation-episodes", "1", "--judge-episodes", "0",
+            "--json", "--out", str(tmp_path / "run")]  # fmt: skip
+    assert run(line) == 0
+    out, err = capsys.readouterr()
+    said = "planning learns: 4 features are few enough for it; the other is method 'distilled-dqn'"
+    assert err.count(said) == 1
+    assert json.loads(out)["reason"] == said
+    assert (
+        json.loads((tmp_path / "run" / "config.json").read_text())["method"]["name"] == "planning"
+    )
 
 
 @pytest.mark.parametrize("method", [None, "auto"])

@@ -1,5 +1,6 @@
 """What ``eutree learn`` says: how a run goes, what came of it."""
 
+import logging
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
 STARTS = {"nothing": "a single leaf"}  # others began with a tree
 
 
+_SAID_HERE = logging.NullHandler()  # a command says itself which method was chosen
+
+
 class Following:
     """Shows where a run stands: how much of the budget is used, and its present policy.
 
@@ -27,6 +31,7 @@ class Following:
     """
 
     def __init__(self, progress: ProgressLine, output: Output) -> None:
+        logging.getLogger("eutree.learners.default_choice").addHandler(_SAID_HERE)
         self._progress = progress
         self._output = output
         self._label = ""

@@ -1,12 +1,15 @@
 """Which method learns where none is named: what was measured to be best for such a task.
 
-Planning in model trees with little experience is good at few features, and stops learning at about
-six: imagined returns there order no trees any more (docs/learning.md). A counted teacher needs a
-hundred thousand steps, demonstrations that fix its scales, and gets further there
-(docs/small-trees.md).
+Planning in model trees does much with little experience where features are few, and finds nothing
+to try where they are many: imagined returns there order no trees any more. A network as teacher
+needs steps, the more the fewer features there are for it to be ahead, and demonstrations that fix
+its scales (docs/results/auto.md has the tasks and figures). Where both could learn the sentence
+says which the other is.
 """
 
+import logging
 from dataclasses import dataclass
+from functools import cache
 
 from eutree.data import Demonstrations
 from eutree.learners.learner import Method
@@ -14,9 +17,13 @@ from eutree.learners.planning import DEFAULT
 from eutree.learners.registry import method
 from eutree.wording import counted
 
-MANY_FEATURES = 6  # Acrobot has six; five (4-Evasion) were not measured
-ENOUGH_STEPS = 80_000  # 100,000 less demonstrations, as measured; fewer were not
+# Steps that a teacher needs, by the number of features from which on; fewer features are planned.
+ENOUGH_STEPS = {12: 20_000, 6: 90_000}
 ENOUGH_SHOWN = 5  # demonstrations
+
+TEACHING = "distilled-dqn"
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -25,11 +32,19 @@ class Choice:
 
     Attributes:
         method: The method.
-        reason: One sentence.
+        reason: One sentence; "" where a method was named.
+        alternative: Name of the other method that could learn; "" where there is none.
     """
 
     method: Method
     reason: str
+    alternative: str = ""
+
+    def said(self) -> str:
+        """Return the reason with the alternative."""
+        if not self.alternative:
+            return self.reason
+        return f"{self.reason}; the other is method {self.alternative!r}"
 
 
 @dataclass(frozen=True)
@@ -50,27 +65,30 @@ class Evidence:
 def default_for(known: Evidence) -> Choice:
     """Return the method that learns where none is named, and why."""
     if known.teacher:
-        return Choice(method("distilled-dqn"), "distilled-dqn learns: it asks the teacher")
-    demonstrations, steps = known.demonstrations, known.steps
-    missing = _missing(demonstrations, steps)
-    if not missing and demonstrations is not None:
-        return Choice(
-            method("distilled-dqn"),
-            f"distilled-dqn learns: {counted(demonstrations.schema.n_features, 'feature')} are "
-            f"many for planning, and {steps} steps are enough for a teacher of its own",
-        )
-    return Choice(DEFAULT, f"planning learns: {missing}")
-
-
-def _missing(demonstrations: Demonstrations | None, steps: int | None) -> str:
-    """Return why ``distilled-dqn`` is not for this task; "" if it is."""
-    if demonstrations is None or len(demonstrations) < ENOUGH_SHOWN:
-        return f"a network as teacher would need {ENOUGH_SHOWN} demonstrations"
-    n_features = demonstrations.schema.n_features
-    if n_features < MANY_FEATURES:
-        return f"{counted(n_features, 'feature')} are few enough for it"
+        return Choice(method(TEACHING), "distilled-dqn learns: it asks the teacher")
+    shown, steps = known.demonstrations, known.steps
+    if shown is None or len(shown) < ENOUGH_SHOWN:
+        return _planning(f"a network as teacher would need {ENOUGH_SHOWN} demonstrations")
+    features = counted(shown.schema.n_features, "feature")
+    enough = next((n for k, n in ENOUGH_STEPS.items() if shown.schema.n_features >= k), None)
     if steps is None:
-        return "a network as teacher would need a budget of steps"
-    if steps < ENOUGH_STEPS:
-        return f"a network as teacher would need {ENOUGH_STEPS} steps, not {steps}"
-    return ""
+        few = f"{features} are few enough for it"
+        return _planning(few if enough is None else "a network as teacher needs a budget of steps")
+    if enough is None:
+        return _planning(f"{features} are few enough for it", open_=True)
+    if steps < enough:
+        return _planning(
+            f"of {features} a network as teacher would need {enough} steps, not {steps}", open_=True
+        )
+    reason = f"{features} are many for planning, and {steps} steps are enough for a teacher"
+    return Choice(method(TEACHING), f"distilled-dqn learns: {reason} of its own", DEFAULT.name)
+
+
+@cache
+def say(sentence: str) -> None:
+    """Say once in a process which method was chosen, where a plain script's user sees it."""
+    logger.warning("%s", sentence)
+
+
+def _planning(reason: str, *, open_: bool = False) -> Choice:
+    return Choice(DEFAULT, f"planning learns: {reason}", TEACHING if open_ else "")

@@ -6,7 +6,7 @@ from typing import Any, cast
 from eutree.errors import InvalidArgumentError
 from eutree.learners import Method
 from eutree.learners import method as method_of
-from eutree.learners.default_choice import Choice, Evidence, default_for
+from eutree.learners.default_choice import Choice, Evidence, default_for, say
 from eutree.learners.registry import checked_method
 from eutree.validation import check_integer
 
@@ -19,7 +19,7 @@ def choice_of(
     offline: bool,
     plans: bool,
 ) -> Choice:
-    """Return the method that is meant, and why where nobody said so.
+    """Return the method that is meant, and why where nobody said so; that is said aloud, too.
 
     With ``plans`` something is asked of the run that only planning does.
     """
@@ -28,7 +28,10 @@ def choice_of(
         return Choice(own, "")
     if offline or plans or start not in (None, "demos", "tree+demos"):
         return Choice(method_of("corrected" if offline else "default"), "")
-    return default_for(evidence)
+    choice = default_for(evidence)
+    if choice.alternative:
+        say(choice.said())
+    return choice
 
 
 def with_limit(method: Method, max_leaves: int | None, *, races: bool) -> Method:

@@ -88,8 +88,9 @@ def learn(
             that ``distilled-dqn`` would train; its training is not counted but declared.
         method: How to learn: a name of ``eutree.learners.METHODS`` or of a preset, such as
             ``"paper"`` to be faithful, or a method itself. By default, and for
-            ``"auto"``, ``distilled-dqn`` for six features or more with demonstrations and 80,000
-            steps to spend, else model-based planning or, offline, ``"corrected"``.
+            ``"auto"``, ``distilled-dqn`` where demonstrations have many features and the steps are
+            enough for them (docs/methods.md), else model-based planning or, offline,
+            ``"corrected"``; which it is, and which the other would be, is said aloud.
         start: Where learning begins: ``"nothing"``, ``"tree"``, ``"tree+demos"``, ``"demos"`` or
             ``"random-tree"``; the paper's C. U-Tree, EU-Tree - DT and EU-Tree are the first
             three. By default what is given.
@@ -204,7 +205,7 @@ def learn(
         offline=env is None,
     )
     document = _as_document(chosen, problem, begin, offline=env is None)
-    beginning = Beginning(chosen, problem, begin, choice.reason)
+    beginning = Beginning(chosen, problem, begin, choice.said())
     _check_races(plan, begin)
     run = Run(
         beginning,
@@ -270,7 +271,7 @@ def learn(
         against_fit=against_fit,
         teacher=run.learner.teacher if isinstance(run.learner, HasTeacher) else None,
         model_trust=run.model_trust(),
-        reason=choice.reason,
+        reason=choice.said(),
     )
 
 
