@@ -162,16 +162,6 @@ def test_every_obstacle_gives_one_clear_line(tmp_path):
         assert "\n" not in str(caught.value)
 
 
-def test_what_is_appended_is_added_whole_or_not_at_all(tmp_path):
-    path = tmp_path / "lines"
-    atomic.append_text(path, "one\n")
-    with pytest.raises(FileError, match="the disk is full"), atomic.use_operations(Fault(1)):
-        atomic.append_text(path, "two, which finds no room\n")
-    assert path.read_text() == "one\n"
-    atomic.append_text(path, "drei: ä\n")
-    assert path.read_text(encoding="utf-8") == "one\ndrei: ä\n"
-
-
 @pytest.mark.promise(10)
 @pytest.mark.skipif(os.name == "nt", reason="needs POSIX permissions")
 def test_a_read_only_folder_gives_one_clear_line(tmp_path):

@@ -2,7 +2,6 @@
 
 from eutree.files.arrays import read_archive, read_arrays, write_archive, write_arrays
 from eutree.files.atomic import (
-    append_text,
     check_new_folder,
     check_writable,
     make_folder,
@@ -15,7 +14,6 @@ from eutree.files.documents import Document, read_document, write_document
 
 __all__ = [
     "Document",
-    "append_text",
     "check_new_folder",
     "check_writable",
     "make_folder",

@@ -112,27 +112,6 @@ def write_text(path: str | Path, text: str) -> None:
     write_bytes(path, text.encode("utf-8"))
 
 
-def append_text(path: str | Path, text: str) -> None:
-    """Add ``text`` at the end of the file, in UTF-8; it is made if there is none.
-
-    What was added survives the death of the process; a fault while adding takes it off again.
-
-    Raises:
-        FileError: It cannot be written.
-    """
-    with reported("write", path):
-        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o666)
-        try:
-            size = os.fstat(descriptor).st_size
-            try:
-                write_all(descriptor, text.encode("utf-8"))
-            except OSError:
-                os.ftruncate(descriptor, size)
-                raise
-        finally:
-            os.close(descriptor)
-
-
 @contextmanager
 def opened_text(path: str | Path, *, limit: int) -> Iterator[io.TextIOWrapper]:
     """Open a regular file of at most ``limit`` bytes to read it as UTF-8, line ends as they are.
