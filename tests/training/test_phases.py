@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+import eutree
 from eutree.errors import InvalidArgumentError
 from eutree.training.phases import MANY, Phase, Plan, Position, due
 from eutree.training.proposals import SearchSettings
@@ -96,3 +97,11 @@ def test_the_clock_ends_gathering():
 def test_bad_plans_are_named(arguments, message):
     with pytest.raises(InvalidArgumentError, match=message):
         Plan(**arguments)
+
+
+def test_a_budget_in_which_no_episode_fits_is_refused():
+    """Nothing was gathered, without a word."""
+    with pytest.raises(InvalidArgumentError, match="for an episode, which may take 500, got 100"):
+        eutree.learn("CartPole-v1", steps=100)
+    with pytest.raises(InvalidArgumentError, match="500 beside the 900 of race_steps, got 1,000"):
+        eutree.learn("CartPole-v1", steps=1000, race_steps=900)

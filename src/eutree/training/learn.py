@@ -192,7 +192,7 @@ def learn(
         look_at(env, None if resume else episode_seed(seed, 0, Stream.TRAINING))
         problem = _problem(guarded)
         if steps is not None:
-            problem = replace(problem, steps=max(steps - race_steps, 0))
+            problem = replace(problem, steps=_gathered(steps, race_steps, problem))
         environment = str(guarded.spec or guarded.name)
     learned_from = demonstrations if log is None else log.known
     begin = _start(
@@ -314,6 +314,23 @@ def _check_races(plan: Plan, start: Start) -> None:
         raise InvalidArgumentError(
             f"race_steps must be at most steps, {plan.steps}, got {plan.race_steps}"
         )
+
+
+def _gathered(steps: int, race_steps: int, problem: Problem) -> int:
+    """Return the steps of a budget that are for learning; all may be for racing.
+
+    Raises:
+        InvalidArgumentError: They are not enough for one episode.
+    """
+    left = max(steps - race_steps, 0)
+    longest = problem.max_episode_steps or 1
+    if left < longest and not (race_steps and left == 0):
+        beside = f" beside the {race_steps:,} of race_steps" if race_steps else ""
+        raise InvalidArgumentError(
+            f"steps must have room for an episode, which may take {longest:,}{beside}, "
+            f"got {steps:,}"
+        )
+    return left
 
 
 def _check_acts_nowhere(race_steps: int, *, keep_success: bool) -> None:
