@@ -215,6 +215,7 @@ def many_results(
             }
             for number, run in enumerate(learned.runs)
         ],
+        "certificate": None if learned.certificate is None else learned.certificate.figures(),
         "judged": {
             "episodes": judged.episodes,
             "mean_return": judged.mean_return,
@@ -230,6 +231,7 @@ def many_results(
         f"{counted(best.selection.episodes, 'episode')} of their own is that of seed {best.seed}"
         f"{_against_start(result)}. On {judged}. Written to {out / 'policy.json'}."
         + ("" if judgement is None else f"\n{judgement.verdict()}")
+        + ("" if learned.certificate is None else f"\n{learned.certificate}")
         + ("" if rivalry is None else f"\n{rivalry.all_lines()}"),
         caption_justify="left",
     )  # fmt: skip

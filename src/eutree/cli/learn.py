@@ -43,7 +43,7 @@ if TYPE_CHECKING:
         "How": ("method", "preset", "changes", "settings", "discount", "list_settings",
                 "max_leaves", "history", "max_transitions"),
         "How long": ("episodes", "steps", "minutes", "race_steps", "runs"),
-        "What is handed over": ("judge_episodes", "keep_success", "evaluate_every",
+        "What is handed over": ("judge_episodes", "keep_success", "prefer_proven", "evaluate_every",
                                 "evaluation_episodes", "return_range", "against"),
         "The run folder": ("out", "resume", "checkpoint_seconds", "tensorboard", "partition"),
     },
@@ -109,6 +109,9 @@ if TYPE_CHECKING:
 @click.option("--strict", is_flag=True, help="Refuse observations outside the space's bounds.")
 @against_option
 @count_option("--runs", 1, "Runs, with seeds from --seed on; the best is chosen and judged.")
+@click.option("--prefer-proven", metavar="[PROPERTY]", is_flag=False, flag_value="",
+              help="Choose among those of --runs that are proven, as prove does; without "
+              "PROPERTY that of the environment's plant.")  # fmt: skip
 @workers_options("--runs")
 @env_arg_option
 @seed_option
@@ -181,6 +184,8 @@ def learn(
     }
     if partition is not None and (offline or runs > 1):
         raise InvalidArgumentError("--partition follows one run that acts: no --offline, no --runs")
+    if runs == 1 and options.pop("prefer_proven") is not None:
+        raise InvalidArgumentError("--prefer-proven chooses among several runs; add --runs")
     if runs > 1:
         if spec is None or options.pop("tensorboard") is not None:
             raise InvalidArgumentError("--runs takes no --offline and no --tensorboard")

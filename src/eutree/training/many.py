@@ -3,7 +3,8 @@
 Run k has the seed ``seed + k`` and is what ``learn`` would do alone, so the bytes do not depend on
 the number of processes or machines. The best by its mean return on selection episodes, which no run
 has learned from, is the winner. A winner was lucky too, so on others again it has to deserve to
-take the place of the start, by the rule of a single run (:mod:`eutree.training.handover`).
+take the place of the start, by the rule of a single run (:mod:`eutree.training.handover`). Where
+proven trees are preferred, the winner is the best of those that are proven, if any is.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,10 +25,12 @@ from eutree.interaction.return_range import return_range
 from eutree.interaction.seeding import Stream
 from eutree.parallel import Workers
 from eutree.policies import TreePolicy
+from eutree.proof import Certificate
 from eutree.schema import EnvironmentSpec
 from eutree.training.handover import Duel, Handover, handover_for, judge
 from eutree.training.judging import START, Judgement
 from eutree.training.learn import learn
+from eutree.training.proven import ProvenFirst
 from eutree.training.result import LearningResult
 from eutree.validation import check_integer, check_seed
 
@@ -77,6 +80,8 @@ class LearningRuns:
         judged: What the policy that is handed over earned on episodes that chose nothing.
         judgement: The winner's policy against the start on the same episodes, and which of them is
             handed over; None where it is the start, or was handed over without a contest.
+        certificate: The proof of the policy that is handed over; None where none was asked for,
+            or no run's policy is proven.
     """
 
     runs: tuple[FinishedRun, ...]
@@ -84,6 +89,7 @@ class LearningRuns:
     result: LearningResult
     judged: Evaluation
     judgement: Judgement | None = None
+    certificate: Certificate | None = None
 
     @property
     def policy(self) -> TreePolicy:
@@ -130,7 +136,9 @@ def learn_runs(
         judging_episodes: Episodes by which it is judged.
         resume: Go on with the runs that are there.
         on_run: Called with the number of finished runs and the last of them.
-        **options: As ``learn`` takes them.
+        **options: As ``learn`` takes them; and ``prefer_proven``, a property, or ``""`` for that of
+            the environment's plant: the best is chosen among the runs whose policies are proven to
+            have it, and a start that is not proven does not take the place of one that is.
 
     Raises:
         InvalidArgumentError: An argument is not as described.
@@ -141,6 +149,8 @@ def learn_runs(
     check_integer("judging_episodes", judging_episodes, low=2)
     check_seed(seed)
     spec = Recipe.of(environment).spec
+    question = options.pop("prefer_proven", None)
+    proven = None if question is None else ProvenFirst(spec, question)
     folder = make_folder(out, of=RUN)
     if (folder / "runs").exists() and not resume:
         raise RunFolderError(
@@ -156,9 +166,7 @@ def learn_runs(
         found[run.seed] = run
         on_run(len(found), run)
     ordered = tuple(found[seed + k] for k in range(runs))
-    best = max(
-        range(runs), key=lambda k: (ordered[k].selection.mean_return, -ordered[k].n_leaves, -k)
-    )
+    best, certificate = _best_of(ordered, proven)
     env = make(spec)
     try:
         winner = ordered[best]
@@ -180,14 +188,32 @@ def learn_runs(
         if handover is not None and result.against_start is not None and not result.is_start:
             start = evaluated(result.first)
             known = options.get("return_range") or return_range(env)
-            judgement = _against_start(handover, result, start, judged, known)
-            judged = start if judgement.handed_over == START else judged
+            against = _against_start(handover, result, start, judged, known)
+            if against.handed_over != START:
+                judgement = against
+            elif proven is None or certificate is None:
+                judgement, judged = against, start
+            elif (of_start := proven.certificate(result.first)) is not None:
+                judgement, judged, certificate = against, start, of_start
     finally:
         env.close()
-    learned = LearningRuns(ordered, best, result, judged, judgement)
+    learned = LearningRuns(ordered, best, result, judged, judgement, certificate)
     learned.policy.save(folder / "policy.json")
     write_text(folder / "runs.csv", _table(ordered, best))
     return learned
+
+
+def _best_of(
+    runs: Sequence[FinishedRun], proven: ProvenFirst | None
+) -> tuple[int, Certificate | None]:
+    """Return the number of the best run, and its proof; of the proven ones, if any is."""
+    ranking = sorted(
+        range(len(runs)), key=lambda k: (-runs[k].selection.mean_return, runs[k].n_leaves, k)
+    )
+    if proven is None:
+        return ranking[0], None
+    found = proven.first(TreePolicy.load(runs[k].path / "policy.json") for k in ranking)
+    return (ranking[0], None) if found is None else (ranking[found[0]], found[1])
 
 
 def _against_start(

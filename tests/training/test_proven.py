@@ -1,0 +1,76 @@
+"""Of many runs the best that is proven is chosen, and a start that is not does not replace it."""
+
+import json
+
+import numpy as np
+import pytest
+
+import eutree
+from eutree.cli.main import run
+from eutree.errors import InvalidArgumentError
+from eutree.schema import EnvironmentSpec
+from eutree.training.proven import ProvenFirst
+from tests.proof.policies import BAD, GOOD, SWITCH, policy_of
+
+CAR = EnvironmentSpec("MountainCar-v0")
+
+
+def test_the_first_that_is_proven():
+    proven = ProvenFirst(CAR, "arrives within 110 steps")
+    trees = [policy_of(one) for one in (BAD, SWITCH, GOOD)]
+    number, certificate = proven.first(trees)
+    assert number == 2
+    assert "within 108 steps" in certificate.sentence
+    assert proven.first(trees[:2]) is None
+
+
+def test_without_a_plant_nothing_can_be_preferred():
+    with pytest.raises(InvalidArgumentError, match="prefer_proven needs a plant"):
+        ProvenFirst(EnvironmentSpec("LunarLander-v3"), "")
+    with pytest.raises(InvalidArgumentError, match="property must be 'arrives"):
+        ProvenFirst(CAR, "flies")
+
+
+def learned(folder, expert, **options):
+    return eutree.learn_runs(
+        CAR, runs=2, n_jobs=1, out=folder, expert=policy_of(expert), start="tree", episodes=1,
+        evaluate_every=1, evaluation_episodes=1, selection_episodes=2, judging_episodes=2,
+        **options,
+    )  # fmt: skip
+
+
+def test_the_certificate_of_many_runs(tmp_path):
+    found = learned(tmp_path / "good", GOOD, prefer_proven="")
+    assert found.certificate is not None
+    assert found.certificate.proven
+    assert learned(tmp_path / "plain", GOOD).certificate is None
+
+
+def test_a_better_run_that_is_refuted_is_not_chosen(tmp_path, monkeypatch):
+    """The trees of two runs are replaced before the choice: the better one fails from a start."""
+    from eutree.training import many
+
+    real = many.Workers.as_finished
+
+    def replaced(self, task, seeds):
+        for finished in real(self, task, seeds):
+            tree = BAD if finished.seed == 0 else GOOD
+            policy_of(tree).save(finished.path / "policy.json")
+            returns = np.full(2, -99.0 if finished.seed == 0 else -101.0)
+            selection = many.Evaluation(returns, np.full(2, 100), np.full(2, ""))
+            yield many.FinishedRun(finished.seed, finished.path, 5, 200, selection)
+
+    monkeypatch.setattr(many.Workers, "as_finished", replaced)
+    assert learned(tmp_path / "a", GOOD).winner == 0
+    assert learned(tmp_path / "b", GOOD, prefer_proven="").winner == 1
+
+
+def test_on_the_command_line(tmp_path, capsys):
+    policy_of(GOOD).save(tmp_path / "car.json")
+    line = ["learn", "MountainCar-v0", "--expert", str(tmp_path / "car.json"), "--start", "tree",
+            "--episodes", "1", "--evaluation-episodes", "1", "--out"]  # fmt: skip
+    several = [*line, str(tmp_path / "many"), "--runs", "2", "--n-jobs", "1"]
+    assert run([*several, "--prefer-proven", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["certificate"]["proven"]
+    assert run([*line, str(tmp_path / "one"), "--prefer-proven"]) == 2
+    assert "chooses among several runs" in capsys.readouterr().err
