@@ -89,7 +89,7 @@ def test_two_draws_have_no_start_in_common():
 def test_the_search_finds_the_tree_that_is_right():
     """Five stripes too many; what is right has two leaves, with the cut at 5."""
     policy = striped(0, 2.0, 1, 3.0, 0, 4.6, 1, 7.0, 0, 7.5, 1, 9.0, 1)
-    search = FrontSearch(policy, CommonEpisodes(Ground(Corridor(), 1), 60), 10**9)
+    search = FrontSearch([policy], CommonEpisodes(Ground(Corridor(), 1), 60), 10**9)
     search.run()
     two = search.found[2][0]
     assert two.actions.tolist() == [0, 1]
@@ -100,7 +100,7 @@ def test_the_search_finds_the_tree_that_is_right():
 
 def test_a_budget_ends_the_search():
     ground = Ground(Corridor(), 1)
-    search = FrontSearch(BUSY, CommonEpisodes(ground, 60), 1)
+    search = FrontSearch([BUSY], CommonEpisodes(ground, 60), 1)
     search.run()
     assert search.found == {}
 

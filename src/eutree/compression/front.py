@@ -24,6 +24,7 @@ STARTS, STEPS = 1000, 60_000_000  # of each size, and steps of all, where episod
 FEW_STARTS, FEW_STEPS = 60, 1_500_000  # where they run one by one
 PER_START = 800  # episodes of a search for each start, about
 LOSES = 0.1  # of the range of returns: a size that loses more ends the search
+SLACK = 0.005  # of the range of returns: what is not more is no difference
 SUCCESS = 0.01  # that a tree may succeed less often
 CONTEST, REPORT = 2**40, 2**41  # first starts
 
@@ -57,11 +58,14 @@ class Pick:
         keeps_margin: Whether it is the smallest that is shown to keep the margin; else the smallest
             within one standard error of the best.
         max_leaves: Most leaves: the best of at most so many instead; None for no limit.
+        floor: A tree that the pick may not succeed less often than, if any of the front does so;
+            None for the input, with half a point allowed.
     """
 
     demand: Demand
-    keeps_margin: bool
+    keeps_margin: bool = False
     max_leaves: int | None = None
+    floor: TreePolicy | None = None
 
 
 def front_of(
@@ -77,17 +81,35 @@ def front_of(
         finish: What becomes of a tree that was found before it is chosen: it is rounded, say.
     """
     common, steps = _extent(policy, ground, pick.demand.episodes)
-    search = FrontSearch(exact, common, steps, lambda one: with_locks(merged(one), policy))
+    search = FrontSearch([exact], common, steps, lambda one: with_locks(merged(one), policy))
     search.run(2, loses=LOSES)
     found = [finish(one) for trees in search.found.values() for one in trees]
     found = [one for one in found if one.n_leaves <= exact.n_leaves]
+    return front_among(policy, [finish(exact), *found], common, pick)
+
+
+def front_among(
+    policy: TreePolicy, trees: Sequence[TreePolicy], common: CommonEpisodes, pick: Pick
+) -> Front:
+    """Return the front of some trees, and the pick among them.
+
+    Args:
+        policy: The input, beside which all are shown.
+        trees: The trees.
+        common: Where they run; the starts of its next draw make the front.
+        pick: Which is handed back.
+    """
+    ground = common.ground
     common.redraw(policy)
-    best = _best_of_each_size([finish(exact), *found], search)
-    if pick.max_leaves is None:
+    best = _best_of_each_size(trees, common)
+    verdict = None
+    if pick.max_leaves is not None:
+        picked = _largest_worth(best, pick.max_leaves)
+    elif pick.floor is not None:
+        picked = _near_best(_no_less_successful(best, common, pick.floor), ground, pick)
+    else:
         allowed = [one for one, successes in best if _succeeds(successes, common.outcome)]
         picked, verdict = _contest(policy, allowed, ground, pick)
-    else:
-        picked, verdict = _largest_worth(best, pick.max_leaves), None
     report = CommonEpisodes(ground, pick.demand.episodes, REPORT)
     report.redraw(policy)
     trees = [one for one, _ in best]
@@ -112,15 +134,15 @@ def _extent(policy: TreePolicy, ground: Ground, episodes: int) -> tuple[CommonEp
 
 
 def _best_of_each_size(
-    trees: Sequence[TreePolicy], search: FrontSearch
+    trees: Sequence[TreePolicy], common: CommonEpisodes
 ) -> list[tuple[TreePolicy, Outcome]]:
     """Return the best tree of each size from fresh starts, the largest first.
 
     One that is worth no more than a smaller one is left out.
     """
     found = [
-        (float(search.worth(outcome).mean()), tree, outcome)
-        for tree, outcome in zip(trees, search.common.outcomes(trees), strict=True)
+        (float(common.worth(outcome).mean()), tree, outcome)
+        for tree, outcome in zip(trees, common.outcomes(trees), strict=True)
     ]
     found.sort(key=lambda one: (one[1].n_leaves, -one[0]))
     best: list[tuple[TreePolicy, Outcome]] = []
@@ -139,6 +161,27 @@ def _succeeds(outcome: Outcome, start: Outcome) -> bool:
     if outcome.success_rate is None or start.success_rate is None:
         return True
     return outcome.success_rate >= start.success_rate - SUCCESS / 2
+
+
+def _no_less_successful(
+    best: Sequence[tuple[TreePolicy, Outcome]], common: CommonEpisodes, floor: TreePolicy
+) -> list[TreePolicy]:
+    """Return the trees that succeed as often as another one; if none does, the one that is next."""
+    (least,) = common.outcomes([floor])
+    if least.success_rate is None:
+        return [one for one, _ in best]
+    rates = [outcome.success_rate or 0.0 for _, outcome in best]
+    needed = min(least.success_rate, max(rates))
+    return [one for (one, _), rate in zip(best, rates, strict=True) if rate >= needed]
+
+
+def _near_best(trees: Sequence[TreePolicy], ground: Ground, pick: Pick) -> TreePolicy:
+    """Return the smallest tree within one standard error of the best."""
+    if len(trees) == 1:
+        return trees[0]
+    sizes = tuple(one.n_leaves for one in trees)
+    rule = SmallestWithin(sizes=sizes, episodes=pick.demand.episodes, slack=SLACK)
+    return trees[hold(rule, new_table(len(trees), rule.most), _runs(trees, ground)).winner]
 
 
 def _largest_worth(
@@ -161,13 +204,8 @@ def _contest(
         known=demand.known_range,
     )
 
-    def run(tree: int, starts: Sequence[int]) -> Floats:
-        numbers = CONTEST + np.array(starts)
-        outcome, _ = ground.play([rivals[tree]], np.zeros(len(starts), np.intp), numbers)
-        return outcome.returns
-
     table = new_table(len(rivals), rule.most)
-    found = hold(rule, table, run)
+    found = hold(rule, table, _runs(rivals, ground))
     if not found.winner:
         return None, None
     if not found.shown:
@@ -180,3 +218,14 @@ def _contest(
     return rivals[found.winner], Verdict(
         verdict.before, verdict.after, change, verdict.return_range
     )
+
+
+def _runs(trees: Sequence[TreePolicy], ground: Ground) -> Callable[[int, Sequence[int]], Floats]:
+    """Return what runs a tree, by its number, from some starts of a contest."""
+
+    def run(tree: int, starts: Sequence[int]) -> Floats:
+        numbers = CONTEST + np.array(starts)
+        outcome, _ = ground.play([trees[tree]], np.zeros(len(starts), np.intp), numbers)
+        return outcome.returns
+
+    return run

@@ -8,7 +8,7 @@ are divided among processes.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import gymnasium
@@ -23,9 +23,13 @@ from eutree.interaction.recipe import Recipe
 from eutree.interaction.seeding import Stream
 from eutree.parallel import Workers
 from eutree.policies import TreePolicy
+from eutree.world_model.common_chance import Gain
+
+Move = tuple[int, float]  # a node, and its new threshold
 
 COPIES = 4096  # episodes side by side
-STARTS = 2**20  # of one draw: more than ever run
+SCREENED = 4  # of so many starts one is enough to see that a change does harm
+FAILURE = 0.2  # of the range of returns, that a failed episode costs beside its return
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,6 +130,7 @@ class Ground:
         seed: Seed of all its episodes.
         recipe: How other processes make it; None keeps all episodes in this one.
         n_jobs: Processes, as joblib counts them.
+        stream: What the episodes are for.
         steps: Environment steps so far.
     """
 
@@ -133,6 +138,7 @@ class Ground:
     seed: int
     recipe: Recipe | None = None
     n_jobs: int | None = None
+    stream: Stream = Stream.COMPRESSION
     steps: int = 0
     _seeds: dict[int, int] = field(default_factory=dict, repr=False)
 
@@ -175,7 +181,7 @@ class Ground:
     def _seed_of(self, start: int) -> int:
         seed = self._seeds.get(start)
         if seed is None:
-            seed = self._seeds[start] = episode_seed(self.seed, start, Stream.COMPRESSION)
+            seed = self._seeds[start] = episode_seed(self.seed, start, self.stream)
         return seed
 
     def _batch(
@@ -269,6 +275,27 @@ class CommonEpisodes:
         self.ground = ground
         self.n = n
         self._begin = first - n
+        self._scale: float | None = None
+
+    @property
+    def features(self) -> Floats:
+        """Features at each step of the present tree's episodes, shape [N, d]."""
+        return self.traces.features
+
+    @property
+    def mean_return(self) -> float:
+        """Mean return of the present tree."""
+        return self.outcome.mean_return
+
+    @property
+    def scale(self) -> float:
+        """Width of the range of the first tree's returns."""
+        return self._scale or 0.0
+
+    @property
+    def steps(self) -> int:
+        """Environment steps so far."""
+        return self.ground.steps
 
     def redraw(self, tree: TreePolicy) -> None:
         """Let a tree run from starts that no tree has seen."""
@@ -280,6 +307,33 @@ class CommonEpisodes:
         starts = self._begin + np.arange(self.n)
         self.present = tree
         self.outcome, self.traces = self.ground.play([tree], np.zeros(self.n, np.intp), starts)
+        if self._scale is None:
+            self._scale = float(np.ptp(self.outcome.returns))
+
+    def worth(self, outcome: Outcome) -> Floats:
+        """Return what each episode is worth: its return, less a price where it failed, [E]."""
+        if outcome.successes is None:
+            return outcome.returns
+        return outcome.returns - FAILURE * self.scale * ~outcome.successes
+
+    def gains(
+        self, rivals: Sequence[TreePolicy], *, few: bool = False, above: float = -np.inf
+    ) -> list[Gain]:
+        """Return what rivals are worth more than the present tree.
+
+        Args:
+            rivals: The trees.
+            few: A quarter of the starts is enough to see that a change does harm.
+            above: Not used: no episode is given up.
+        """
+        n = self.n // SCREENED if few else self.n
+        own = self.worth(self.outcome)[:n]
+        found = (self.worth(one) - own for one in self.outcomes(rivals, n))
+        return [Gain(float(g.mean()), float(g.std() / np.sqrt(n)), True) for g in found]
+
+    def gains_of_moves(self, moves: Sequence[Move], *, few: bool = False) -> list[Gain]:
+        """Return what moved thresholds, each alone, are worth more than the present tree."""
+        return self.gains([moved(self.present, *one) for one in moves], few=few)
 
     def outcomes(self, rivals: Sequence[TreePolicy], n: int | None = None) -> list[Outcome]:
         """Return what rivals earn from the first ``n`` of the present starts."""
@@ -305,6 +359,14 @@ class CommonEpisodes:
         other = rival.actions[rival.tree.leaf_index(traces.features)] != traces.actions
         episodes = np.unique(traces.episode[other])
         return episodes[episodes < n]
+
+
+def moved(policy: TreePolicy, node: int, at: float) -> TreePolicy:
+    """Return the tree with another threshold at a node."""
+    threshold = policy.tree.threshold.copy()
+    threshold[node] = at
+    tree = replace(policy.tree, threshold=threshold)
+    return replace(policy, tree=tree, leaves=None, locked=())
 
 
 def _copy(successes: Booleans | None, n: int) -> Booleans | None:

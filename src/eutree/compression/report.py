@@ -70,6 +70,18 @@ class FrontEntry:
             "path": path,
         }
 
+    @classmethod
+    def from_facts(cls, policy: TreePolicy, facts: dict[str, Any]) -> "FrontEntry":
+        """Take back ``facts()`` of a tree."""
+        rate, success = facts["success_rate"], facts["success_interval"]
+        return cls(
+            policy,
+            float(facts["mean_return"]),
+            Interval(*map(float, facts["return_interval"])),
+            None if rate is None else float(rate),
+            None if success is None else Interval(*map(float, success)),
+        )
+
 
 @dataclass(frozen=True)
 class CompressionReport:

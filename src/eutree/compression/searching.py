@@ -9,6 +9,7 @@ at one size has to prove itself at the next.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 
@@ -16,52 +17,113 @@ from eutree.arrays import Booleans, Floats, Integers
 from eutree.c45 import C45Settings
 from eutree.compression.candidates import by_c45, merged
 from eutree.compression.costs import Costs
-from eutree.compression.playing import CommonEpisodes, Outcome
+from eutree.compression.playing import Move, moved
 from eutree.compression.pruning import Prunings
 from eutree.policies import TreePolicy
 from eutree.thresholds import threshold_between
 from eutree.trees import DecisionTree
 from eutree.trees.building import TreeBuilder
 from eutree.trees.merging import INNER, rebuild
+from eutree.world_model.common_chance import Gain
 
 SHIFTS = (0.02, 0.06, 0.15, 0.35, 0.7)  # of the smaller side's rows
 FEW = 20  # rows
 BEAM = 2  # trees of a size that are tuned, and of which smaller ones are made
 POOL = 5  # trees of a size that wait for their turn
-SCREENED = 4  # of so many starts one is enough to see that a cut does harm
 PASSES = 2  # over the thresholds of a tree
 SURE = 0.7  # standard errors
-FAILURE = 0.2  # of the range of returns, that a failed episode costs beside its return
 REFITTED = 2  # leaves fewer than before, at most, where a part is fitted again
 
 Check = Callable[[TreePolicy], TreePolicy]
+
+
+class Episodes(Protocol):
+    """Episodes of a present tree, and of rivals from the same starts: played, or imagined."""
+
+    @property
+    def present(self) -> TreePolicy:
+        """The tree that ran last."""
+        ...
+
+    @property
+    def features(self) -> Floats:
+        """Features at each step of its episodes, shape [N, d]."""
+        ...
+
+    @property
+    def mean_return(self) -> float:
+        """Its mean return."""
+        ...
+
+    @property
+    def scale(self) -> float:
+        """Width of the range of the first tree's returns."""
+        ...
+
+    @property
+    def steps(self) -> int:
+        """Steps taken so far."""
+        ...
+
+    def redraw(self, tree: TreePolicy) -> None:
+        """Let a tree run from starts that no tree has seen."""
+        ...
+
+    def run(self, tree: TreePolicy) -> None:
+        """Let a tree run from the present starts."""
+        ...
+
+    def gains(
+        self, rivals: Sequence[TreePolicy], *, few: bool = False, above: float = -np.inf
+    ) -> list[Gain]:
+        """Return what rivals are worth more than the present tree.
+
+        Args:
+            rivals: The trees.
+            few: A share of the starts is enough to see that a change does harm.
+            above: A rival that comes to less may be given up early.
+        """
+        ...
+
+    def gains_of_moves(self, moves: Sequence[Move], *, few: bool = False) -> list[Gain]:
+        """Return what moved thresholds are worth; who is worth less than nothing may leave early.
+
+        Args:
+            moves: The thresholds, each alone.
+            few: As in ``gains``.
+        """
+        ...
 
 
 class FrontSearch:
     """Finds the best tree of each size.
 
     Args:
-        policy: The tree to begin with.
-        common: Where trees run.
-        budget: Environment steps; the search ends with the size at which they are used up.
+        policies: The trees to begin with, the first of which says what returns there are.
+        episodes: Where trees run.
+        budget: Steps; the search ends with the size at which they are used up.
         checked: What a tree becomes before it runs: with the locked leaves in it, or rounded.
 
     Attributes:
-        common: As given.
+        episodes: As given.
         found: Trees of each size, the best first.
     """
 
     def __init__(
-        self, policy: TreePolicy, common: CommonEpisodes, budget: int, checked: Check = merged
+        self,
+        policies: Sequence[TreePolicy],
+        episodes: Episodes,
+        budget: int,
+        checked: Check = merged,
     ) -> None:
-        self.common = common
+        self.episodes = episodes
         self._budget = budget
         self._checked = checked
-        start = checked(policy)
-        common.redraw(start)
-        self._first = common.outcome.mean_return
-        self._range = float(np.ptp(common.outcome.returns))
-        self._pool: dict[int, list[tuple[float, TreePolicy]]] = {start.n_leaves: [(0.0, start)]}
+        self._pool: dict[int, list[tuple[float, TreePolicy]]] = {}
+        for start in map(checked, policies):
+            self._pool.setdefault(start.n_leaves, []).append((0.0, start))
+        episodes.redraw(checked(policies[0]))
+        self._first = episodes.mean_return
         self.found: dict[int, list[TreePolicy]] = {}
 
     def run(self, least: int = 2, *, loses: float = 1.0) -> None:
@@ -72,44 +134,36 @@ class FrontSearch:
             loses: Share of the range of returns: a size at which more is lost is the last one.
         """
         size, lost = max(self._pool), 0.0
-        while size >= least and self.common.ground.steps < self._budget and lost <= loses:
+        scale = max(self.episodes.scale, 1e-12)
+        while size >= least and self.episodes.steps < self._budget and lost <= loses:
             waiting = [one for _, one in self._pool.pop(size, [])]
             if waiting:
-                self.common.redraw(waiting[0])
+                self.episodes.redraw(waiting[0])
                 for parent in [self._tuned(one) for one in self._best(waiting, BEAM)]:
                     self.found.setdefault(parent.n_leaves, []).append(parent)
-                    self._add(self._smaller(parent))
-                lost = (self._first - self.common.outcome.mean_return) / max(self._range, 1e-12)
+                    self._add(self._smaller(parent), above=-loses * scale)
+                lost = (self._first - self.episodes.mean_return) / scale
             size -= 1
-
-    def worth(self, outcome: Outcome) -> Floats:
-        """Return what each episode is worth: its return, less a price where it failed, [E]."""
-        if outcome.successes is None:
-            return outcome.returns
-        return outcome.returns - FAILURE * self._range * ~outcome.successes
 
     def _best(self, rivals: Sequence[TreePolicy], n: int) -> list[TreePolicy]:
         """Return the best few, each of which does something else."""
-        found: dict[bytes, tuple[float, TreePolicy]] = {}
-        for rival, outcome in zip(rivals, self.common.outcomes(rivals), strict=True):
-            worth = self.worth(outcome)
-            found.setdefault(worth.tobytes(), (float(worth.mean()), rival))
-        return [one for _, one in sorted(found.values(), key=lambda one: -one[0])[:n]]
+        found: dict[tuple[float, float], TreePolicy] = {}
+        for rival, gain in zip(rivals, self.episodes.gains(rivals), strict=True):
+            found.setdefault((gain.mean, gain.error), rival)
+        return [one for _, one in sorted(found.items(), key=lambda one: -one[0][0])[:n]]
 
-    def _add(self, rivals: Sequence[TreePolicy]) -> None:
+    def _add(self, rivals: Sequence[TreePolicy], above: float) -> None:
         """Let the best of each size wait for their turn; losers leave early."""
-        few = self.common.n // SCREENED
-        first = [float(self.worth(one).mean()) for one in self.common.outcomes(rivals, few)]
+        first = [one.mean for one in self.episodes.gains(rivals, few=True, above=above)]
         by_size: dict[int, list[int]] = {}
         for k in np.argsort(-np.array(first), kind="stable").tolist():
             by_size.setdefault(rivals[k].n_leaves, []).append(k)
         left = [k for numbers in by_size.values() for k in numbers[: 2 * POOL]]
-        outcomes = self.common.outcomes([rivals[k] for k in left])
-        for k, outcome in zip(left, outcomes, strict=True):
+        gains = self.episodes.gains([rivals[k] for k in left], above=above)
+        for k, gain in zip(left, gains, strict=True):
             waiting = self._pool.setdefault(rivals[k].n_leaves, [])
-            worth = float(self.worth(outcome).mean())
-            if all(worth != known for known, _ in waiting):
-                waiting.append((worth, rivals[k]))
+            if all(gain.mean != known for known, _ in waiting):
+                waiting.append((gain.mean, rivals[k]))
                 waiting.sort(key=lambda one: -one[0])
                 del waiting[POOL:]
 
@@ -118,35 +172,27 @@ class FrontSearch:
 
         Some starts choose a place for each test, all have to confirm it.
         """
-        common = self.common
-        common.run(policy)
+        episodes = self.episodes
+        episodes.run(policy)
         for _ in range(PASSES):
-            moves = [(node, at) for node, places in _places(common) for at in places]
-            rivals = [_moved(common.present, node, at) for node, at in moves]
-            gains = self._gains(rivals, common.n // SCREENED).mean(axis=1)
+            moves = [(node, at) for node, places in _places(episodes) for at in places]
+            gains = np.array([one.mean for one in episodes.gains_of_moves(moves, few=True)])
             order = [k for k in np.argsort(-gains, kind="stable").tolist() if gains[k] > 0.0]
             first = {moves[k][0]: k for k in reversed(order)}  # the best of each test
             accepted = 0
             for k in sorted(first.values(), key=order.index):
-                rival = _moved(common.present, *moves[k])
-                gain = self._gains([rival])[0]
-                if gain.mean() > SURE * gain.std() / np.sqrt(gain.size):
-                    common.run(rival)
+                (gain,) = episodes.gains_of_moves([moves[k]])
+                if gain.mean > SURE * gain.error:
+                    episodes.run(moved(episodes.present, *moves[k]))
                     accepted += 1
             if not accepted:
                 break
-        return self._checked(common.present)
-
-    def _gains(self, rivals: Sequence[TreePolicy], n: int | None = None) -> Floats:
-        """Return what each rival is worth more than the present tree, shape [rivals, n]."""
-        own = self.worth(self.common.outcome)[:n]
-        found = [self.worth(one) - own for one in self.common.outcomes(rivals, n)]
-        return np.array(found).reshape(len(rivals), own.size)
+        return self._checked(episodes.present)
 
     def _smaller(self, policy: TreePolicy) -> list[TreePolicy]:
         """Return smaller trees made of one."""
-        self.common.run(policy)
-        rivals = [*_cuts(policy), *_refitted(self.common)]
+        self.episodes.run(policy)
+        rivals = [*_cuts(policy), *_refitted(self.episodes)]
         return [one for one in map(self._checked, rivals) if one.n_leaves < policy.n_leaves]
 
 
@@ -155,9 +201,9 @@ def _inner(tree: DecisionTree) -> list[int]:
     return nodes
 
 
-def _places(common: CommonEpisodes) -> Iterator[tuple[int, list[float]]]:
+def _places(episodes: Episodes) -> Iterator[tuple[int, list[float]]]:
     """Yield inner nodes with thresholds a share of the smaller side's rows away, on both sides."""
-    tree, features = common.present.tree, common.traces.features
+    tree, features = episodes.present.tree, episodes.features
     leaves = tree.leaf_index(features)
     for node in _inner(tree):
         values = np.sort(features[_below(tree, node)[leaves], tree.feature[node]])
@@ -178,13 +224,6 @@ def _below(tree: DecisionTree, node: int) -> Booleans:
         inside[child] = inside[tree.parent[child]]
     below: Booleans = inside[tree.node_of_leaf]
     return below
-
-
-def _moved(policy: TreePolicy, node: int, at: float) -> TreePolicy:
-    """Return the tree with another threshold at a node."""
-    threshold = policy.tree.threshold.copy()
-    threshold[node] = at
-    return _with(policy, replace(policy.tree, threshold=threshold), policy.actions)
 
 
 def _with(policy: TreePolicy, tree: DecisionTree, actions: Integers) -> TreePolicy:
@@ -208,9 +247,9 @@ def _cuts(policy: TreePolicy) -> Iterator[TreePolicy]:
             yield _with(policy, *rebuild(tree, own, instead))
 
 
-def _refitted(common: CommonEpisodes) -> Iterator[TreePolicy]:
+def _refitted(episodes: Episodes) -> Iterator[TreePolicy]:
     """Yield the tree with a part fitted again to what it decided, in fewer leaves."""
-    policy, features = common.present, common.traces.features
+    policy, features = episodes.present, episodes.features
     tree = policy.tree
     leaves = tree.leaf_index(features)
     for node in _inner(tree):

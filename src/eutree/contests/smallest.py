@@ -34,6 +34,8 @@ class SmallestWithin:
         error: See ``margin``.
         episodes: Starts of the choice, and of each confirmation.
         known: Lowest and highest return of an episode; None where they are not known.
+        slack: A standard error below this share of the range of returns counts as this share: with
+            many starts, or a tree that never fails, it would else be next to nothing.
     """
 
     sizes: tuple[int, ...]
@@ -41,6 +43,7 @@ class SmallestWithin:
     error: float = 0.05
     episodes: int = 1000
     known: tuple[float, float] | None = None
+    slack: float = 0.0
 
     @property
     def most(self) -> int:
@@ -97,7 +100,7 @@ class SmallestWithin:
             if np.isnan(now[alive]).any():
                 return Heat(tuple(alive), range(n))
             mark = max(alive, key=lambda one: (float(now[one].mean()), -self.sizes[one]))
-            error = _standard_error(now[mark])
+            error = self._near(now, mark)
             alive = [one for one in alive if not _hopeless(now, mark, one, error)]
             if n >= self.episodes:
                 break
@@ -108,6 +111,11 @@ class SmallestWithin:
             if self.sizes[one] < self.sizes[mark] and float((now[one] - now[mark]).mean()) >= -error
         ]
         return mark, near
+
+    def _near(self, chosen: Table, mark: int) -> float:
+        """Return how much less than the best a tree may earn: a standard error, or the slack."""
+        low, high = seen_range(chosen, self.known)
+        return max(_standard_error(chosen[mark]), self.slack * (high - low))
 
     def _would_be_confirmed(self, now: Table, tree: int) -> bool:
         """Return whether as many more starts as are allowed would confirm a tree."""
@@ -137,7 +145,7 @@ class SmallestWithin:
         if self.margin is None:
             if np.isnan(fresh).any():
                 return Heat((0, 1), range(self.episodes))
-            near = float((fresh[1] - fresh[0]).mean()) >= -_standard_error(chosen[mark])
+            near = float((fresh[1] - fresh[0]).mean()) >= -self._near(chosen, mark)
             return Verdict(int(near), False, range(self.episodes))
         low, high = seen_range(np.concatenate([chosen.ravel(), fresh.ravel()]), self.known)
         if low == high:  # where all returns are equal nothing is known of losses

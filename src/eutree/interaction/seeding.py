@@ -29,6 +29,7 @@ class Stream(IntEnum):
     HOLD_OUT = 9
     START = 10  # random trees to start from
     COMPRESSION = 11  # races between prunings
+    FRONT = 12  # the best tree of each size at the end of a run
     GATHERING = 21  # DAgger's episodes
     VALIDATION = 22
     RACING = 31

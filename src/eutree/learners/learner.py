@@ -15,8 +15,8 @@ The loop of a run, for every method:
     whenever a policy is wanted:           learner.decisions().policy(problem)
 
 What only some learners can do is a protocol of its own, which its user checks for by
-``isinstance``: ``ChoosesStarts``, ``HasStages``, ``HasTeacher``,
-``KnowsItsModel``, ``HasPolicy``, ``HasPartition``.
+``isinstance``: ``ChoosesStarts``, ``HasStages``, ``HasTeacher``, ``KnowsItsModel``,
+``Imagines``, ``HasPolicy``, ``HasPartition``.
 """
 
 from collections.abc import Callable, Mapping
@@ -47,6 +47,7 @@ from eutree.learners.partition import Partition, Plane
 from eutree.policies import LeafStatistics, Policy, TreePolicy
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.trees import DecisionTree
+from eutree.world_model.common_chance import Rollouts
 
 Figure: TypeAlias = float | int | str | list[float] | list[int] | None
 Figures: TypeAlias = dict[str, Figure]
@@ -402,6 +403,19 @@ class KnowsItsModel(Protocol):
 
     def model_trust(self) -> ModelTrust | None:
         """Return how its world model orders the trees that were really run; None without one."""
+        ...
+
+
+@runtime_checkable
+class Imagines(Protocol):
+    """A learner with a world model in which any tree can act."""
+
+    def imagined(self, generator: np.random.Generator) -> Rollouts | None:
+        """Return where trees can be compared; None before anything is known.
+
+        Args:
+            generator: Source of all its chance.
+        """
         ...
 
 

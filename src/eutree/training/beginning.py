@@ -6,6 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
+from eutree.compression.playing import Ground
 from eutree.evaluation import Evaluation
 from eutree.interaction import GuardedEnv, episode_seed
 from eutree.interaction.seeding import Stream
@@ -62,12 +63,14 @@ class Arena:
         env: Where episodes are gathered and raced.
         evaluator: How to evaluate a frozen policy.
         play: How to play a frozen policy from some starts of an evaluation with a seed.
+        ground: How to let many frozen policies play beside each other, from starts with a seed.
         return_range: Lowest and highest return of an episode; None where they are not known.
     """
 
     env: GuardedEnv
     evaluator: Evaluator
     play: Player
+    ground: Callable[[int], Ground]
     return_range: tuple[float, float] | None = None
 
 

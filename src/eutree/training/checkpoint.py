@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eutree.arrays import Floats
+from eutree.compression.report import FrontEntry
 from eutree.errors import FormatError
 from eutree.evaluation import CurvePoint
 from eutree.files import Document, read_archive, write_archive
@@ -68,6 +69,15 @@ class PositionDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True, 
     settled: bool
     raced: bool
     judged: bool
+    fronted: bool = False
+    front_steps: Count = 0
+
+
+class FrontDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The front of a run: its trees, the largest first, and the one that was picked."""
+
+    trees: list[PolicyText]
+    picked: PolicyText
 
 
 class KeptDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -90,16 +100,23 @@ class CheckpointDocument(Document, frozen=True, kw_only=True):
     kept: KeptDocument | None = None
     result: PolicyText | None = None
     race: RaceDocument | None = None
+    earlier: list[PolicyText] = []
+    front: FrontDocument | None = None
 
 
 def write_checkpoint(path: Path, run: Run) -> None:
     """Write where a run stands, atomically."""
     kept, search, result = run.evaluations.kept, run.racing.search, run.racing.result
+    front, picked = run.evaluations.front, run.evaluations.picked
     document = CheckpointDocument(
         position=PositionDocument(**vars(run.at)),
         kept=None if kept is None else KeptDocument(PolicyText.of(kept[0]), kept[1]),
         result=None if result is None else PolicyText.of(result),
         race=None if search is None else race_to_document(search.state),
+        earlier=[PolicyText.of(one) for one in run.evaluations.earlier],
+        front=None
+        if picked is None
+        else FrontDocument([PolicyText.of(one.policy) for one in front], PolicyText.of(picked)),
     )
     events = np.frombuffer(events_to_text(run.state.events).encode(), dtype=np.uint8)
     arrays = run.learner.state() | run.gathered.state() | {_EVENTS: events}
@@ -139,12 +156,31 @@ def restore_checkpoint(path: Path, run: Run) -> None:
     run.state.events, run.gathered = events, gathered
     if document.kept is not None:
         run.evaluations.kept = document.kept.policy.policy(path), document.kept.successes
+    run.evaluations.earlier = [one.policy(path) for one in document.earlier]
+    if document.front is not None:
+        run.evaluations.picked = document.front.picked.policy(path)
+        run.evaluations.front = _front(path, events, document.front)
     if document.result is not None:
         run.racing.result = document.result.policy(path)
     if document.race is not None:
         state = race_from_document(document.race, path, len(raced))
         run.racing.search = run.new_search()
         run.racing.search.restore(state, raced)
+
+
+def _front(
+    path: Path, events: Sequence[Mapping[str, Any]], document: FrontDocument
+) -> tuple[FrontEntry, ...]:
+    """Return the front: its trees with what the log says they earned."""
+    known = [event["front"] for event in events if event["event"] == "front"]
+    trees = [one.policy(path) for one in document.trees]
+    try:
+        return tuple(
+            FrontEntry.from_facts(tree, facts)
+            for tree, facts in zip(trees, known[-1], strict=True)
+        )
+    except (IndexError, KeyError, TypeError, ValueError) as error:
+        raise FormatError(path, _EVENTS, f"a front: {error!r}") from None
 
 
 def _judgement(path: Path, event: dict[str, Any]) -> Judgement:

@@ -1,11 +1,14 @@
 """The evaluations of a run: its curve, the policy that success is kept of, and the judgement."""
 
+from eutree.compression.report import FrontEntry
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import CurvePoint, Evaluation
 from eutree.interaction import episode_seed
 from eutree.interaction.seeding import Stream
+from eutree.learners import Learner
 from eutree.policies import TreePolicy
-from eutree.training.beginning import Arena, Evaluator
+from eutree.training.beginning import Arena, Evaluator, generator_of
+from eutree.training.front import EARLIER, Extent, front_of_run
 from eutree.training.handover import Duel, judge
 from eutree.training.judging import Judgement, judged
 from eutree.training.phases import Plan
@@ -23,6 +26,9 @@ class Evaluations:
     Attributes:
         curve: Evaluations so far.
         kept: With ``keep_success`` the policy that success must not fall from, and its successes.
+        earlier: The last trees of the curve that differ, the latest last, where a front follows.
+        front: What was learned and the best tree of each size; empty before it is known.
+        picked: The tree of the front that meets the start; None without a front.
         judgement: The result against the start; None before it is known.
     """
 
@@ -32,6 +38,9 @@ class Evaluations:
         self._last: tuple[tuple[bytes, int], Evaluation] | None = None
         self.curve: list[CurvePoint] = []
         self.kept: tuple[TreePolicy, int] | None = None
+        self.earlier: list[TreePolicy] = []
+        self.front: tuple[FrontEntry, ...] = ()
+        self.picked: TreePolicy | None = None
         self.judgement: Judgement | None = None
 
     def add(self, policy: TreePolicy, evaluator: Evaluator) -> None:
@@ -50,8 +59,45 @@ class Evaluations:
             n_leaves=policy.n_leaves,
         )
         self.curve.append(point)
+        self._remember(policy)
         state.move(evaluated_at=state.at.episode)
         state.note("evaluation", vars(point) | {"mean_length": evaluation.mean_length})
+
+    def make_front(
+        self, learned: TreePolicy, first: TreePolicy, learner: Learner, arena: Arena
+    ) -> None:
+        """Find the best tree of each size, and pick one; neither where nothing was learned."""
+        plan, at, state = self._plan, self._state.at, self._state
+        state.whole = True
+        extent = None
+        ground = arena.ground(plan.seed)
+        if plan.handover is not None and key(learned) != key(first):
+            steps = plan.handover.steps_of_front(at.steps, side_by_side=ground.side_by_side)
+            extent = Extent.of(steps, at.steps / max(at.episode, 1))
+        if plan.handover is not None and extent is not None:
+            found = front_of_run(
+                [learned, *reversed(self.earlier)],
+                first,
+                learner,
+                ground,
+                extent,
+                max_leaves=plan.handover.max_leaves,
+                generator=generator_of(plan.seed, Stream.FRONT, 0),
+            )
+            self.front, self.picked = found.entries, found.picked
+        state.whole = False
+        state.move(fronted=True, front_steps=ground.steps)
+        if self.front and self.picked is not None:
+            entries = [one.facts() for one in self.front]
+            state.note("front", {"front": entries, "picked": self.picked.n_leaves})
+
+    def _remember(self, policy: TreePolicy) -> None:
+        """Keep the last few trees that differ: smaller ones are made of them at the end."""
+        handover = self._plan.handover
+        if handover is None or not handover.has_front:
+            return
+        if not self.earlier or key(self.earlier[-1]) != key(policy):
+            self.earlier = [*self.earlier, policy][-EARLIER:]
 
     def judge(self, first: TreePolicy, policy: TreePolicy, challengers: int, arena: Arena) -> None:
         """Decide whether the result or the start is handed over, on episodes that chose nothing."""

@@ -17,6 +17,7 @@ from eutree.evaluation import Evaluation
 from eutree.learners import Method
 from eutree.learners.presets import reads_the_paper
 from eutree.policies import TreePolicy
+from eutree.training.front import CHEAP_STEPS, DEAR_STEPS
 from eutree.training.judging import LEARNED, START, Judgement, judged
 from eutree.validation import check_integer, check_number
 
@@ -42,16 +43,22 @@ class Handover:
         success_margin: How much less often than the start the learned tree may succeed.
         max_leaves: Most leaves that are wanted; a start that has more is not handed over. None for
             any number.
+        front_steps: Most environment steps of the front, from which comes the tree that meets the
+            start. None for two for each step of the run, a hundred where episodes run side by side;
+            0 lets the learned tree itself meet the start.
     """
 
     episodes: int | None = None
     error: float = 0.05
     success_margin: float = 0.01
     max_leaves: int | None = None
+    front_steps: int | None = None
 
     def __post_init__(self) -> None:
         if self.episodes is not None:
             check_integer("judge_episodes", self.episodes, low=0)
+        if self.front_steps is not None:
+            check_integer("front_steps", self.front_steps, low=0)
         check_number("error", self.error, low=0.0, high=1.0, low_open=True)
         check_number("success_margin", self.success_margin, low=0.0, high=1.0)
 
@@ -59,6 +66,11 @@ class Handover:
     def judges(self) -> bool:
         """Whether the learned tree has to deserve it."""
         return self.episodes != 0
+
+    @property
+    def has_front(self) -> bool:
+        """Whether smaller trees are made of what was learned."""
+        return self.judges and self.front_steps != 0
 
     def pairs(self, gathered: int) -> int:
         """Return the most pairs of episodes after a run of so many episodes."""
@@ -70,15 +82,28 @@ class Handover:
         """Return the most steps of judging after a run of so many steps; None for no limit."""
         return None if self.episodes is not None else max(STEPS * taken, FEW_STEPS)
 
+    def steps_of_front(self, taken: int, *, side_by_side: bool) -> int:
+        """Return the most steps of the front after a run of so many steps."""
+        if self.front_steps is not None:
+            return self.front_steps
+        return taken * (CHEAP_STEPS if side_by_side else DEAR_STEPS)
+
 
 def handover_for(
-    method: Method, episodes: int | None, max_leaves: int | None, *, keep_success: bool
+    method: Method,
+    episodes: int | None,
+    max_leaves: int | None,
+    *,
+    keep_success: bool,
+    front_steps: int | None = None,
 ) -> Handover | None:
     """Return how it is decided for a method; None for the learned tree, whatever it is."""
     if episodes is None and reads_the_paper(method):
         return None
     margin = 0.0 if keep_success else Handover().success_margin
-    return Handover(episodes=episodes, success_margin=margin, max_leaves=max_leaves)
+    return Handover(
+        episodes=episodes, success_margin=margin, max_leaves=max_leaves, front_steps=front_steps
+    )
 
 
 class Duel:

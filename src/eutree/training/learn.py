@@ -9,6 +9,7 @@ from typing import Any
 
 import gymnasium
 
+from eutree.compression.playing import Ground
 from eutree.data import Demonstrations, check_rewards
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import evaluate
@@ -60,6 +61,7 @@ def learn(
     keep_success: bool = False,
     judge_episodes: int | None = None,
     return_range: tuple[float, float] | None = None,
+    front_steps: int | None = None,
     seed: int = 0,
     evaluate_every: int = 20,
     evaluation_episodes: int = 100,
@@ -116,6 +118,11 @@ def learn(
         return_range: Lowest and highest return that an episode can have, where ``env`` does not
             say so itself (``eutree.interaction.return_range``); what is said of the learned tree
             then holds without a condition, also offline.
+        front_steps: Most environment steps of the front: of what was learned the best tree of each
+            size is made, imagined where the method has a world model, and the smallest that plays
+            within one standard error of the best, and succeeds as often as the start, meets the
+            start. None takes two for each step of the run, a hundred where episodes run side by
+            side; 0 makes none.
         seed: The same seed gives the same result, byte for byte.
         evaluate_every: Episodes between two frozen evaluations.
         evaluation_episodes: Episodes of each frozen evaluation.
@@ -164,6 +171,9 @@ def learn(
     chosen = with_limit(
         remembering(choice.method, max_transitions), max_leaves, races=race_steps > 0
     )
+    handover = handover_for(
+        chosen, judge_episodes, max_leaves, keep_success=keep_success, front_steps=front_steps
+    )
     plan = Plan(
         episodes=_episodes(episodes, steps, minutes),
         steps=steps,
@@ -174,7 +184,7 @@ def learn(
         if race_steps
         else None,
         keep_success=keep_success,
-        handover=handover_for(chosen, judge_episodes, max_leaves, keep_success=keep_success),
+        handover=handover,
         seed=seed,
     )
     if demonstrations is not None and history:
@@ -232,6 +242,7 @@ def learn(
         keep_success=keep_success,
         judge_episodes=judge_episodes,
         return_range=return_range,
+        front_steps=front_steps,
     )
     listener = None if callback is None else _listener(callback, run, env)
     if out is None:
@@ -245,7 +256,7 @@ def learn(
             with _followed(run, listener, tensorboard) as follow:
                 _go_on(run, folder, clock, (follow, on_progress))
             policy, against_fit = _result(run, log)
-            folder.save_result(policy, run.learned())
+            folder.save_result(policy, run.learned(), run.evaluations.front)
     recorded_steps = 0 if demonstrations is None else sum(map(len, begin.episodes))
     return LearningResult(
         policy=policy,
@@ -263,6 +274,7 @@ def learn(
             teacher=run.at.teacher_steps,
             learning=run.at.steps - run.at.teacher_steps,
             racing=run.at.racing_steps,
+            front=run.at.front_steps,
             judging=0 if run.evaluations.judgement is None else run.evaluations.judgement.steps,
             declared=0 if teacher is None else teacher.cost,
         ),
@@ -270,6 +282,7 @@ def learn(
         against_start=run.evaluations.judgement,
         against_fit=against_fit,
         teacher=run.learner.teacher if isinstance(run.learner, HasTeacher) else None,
+        front=run.evaluations.front,
         model_trust=run.model_trust(),
         reason=choice.said(),
     )
@@ -354,6 +367,7 @@ def _arena(
         guarded,
         lambda policy, seed: evaluate(policy, env, episodes=episodes, seed=seed),
         lambda policy, starts, seed: evaluate_starts(policy, env, starts, seed=seed),
+        lambda seed: Ground(env, seed, stream=Stream.FRONT),
         returns or known_range(env),
     )
 

@@ -4,7 +4,8 @@
     update    the learner learns from what is stored (Table 1, expansion phase)
     evaluate  the frozen policy, on the same episodes each time
     race      one episode of the policy search, at the end
-    judge     the result against the start, on episodes that chose nothing
+    front     the best tree of each size, of which one is picked
+    judge     the pick against the start, on episodes that chose nothing
 
 Nothing else decides: neither the clock nor the log of events. A run that learns from recorded
 episodes alone has no gathering phase: it updates until nothing changes.
@@ -27,6 +28,7 @@ class Phase(StrEnum):
     UPDATE = "update"
     EVALUATE = "evaluate"
     RACE = "race"
+    FRONT = "front"
     JUDGE = "judge"
 
 
@@ -95,6 +97,8 @@ class Position:
         evaluated_at: Episode of the last evaluation of the present policy; -1 if there was none.
         settled: Whether the last update changed nothing.
         raced: Whether the policy search is over.
+        fronted: Whether the front was made.
+        front_steps: Environment steps that it took.
         judged: Whether the result was compared with the start.
     """
 
@@ -110,6 +114,8 @@ class Position:
     evaluated_at: int = -1
     settled: bool = False
     raced: bool = False
+    fronted: bool = False
+    front_steps: int = 0
     judged: bool = False
 
 
@@ -144,6 +150,8 @@ def due(
 def _after_the_race(plan: Plan, at: Position) -> Phase | None:
     if at.evaluated_at < at.episode:
         return Phase.EVALUATE
+    if plan.handover is not None and plan.handover.has_front and not at.fronted:
+        return None if at.judged else Phase.FRONT
     judges = plan.handover is None or plan.handover.judges
     return Phase.JUDGE if judges and not at.judged else None
 

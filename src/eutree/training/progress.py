@@ -33,7 +33,7 @@ COLUMNS = (
     "eval/n_leaves",
 )
 
-SILENT = ("request", "kept", "judgement")  # events without values over time
+SILENT = ("request", "kept", "front", "judgement")  # events without values over time
 
 _UNKNOWN = -1  # an episode of an environment that reports no success
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from eutree.compression.report import FrontEntry
 from eutree.display import Displayed
 from eutree.evaluation import CurvePoint
 from eutree.evaluation.curves import curve_to_pandas
@@ -25,6 +26,7 @@ class StepCounts:
             the network of ``distilled-dqn`` while it learned.
         learning: Taken by the learner's trees.
         racing: Taken by trees that raced.
+        front: Taken at the end by the best trees of each size.
         judging: Taken at the end by the start and the learned tree, of which one is handed over.
         declared: Those in which a teacher of your own was trained before, by its word or yours.
             They are no part of ``total``.
@@ -34,13 +36,15 @@ class StepCounts:
     teacher: int = 0
     learning: int = 0
     racing: int = 0
+    front: int = 0
     judging: int = 0
     declared: int = 0
 
     @property
     def total(self) -> int:
         """All of the run and of the demonstrations."""
-        return self.demonstrations + self.teacher + self.learning + self.racing + self.judging
+        before = self.demonstrations + self.teacher + self.learning + self.racing
+        return before + self.front + self.judging
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,9 +52,10 @@ class LearningResult(Displayed):
     """A finished learning run.
 
     Attributes:
-        policy: The policy that is handed over: the learned one, or the start where it was not shown
-            that the learned one is better, or smaller and no worse.
-        learned: The policy that was learned, also where the start is handed over.
+        policy: The policy that is handed over: the pick of the front, or what was learned where
+            there is no front; or the start where it was not shown that this one is better, or
+            smaller and no worse.
+        learned: The policy that was learned, also where another is handed over.
         first: The policy that it began with.
         expert: The expert tree it started from; None where it started from none.
         curve: Frozen evaluations along the way, the first before any learning.
@@ -63,6 +68,8 @@ class LearningResult(Displayed):
         challengers: Trees that were put to the test.
         against_start: How the learned tree did against the start, which of them is handed over and
             why; None offline, where the run stopped, and where nothing may be judged.
+        front: What was learned, and the best tree of each size that was made of it, the largest
+            first, all in the same episodes, which chose none of them; empty without a front.
         against_fit: Offline, what held-out episodes say against the tree of ``fit``, which is the
             policy unless the learned tree is believed to beat it.
         teacher: Who taught, where the method has a teacher: a policy with ``action_values``, for
@@ -85,6 +92,7 @@ class LearningResult(Displayed):
     environment_steps: StepCounts
     challengers: int = 0
     against_start: Judgement | None = None
+    front: tuple[FrontEntry, ...] = ()
     against_fit: OffPolicyComparison | None = None
     teacher: ValuingPolicy | None = None
     model_trust: ModelTrust | None = None

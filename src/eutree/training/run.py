@@ -114,6 +114,7 @@ class Run:
             Phase.UPDATE: self._update,
             Phase.EVALUATE: self._evaluate,
             Phase.RACE: self._race,
+            Phase.FRONT: self._front,
             Phase.JUDGE: self._judge,
         }[phase]()
         self.state.whole = True
@@ -129,7 +130,7 @@ class Run:
         judgement = self.evaluations.judgement
         if self.at.judged and judgement is not None and judgement.handed_over == START:
             return self.first
-        return self.learned()
+        return self.evaluations.picked or self.learned()
 
     def learned(self) -> TreePolicy:
         """Return the present policy, frozen."""
@@ -228,6 +229,11 @@ class Run:
         """Run one episode of the policy search."""
         self.racing.run(self.racing.search or self.new_search(), self._acting().env)
 
+    def _front(self) -> None:
+        """Find the best tree of each size, and pick one."""
+        self.evaluations.make_front(self.learned(), self.first, self.learner, self._acting())
+
     def _judge(self) -> None:
-        """Compare the result with the start."""
-        self.evaluations.judge(self.first, self.learned(), self.challengers, self._acting())
+        """Compare the pick with the start."""
+        picked = self.evaluations.picked or self.learned()
+        self.evaluations.judge(self.first, picked, self.challengers, self._acting())

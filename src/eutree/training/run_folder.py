@@ -8,7 +8,9 @@
     events.jsonl       one line for each thing that happened
     expert.json        the expert tree
     policy.json        the policy that is handed over
-    learned.json       the learned one, where the start is handed over
+    learned.json       the learned one, where another is handed over
+    front.csv          the best tree of each size: leaves, return, success, with intervals
+    front/             these trees
     .lock              held by the process that writes here
 
 A checkpoint is written whole or not at all, so the folder can always be resumed from the old one
@@ -17,11 +19,12 @@ or the new one. The lock is the operating system's: it ends with the process tha
 
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, ClassVar
 
+from eutree.compression.report import FrontEntry
 from eutree.errors import FormatError, InvalidArgumentError, RunFolderError
 from eutree.evaluation import curve_to_csv
 from eutree.files import (
@@ -41,6 +44,7 @@ from eutree.training.checkpoint import (
     restore_checkpoint,
     write_checkpoint,
 )
+from eutree.training.front_folder import save_front
 from eutree.training.progress import progress_to_csv
 from eutree.training.run import Run
 from eutree.validation import check_number
@@ -75,6 +79,7 @@ class ConfigDocument(Document, frozen=True, kw_only=True):
     keep_success: bool = False
     judge_episodes: int | None = None
     return_range: tuple[float, float] | None = None
+    front_steps: int | None = None
 
 
 def length_of_run(out: str | Path) -> tuple[int | None, int | None, float | None]:
@@ -182,7 +187,9 @@ class RunFolder:
             )
         return True
 
-    def save_result(self, policy: TreePolicy, learned: TreePolicy) -> None:
+    def save_result(
+        self, policy: TreePolicy, learned: TreePolicy, front: Sequence[FrontEntry]
+    ) -> None:
         """Write the policy that is handed over; beside it the learned one where it is another."""
         policy.save(self.path / "policy.json")
         beside = self.path / "learned.json"
@@ -190,6 +197,8 @@ class RunFolder:
             learned.save(beside)
         else:
             beside.unlink(missing_ok=True)
+        if front:
+            save_front(self.path, front)
 
     def _open(self, config: ConfigDocument, kind: type[Method], *, resume: bool) -> None:
         remove_orphans(self.path)

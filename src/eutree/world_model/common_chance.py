@@ -58,6 +58,11 @@ class Rollouts(ABC):
         return self._episodes.returns.size
 
     @property
+    def returns(self) -> Floats:
+        """Return of each of the policy's episodes, shape [E]; a view."""
+        return self._episodes.returns
+
+    @property
     def n_steps(self) -> int:
         """Number of steps K of the policy's episodes."""
         return int(self._episodes.first[-1])

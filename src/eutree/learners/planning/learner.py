@@ -44,6 +44,7 @@ from eutree.trees.grafting import graft
 from eutree.validation import check_integer, check_number
 from eutree.world_model import ActionTree
 from eutree.world_model.action_trees import from_decision_tree, to_decision_tree
+from eutree.world_model.common_chance import Rollouts
 
 _UNPRUNED = C45Settings(use_penalty=False, prune=False)
 _TREES = ("incumbent", "challenger", "explorer", "corrected")
@@ -265,6 +266,13 @@ class ModelPlanning:
             self._adopt(*to_decision_tree(self.plan.incumbent, self.tree.n_features))
         is_new = plan.challenger is not None and plan.challenger is not challenger
         return Update(figures={"challengers": int(is_new), "model_steps": plan.model_steps})
+
+    def imagined(self, generator: np.random.Generator) -> Rollouts | None:
+        """Return where trees can be compared in the world model of all that is stored."""
+        if not self.history.size:
+            return None
+        known = transitions_of(self.history, self.n_actions)
+        return self.method.planner.imagined(self.plan, known, generator)
 
     def decisions(self) -> Decisions:
         """Return the incumbent, with the returns to go of its own episodes."""

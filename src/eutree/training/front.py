@@ -1,0 +1,126 @@
+"""The front of a run: the best tree of each size, and which of them meets the start.
+
+From the trees that the run had last, smaller ones are made: imagined by the learner's world model
+where it has one, which costs no step, else by the decisions at stored observations. Those that
+promise most play: from some starts the best of each size is found, from others the pick, from
+others again what is said of all. Steps are few beside those of the run where they are dear.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from eutree.compression.candidates import Ladder, merged, with_locks
+from eutree.compression.costs import Costs
+from eutree.compression.episodes import Demand
+from eutree.compression.front import Front, Pick, front_among
+from eutree.compression.imagining import ImaginedCommonEpisodes
+from eutree.compression.playing import CommonEpisodes, Ground
+from eutree.compression.searching import FrontSearch
+from eutree.learners import Learner
+from eutree.learners.learner import Imagines
+from eutree.policies import TreePolicy
+from eutree.training.proposals import key
+from eutree.world_model.common_chance import Rollouts
+
+EARLIER = 3  # trees of a run that smaller ones are made of: the last, and those before it
+CHEAP_STEPS, DEAR_STEPS = 100, 2  # of playing for each step of the run: side by side, one by one
+IMAGINED = 40_000_000  # steps at most
+FEWEST, MOST = 60, 1000  # starts
+ROUNDS = 2.5  # of the starts, that all trees together play from
+EACH = 2  # trees of a size that play
+LOSES = 0.15  # of the range of returns: a size that is imagined to lose more is the last one
+ROWS = 5000  # stored observations by which a tree is cut where nothing is imagined
+
+
+@dataclass(frozen=True, kw_only=True)
+class Extent:
+    """How much a front may play.
+
+    Attributes:
+        starts: Starts of each choice.
+        trees: Most trees.
+    """
+
+    starts: int
+    trees: int
+
+    @classmethod
+    def of(cls, steps: int, length: float) -> "Extent | None":
+        """Return what so many steps of episodes of this mean length are enough for, if anything."""
+        episodes = steps / (ROUNDS * max(length, 1.0))
+        starts = int(np.clip(episodes / 24, FEWEST, MOST))
+        trees = int(episodes / starts)
+        return cls(starts=starts, trees=trees) if trees >= 2 else None
+
+
+def front_of_run(
+    trees: Sequence[TreePolicy],
+    start: TreePolicy,
+    learner: Learner,
+    ground: Ground,
+    extent: Extent,
+    *,
+    max_leaves: int | None,
+    generator: np.random.Generator,
+) -> Front:
+    """Return the front of a run; the pick is never None.
+
+    Args:
+        trees: What was learned, then what was learned before.
+        start: What the run began with: the pick does not succeed less often.
+        learner: Imagines, where it can, and knows what was seen.
+        ground: Where trees play.
+        extent: How much.
+        max_leaves: Most leaves of the pick; None for any number.
+        generator: Source of all chance that is not of an episode.
+    """
+    learned = trees[0]
+
+    def checked(one: TreePolicy) -> TreePolicy:
+        return with_locks(merged(one), learned)
+
+    rollouts = learner.imagined(generator) if isinstance(learner, Imagines) else None
+    least = LOSES if max_leaves is None else 1.0
+    if rollouts is not None:
+        found = _imagined(trees, rollouts, checked, least)
+    else:
+        found = _by_labels(learned, learner, checked)
+    demand = Demand(margin=0.0, error=0.05, episodes=extent.starts)
+    pick = Pick(demand, max_leaves=max_leaves, floor=start)
+    common = CommonEpisodes(ground, extent.starts)
+    return front_among(learned, _few([checked(learned), *found], extent.trees), common, pick)
+
+
+def _imagined(
+    trees: Sequence[TreePolicy],
+    rollouts: Rollouts,
+    checked: Callable[[TreePolicy], TreePolicy],
+    loses: float,
+) -> list[TreePolicy]:
+    """Return the best trees of each size in a world model, the largest first."""
+    search = FrontSearch(trees, ImaginedCommonEpisodes(rollouts), IMAGINED, checked)
+    search.run(2, loses=loses)
+    return [
+        one for _, found in sorted(search.found.items(), reverse=True) for one in found[:EACH]
+    ]
+
+
+def _by_labels(
+    learned: TreePolicy, learner: Learner, checked: Callable[[TreePolicy], TreePolicy]
+) -> list[TreePolicy]:
+    """Return the trees that decide most like the learned one, the largest first."""
+    seen = learner.history.observations
+    if len(seen) == 0 or seen.shape[1] != learned.tree.n_features:
+        return []
+    costs = Costs.of(learned, seen[:: len(seen) // ROWS + 1], "visits")
+    return [checked(one) for one in reversed(Ladder(learned, costs).rungs())]
+
+
+def _few(trees: Sequence[TreePolicy], most: int) -> list[TreePolicy]:
+    """Return trees that differ, at most so many: the first, and others spread evenly."""
+    distinct = list({key(one): one for one in trees}.values())
+    if len(distinct) <= most:
+        return distinct
+    return [distinct[k] for k in np.linspace(0, len(distinct) - 1, most).astype(int)]
