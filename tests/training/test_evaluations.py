@@ -35,7 +35,7 @@ class Evaluator:
 
 
 def arena_of(evaluator):
-    return Arena(None, evaluator, lambda policy, starts, seed: evaluator(policy, seed))
+    return Arena(None, evaluator, lambda policy, starts, seed: evaluator(policy, seed), None)
 
 
 def test_a_policy_evaluated_twice_in_a_row_runs_once_on_the_same_episodes() -> None:

@@ -4,6 +4,7 @@ import logging
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from eutree.cli._front import drawn
 from eutree.cli._going_on import keep
 from eutree.cli._output import Output, ProgressLine
 from eutree.wording import counted
@@ -102,6 +103,7 @@ def as_values(
             "teacher": steps.teacher,
             "learning": steps.learning,
             "racing": steps.racing,
+            "front": steps.front,
             "judging": steps.judging,
             "total": steps.total,
             "declared": steps.declared,
@@ -111,6 +113,7 @@ def as_values(
         "handed_over": "learned" if judgement is None else judgement.handed_over,
         "why": "" if judgement is None else judgement.why,
         "against_start": None if judgement is None else judgement.facts(),
+        "front": _front(result, out),
         "against_fit": None if result.against_fit is None else result.against_fit.facts(),
         "against": None if rivalry is None else rivalry.facts(),
         "model_trust": None if result.model_trust is None else result.model_trust.figures(),
@@ -157,8 +160,19 @@ def in_words(
         )
     judgement = result.against_start
     verdict = "" if judgement is None else judgement.verdict()
-    rest = [verdict, "" if rivalry is None else rivalry.all_lines()]
+    picked = None if result.picked is None else result.picked.n_leaves
+    front = drawn(result.front, "learned", picked).rstrip()
+    rest = [front, verdict, "" if rivalry is None else rivalry.all_lines()]
     return "\n".join([f"{words}; written to {out}", *filter(None, rest)])
+
+
+def _front(result: "LearningResult", out: Path) -> list[dict[str, Any]]:
+    """Return the front in JSON's types, each tree with its file."""
+    from eutree.training.front_folder import names_of
+
+    front = result.front
+    names = names_of(front) if front else []
+    return [one.facts(str(out / name)) for one, name in zip(front, names, strict=True)]
 
 
 def _against_start(result: "LearningResult") -> str:

@@ -9,6 +9,7 @@ import numpy as np
 
 from eutree.cli._cluster import cluster, workers_options
 from eutree.cli._controllers import Rival, against_option
+from eutree.cli._front import drawn
 from eutree.cli._help import Helped
 from eutree.cli._options import (
     count_option,
@@ -170,7 +171,7 @@ def compress(
             "against": None if rivalry is None else rivalry.facts(),
             "path": str(out),
         },
-        f"{small}\n{_drawn(report)}{_in_words(report, len(observations))}{unplayed}; "
+        f"{small}\n{drawn(report.front, 'start')}{_in_words(report, len(observations))}{unplayed}; "
         f"written to {out}" + ("" if rivalry is None else f"\n{rivalry.all_lines()}"),
     )
 
@@ -226,25 +227,6 @@ def _front_written(report: "CompressionReport", folder: Path | None) -> list[str
     for one, path in zip(report.front, paths, strict=True):
         one.policy.save(path)
     return [str(path) for path in paths]
-
-
-def _drawn(report: "CompressionReport") -> str:
-    """Return the front as lines of the terminal: leaves, return with interval, success."""
-    if not report.front:
-        return ""
-    best = max(one.mean_return for one in report.front)
-    least = min(one.mean_return for one in report.front)
-    lines = ["leaves  return [95 %]                 success"]
-    for number, one in enumerate(report.front):
-        low, high = one.return_interval
-        width = round(20 * (one.mean_return - least) / ((best - least) or 1.0))
-        success = "" if one.success_rate is None else f"{one.success_rate:.1%}"
-        mark = "  start" if number == 0 else ""
-        earned = f"{one.mean_return:.2f} [{low:.2f}, {high:.2f}]"
-        lines.append(
-            f"{one.policy.n_leaves:>6}  {earned:<28}  {success:>6}  {'#' * width}{mark}".rstrip()
-        )
-    return "\n".join(lines) + "\n"
 
 
 def _experience(

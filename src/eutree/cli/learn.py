@@ -95,6 +95,9 @@ if TYPE_CHECKING:
 @click.option("--return-range", type=float, nargs=2, metavar="LOW HIGH",
               help="Lowest and highest return of an episode, where the environment does not say "
               "it, and --offline.")  # fmt: skip
+@count_option("--front-steps", None, "Most steps in which the best tree of each size plays at the "
+              "end; by default 2 for each step of the run, 100 where episodes run side by side. "
+              "0: none.", least=0)  # fmt: skip
 @count_option("--max-transitions", None, "Most transitions to remember; by default all.")
 @click.option("--offline", is_flag=True, help="Learn from the demonstrations alone.")
 @click.option(

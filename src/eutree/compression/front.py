@@ -24,7 +24,7 @@ STARTS, STEPS = 1000, 60_000_000  # of each size, and steps of all, where episod
 FEW_STARTS, FEW_STEPS = 60, 1_500_000  # where they run one by one
 PER_START = 800  # episodes of a search for each start, about
 LOSES = 0.1  # of the range of returns: a size that loses more ends the search
-SLACK = 0.005  # of the range of returns: what is not more is no difference
+SLACK = 0.01  # of the range of returns: what is not more is no difference
 SUCCESS = 0.01  # that a tree may succeed less often
 CONTEST, REPORT = 2**40, 2**41  # first starts
 

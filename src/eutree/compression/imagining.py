@@ -12,7 +12,7 @@ from eutree.world_model import ActionTree
 from eutree.world_model.action_trees import from_decision_tree
 from eutree.world_model.common_chance import Gain, Rollouts
 
-ROWS = 4000  # that thresholds are placed by, and parts fitted to
+ROWS = 2000  # that thresholds are placed by, and parts fitted to
 
 
 class ImaginedCommonEpisodes:
@@ -30,6 +30,7 @@ class ImaginedCommonEpisodes:
     def __init__(self, rollouts: Rollouts) -> None:
         self._rollouts = rollouts
         self._scale: float | None = None
+        self._known: dict[bytes, Gain] = {}  # of trees beside the present one
 
     @property
     def features(self) -> Floats:
@@ -60,6 +61,7 @@ class ImaginedCommonEpisodes:
     def run(self, tree: TreePolicy) -> None:
         """Let a tree run from the present starts."""
         self.present = tree
+        self._known.clear()
         self._rollouts.run(acting(tree))
         if self._scale is None:
             self._scale = float(np.ptp(self._rollouts.returns))
@@ -74,7 +76,7 @@ class ImaginedCommonEpisodes:
             few: Not used: an episode is given up as soon as its tree is hopeless.
             above: Hopeless is what comes to less.
         """
-        return [self._rollouts.gain(acting(one), hopeless=above) for one in rivals]
+        return [self._gain(one, above) for one in rivals]
 
     def gains_of_moves(self, moves: Sequence[Move], *, few: bool = False) -> list[Gain]:
         """Return what moved thresholds, each alone, are imagined to earn more."""
@@ -87,6 +89,13 @@ class ImaginedCommonEpisodes:
             threshold[node] = at
             found.append(self._rollouts.gain(present._replace(threshold=threshold), hopeless=0.0))
         return found
+
+    def _gain(self, rival: TreePolicy, above: float) -> Gain:
+        tree = rival.tree
+        known = tree.feature.tobytes() + tree.threshold.tobytes() + rival.actions.tobytes()
+        if known not in self._known:
+            self._known[known] = self._rollouts.gain(acting(rival), hopeless=above)
+        return self._known[known]
 
 
 def acting(policy: TreePolicy) -> ActionTree:

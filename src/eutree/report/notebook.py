@@ -17,6 +17,7 @@ from eutree.export.svg import STYLE
 from eutree.inspection import Edited
 from eutree.policies import TreePolicy
 from eutree.report.chart import Series, chart
+from eutree.report.front import front_in_words
 from eutree.report.html import asset
 from eutree.training import LearningResult
 from eutree.wording import counted
@@ -80,6 +81,8 @@ def _(result: LearningResult) -> str:
         "start": result.start,
         "experience": f"{result.episodes:,} episodes, {result.steps:,} steps",
         "last evaluation": result.curve[-1].describe() if result.curve else "",
+        "handed over": "" if result.against_start is None else result.against_start.verdict(),
+        "smaller trees": front_in_words(result.front),
     }
     charts = f'<div class="charts">{"".join(_charts(result))}</div>' if result.curve else ""
     return _piece("Learning result", _facts(facts), charts, _drawn(result.policy))

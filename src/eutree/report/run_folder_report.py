@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from eutree.compression.report import FrontEntry
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.files import read_bytes
 from eutree.learners.model_trust import ModelTrust
@@ -23,6 +24,7 @@ _FILES = (
     ("the policy", "policy.json"),
     ("how the run was started", "config.json"),
     ("its frozen evaluations", "curve.csv"),
+    ("the best tree of each size", "front.csv"),
     ("what happened", "events.jsonl"),
 )
 
@@ -73,6 +75,7 @@ def _report(path: Path, config: Event, events: Sequence[Event]) -> RunReport:
         judgement = Judgement.from_facts(judged[-1])
         sentences = judgement.describe("the tree that it started from"), judgement.verdict()
         verdict = " ".join(f"{one[0].upper()}{one[1:]}." for one in sentences if one)
+    front, picked = _front(path, events)
     return RunReport(
         title=f"{path.resolve().name}: {config['method']['name']} in {config['environment']}",
         curves=_curves(events, taught),
@@ -83,8 +86,21 @@ def _report(path: Path, config: Event, events: Sequence[Event]) -> RunReport:
         files=[(label, name) for label, name in _FILES if (path / name).exists()],
         notes=notes,
         partitions=drawings(path / DRAWINGS),
+        front=front,
+        picked=picked,
         trust=_trust(events),
     )
+
+
+def _front(path: Path, events: Sequence[Event]) -> tuple[list[FrontEntry], int | None]:
+    """Return the front of a run whose trees are there, and the leaves of the pick."""
+    known = [event for event in events if event["event"] == "front"]
+    if not known or not (path / "front").is_dir():
+        return [], None
+    names = ["learned", *(str(int(facts["n_leaves"])) for facts in known[-1]["front"][1:])]
+    trees = [TreePolicy.load(path / "front" / f"{name}.json") for name in names]
+    pairs = zip(trees, known[-1]["front"], strict=True)
+    return [FrontEntry.from_facts(*pair) for pair in pairs], int(known[-1]["picked"])
 
 
 def _last_evaluation(events: Sequence[Event]) -> list[str]:

@@ -11,12 +11,14 @@ from urllib.parse import quote
 import numpy as np
 
 from eutree.arrays import Floats
+from eutree.compression.report import FrontEntry
 from eutree.export import to_svg
 from eutree.export.svg import STYLE
 from eutree.learners.model_trust import ModelTrust
 from eutree.policies import TreePolicy
 from eutree.report.changes import LeafChange
 from eutree.report.chart import Series, action_legend, chart, legend, scatter
+from eutree.report.front import front_section
 from eutree.report.head import Verdict, head
 from eutree.report.html import as_json, asset, base_style, page
 from eutree.report.tree_data import SIZE_LIMIT, add_pictures, tree_data
@@ -97,6 +99,8 @@ class RunReport:
             episode, mean, low and high. A success rate is shown as a percentage.
         tables: Tables by title.
         partitions: Drawings of the partition while it grew: a caption and SVG text each.
+        front: What was learned and the best tree of each size, the largest first.
+        picked: Leaves of the tree of the front that was picked; None for none.
         trust: What the world model imagined of trees, and what they really earned.
         trees: Policies to draw, with a caption each; folded.
         texts: Further texts, such as source code, by title; folded.
@@ -112,6 +116,8 @@ class RunReport:
     curves: Mapping[str, Series] = field(default_factory=dict)
     tables: Mapping[str, Table] = field(default_factory=dict)
     partitions: Sequence[tuple[str, str]] = ()
+    front: Sequence[FrontEntry] = ()
+    picked: int | None = None
     trust: ModelTrust | None = None
     trees: Mapping[str, TreePolicy] = field(default_factory=dict)
     texts: Mapping[str, str] = field(default_factory=dict)
@@ -136,6 +142,9 @@ def run_page(report: RunReport, *, size_limit: int = SIZE_LIMIT) -> str:
         else "",
         _section("Partition", _partitions(report)) if report.partitions else "",
         *(_section(title, _table(table)) for title, table in report.tables.items()),
+        _section("Smaller trees", front_section(report.front, report.picked), "front")
+        if report.front
+        else "",
         _folds(report),
         _section("Files", _files(report)) if report.files else "",
     ]

@@ -100,7 +100,7 @@ class CheckpointDocument(Document, frozen=True, kw_only=True):
     kept: KeptDocument | None = None
     result: PolicyText | None = None
     race: RaceDocument | None = None
-    earlier: list[PolicyText] = []
+    earlier: tuple[PolicyText, ...] = ()
     front: FrontDocument | None = None
 
 
@@ -113,7 +113,7 @@ def write_checkpoint(path: Path, run: Run) -> None:
         kept=None if kept is None else KeptDocument(PolicyText.of(kept[0]), kept[1]),
         result=None if result is None else PolicyText.of(result),
         race=None if search is None else race_to_document(search.state),
-        earlier=[PolicyText.of(one) for one in run.evaluations.earlier],
+        earlier=tuple(PolicyText.of(one) for one in run.evaluations.earlier),
         front=None
         if picked is None
         else FrontDocument([PolicyText.of(one.policy) for one in front], PolicyText.of(picked)),
@@ -176,8 +176,7 @@ def _front(
     trees = [one.policy(path) for one in document.trees]
     try:
         return tuple(
-            FrontEntry.from_facts(tree, facts)
-            for tree, facts in zip(trees, known[-1], strict=True)
+            FrontEntry.from_facts(tree, facts) for tree, facts in zip(trees, known[-1], strict=True)
         )
     except (IndexError, KeyError, TypeError, ValueError) as error:
         raise FormatError(path, _EVENTS, f"a front: {error!r}") from None

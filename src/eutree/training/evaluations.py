@@ -66,12 +66,12 @@ class Evaluations:
     def make_front(
         self, learned: TreePolicy, first: TreePolicy, learner: Learner, arena: Arena
     ) -> None:
-        """Find the best tree of each size, and pick one; neither where nothing was learned."""
+        """Find the best tree of each size, and pick one; neither where steps are too few."""
         plan, at, state = self._plan, self._state.at, self._state
         state.whole = True
         extent = None
         ground = arena.ground(plan.seed)
-        if plan.handover is not None and key(learned) != key(first):
+        if plan.handover is not None:
             steps = plan.handover.steps_of_front(at.steps, side_by_side=ground.side_by_side)
             extent = Extent.of(steps, at.steps / max(at.episode, 1))
         if plan.handover is not None and extent is not None:

@@ -102,9 +102,7 @@ def _imagined(
     """Return the best trees of each size in a world model, the largest first."""
     search = FrontSearch(trees, ImaginedCommonEpisodes(rollouts), IMAGINED, checked)
     search.run(2, loses=loses)
-    return [
-        one for _, found in sorted(search.found.items(), reverse=True) for one in found[:EACH]
-    ]
+    return [one for _, found in sorted(search.found.items(), reverse=True) for one in found[:EACH]]
 
 
 def _by_labels(

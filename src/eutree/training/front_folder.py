@@ -7,9 +7,10 @@ from pathlib import Path
 
 from eutree.compression.report import FrontEntry
 from eutree.files import make_folder, write_text
+from eutree.policies import TreePolicy
 
 COLUMNS = ("tree", "n_leaves", "mean_return", "return_low", "return_high", "success_rate",
-           "success_low", "success_high")  # fmt: skip
+           "success_low", "success_high", "picked")  # fmt: skip
 
 
 def names_of(front: Sequence[FrontEntry]) -> list[str]:
@@ -17,17 +18,18 @@ def names_of(front: Sequence[FrontEntry]) -> list[str]:
     return ["front/learned.json", *(f"front/{one.policy.n_leaves}.json" for one in front[1:])]
 
 
-def save_front(folder: Path, front: Sequence[FrontEntry]) -> None:
+def save_front(folder: Path, front: Sequence[FrontEntry], picked: TreePolicy | None) -> None:
     """Write the trees of a front, and the table of what they earned."""
     make_folder(folder / "front")
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(COLUMNS)
-    for name, one in zip(names_of(front), front, strict=True):
+    for number, (name, one) in enumerate(zip(names_of(front), front, strict=True)):
         one.policy.save(folder / name)
         success = ("", "") if one.success_interval is None else one.success_interval
         rate = "" if one.success_rate is None else one.success_rate
-        table.writerow(
-            (name, one.policy.n_leaves, one.mean_return, *one.return_interval, rate, *success)
-        )
+        size = one.policy.n_leaves
+        is_picked = number > 0 and picked is not None and size == picked.n_leaves
+        row = (name, size, one.mean_return, *one.return_interval, rate, *success, int(is_picked))
+        table.writerow(row)
     write_text(folder / "front.csv", text.getvalue())

@@ -171,9 +171,6 @@ def learn(
     chosen = with_limit(
         remembering(choice.method, max_transitions), max_leaves, races=race_steps > 0
     )
-    handover = handover_for(
-        chosen, judge_episodes, max_leaves, keep_success=keep_success, front_steps=front_steps
-    )
     plan = Plan(
         episodes=_episodes(episodes, steps, minutes),
         steps=steps,
@@ -184,7 +181,9 @@ def learn(
         if race_steps
         else None,
         keep_success=keep_success,
-        handover=handover,
+        handover=handover_for(
+            chosen, judge_episodes, max_leaves, keep_success=keep_success, front_steps=front_steps
+        ),
         seed=seed,
     )
     if demonstrations is not None and history:
@@ -256,7 +255,7 @@ def learn(
             with _followed(run, listener, tensorboard) as follow:
                 _go_on(run, folder, clock, (follow, on_progress))
             policy, against_fit = _result(run, log)
-            folder.save_result(policy, run.learned(), run.evaluations.front)
+            folder.save_result(policy, run.learned(), run.evaluations.front, run.evaluations.picked)
     recorded_steps = 0 if demonstrations is None else sum(map(len, begin.episodes))
     return LearningResult(
         policy=policy,
@@ -283,6 +282,7 @@ def learn(
         against_fit=against_fit,
         teacher=run.learner.teacher if isinstance(run.learner, HasTeacher) else None,
         front=run.evaluations.front,
+        picked=run.evaluations.picked,
         model_trust=run.model_trust(),
         reason=choice.said(),
     )

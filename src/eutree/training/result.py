@@ -70,6 +70,7 @@ class LearningResult(Displayed):
             why; None offline, where the run stopped, and where nothing may be judged.
         front: What was learned, and the best tree of each size that was made of it, the largest
             first, all in the same episodes, which chose none of them; empty without a front.
+        picked: The tree of the front that met the start; None without a front.
         against_fit: Offline, what held-out episodes say against the tree of ``fit``, which is the
             policy unless the learned tree is believed to beat it.
         teacher: Who taught, where the method has a teacher: a policy with ``action_values``, for
@@ -93,6 +94,7 @@ class LearningResult(Displayed):
     challengers: int = 0
     against_start: Judgement | None = None
     front: tuple[FrontEntry, ...] = ()
+    picked: TreePolicy | None = None
     against_fit: OffPolicyComparison | None = None
     teacher: ValuingPolicy | None = None
     model_trust: ModelTrust | None = None

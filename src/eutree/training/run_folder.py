@@ -188,7 +188,11 @@ class RunFolder:
         return True
 
     def save_result(
-        self, policy: TreePolicy, learned: TreePolicy, front: Sequence[FrontEntry]
+        self,
+        policy: TreePolicy,
+        learned: TreePolicy,
+        front: Sequence[FrontEntry],
+        picked: TreePolicy | None,
     ) -> None:
         """Write the policy that is handed over; beside it the learned one where it is another."""
         policy.save(self.path / "policy.json")
@@ -198,7 +202,7 @@ class RunFolder:
         else:
             beside.unlink(missing_ok=True)
         if front:
-            save_front(self.path, front)
+            save_front(self.path, front, picked)
 
     def _open(self, config: ConfigDocument, kind: type[Method], *, resume: bool) -> None:
         remove_orphans(self.path)

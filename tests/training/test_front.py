@@ -1,0 +1,160 @@
+"""The front at the end of a run: the best tree of each size, the pick, and what is kept of them."""
+
+import json
+from dataclasses import replace
+
+import gymnasium
+import pytest
+
+import eutree
+from eutree.contests import SmallestWithin, new_table
+from eutree.policies import TreePolicy
+from eutree.report.run_folder_report import report_of_run
+from eutree.report.run_page import run_page
+from eutree.training.front import FEWEST, MOST, Extent
+from eutree.training.handover import Handover
+from eutree.training.phases import Phase, Plan, Position, due
+from eutree.world_model.action_trees import from_decision_tree
+from tests.compression.policies import random_policy
+
+OPTIONS = {"episodes": 60, "evaluate_every": 20, "evaluation_episodes": 10, "seed": 3}
+
+
+@pytest.fixture(scope="module")
+def env():
+    return gymnasium.make("eutree/Evasion2-v0")
+
+
+@pytest.fixture(scope="module")
+def shown(env):
+    return eutree.record(env, eutree.experts.wait_at_crossing, episodes=8, seed=3)
+
+
+@pytest.fixture(scope="module")
+def folder(env, shown, tmp_path_factory):
+    """A run and its folder."""
+    path = tmp_path_factory.mktemp("front") / "run"
+    return eutree.learn(env, demonstrations=shown, out=path, **OPTIONS), path
+
+
+def same(one, other):
+    return one.to_bytes() == other.to_bytes()
+
+
+def test_a_run_ends_with_the_best_tree_of_each_size(folder):
+    result, _path = folder
+    sizes = [one.policy.n_leaves for one in result.front]
+    assert sizes[0] == result.learned.n_leaves
+    assert sizes[1:] == sorted(set(sizes[1:]), reverse=True)
+    assert len(sizes) > 3
+    assert any(same(result.picked, one.policy) for one in result.front)
+    assert result.environment_steps.front > 0
+    assert result.environment_steps.total > result.environment_steps.front
+    assert result.policy in (result.first, result.picked)
+
+
+def test_it_is_kept_with_its_trees(folder):
+    result, path = folder
+    rows = (path / "front.csv").read_text().splitlines()
+    assert len(rows) == len(result.front) + 1
+    assert sum(row.endswith(",1") for row in rows) == 1
+    for row, one in zip(rows[1:], result.front, strict=True):
+        name, n_leaves, *_ = row.split(",")
+        assert int(n_leaves) == one.policy.n_leaves
+        assert same(TreePolicy.load(path / name), one.policy)
+    events = [json.loads(line) for line in (path / "events.jsonl").read_text().splitlines()]
+    assert [event["event"] for event in events][-2:] == ["front", "judgement"]
+
+
+def test_the_page_walks_along_it(folder):
+    result, path = folder
+    page = run_page(report_of_run(path))
+    assert page.count('<details name="front">') == len(result.front)
+    assert "the pick" in page
+    assert "fewer leaves; another action on" in page
+
+
+def test_the_same_seed_makes_the_same_front_and_without_it_the_same_tree_is_learned(
+    env, shown, folder
+):
+    result, _ = folder
+    again = eutree.learn(env, demonstrations=shown, **OPTIONS)
+    assert again.front == result.front or all(
+        same(one.policy, other.policy) and one.mean_return == other.mean_return
+        for one, other in zip(again.front, result.front, strict=True)
+    )
+    assert same(again.policy, result.policy)
+    without = eutree.learn(env, demonstrations=shown, front_steps=0, **OPTIONS)
+    assert same(without.learned, result.learned)
+    assert without.front == ()
+    assert without.environment_steps.front == 0
+
+
+def test_a_run_stopped_before_its_front_goes_on_to_the_same_one(env, shown, folder, tmp_path):
+    result, whole = folder
+    options = OPTIONS | {"demonstrations": shown, "out": tmp_path / "run"}
+    stopped = []
+
+    def stop():
+        return bool(stopped)
+
+    def follow(run):
+        if run.phase is Phase.EVALUATE and run.episode == OPTIONS["episodes"]:
+            stopped.append(True)
+
+    eutree.learn(env, stop=stop, on_progress=follow, checkpoint_seconds=0, **options)
+    assert not (tmp_path / "run" / "front.csv").exists()
+    again = eutree.learn(env, resume=True, **options)
+    for name in ("front.csv", "policy.json", "events.jsonl"):
+        assert (tmp_path / "run" / name).read_bytes() == (whole / name).read_bytes()
+    assert same(again.picked, result.picked)
+    # and once more, from a folder that is whole
+    more = eutree.learn(env, resume=True, **options)
+    assert [one.mean_return for one in more.front] == [one.mean_return for one in result.front]
+
+
+def test_the_most_leaves_that_are_wanted_are_kept(env, shown):
+    result = eutree.learn(env, demonstrations=shown, max_leaves=4, **OPTIONS)
+    assert result.policy.n_leaves <= 4
+
+
+def test_the_front_comes_before_the_judgement_and_only_where_something_is_judged():
+    plan = Plan(episodes=1, handover=Handover())
+    at = Position(episode=1, updated_at=1, evaluated_at=1)
+    asked = {"gathering_episodes": 1, "max_episode_steps": 10}
+    assert due(plan, at, **asked) is Phase.FRONT
+    assert due(plan, replace(at, fronted=True), **asked) is Phase.JUDGE
+    for handover in (None, Handover(episodes=0), Handover(front_steps=0)):
+        assert due(replace(plan, handover=handover), at, **asked) is not Phase.FRONT
+
+
+def test_steps_that_are_dear_let_few_trees_play_and_too_few_none():
+    assert Extent.of(10**8, 20.0).starts == MOST
+    few = Extent.of(20_000, 20.0)
+    assert (few.starts, few.trees < 10) == (FEWEST, True)
+    assert Extent.of(1_000, 20.0) is None
+
+
+def test_what_is_not_more_than_the_slack_is_no_difference():
+    """The best never varies, so its standard error is 0: one step of the range is nothing."""
+    table = new_table(2, 4 * 32)
+    table[0], table[1] = 10.0, 9.95
+    table[0, 0], table[1, 0] = 0.0, -0.05
+    rule = {"sizes": (5, 3), "episodes": 32}
+    tight = SmallestWithin(**rule).next(table[:, 1:] + 0.0 * table[:, 1:])
+    assert tight.winner == 0
+    assert SmallestWithin(slack=0.01, **rule).next(table).winner == 1
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_what_a_world_model_runs_of_a_tree_is_that_tree(seed):
+    from eutree.compression.candidates import merged
+    from eutree.compression.imagining import acting
+
+    policy = merged(random_policy(seed, 12, n_actions=3))
+    quick, slow = acting(policy), from_decision_tree(policy.tree, policy.actions)
+    inner = slow.feature >= 0
+    assert (quick.feature == slow.feature).all()
+    for name in ("threshold", "left", "right"):
+        assert (getattr(quick, name)[inner] == getattr(slow, name)[inner]).all()
+    assert (quick.action[~inner] == slow.action[~inner]).all()
