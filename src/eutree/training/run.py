@@ -114,8 +114,8 @@ class Run:
             Phase.UPDATE: self._update,
             Phase.EVALUATE: self._evaluate,
             Phase.RACE: self._race,
-            Phase.FRONT: self._front,
-            Phase.JUDGE: self._judge,
+            Phase.FRONT: self._end,
+            Phase.JUDGE: self._end,
         }[phase]()
         self.state.whole = True
         self._take_time()
@@ -229,11 +229,11 @@ class Run:
         """Run one episode of the policy search."""
         self.racing.run(self.racing.search or self.new_search(), self._acting().env)
 
-    def _front(self) -> None:
-        """Find the best tree of each size, and pick one."""
-        self.evaluations.make_front(self.learned(), self.first, self.learner, self._acting())
-
-    def _judge(self) -> None:
-        """Compare the pick with the start."""
-        picked = self.evaluations.picked or self.learned()
-        self.evaluations.judge(self.first, picked, self.challengers, self._acting())
+    def _end(self) -> None:
+        """Find the best tree of each size, and pick one; or compare the pick with the start."""
+        first, learned, arena = self.first, self.learned(), self._acting()
+        if self.phase is Phase.FRONT:
+            self.evaluations.make_front(learned, first, self.learner, arena)
+        else:
+            picked = self.evaluations.picked or learned
+            self.evaluations.judge(first, picked, self.challengers, arena)
