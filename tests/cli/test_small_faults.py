@@ -1,10 +1,12 @@
 """Small faults that new users met, each with the command line that showed it."""
 
+import json
 import os
 import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -111,6 +113,16 @@ def test_learning_from_a_log_does_not_speak_of_no_episodes(eutree, demonstration
     said = " ".join(answer.out.split())
     assert "8 recorded episodes, none of its own" in said
     assert "0 steps" not in said
+
+
+def test_learning_from_a_log_takes_the_range_of_returns(eutree, demonstrations):
+    line = ("learn", "--demos", demonstrations, "--offline", "--episodes", 1, "--out", "run")
+    answer = eutree(*line, "--return-range", 5, -5)
+    assert answer.code == 2
+    assert "return_range must be the lowest and the highest of a finite range" in answer.err
+    answer = eutree(*line, "--return-range", -100, 100, "--json")
+    assert answer.json["against_fit"]["believed"] is False
+    assert json.loads(Path("run/config.json").read_text())["return_range"] == [-100.0, 100.0]
 
 
 @pytest.mark.parametrize("command", ["learn", "fit", "compress", "record"])

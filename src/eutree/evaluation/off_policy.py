@@ -5,7 +5,7 @@ of whole episodes do not depend on each other. Their mean is bounded from below 
 (:mod:`eutree.contests.betting`): where the range of returns is known, the bound is above the truth
 in at most 5 % of all logs, however rare the losses. Where it is not known that of the whole log
 stands for it, the sentence says so, and nothing is believed of actions that the log shows less than
-100 times where the trees differ.
+300 times where the trees differ.
 
 Single deviations say little of a tree that goes where nobody stayed. So where they speak, the tree
 must also earn more in a world model of the episodes that it was learned from, in paired rollouts
@@ -21,6 +21,7 @@ import numpy as np
 
 from eutree.contests import Bounds
 from eutree.contests.betting import lower_bound, tuned_stake
+from eutree.contests.rules import BLIND
 from eutree.data import Episode
 from eutree.evaluation.log_cuts import cuts
 from eutree.evaluation.log_gains import Gains, Log
@@ -31,7 +32,6 @@ from eutree.world_model.action_trees import from_decision_tree
 
 FEWEST_HELD_OUT = 4  # episodes; below that no difference is believed
 HELD_OUT = 1 / 3  # share of the episodes
-BLIND = 100  # steps at which a tree must have been followed where the range is not known
 ROLLOUTS = 200
 # Of a whole episode. Heavier ones say next to nothing, but what they say needs no condition.
 MOST_WEIGHT, MOST_WEIGHT_KNOWN = 20.0, 1000.0  # the second where the range of returns is known
