@@ -160,7 +160,7 @@ def report(lines: list[str], options: argparse.Namespace) -> str:
 command: python benchmarks/offline_claims.py
 commit: {commit}
 date: {today}
-sources: benchmarks/offline_claims.py src/eutree/evaluation/off_policy.py src/eutree/contests
+sources: benchmarks/offline_claims.py src/eutree/evaluation src/eutree/contests
 ---
 
 # How often what is said of a tree learned from a log is wrong
