@@ -80,6 +80,15 @@ def test_the_smallest_near_the_best_is_what_its_twin_says(seed, n_trees, episode
     follow(rule, twin, n_trees, world(seed, n_trees, 0.1, 1e-6))
 
 
+def test_a_choice_is_the_smallest_near_the_best():
+    luck = np.resize([-10.0, 10.0], 100)  # a standard error of 1
+    table = np.stack([luck + mean for mean in (5.0, 4.5, 4.2, 0.0)])
+    assert SmallestWithin(sizes=(20, 12, 9, 2), episodes=100).choice(table) == 2
+    assert SmallestWithin(sizes=(2, 12, 9, 20), episodes=100).choice(table) == 0
+    with pytest.raises(ValueError, match="100 returns of each tree"):
+        SmallestWithin(sizes=(20, 12, 9, 2), episodes=100).choice(table[:, :90] * np.nan)
+
+
 @settings(max_examples=30, deadline=None)
 @given(seed=seeds, n=st.integers(1, 40))
 def test_the_wealth_is_that_of_the_twin_after_every_value(seed, n):

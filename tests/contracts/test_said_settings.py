@@ -64,8 +64,7 @@ SAID = {
         f"acts for at least {plans.min_episodes} episodes ({apart.few} if it earns "
         f"more by {word(apart.clearly)} standard errors)",
         f"the mean of its last {plans.memory} returns",
-        f"The best by the mean return of {default(eutree.learn_runs, 'selection_episodes')} "
-        "episodes",
+        f"by the returns of {default(eutree.learn_runs, 'selection_episodes')} episodes",
         f"it is judged on {default(eutree.learn_runs, 'judging_episodes'):,} others",
         f"has more than {proposals.MOST_LEAVES} leaves, what each of "
         f"{word(len(proposals._MODELS))} world models cuts it to",

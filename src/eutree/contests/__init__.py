@@ -10,7 +10,7 @@ given. In all of them row 0 is the *incumbent*; the others are *challengers*.
 
 from eutree.contests.ahead import Ahead, AheadApart
 from eutree.contests.holding import held, hold, missing, next_episode
-from eutree.contests.rules import Better, Halving, NotWorse
+from eutree.contests.rules import Better, Halving, NotWorse, best
 from eutree.contests.smallest import SmallestWithin
 from eutree.contests.table import Bounds, Heat, Rule, Table, Verdict, bounds_of_change, new_table
 
@@ -26,6 +26,7 @@ __all__ = [
     "SmallestWithin",
     "Table",
     "Verdict",
+    "best",
     "bounds_of_change",
     "held",
     "hold",

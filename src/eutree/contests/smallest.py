@@ -66,6 +66,20 @@ class SmallestWithin:
                 return Verdict(tree, found.shown, range(first, first + found.starts.stop))
         return Verdict(mark, False, range(self.episodes))
 
+    def choice(self, table: Table) -> int:
+        """Return the tree that would be confirmed first, by a table of all starts of the choice.
+
+        It may be the best itself: no other is near it, or a smaller one.
+
+        Args:
+            table: All returns of the choice, shape [trees, episodes].
+        """
+        chosen = self._near_best(table) if self.margin is None else self._promising(table)
+        if isinstance(chosen, Heat):
+            raise ValueError(f"the table must hold {self.episodes} returns of each tree")
+        mark, trees = chosen
+        return trees[0] if trees else mark
+
     def stopped(self, table: Table) -> Verdict:
         """Return the incumbent: nothing was confirmed."""
         return Verdict(0, False, range(0))

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from eutree.arrays import Integers
+from eutree.contests import best
 from eutree.data import Demonstrations, Episode
 from eutree.distillation.fitting import Labelled, fit
 from eutree.distillation.report import DistillationReport, Round
@@ -102,14 +103,15 @@ def distill(
         rounds.append(_round(data, tree, results[-1]))
         if on_round is not None:
             on_round(number, rounds[-1])
-    best = min(range(len(rounds)), key=lambda i: (-rounds[i].mean_return, rounds[i].n_leaves, i))
+    validated = np.stack([result.returns for result in results])
+    chosen = best(validated, [made.n_leaves for made in rounds])
     validation_steps = sum(result.steps for result in results)
-    return trees[best], DistillationReport(
+    return trees[chosen], DistillationReport(
         method=settings.method,
         learner=settings.learner,
         rounds=tuple(rounds),
-        best=best,
-        return_interval=results[best].return_interval,
+        best=chosen,
+        return_interval=results[chosen].return_interval,
         labels=school.labels,
         environment_steps=school.steps + validation_steps,
         validation_steps=validation_steps,

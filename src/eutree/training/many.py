@@ -1,10 +1,11 @@
 """Many runs as one: each kept in its folder, the best chosen, and judged on other episodes.
 
 Run k has the seed ``seed + k`` and is what ``learn`` would do alone, so the bytes do not depend on
-the number of processes or machines. The best by its mean return on selection episodes, which no run
-has learned from, is the winner. A winner was lucky too, so on others again it has to deserve to
-take the place of the start, by the rule of a single run (:mod:`eutree.training.handover`). Where
-proven trees are preferred, the winner is the best of those that are proven, if any is.
+the number of processes or machines. The smallest tree within one standard error of the best, on
+episodes that no run has learned from, is the winner. A winner was lucky too, so on others again it
+has to deserve to take the place of the start, by the rule of a single run
+(:mod:`eutree.training.handover`). Where proven trees are preferred, the winner is the best of those
+that are proven, if any is.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,6 +13,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from eutree.contests import SmallestWithin
 from eutree.errors import FormatError, InvalidArgumentError, RunFolderError
 from eutree.evaluation import CurvePoint, Evaluation, curve_from_csv, evaluate
 from eutree.evaluation.curves import curves_to_pandas
@@ -75,7 +79,7 @@ class LearningRuns:
 
     Attributes:
         runs: All of them, by seed.
-        winner: Number of the best in ``runs``.
+        winner: Number of the one chosen in ``runs``.
         result: What the best run learned.
         judged: What the policy that is handed over earned on episodes that chose nothing.
         judgement: The winner's policy against the start on the same episodes, and which of them is
@@ -132,7 +136,8 @@ def learn_runs(
             table ``runs.csv``.
         n_jobs: Processes, as ``evaluate`` takes them; a cluster must share the folder.
         seed: Seed of the first run; the others follow.
-        selection_episodes: Episodes by which the best is chosen.
+        selection_episodes: Episodes by which one is chosen: the smallest within one standard error
+            of the best.
         judging_episodes: Episodes by which it is judged.
         resume: Go on with the runs that are there.
         on_run: Called with the number of finished runs and the last of them.
@@ -206,9 +211,13 @@ def learn_runs(
 def _best_of(
     runs: Sequence[FinishedRun], proven: ProvenFirst | None
 ) -> tuple[int, Certificate | None]:
-    """Return the number of the best run, and its proof; of the proven ones, if any is."""
+    """Return the number of the chosen run, and its proof; the best of the proven, if any is."""
+    sizes = tuple(run.n_leaves for run in runs)
+    selected = np.stack([run.selection.returns for run in runs])
+    chosen = SmallestWithin(sizes=sizes, episodes=selected.shape[1]).choice(selected)
     ranking = sorted(
-        range(len(runs)), key=lambda k: (-runs[k].selection.mean_return, runs[k].n_leaves, k)
+        range(len(runs)),
+        key=lambda k: (k != chosen, -runs[k].selection.mean_return, sizes[k], k),
     )
     if proven is None:
         return ranking[0], None
