@@ -17,7 +17,7 @@ from eutree.learners.distilled_dqn.learner import Stage
 from eutree.learners.learner import Problem, Start, Step
 from eutree.learners.restoring import checked_state
 from eutree.neural import DoubleDQNSettings
-from eutree.world_model.action_trees import single_action
+from eutree.world_model.action_trees import packed, single_action
 from eutree.world_model.ensemble import EnsembleSettings
 from eutree.world_model.ensemble_rollouts import EnsembleRollouts
 
@@ -195,8 +195,16 @@ def test_a_policy_that_ran_often_outweighs_a_few_lucky_episodes():
     known = Contender(single_action(0), "start", returns=(100.0 + 50.0 * luck).tolist())
     lucky = Contender(single_action(1), "cart", returns=[40.0, 190.0, 100.0])
     assert lucky.mean_return > known.mean_return
-    assert lucky.sure_return < known.sure_return
-    assert Contender(single_action(0), "cart", returns=[1.0]).sure_return == -np.inf
+    assert lucky.sure_worth(0.0) < known.sure_worth(0.0)
+    assert Contender(single_action(0), "cart", returns=[1.0]).sure_worth(0.0) == -np.inf
+
+
+def test_of_two_that_earn_as_much_the_smaller_is_worth_more():
+    leaf, stump = single_action(0), packed((0, 0.0, 0, 1))
+    small, large = (Contender(tree, "cart", returns=[4.0, 6.0] * 9) for tree in (leaf, stump))
+    assert small.worth(0.1) - large.worth(0.1) == pytest.approx(0.1)
+    assert small.sure_worth(0.1) > large.sure_worth(0.1)
+    assert small.sure_worth(0.0) == large.sure_worth(0.0)
 
 
 def test_choices_are_checked():

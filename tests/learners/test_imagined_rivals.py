@@ -3,7 +3,7 @@
 import numpy as np
 
 from eutree.learners.distilled_dqn.experience import Experience
-from eutree.learners.distilled_dqn.imagined_rivals import PRUNED, ImaginedRivals
+from eutree.learners.distilled_dqn.imagined_rivals import PARTS, PRUNED, ImaginedRivals
 from eutree.learners.distilled_dqn.students import Students
 from eutree.world_model.action_trees import n_leaves
 from eutree.world_model.ensemble import EnsembleSettings
@@ -47,8 +47,10 @@ def test_rivals_are_carts_tree_and_prunings_of_larger_ones():
     students = Noted()
     rivals = ImaginedRivals(settings, students, lived_through(), n_actions=2, max_leaves=LIMIT)
     made = rivals.make(2, np.random.default_rng(0))
-    assert [one.origin for one in made] == ["cart", "pruned-weighted", "pruned"]
-    assert all(n_leaves(one.tree) <= LIMIT for one in made)
     whole = EPISODES * STEPS
+    own = [(whole, n, False) for n in sorted({max(LIMIT // k, 2) for k in PARTS}, reverse=True)]
+    assert len(own) > 1
+    assert [one.origin for one in made] == [*["cart"] * len(own), "pruned-weighted", "pruned"]
+    assert all(n_leaves(one.tree) <= LIMIT for one in made)
     larger = [(whole, times * LIMIT, weighted) for times, weighted in PRUNED[:2]]
-    assert students.asked == [(whole, LIMIT, False), *larger]
+    assert students.asked == [*own, *larger]

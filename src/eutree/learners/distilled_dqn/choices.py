@@ -13,6 +13,7 @@ class DistilledDQNChoices:
 
     Attributes:
         max_leaves: Most leaves of the policy.
+        leaf_price: Return that a leaf must earn, as a share of the mean size of a return shown.
         steps: Environment steps to learn in, where the run has no budget of steps itself.
         teacher_share: Share of the steps in which the teacher learns.
         teacher_steps: Most steps in which it learns.
@@ -27,6 +28,7 @@ class DistilledDQNChoices:
     """
 
     max_leaves: int = 34
+    leaf_price: float = 0.002
     steps: int = 500_000
     teacher_share: float = 0.5
     teacher_steps: int = 180_000
@@ -40,6 +42,7 @@ class DistilledDQNChoices:
 
     def __post_init__(self) -> None:
         check_integer("max_leaves", self.max_leaves, low=2)
+        check_number("leaf_price", self.leaf_price, low=0.0)
         for name in ("steps", "teacher_steps", "demonstration_updates"):
             check_integer(name, getattr(self, name), low=1)
         for name in ("teacher_share", "dagger_share", "last_share", "exploration"):

@@ -23,6 +23,7 @@ from eutree.learners.distilled_dqn.students import Students
 from eutree.learners.learner import Arrays, Figures
 from eutree.learners.model_trust import ModelTrust
 from eutree.world_model import ActionTree
+from eutree.world_model.action_trees import n_leaves
 
 SURE = 2.0  # standard errors that end a race, and that win where its rivals cannot be trusted
 MANY_RETURNS = 12  # below which a contender's mean says little
@@ -36,6 +37,7 @@ class ContenderRaces:
         first: What the learner starts with: the policy.
         experience: Where the episodes of the races are stored.
         students: Says what a tree does.
+        price: Return that a leaf must earn.
 
     Attributes:
         contenders: The start and all trees that raced or are to race.
@@ -46,8 +48,11 @@ class ContenderRaces:
         number: Races so far.
     """
 
-    def __init__(self, first: Contender, experience: Experience, students: Students) -> None:
+    def __init__(
+        self, first: Contender, experience: Experience, students: Students, price: float
+    ) -> None:
         self._experience = experience
+        self._price = price
         self._students = students
         self.contenders = [first]
         self.incumbent = 0
@@ -80,12 +85,12 @@ class ContenderRaces:
         return None if self._heat is None else ROW_OF_RACE * self.number + self._heat[1]
 
     def best(self, n: int) -> list[int]:
-        """Return the rivals that earned most, among those that ran often enough.
+        """Return the rivals that earned most, leaves paid for, among those that ran often enough.
 
         The incumbent may be one of the ``n``, and is left out.
         """
         known = [i for i, c in enumerate(self.contenders) if len(c.returns) >= MANY_RETURNS]
-        most = sorted(known, key=lambda i: -self.contenders[i].mean_return)[:n]
+        most = sorted(known, key=lambda i: -self.contenders[i].worth(self._price))[:n]
         return [one for one in most if one != self.incumbent]
 
     def begin(self, rivals: Sequence[int], looks: Sequence[int]) -> None:
@@ -139,7 +144,10 @@ class ContenderRaces:
         trusted = trust is not None and trust.better_than_chance
         rule = self.rule if trusted else replace(self.rule, final=self.rule.errors)
         rival = self.entrants[rule.stopped(self.table).winner]
-        if self.contenders[rival].sure_return > self.contenders[self.incumbent].sure_return:
+        mine, other = (
+            self.contenders[one].sure_worth(self._price) for one in (self.incumbent, rival)
+        )
+        if other > mine:
             self.incumbent = rival
         self.rule, self._heat = None, None
         facts: Figures = {"policy": self.incumbent}
@@ -149,7 +157,9 @@ class ContenderRaces:
 
     def take_up(self, looks: Sequence[int], table: Table) -> None:
         """Let a race be under way."""
-        self.rule = Ahead(looks=tuple(looks), errors=SURE, final=0.0, patient=True)
+        leaves = (n_leaves(self.contenders[one].tree) for one in self.entrants)
+        prices = tuple(self._price * n for n in leaves)
+        self.rule = Ahead(looks=tuple(looks), errors=SURE, final=0.0, patient=True, prices=prices)
         self.table = table
 
     def _call(self) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eutree.world_model import ActionTree
+from eutree.world_model.action_trees import n_leaves
 
 ORIGINS = ("start", "cart", "pruned", "pruned-weighted")
 UNKNOWN = float("nan")
@@ -36,13 +37,16 @@ class Contender:
         """Mean of its returns; NaN where there is none."""
         return float(np.mean(self.returns)) if self.returns else UNKNOWN
 
-    @property
-    def sure_return(self) -> float:
-        """Its mean return less a standard error; -inf for fewer than two returns."""
+    def worth(self, price: float) -> float:
+        """Return its mean return less what its leaves have to earn; NaN where there is none."""
+        return self.mean_return - price * n_leaves(self.tree)
+
+    def sure_worth(self, price: float) -> float:
+        """Return its worth less a standard error; -inf for fewer than two returns."""
         n = len(self.returns)
         if n < 2:
             return -math.inf
-        return self.mean_return - float(np.std(self.returns, ddof=1)) / math.sqrt(n)
+        return self.worth(price) - float(np.std(self.returns, ddof=1)) / math.sqrt(n)
 
 
 def packed_contenders(contenders: Sequence[Contender]) -> dict[str, NDArray[Any]]:

@@ -41,6 +41,13 @@ class Experience:
         return self.history.size / self.history.n_episodes
 
     @property
+    def typical_return(self) -> float:
+        """Mean size of a return shown; 0 where nothing was."""
+        shown = self.history.rewards[: self.n_shown]
+        returns = np.bincount(self.history.episodes[: self.n_shown], shown)
+        return float(np.abs(returns).mean()) if shown.size else 0.0
+
+    @property
     def longest(self) -> int:
         """Steps of the longest episode; 1 before the first."""
         return int(np.bincount(self.history.episodes).max(initial=1))

@@ -17,6 +17,7 @@ from eutree.world_model.ensemble_rollouts import EnsembleRollouts
 N_STARTS = 50  # first observations of imagined episodes
 # Several times the leaves allowed, and whether CART was weighted; the first are made first.
 PRUNED = ((3, True), (3, False), (2, False), (3, True), (3, False), (2, True))
+PARTS = (1, 2, 4)  # of the leaves allowed: what CART's own trees have that race
 FEW_RETURNS = 4  # below which a contender's mean says nothing
 
 
@@ -50,14 +51,15 @@ class ImaginedRivals:
         self.ensemble: Ensemble | None = None
 
     def make(self, n: int, generator: np.random.Generator) -> list[Contender]:
-        """Fit the model to all that is known; return CART's tree and ``n`` pruned ones."""
+        """Fit the model to all that is known; return CART's trees and ``n`` pruned ones."""
         data = self._experience.transitions(self._n_actions)
         if self.ensemble is None:
             self.ensemble = fit_ensemble(data, self._settings, generator)
         else:
             self.ensemble = self.ensemble.fitted_on(data, generator)
         observations = self._experience.history.observations
-        rivals = [Contender(self._students.fit(observations, self._max_leaves), "cart")]
+        sizes = sorted({max(self._max_leaves // part, 2) for part in PARTS}, reverse=True)
+        rivals = [Contender(self._students.fit(observations, n), "cart") for n in sizes]
         for times, weighted in PRUNED[:n]:
             leaves = times * self._max_leaves
             large = self._students.fit(observations, leaves, weighted=weighted)

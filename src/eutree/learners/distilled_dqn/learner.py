@@ -117,10 +117,11 @@ class DistilledDQNLearner:
         if tree is None or n_leaves(tree) > method.max_leaves:
             tree = students.fit(history.observations, method.max_leaves, labels=history.actions)
         self.dagger = DAgger(students, experience, budget.dagger, tree)
+        price = method.leaf_price * experience.typical_return
         self.rivals = ImaginedRivals(
             method.world_model, students, experience, problem.n_actions, method.max_leaves
         )
-        self.races = ContenderRaces(Contender(tree, "start"), experience, students)
+        self.races = ContenderRaces(Contender(tree, "start"), experience, students, price)
         self._students = students
 
     # Gathering.
