@@ -1,6 +1,7 @@
 """Learning from a tree that is worse than what was shown: whose returns count, where to begin."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import gymnasium
 import numpy as np
@@ -48,6 +49,20 @@ def test_an_incumbent_that_was_adopted_early_has_to_prove_itself():
     assert not Planner().incumbent_acts(from_nothing)
     enough = replace(plan, incumbent_episodes=tuple(range(30)), challenger_episodes=())
     assert not Planner().incumbent_acts(enough)
+
+
+@pytest.mark.parametrize(
+    ("explored", "leads"),
+    [((90.0,) * 6, True), ((50.0,) * 6, False), ((90.0,) * 4, False)],
+)
+def test_challengers_begin_from_an_explorer_that_earns_more_than_the_incumbent(explored, leads):
+    """What poor teachers need made planning from good ones dearer, and no better."""
+    plan = Plan(single_action(0), incumbent_episodes=tuple(range(2, 12)), demonstrations=2)
+    for episode in range(12, 12 + len(explored)):
+        plan = plan.with_explored(episode)
+    data = SimpleNamespace(episode_returns=np.array([95.0, 95.0, *[60.0] * 10, *explored]))
+    assert Planner()._explorers_lead(plan, data) is leads
+    assert Planner()._explorers_lead(replace(plan, demonstrations=0), data)  # from nothing
 
 
 def test_what_the_tree_has_played_itself_can_be_trusted():

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from eutree.arrays import Integers
-from eutree.contests import AheadApart, Verdict, new_table
+from eutree.arrays import Floats, Integers
+from eutree.contests import AheadApart, Table, Verdict, new_table
 from eutree.contests.ahead import lead_apart
 from eutree.policy_search.improvement import Improvement
 from eutree.validation import check_integer, check_number
@@ -22,6 +22,7 @@ from eutree.world_model.common_chance import Rollouts
 
 FEWEST_ROLLOUTS = 100  # episodes
 _FEW_OWN = 10  # episodes
+_EXPLORED = 20  # episodes of explorers that are remembered
 _CLEARLY = 3.0  # standard errors
 
 
@@ -38,6 +39,7 @@ class Plan:
         corrected: The incumbent with the corrective demonstrations since the last planning, a tree
             to begin from; None if there were none.
         assisted_episodes: Episodes with a demonstration in them: evidence on no tree.
+        explorer_episodes: The latest episodes in which explorers acted.
         planned_at: Number of transitions seen at the last planning.
         demonstrations: How many of the first episodes are demonstrations that still count.
         valid_from: First episode that world models are fitted to; the dynamics have changed since
@@ -52,6 +54,7 @@ class Plan:
     incumbent_episodes: tuple[int, ...] = ()
     challenger_episodes: tuple[int, ...] = ()
     assisted_episodes: tuple[int, ...] = ()
+    explorer_episodes: tuple[int, ...] = ()
     planned_at: int = 0
     demonstrations: int = 0
     valid_from: int = 0
@@ -68,6 +71,10 @@ class Plan:
             return replace(self, incumbent_episodes=(*self.incumbent_episodes, episode))
         return replace(self, challenger_episodes=(*self.challenger_episodes, episode))
 
+    def with_explored(self, episode: int) -> "Plan":
+        """Return the plan after an episode of the explorer."""
+        return replace(self, explorer_episodes=(*self.explorer_episodes, episode)[-_EXPLORED:])
+
     @property
     def own_episodes(self) -> tuple[int, ...]:
         """The incumbent's episodes without the demonstrations, in which somebody else acted."""
@@ -79,17 +86,16 @@ class Plan:
         Those that are left are numbered from 0, as their places in ``episodes`` are.
         """
         place = {number: new for new, number in enumerate(episodes.tolist())}
+
+        def kept(numbers: tuple[int, ...]) -> tuple[int, ...]:
+            return tuple(place[number] for number in numbers if number in place)
+
         return replace(
             self,
-            incumbent_episodes=tuple(
-                place[number] for number in self.incumbent_episodes if number in place
-            ),
-            challenger_episodes=tuple(
-                place[number] for number in self.challenger_episodes if number in place
-            ),
-            assisted_episodes=tuple(
-                place[number] for number in self.assisted_episodes if number in place
-            ),
+            incumbent_episodes=kept(self.incumbent_episodes),
+            challenger_episodes=kept(self.challenger_episodes),
+            assisted_episodes=kept(self.assisted_episodes),
+            explorer_episodes=kept(self.explorer_episodes),
             demonstrations=int(np.searchsorted(episodes, self.demonstrations)),
             valid_from=int(np.searchsorted(episodes, self.valid_from)),
         )
@@ -184,7 +190,8 @@ class Planner:
             )
         base = plan.corrected or plan.explorer or plan.incumbent
         explorer = self.improvement.improve(optimistic, base, scale, begin=_knows_nothing(plan))
-        challenger = self._challenger(replace(plan, explorer=explorer), pessimistic, scale)
+        guide = explorer if self._explorers_lead(plan, data) else None
+        challenger = self._challenger(replace(plan, explorer=guide), pessimistic, scale)
         taken = pessimistic.n_steps_taken + optimistic.n_steps_taken
         return replace(
             plan, challenger=challenger, explorer=explorer, corrected=None, model_steps=taken
@@ -242,23 +249,42 @@ class Planner:
         self, plan: Plan, challenger: ActionTree, data: Transitions, pessimistic: Rollouts
     ) -> bool:
         """Return whether real returns prefer the challenger, and the model does too."""
-        returns = data.episode_returns  # [E]
-        tried = returns[list(plan.challenger_episodes[-self.memory :])]
-        known = self._evidence(plan)[-3 * self.memory :] or _others(plan, returns.size)
-        table = new_table(2, max(tried.size, len(known)))
-        table[0, : len(known)] = returns[list(known)]
-        table[1, : tried.size] = tried
+        tried = plan.challenger_episodes[-self.memory :]
+        table = self._against_incumbent(plan, tried, data.episode_returns)
         if not isinstance(AheadApart(enough=self.min_episodes).next(table), Verdict):
             return False
         pessimistic.run(plan.incumbent)
         gain = pessimistic.gain(challenger)
         return gain.mean > gain.error
 
+    def _explorers_lead(self, plan: Plan, data: Transitions) -> bool:
+        """Return whether the last explorers earned more than the incumbent, random actions and all.
+
+        Then they are past what single changes of the incumbent cannot cross, and a challenger is
+        planned from there too. Where the incumbent is good that would cost time for nothing. It
+        always is where nobody has shown anything.
+        """
+        if not plan.demonstrations:
+            return True
+        rule = AheadApart(clearly=0.0)
+        table = self._against_incumbent(plan, plan.explorer_episodes, data.episode_returns)
+        return isinstance(rule.next(table), Verdict)
+
+    def _against_incumbent(self, plan: Plan, tried: tuple[int, ...], returns: Floats) -> Table:
+        """Return the returns of the incumbent's episodes and of others, a row each."""
+        recent = self._evidence(plan)[-3 * self.memory :]
+        known = recent or _others(plan, returns.size)
+        table = new_table(2, max(len(tried), len(known)))
+        table[0, : len(known)] = returns[list(known)]
+        table[1, : len(tried)] = returns[list(tried)]
+        return table
+
     def _challenger(self, plan: Plan, pessimistic: Rollouts, scale: float) -> ActionTree | None:
         """Return the best of incumbent, last challenger, corrected incumbent and explorer.
 
-        Each is improved before. The explorer was planned with hope, and so it is past what single
-        changes of the incumbent have to cross; the pessimist takes back what was only hoped for.
+        Each is improved before. The explorer, if it leads, was planned with hope, and so it is past
+        what single changes of the incumbent have to cross; the pessimist takes back what was only
+        hoped for.
         None if none of them is better than the incumbent.
         """
         begin = _knows_nothing(plan)

@@ -49,6 +49,7 @@ from eutree.world_model.common_chance import Rollouts
 _UNPRUNED = C45Settings(use_penalty=False, prune=False)
 _TREES = ("incumbent", "challenger", "explorer", "corrected")
 _EPISODES = ("incumbent_episodes", "challenger_episodes", "assisted_episodes")
+_EXPLORED = "explorer_episodes"
 _NUMBERS = ("planned_at", "demonstrations", "valid_from")
 
 
@@ -116,6 +117,10 @@ _PLAN = (
         "plan_valid_from": _COUNT,
         "plan_informed": Stored("b1", "1"),
     }),
+    # Not in checkpoints before version 0.3.
+    Part(
+        {f"plan_{_EXPLORED}": Stored("i8", "G", low=0, below="history_n_episodes")}, optional=True
+    ),
     *(action_tree_part(f"plan_{name}_", optional=name != "incumbent") for name in _TREES),
 )  # fmt: skip
 
@@ -241,7 +246,10 @@ class ModelPlanning:
             self.plan = replace(
                 self.plan, assisted_episodes=(*self.plan.assisted_episodes, episode)
             )
-        elif not self._explores:
+        elif self._explores:
+            if self.plan.explorer is not None:
+                self.plan = self.plan.with_explored(episode)
+        else:
             self.plan = self.plan.with_episode(episode, incumbent=self._proves_itself)
         kept = self.history.forget()
         if kept is not None:
@@ -352,7 +360,8 @@ class ModelPlanning:
         """Return all that the plan consists of."""
         plan = self.plan
         state: Arrays = {
-            name: np.array(getattr(plan, name), dtype=np.int64) for name in (*_EPISODES, *_NUMBERS)
+            name: np.array(getattr(plan, name), dtype=np.int64)
+            for name in (*_EPISODES, _EXPLORED, *_NUMBERS)
         }
         state |= {name: state[name].reshape(1) for name in _NUMBERS}
         state["informed"] = np.array([self._informed])
@@ -425,6 +434,7 @@ def _plan_of(state: Mapping[str, NDArray[Any]]) -> Plan:
         incumbent_episodes=tuple(state["incumbent_episodes"].tolist()),
         challenger_episodes=tuple(state["challenger_episodes"].tolist()),
         assisted_episodes=tuple(state["assisted_episodes"].tolist()),
+        explorer_episodes=tuple(state[_EXPLORED].tolist()) if _EXPLORED in state else (),
         planned_at=int(state["planned_at"][0]),
         demonstrations=int(state["demonstrations"][0]),
         valid_from=int(state["valid_from"][0]),
