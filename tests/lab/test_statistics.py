@@ -1,11 +1,12 @@
 """Intervals over runs, by hand and by what is known of them."""
 
 import math
+import sys
 
 import numpy as np
 import pytest
 
-from eutree.errors import InvalidArgumentError
+from eutree.errors import InvalidArgumentError, MissingExtraError
 from eutree_lab.statistics import (
     Durations,
     bootstrap,
@@ -98,3 +99,9 @@ def test_a_constant_has_no_rank_correlation():
     found = spearman([1.0, 1.0, 1.0], [1.0, 2.0, 3.0])
     assert (found.value, *found.interval) == (0.0, -1.0, 1.0)
     assert spearman(np.arange(9.0), np.arange(9.0) ** 3).value == pytest.approx(1.0)
+
+
+def test_without_scipy_the_extra_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "scipy", None)
+    with pytest.raises(MissingExtraError, match=r"pip install 'eutree\[lab\]'"):
+        bootstrap([1.0, 2.0, 4.0])

@@ -1,10 +1,15 @@
 """A world model from stored transitions, and paired rollouts of policy trees in it."""
 
+from typing import TYPE_CHECKING
+
+from eutree.lazy import lazily
 from eutree.world_model._kernels import ActionTree
 from eutree.world_model._kernels import leaf_node as leaf_node  # for the loops of other packages
-from eutree.world_model.dynamics import WorldModel, fit_world_models
-from eutree.world_model.rollouts import PairedRollouts
-from eutree.world_model.transitions import Transitions
+
+if TYPE_CHECKING:
+    from eutree.world_model.dynamics import WorldModel, fit_world_models
+    from eutree.world_model.rollouts import PairedRollouts
+    from eutree.world_model.transitions import Transitions
 
 __all__ = [
     "ActionTree",
@@ -13,3 +18,12 @@ __all__ = [
     "WorldModel",
     "fit_world_models",
 ]
+
+__getattr__ = lazily(
+    __name__,
+    {
+        "eutree.world_model.dynamics": "WorldModel fit_world_models",
+        "eutree.world_model.rollouts": "PairedRollouts",
+        "eutree.world_model.transitions": "Transitions",
+    },
+)
