@@ -117,7 +117,7 @@ _PLAN = (
         "plan_valid_from": _COUNT,
         "plan_informed": Stored("b1", "1"),
     }),
-    # Not in checkpoints before version 0.3.
+    # Nothing before the first explorer acts, and in the checkpoints of earlier versions.
     Part(
         {f"plan_{_EXPLORED}": Stored("i8", "G", low=0, below="history_n_episodes")}, optional=True
     ),
@@ -360,11 +360,12 @@ class ModelPlanning:
         """Return all that the plan consists of."""
         plan = self.plan
         state: Arrays = {
-            name: np.array(getattr(plan, name), dtype=np.int64)
-            for name in (*_EPISODES, _EXPLORED, *_NUMBERS)
+            name: np.array(getattr(plan, name), dtype=np.int64) for name in (*_EPISODES, *_NUMBERS)
         }
         state |= {name: state[name].reshape(1) for name in _NUMBERS}
         state["informed"] = np.array([self._informed])
+        if plan.explorer_episodes:
+            state[_EXPLORED] = np.array(plan.explorer_episodes, dtype=np.int64)
         for name in _TREES:
             tree = getattr(plan, name)
             if tree is not None:
