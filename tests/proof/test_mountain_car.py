@@ -9,6 +9,7 @@ from eutree.proof import Effort, Plant, check_plant, plant_of, prove, register_p
 from eutree.proof.certificate import NEVER
 from eutree.proof.intervals import cos
 from eutree.proof.plants.mountain_car import MountainCar
+from eutree.proof.reach import Acting, boxes_along
 from eutree.schema import EnvironmentSpec
 from tests.proof.policies import BAD, GOOD, SWITCH, policy_of
 
@@ -59,6 +60,35 @@ def test_real_episodes_end_at_the_certified_step(nested):
         path = replay(PLANT, policy, np.array([position, 0.0]), 200)
         steps = len(path.states) - 1 if path.is_over else NEVER
         assert pieces.first[k] <= steps <= pieces.last[k]
+
+
+def outside(policy, pieces, plant, count):
+    """Return how many of some real states lie outside of their boxes, and how many have one."""
+    order = np.argsort(pieces.low[:, 0])
+    starts = np.random.default_rng(3).uniform(-0.6, -0.4, count)
+    k = order[np.searchsorted(pieces.low[order, 0], starts, side="right") - 1]
+    paths = [replay(PLANT, policy, np.array([one, 0.0]), 200).states for one in starts]
+    boxes = boxes_along(Acting(policy, plant), plant, (pieces.low[k], pieces.high[k]), 120)
+    wrong = known = 0
+    for step, (low, high) in enumerate(boxes, start=1):
+        for path, least, most in zip(paths, low, high, strict=True):
+            if step < len(path) and np.isfinite(least).all():
+                wrong += not ((least <= path[step]) & (path[step] <= most)).all()
+                known += 1
+    return wrong, known
+
+
+@pytest.mark.parametrize("nested", [GOOD, BAD])
+def test_real_states_lie_in_the_boxes_at_every_step(nested):
+    policy = policy_of(nested)
+    wrong, known = outside(policy, prove(policy, PLANT).pieces, PLANT, 60)
+    assert wrong == 0
+    assert known > 60 * 80 * 0.9
+
+
+def test_a_box_of_another_hill_is_caught_by_real_states(good):
+    wrong, known = outside(policy_of(GOOD), good.pieces, Slippery(SPEC), 5)
+    assert wrong > known / 2
 
 
 def test_the_pieces_are_all_starts_and_do_not_overlap(good):
@@ -123,7 +153,7 @@ def test_single_precision_of_observations_is_exact():
     for nudge in (-1e-9, 0.0, 1e-9):
         found = prove(policy_of((0, threshold + nudge, 2, 0)), PLANT, "arrives within 1 steps")
         assert found.verdict == "refuted"
-    from eutree.proof.reach import Acting, _Boxes
+    from eutree.proof.reach import _Boxes
 
     acting = Acting(policy_of((0, threshold, 2, 0)), PLANT)
     for position in np.linspace(-0.5, -0.5 + 1.2e-7, 2001):

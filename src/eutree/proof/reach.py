@@ -8,7 +8,7 @@ every action that is possible in it, so it is still true of each of its starts t
 comes not before the earliest and not after the latest of these branches.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -347,6 +347,31 @@ class Reach:
         )
         low, high = boxes.start_low.T[kept], boxes.start_high.T[kept]
         return Pieces(self._plant.state, low, high, first[kept], last[kept])
+
+
+def boxes_along(
+    acting: Acting, plant: Plant, pieces: tuple[Floats, Floats], steps: int
+) -> Iterator[tuple[Floats, Floats]]:
+    """Yield the boxes of pieces after each step, as a proof carries them: bounds [N, d] each.
+
+    Where several actions are possible in a box, nothing is said of it from there on: its bounds are
+    infinite.
+
+    Args:
+        acting: The policy on boxes.
+        plant: The plant.
+        pieces: Lower and upper bounds of the starts, shapes [N, d].
+        steps: How many steps.
+    """
+    start = np.array(plant.start, dtype=np.float64)
+    boxes = _Boxes.beginning(pieces[0].T, pieces[1].T, start[:, 1] > start[:, 0])
+    known = np.ones(len(boxes), dtype=bool)
+    for _ in range(steps):
+        possible = acting(boxes.state)
+        known &= (possible & (possible - 1)) == 0
+        boxes = boxes.at(plant.step(boxes.state, _action(possible & -possible)))
+        low, high = (np.stack([getattr(x, end) for x in boxes.state], 1) for end in ("low", "high"))
+        yield np.where(known[:, None], low, -np.inf), np.where(known[:, None], high, np.inf)
 
 
 def _action(possible: Integers) -> Integers:
