@@ -18,6 +18,8 @@ def lazily(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
         if name not in home_of:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         home = home_of[name]
-        return getattr(importlib.import_module(home), name)
+        value = getattr(importlib.import_module(home), name)
+        setattr(importlib.import_module(package), name, value)  # asked for once
+        return value
 
     return offered

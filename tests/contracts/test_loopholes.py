@@ -36,7 +36,7 @@ def modules() -> Sources:
 # users, Minari's files what only Minari brings.
 BY_NAME = {
     "eutree": {"module", "'eutree.report.notebook'"},
-    "eutree.lazy": {"home"},
+    "eutree.lazy": {"home", "package"},
     "eutree.cli.main": {"f'eutree.cli.{module}'"},
     "eutree.cli._controllers": {"module"},
     "eutree.cli._options": {"name"},

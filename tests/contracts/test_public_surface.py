@@ -91,3 +91,22 @@ def test_public_functions_are_completely_typed() -> None:
         ):
             untyped.append(label)
     assert untyped == []
+
+
+def test_what_is_loaded_when_asked_for_is_offered_and_documented() -> None:
+    """Sphinx sees of a package what it has loaded: ``docs/conf.py`` asks for the rest first."""
+    source = ROOT / "src" / "eutree"
+    lazy = {
+        path.parent.name
+        for path in source.glob("*/__init__.py")
+        if "lazily(" in path.read_text(encoding="utf-8")
+    }
+    for name in lazy:
+        package = importlib.import_module(f"eutree.{name}")
+        assert all(getattr(package, offered) is not None for offered in package.__all__)
+        assert set(package.__all__) <= set(dir(package)), name
+    pages = "".join(path.read_text() for path in (ROOT / "docs" / "reference").glob("*.md"))
+    shown = {name for name in lazy if f"automodule:: eutree.{name}\n" in pages}
+    told = re.search(r"^for _name in \((.*)\):$", (ROOT / "docs" / "conf.py").read_text(), re.M)
+    assert told is not None
+    assert shown == set(re.findall(r"\w+", told[1]))
