@@ -129,10 +129,11 @@ def test_the_front_comes_before_the_judgement_and_only_where_something_is_judged
 
 
 def test_steps_that_are_dear_let_few_trees_play_and_too_few_none():
-    assert Extent.of(10**8, 20.0).starts == MOST
-    few = Extent.of(20_000, 20.0)
+    assert Extent.of(10**8, 8_000, 400).starts == MOST
+    few = Extent.of(20_000, 8_000, 400)
     assert (few.starts, few.trees < 10) == (FEWEST, True)
-    assert Extent.of(1_000, 20.0) is None
+    assert Extent.of(1_000, 8_000, 400) is None
+    assert Extent.of(10**8, 80, 4).imagined < few.imagined
 
 
 def test_what_is_not_more_than_the_slack_is_no_difference():

@@ -145,6 +145,10 @@ class FrontSearch:
                 lost = (self._first - self.episodes.mean_return) / scale
             size -= 1
 
+    def waiting(self) -> dict[int, list[TreePolicy]]:
+        """Return the trees of each size that have not had their turn, the best first."""
+        return {size: [one for _, one in trees] for size, trees in self._pool.items() if trees}
+
     def _best(self, rivals: Sequence[TreePolicy], n: int) -> list[TreePolicy]:
         """Return the best few, each of which does something else."""
         found: dict[tuple[float, float], TreePolicy] = {}

@@ -73,7 +73,7 @@ class Evaluations:
         ground = arena.ground(plan.seed)
         if plan.handover is not None:
             steps = plan.handover.steps_of_front(at.steps, side_by_side=ground.side_by_side)
-            extent = Extent.of(steps, at.steps / max(at.episode, 1))
+            extent = Extent.of(steps, at.steps, at.episode)
         if plan.handover is not None and extent is not None:
             found = front_of_run(
                 [learned, *reversed(self.earlier)],

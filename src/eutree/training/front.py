@@ -22,11 +22,10 @@ from eutree.learners import Learner
 from eutree.learners.learner import Imagines
 from eutree.policies import TreePolicy
 from eutree.training.proposals import key
-from eutree.world_model.common_chance import Rollouts
 
 EARLIER = 3  # trees of a run that smaller ones are made of: the last, and those before it
 CHEAP_STEPS, DEAR_STEPS = 100, 2  # of playing for each step of the run: side by side, one by one
-IMAGINED = 40_000_000  # steps at most
+IMAGINED, MOST_IMAGINED = 2000, 40_000_000  # steps for each step of the run, and at most
 FEWEST, MOST = 60, 1000  # starts
 ROUNDS = 2.5  # of the starts, that all trees together play from
 EACH = 2  # trees of a size that play
@@ -41,18 +40,27 @@ class Extent:
     Attributes:
         starts: Starts of each choice.
         trees: Most trees.
+        imagined: Steps in the world model, about.
     """
 
     starts: int
     trees: int
+    imagined: int
 
     @classmethod
-    def of(cls, steps: int, length: float) -> "Extent | None":
-        """Return what so many steps of episodes of this mean length are enough for, if anything."""
-        episodes = steps / (ROUNDS * max(length, 1.0))
-        starts = int(np.clip(episodes / 24, FEWEST, MOST))
-        trees = int(episodes / starts)
-        return cls(starts=starts, trees=trees) if trees >= 2 else None
+    def of(cls, steps: int, taken: int, episodes: int) -> "Extent | None":
+        """Return what so many steps are enough for, if anything.
+
+        Args:
+            steps: Steps that may be played.
+            taken: Steps of the run.
+            episodes: Its episodes.
+        """
+        affordable = steps / (ROUNDS * max(taken / max(episodes, 1), 1.0))
+        starts = int(np.clip(affordable / 24, FEWEST, MOST))
+        trees = int(affordable / starts)
+        imagined = min(IMAGINED * taken, MOST_IMAGINED)
+        return cls(starts=starts, trees=trees, imagined=imagined) if trees >= 2 else None
 
 
 def front_of_run(
@@ -84,25 +92,16 @@ def front_of_run(
     rollouts = learner.imagined(generator) if isinstance(learner, Imagines) else None
     least = LOSES if max_leaves is None else 1.0
     if rollouts is not None:
-        found = _imagined(trees, rollouts, checked, least)
+        search = FrontSearch(trees, ImaginedCommonEpisodes(rollouts), extent.imagined, checked)
+        search.run(2, loses=least)
+        sizes = search.waiting() | search.found
+        found = [one for size in sorted(sizes, reverse=True) for one in sizes[size][:EACH]]
     else:
         found = _by_labels(learned, learner, checked)
     demand = Demand(margin=0.0, error=0.05, episodes=extent.starts)
     pick = Pick(demand, max_leaves=max_leaves, floor=start)
     common = CommonEpisodes(ground, extent.starts)
     return front_among(learned, _few([checked(learned), *found], extent.trees), common, pick)
-
-
-def _imagined(
-    trees: Sequence[TreePolicy],
-    rollouts: Rollouts,
-    checked: Callable[[TreePolicy], TreePolicy],
-    loses: float,
-) -> list[TreePolicy]:
-    """Return the best trees of each size in a world model, the largest first."""
-    search = FrontSearch(trees, ImaginedCommonEpisodes(rollouts), IMAGINED, checked)
-    search.run(2, loses=loses)
-    return [one for _, found in sorted(search.found.items(), reverse=True) for one in found[:EACH]]
 
 
 def _by_labels(
