@@ -205,3 +205,19 @@ def test_an_evaluation_prints_as_one_line():
     assert str(told).startswith(said)
     assert len(repr(told)) < 150
     assert "\n" not in str(told)
+
+
+def test_beside_the_mean_stand_the_worst_episode_and_the_quantile():
+    returns = np.arange(100.0)
+    found = Evaluation(returns, np.ones(100), np.full(100, "end"))
+    assert found.extremes == "worst episode 0, one in twenty at most 4"
+    assert found.warning == ""
+
+
+def test_a_rare_loss_among_few_episodes_is_warned_of():
+    """The squared skewness of one loss in 100 is 98 ** 2 / 99."""
+    rare = Evaluation(np.append(np.ones(99), -50.0), np.ones(100), np.full(100, "end"))
+    assert "a few bad episodes make much of the mean" in rare.warning
+    assert "2,426 episodes" in rare.warning
+    same = Evaluation(np.full(5, 0.1), np.ones(5), np.full(5, "end"))
+    assert same.warning == ""

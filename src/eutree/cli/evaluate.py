@@ -38,7 +38,8 @@ def evaluate(
 ) -> None:
     """Evaluate POLICY, a policy file or a run folder, in ENVIRONMENT, or in the one it names.
 
-    Intervals are of 95 %: Wilson's of the success rate, Student's of the mean return.
+    Intervals are of 95 %: Wilson's of the success rate, Student's of the mean return. One in
+    twenty is the 5 % quantile of the returns.
     """
     from eutree.evaluation import evaluate as evaluate_policy
 
@@ -65,10 +66,15 @@ def evaluate(
             "success_interval": result.success_interval,
             "mean_return": result.mean_return,
             "return_interval": [low, high],
+            "worst_return": result.worst_return,
+            "return_quantile_05": result.return_quantile_05,
+            "warning": result.warning,
             "n_leaves": loaded.n_leaves,
             "mean_length": result.mean_length,
             "environment": str(spec),
             "against": None if rivalry is None else rivalry.facts(),
         },
-        f"{spec}, {result}" + ("" if rivalry is None else f"\n{rivalry.lines()}"),
+        f"{spec}, {result}; {result.extremes}"
+        + (f"\n{result.warning}" if result.warning else "")
+        + ("" if rivalry is None else f"\n{rivalry.lines()}"),
     )

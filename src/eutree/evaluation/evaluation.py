@@ -1,5 +1,6 @@
 """What an evaluation measured."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -13,6 +14,8 @@ from eutree.errors import InvalidArgumentError
 from eutree.evaluation.intervals import Interval, mean_interval, wilson_interval
 from eutree.frames import data_frame
 from eutree.wording import counted
+
+COCHRAN = 25
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,6 +112,34 @@ class Evaluation(Displayed):
     def return_interval(self) -> Interval:
         """95 % interval of the mean return, by Student's t; one episode shows no spread."""
         return mean_interval(self.returns)
+
+    @property
+    def warning(self) -> str:
+        """What is to be said where episodes are too few for such skewed returns; else "".
+
+        The interval of a mean of n values is about right from n = 25 times their squared skewness
+        on (W. G. Cochran, *Sampling Techniques*, 3rd ed., 1977, section 2.15).
+        """
+        spread = float(self.returns.std())
+        if spread <= 1e-12 * max(float(np.abs(self.returns).max()), 1e-300):
+            return ""
+        skewness = float((((self.returns - self.mean_return) / spread) ** 3).mean())
+        needed = math.ceil(COCHRAN * skewness**2)
+        if self.episodes >= needed:
+            return ""
+        side = "bad" if skewness < 0 else "good"
+        return (
+            f"a few {side} episodes make much of the mean: its interval may be too narrow, ask for "
+            f"{needed:,} episodes or more"
+        )
+
+    @property
+    def extremes(self) -> str:
+        """The worst episode and the 5 % quantile of the returns, in words."""
+        return (
+            f"worst episode {self.worst_return:.4g}, one in twenty at most "
+            f"{self.return_quantile_05:.4g}"
+        )
 
     @property
     def success_interval(self) -> Interval | None:

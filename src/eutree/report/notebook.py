@@ -64,6 +64,8 @@ def _(evaluation: Evaluation) -> str:
         "episodes": f"{evaluation.episodes:,}",
         "success": "",
         "mean return": f"{evaluation.mean_return:.4g}, 95 % interval {low:.4g} to {high:.4g}",
+        "worst": evaluation.extremes,
+        "warning": evaluation.warning,
         "mean length": f"{evaluation.mean_length:.4g} steps",
         "endings": ", ".join(f"{e} {n:,}" for e, n in Counter(evaluation.endings.tolist()).items()),
         "leaves": "" if evaluation.n_leaves is None else str(evaluation.n_leaves),
