@@ -410,10 +410,11 @@ class KnowsItsModel(Protocol):
 class Imagines(Protocol):
     """A learner with a world model in which any tree can act."""
 
-    def imagined(self, generator: np.random.Generator) -> Rollouts | None:
+    def imagined(self, n_episodes: int, generator: np.random.Generator) -> Rollouts | None:
         """Return where trees can be compared; None before anything is known.
 
         Args:
+            n_episodes: Most imagined episodes of a tree.
             generator: Source of all its chance.
         """
         ...

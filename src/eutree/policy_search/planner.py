@@ -221,12 +221,13 @@ class Planner:
         return replace(plan, incumbent_episodes=own, demonstrations=0, valid_from=n)
 
     def imagined(
-        self, plan: Plan, data: Transitions, generator: np.random.Generator
+        self, plan: Plan, data: Transitions, n_episodes: int, generator: np.random.Generator
     ) -> PairedRollouts:
         """Return where trees can be compared in the world as it is known, without hope."""
         known = data.since(plan.valid_from).recent(self.max_transitions)
         (model,) = fit_world_models(known, (self.pessimism,))
-        return PairedRollouts(model, self._affordable(known), self.discount, generator)
+        n_episodes = min(n_episodes, self._affordable(known))
+        return PairedRollouts(model, n_episodes, self.discount, generator)
 
     def _rollouts(
         self, known: Transitions, generator: np.random.Generator

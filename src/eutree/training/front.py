@@ -22,12 +22,15 @@ from eutree.learners import Learner
 from eutree.learners.learner import Imagines
 from eutree.policies import TreePolicy
 from eutree.training.proposals import key
+from eutree.world_model.common_chance import Rollouts
 
 EARLIER = 3  # trees of a run that smaller ones are made of: the last, and those before it
 CHEAP_STEPS, DEAR_STEPS = 100, 2  # of playing for each step of the run: side by side, one by one
 IMAGINED, MOST_IMAGINED = 2000, 40_000_000  # steps for each step of the run, and at most
 FEWEST, MOST = 60, 1000  # starts
-ROUNDS = 2.5  # of the starts, that all trees together play from
+TREES = 24  # that play, if there are steps for so many
+ROUNDS = 2.0  # of the starts, that all trees together play from
+IMAGINED_EPISODES = 1000
 EACH = 2  # trees of a size that play
 LOSES = 0.15  # of the range of returns: a size that is imagined to lose more is the last one
 ROWS = 5000  # stored observations by which a tree is cut where nothing is imagined
@@ -57,7 +60,7 @@ class Extent:
             episodes: Its episodes.
         """
         affordable = steps / (ROUNDS * max(taken / max(episodes, 1), 1.0))
-        starts = int(np.clip(affordable / 24, FEWEST, MOST))
+        starts = int(np.clip(affordable / TREES, FEWEST, MOST))
         trees = int(affordable / starts)
         imagined = min(IMAGINED * taken, MOST_IMAGINED)
         return cls(starts=starts, trees=trees, imagined=imagined) if trees >= 2 else None
@@ -89,19 +92,32 @@ def front_of_run(
     def checked(one: TreePolicy) -> TreePolicy:
         return with_locks(merged(one), learned)
 
-    rollouts = learner.imagined(generator) if isinstance(learner, Imagines) else None
+    rollouts = None
+    if isinstance(learner, Imagines):
+        rollouts = learner.imagined(IMAGINED_EPISODES, generator)
     least = LOSES if max_leaves is None else 1.0
     if rollouts is not None:
-        search = FrontSearch(trees, ImaginedCommonEpisodes(rollouts), extent.imagined, checked)
-        search.run(2, loses=least)
-        sizes = search.waiting() | search.found
-        found = [one for size in sorted(sizes, reverse=True) for one in sizes[size][:EACH]]
+        found = _imagined(trees, rollouts, checked, extent.imagined, least)
     else:
         found = _by_labels(learned, learner, checked)
     demand = Demand(margin=0.0, error=0.05, episodes=extent.starts)
     pick = Pick(demand, max_leaves=max_leaves, floor=start)
     common = CommonEpisodes(ground, extent.starts)
     return front_among(learned, _few([checked(learned), *found], extent.trees), common, pick)
+
+
+def _imagined(
+    trees: Sequence[TreePolicy],
+    rollouts: Rollouts,
+    checked: Callable[[TreePolicy], TreePolicy],
+    steps: int,
+    loses: float,
+) -> list[TreePolicy]:
+    """Return the best trees of each size in a world model, the largest first."""
+    search = FrontSearch(trees, ImaginedCommonEpisodes(rollouts), steps, checked)
+    search.run(2, loses=loses)
+    found = search.waiting() | search.found
+    return [one for size in sorted(found, reverse=True) for one in found[size][:EACH]]
 
 
 def _by_labels(

@@ -275,12 +275,12 @@ class ModelPlanning:
         is_new = plan.challenger is not None and plan.challenger is not challenger
         return Update(figures={"challengers": int(is_new), "model_steps": plan.model_steps})
 
-    def imagined(self, generator: np.random.Generator) -> Rollouts | None:
+    def imagined(self, n_episodes: int, generator: np.random.Generator) -> Rollouts | None:
         """Return where trees can be compared in the world model of all that is stored."""
         if not self.history.size:
             return None
         known = transitions_of(self.history, self.n_actions)
-        return self.method.planner.imagined(self.plan, known, generator)
+        return self.method.planner.imagined(self.plan, known, n_episodes, generator)
 
     def decisions(self) -> Decisions:
         """Return the incumbent, with the returns to go of its own episodes."""
