@@ -181,6 +181,9 @@ same episodes, ± two standard errors, and its leaves; +0 ± 0 is the start itse
 a run with its judgement hands over the start where the entry is negative. CPU seconds of both.
 
 {lines}
+
+One seed of a task is an indication, no benchmark. [The default](../methods.md) follows them as far
+as they go: planning where features are few; elsewhere the smaller tree until steps are many.
 """
 
 
