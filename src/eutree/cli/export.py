@@ -6,7 +6,8 @@ from typing import Any
 
 import click
 
-from eutree.cli._options import json_option, output_option
+from eutree.cli._certificates import with_certificate
+from eutree.cli._options import json_option, output_option, path_option
 from eutree.cli._output import Output
 from eutree.cli._policies import load_policy
 from eutree.errors import InvalidArgumentError
@@ -35,6 +36,8 @@ from eutree.files import write_bytes
 )
 @click.option("--header", is_flag=True, help="For c: write NAME.h too, and include it.")
 @click.option("--self-test", is_flag=True, help="For c: write NAME_test.c too, a test program.")
+@path_option("--certificate", text="What prove --out wrote of POLICY: its sentence becomes a "
+             "comment (c, python, st).")  # fmt: skip
 @json_option
 def export(
     policy: Path,
@@ -43,6 +46,7 @@ def export(
     as_json: bool,
     header: bool,
     self_test: bool,
+    certificate: Path | None,
     **options: Any,
 ) -> None:
     """Write a policy in another format that decides exactly like it.
@@ -61,6 +65,8 @@ def export(
         _check_c(name, out)
         given["header"] = True
     content = make(loaded, name, **given)
+    if certificate is not None:
+        content = with_certificate(content, name, certificate, loaded)
     data = content if isinstance(content, bytes) else content.encode("utf-8")
     if out is None:
         _print(output, name, content)

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from eutree.cli._certificates import write_certificate
 from eutree.cli._help import Helped
 from eutree.cli._options import (
     count_option,
@@ -31,6 +32,7 @@ EXIT_CODES = {"proven": 0, "refuted": 1, "undecided": 3}
 @click.argument("question", metavar="[PROPERTY]", required=False)
 @click.option("--env", "environment", metavar="ID", help="In place of the one POLICY names.")
 @output_option("--html", text="Write a page: the certificate, and the starts coloured by steps.")
+@output_option("--out", text="Write the certificate, for export --certificate.")
 @click.option("--sampled", is_flag=True,
               help="A statistical certificate even where a plant is known.")  # fmt: skip
 @count_option("--episodes", 1000, "How many episodes a statistical certificate draws.")
@@ -48,6 +50,7 @@ def prove(
     question: str | None,
     environment: str | None,
     html: Path | None,
+    out: Path | None,
     sampled: bool,
     episodes: int,
     confidence: float,
@@ -70,13 +73,16 @@ def prove(
 
     output = Output(as_json=as_json)
     loaded = load_policy(policy)
-    if html is not None:
-        check_writable(html)
+    for path in (html, out):
+        if path is not None:
+            check_writable(path)
     spec = _spec(loaded, policy, environment, env_arguments)
     found = None if sampled else _proven(loaded, spec, question)
     if found is None:
         found = _sampled(loaded, policy, spec, question, (episodes, seed), (confidence, returns))
     figures = found.figures()
+    if out is not None:
+        write_certificate(out, figures, loaded)
     if html is not None:
         write_text(html, proof_page(found, title=str(spec), policy=loaded))
         figures["path"] = str(html)

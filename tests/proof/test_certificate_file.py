@@ -1,0 +1,42 @@
+"""A certificate on file, and its sentence on top of what is exported."""
+
+import json
+
+import pytest
+
+from eutree.cli.main import run
+from tests.proof.policies import BAD, GOOD, policy_of
+
+
+@pytest.fixture
+def files(tmp_path):
+    policy_of(GOOD).save(tmp_path / "car.json")
+    policy_of(BAD).save(tmp_path / "other.json")
+    question = "stays in position <= 0.7 for 3 steps"
+    line = ["prove", str(tmp_path / "car.json"), question, "--out", str(tmp_path / "proof.json")]
+    assert run(line) == 0
+    return tmp_path
+
+
+def test_the_sentence_is_a_comment_of_every_export(files, capsys):
+    sentence = json.loads((files / "proof.json").read_text())["sentence"]
+    for name, opens in (("c", "/* "), ("python", "# "), ("st", "(* ")):
+        out = files / f"out.{name}"
+        line = ["export", str(files / "car.json"), "--format", name, "--out", str(out)]
+        assert run(line) == 0
+        plain = out.read_text()
+        assert run([*line, "--certificate", str(files / "proof.json")]) == 0
+        first, rest = out.read_text().split("\n", 1)
+        assert rest == plain
+        assert first.startswith(f"{opens}Certificate, proven (proof): {sentence}")
+
+
+def test_a_certificate_of_another_tree_and_what_is_none(files, capsys):
+    line = ["export", str(files / "other.json"), "--format", "c", "--certificate"]
+    assert run([*line, str(files / "proof.json")]) == 2
+    assert "must be a certificate of this policy" in capsys.readouterr().err
+    assert run([*line, str(files / "car.json")]) == 2
+    assert "must be what prove --out writes" in capsys.readouterr().err
+    line = ["export", str(files / "car.json"), "--format", "svg", "--certificate"]
+    assert run([*line, str(files / "proof.json")]) == 2
+    assert "needs --format c, python, st" in capsys.readouterr().err
