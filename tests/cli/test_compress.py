@@ -76,3 +76,13 @@ def test_a_tree_alone_is_made_smaller_by_playing(eutree, expert):
     limited = eutree(*line, "--max-leaves", str(sizes[-1] + 1), "--json").json
     assert limited["n_leaves_after"] <= sizes[-1] + 1
     assert limited["mean_return_after"] >= answer["front"][-1]["mean_return"] - 1e-9
+
+
+def test_where_nothing_can_be_played_the_model_of_the_run_chooses(eutree, demonstrations):
+    line = ["learn", "eutree/Evasion2-v0", "--demos", demonstrations, "--out", "run"]
+    assert eutree(*line, "--episodes", "6", "--evaluation-episodes", "2").code == 0
+    policy = replace(TreePolicy.load("run/policy.json"), environment=EnvironmentSpec("Nowhere-v0"))
+    policy.save("run/policy.json")
+    found = eutree("compress", "run", "--out", "small.json", "--max-leaves", "4", "--json").json
+    assert (found["by"], found["environment_steps"]) == ("model", 0)
+    assert found["n_leaves_after"] <= 4

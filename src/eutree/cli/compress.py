@@ -130,6 +130,8 @@ def compress(
     elif plays or imagined or rounding is not False:
         real, unplayed = _where_trees_play(policy, episodes, n_jobs, return_range)
         real = None if real is None else replace(real, searches=plays, evaluates=plays)
+    # Where nothing can be played, the world model of the run's own transitions chooses.
+    imagined |= bool(plays and unplayed and options["max_leaves"] is not None and source.is_dir())
     if unplayed and front is not None:
         raise InvalidArgumentError(f"--front needs an environment to play in{unplayed}")
     observations = _observations(source, demos, policy, needed=not plays or real is None)
