@@ -5,12 +5,14 @@ from collections.abc import Callable
 from eutree.proof.plant import Plant
 from eutree.proof.plants.evasion import Evasion
 from eutree.proof.plants.mountain_car import MountainCar
+from eutree.proof.plants.two_tanks import TwoTanks
 from eutree.schema import EnvironmentSpec
 
 Factory = Callable[[EnvironmentSpec], Plant]
 
 _PLANTS: dict[str, Factory] = {
     "MountainCar-v0": MountainCar,
+    "TwoTanks-v0": TwoTanks,
     "eutree/Evasion-v0": Evasion,
     "eutree/Evasion2-v0": Evasion,
     "eutree/Evasion3-v0": Evasion,
