@@ -182,7 +182,7 @@ a run with its judgement hands over the start where the entry is negative. CPU s
 
 {lines}
 
-One seed of a task is an indication, no benchmark. [The default](../methods.md) follows them as far
+One or two seeds are an indication, no benchmark. [The default](../methods.md) follows them as far
 as they go: planning where features are few; elsewhere the smaller tree until steps are many.
 """
 
