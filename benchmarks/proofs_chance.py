@@ -30,7 +30,7 @@ def trees_of(seed: int, folder: Path) -> dict[str, Path]:
     demos, fitted, run = (folder / f"{name}-{seed}" for name in ("demos", "fitted", "run"))
     fitted = fitted.with_suffix(".json")
     for made, words in (
-        (demos, f"record {SPEC.id} --episodes 15 --seed {seed} --out {demos}"),
+        (demos, f"record {SPEC.id} --expert gate --episodes 15 --seed {seed} --out {demos}"),
         (fitted, f"fit {demos} --out {fitted}"),
         (run, f"learn --demos {demos} --seed {seed} --out {run}"),
     ):
