@@ -25,7 +25,7 @@ def written(folder, *, preset="default", seed=3, **environment):
     return {
         str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
         for path in sorted(folder.rglob("*"))
-        if path.is_file() and path.name != ".lock"
+        if path.is_file() and path.name not in (".lock", "command.json")  # it names the folder
     }
 
 

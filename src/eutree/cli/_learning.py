@@ -4,9 +4,8 @@ import logging
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eutree.cli._front import drawn
 from eutree.cli._going_on import keep
-from eutree.cli._output import Output, ProgressLine
+from eutree.cli._output import Output, ProgressLine, front_drawn
 from eutree.wording import counted
 
 if TYPE_CHECKING:
@@ -161,7 +160,7 @@ def in_words(
     judgement = result.against_start
     verdict = "" if judgement is None else judgement.verdict()
     picked = None if result.picked is None else result.picked.n_leaves
-    front = drawn(result.front, "learned", picked).rstrip()
+    front = front_drawn(result.front, "learned", picked).rstrip()
     rest = [front, verdict, "" if rivalry is None else rivalry.all_lines()]
     return "\n".join([f"{words}; written to {out}", *filter(None, rest)])
 

@@ -2,7 +2,8 @@
 
 import json
 import math
-from typing import Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
@@ -11,6 +12,12 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.text import Text
 
 from eutree.cli._standard_output import results
+
+if TYPE_CHECKING:
+    from eutree.compression.report import FrontEntry
+
+_HEADER = "leaves  return [95 %]                 success"
+_WIDTH = 20
 
 
 class Output:
@@ -98,3 +105,30 @@ def _plain(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
+
+
+def front_drawn(front: "Sequence[FrontEntry]", first: str, picked: int | None = None) -> str:
+    """Return a front as lines, the longer the more it returns; "" if there is none.
+
+    Args:
+        front: The trees, the first of which the others were made of.
+        first: The name of that one.
+        picked: Leaves of the tree that was picked; None for none.
+    """
+    if not front:
+        return ""
+    best = max(one.mean_return for one in front)
+    least = min(one.mean_return for one in front)
+    lines = [_HEADER]
+    for number, one in enumerate(front):
+        low, high = one.return_interval
+        width = round(_WIDTH * (one.mean_return - least) / ((best - least) or 1.0))
+        success = "" if one.success_rate is None else f"{one.success_rate:.1%}"
+        mark = f"  {first}" if number == 0 else ""
+        if number and one.policy.n_leaves == picked:
+            mark = "  picked"
+        earned = f"{one.mean_return:.2f} [{low:.2f}, {high:.2f}]"
+        lines.append(
+            f"{one.policy.n_leaves:>6}  {earned:<28}  {success:>6}  {'#' * width}{mark}".rstrip()
+        )
+    return "\n".join(lines) + "\n"

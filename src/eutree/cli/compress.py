@@ -9,7 +9,6 @@ import numpy as np
 
 from eutree.cli._cluster import cluster, workers_options
 from eutree.cli._controllers import Rival, against_option
-from eutree.cli._front import drawn
 from eutree.cli._help import Helped
 from eutree.cli._options import (
     count_option,
@@ -20,7 +19,7 @@ from eutree.cli._options import (
     path_option,
     seed_option,
 )
-from eutree.cli._output import Output
+from eutree.cli._output import Output, front_drawn
 from eutree.errors import EutreeError, InvalidArgumentError, shown
 from eutree.schema import EnvironmentSpec
 from eutree.wording import counted
@@ -173,7 +172,8 @@ def compress(
             "against": None if rivalry is None else rivalry.facts(),
             "path": str(out),
         },
-        f"{small}\n{drawn(report.front, 'start')}{_in_words(report, len(observations))}{unplayed}; "
+        f"{small}\n{front_drawn(report.front, 'start')}"
+        f"{_in_words(report, len(observations))}{unplayed}; "
         f"written to {out}" + ("" if rivalry is None else f"\n{rivalry.all_lines()}"),
     )
 
