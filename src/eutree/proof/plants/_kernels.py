@@ -60,9 +60,8 @@ class Cells(NamedTuple):
 class Reached(NamedTuple):
     """What is reached: for each cell and action that is taken next, the hull of its states."""
 
-    hull: NDArray[
-        np.uint16
-    ]  # [nodes, d, 2] first part and the one after the last; none: 65535 and 0
+    # First part and the one after the last; none: 65535 and 0.
+    hull: NDArray[np.uint16]  # [nodes, d, 2]
     waits: Booleans  # [nodes] whether it is in the queue
     queue: Integers  # [nodes + 1] numbers of nodes, used in a circle
     ends: Integers  # [2] how many were taken from the queue, and put into it
