@@ -7,7 +7,7 @@ others again what is said of all. Steps are few beside those of the run where th
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -90,7 +90,9 @@ def front_of_run(
     learned = trees[0]
 
     def checked(one: TreePolicy) -> TreePolicy:
-        return with_locks(merged(one), learned)
+        # An earlier incumbent may be the expert tree, which was shown in another environment.
+        here = replace(one, environment=learned.environment, schema=learned.schema)
+        return with_locks(merged(here), learned)
 
     rollouts = None
     if isinstance(learner, Imagines):

@@ -69,7 +69,7 @@ class Run:
         self.racing = Racing(plan, self.state)
         self._arena = arena
         self._clock = time.monotonic()
-        self.first = beginning.start.expert or self.policy()
+        self.first = _of_here(beginning) or self.policy()
 
     @property
     def at(self) -> Position:
@@ -237,3 +237,14 @@ class Run:
         else:
             picked = self.evaluations.picked or learned
             self.evaluations.judge(first, picked, self.challengers, arena)
+
+
+def _of_here(beginning: Beginning) -> TreePolicy | None:
+    """Return the expert tree as a policy of the run's environment, which may be another's tree.
+
+    What is handed over is evaluated, compressed and shown where it was to act, start or not.
+    """
+    expert, environment = beginning.start.expert, beginning.problem.environment
+    if expert is None or environment is None or expert.environment == environment:
+        return expert
+    return replace(expert, environment=environment)
