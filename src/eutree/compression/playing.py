@@ -356,6 +356,8 @@ class CommonEpisodes:
     def _departs(self, rival: TreePolicy, n: int) -> Integers:
         """Return the episodes in which a rival does not do the same throughout."""
         traces = self.traces
+        if rival.features != self.present.features:  # it remembers more or less than the present
+            return np.arange(n)
         other = rival.actions[rival.tree.leaf_index(traces.features)] != traces.actions
         episodes = np.unique(traces.episode[other])
         return episodes[episodes < n]
