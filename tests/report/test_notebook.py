@@ -58,7 +58,7 @@ def test_the_facts_are_there(shown: dict[str, Any]) -> None:
     assert f"{shown['evaluation'].success_rate:.1%}" in evaluation
     result = shown["result"]._repr_html_()
     assert f"20 episodes, {shown['result'].steps:,} steps" in words(result)
-    assert result.count('class="chart"') == 3
+    assert result.count('class="chart"') == 3 + 2  # the curves; the front, twice
     assert "locked leaves: " in words(shown["edited"]._repr_html_())
     assert str(shown["verification"]) in words(shown["verification"]._repr_html_()).replace(
         "&gt;", ">"

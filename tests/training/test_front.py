@@ -159,3 +159,10 @@ def test_what_a_world_model_runs_of_a_tree_is_that_tree(seed):
     for name in ("threshold", "left", "right"):
         assert (getattr(quick, name)[inner] == getattr(slow, name)[inner]).all()
     assert (quick.action[~inner] == slow.action[~inner]).all()
+
+
+def test_a_notebook_draws_it(folder):
+    result, _path = folder
+    drawn = result._repr_html_()
+    assert "Mean return by leaves" in drawn
+    assert drawn.count("<circle") >= len(result.front)

@@ -172,6 +172,8 @@ def demo_report(facts: DemoFacts) -> RunReport:
             :MOST_CHANGES
         ],
         curves=_curves(facts),
+        front=facts.compression.front,
+        picked=small.n_leaves,
         tables={"The runs": _runs(facts), "The trees": _trees(facts)},
         trees={name: policy for name, policy in facts.policies.items() if policy is not small},
         texts={f"The C function: {len(facts.source.splitlines())} lines": facts.source},

@@ -28,10 +28,6 @@ def front_section(front: Sequence[FrontEntry], picked: int | None) -> str:
         front: What was learned and the best tree of each size, the largest first.
         picked: Leaves of the tree that was picked; None for none.
     """
-    charts = [_chart("mean return", [(one, one.mean_return) for one in front])]
-    rates = [(one, one.success_rate) for one in front if one.success_rate is not None]
-    if rates:
-        charts.append(_chart("share of successes", rates))
     walk = "".join(
         _step(front[max(number - 1, 0)], one, _name(number, one, picked))
         for number, one in enumerate(front)
@@ -41,9 +37,20 @@ def front_section(front: Sequence[FrontEntry], picked: int | None) -> str:
         "Open one to see it, what it decides otherwise than the one before, and what that costs."
     )
     return (
-        f'<p class="quiet">{words}</p><div class="charts">{"".join(charts)}</div>\n'
+        f'<p class="quiet">{words}</p><div class="charts">{"".join(front_charts(front))}</div>\n'
         f'<div class="front">{walk}</div>'
     )
+
+
+def front_charts(front: Sequence[FrontEntry]) -> list[str]:
+    """Return what each size earns, and how often it succeeds where that is reported, drawn.
+
+    Args:
+        front: What was learned and the best tree of each size, the largest first.
+    """
+    rates = [(one, one.success_rate) for one in front if one.success_rate is not None]
+    charts = [_chart("mean return", [(one, one.mean_return) for one in front])] if front else []
+    return [*charts, _chart("share of successes", rates)] if rates else charts
 
 
 def _chart(measure: str, values: Sequence[tuple[FrontEntry, float]]) -> str:

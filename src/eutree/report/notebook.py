@@ -17,7 +17,7 @@ from eutree.export.svg import STYLE
 from eutree.inspection import Edited
 from eutree.policies import TreePolicy
 from eutree.report.chart import Series, chart
-from eutree.report.front import front_in_words
+from eutree.report.front import front_charts, front_in_words
 from eutree.report.html import asset
 from eutree.training import LearningResult
 from eutree.wording import counted
@@ -86,7 +86,8 @@ def _(result: LearningResult) -> str:
         "handed over": "" if result.against_start is None else result.against_start.verdict(),
         "smaller trees": front_in_words(result.front),
     }
-    charts = f'<div class="charts">{"".join(_charts(result))}</div>' if result.curve else ""
+    drawn = [*(_charts(result) if result.curve else []), *front_charts(result.front)]
+    charts = f'<div class="charts">{"".join(drawn)}</div>' if drawn else ""
     return _piece("Learning result", _facts(facts), charts, _drawn(result.policy))
 
 
