@@ -25,6 +25,8 @@ def test_the_tree_is_set_beside_the_person(eutree, stands_still):
     values = answer.json
     assert values["person"]["success_rate"] == pytest.approx(11 / 15)
     assert values["played"]["success_rate"] < 0.1
+    played = values["played"]
+    assert played["worst_return"] <= played["return_quantile_05"] <= played["mean_return"]
     low, high = values["played"]["interval"]
     assert low <= values["played"]["success_rate"] <= high < 0.3
     assert values["choice"] == "C4.5 of release 8"

@@ -51,6 +51,7 @@ def test_the_demo_makes_all_its_files_and_a_self_contained_report(tmp_path, envi
     assert not re.search(r"(src|href)=[\"']?(https?:)?//", page)
     for name in ("Expert tree", "Compressed tree", "run 1", "Before, from the same start"):
         assert name in page
+    assert "worst; 5 % quantile" in page
     assert ("Smaller trees" in page) == bool(result.compression.front) == story.plays
     small = TreePolicy.load(tmp_path / "out" / "small.json")
     assert small.n_leaves == result.compression.n_leaves_after

@@ -161,6 +161,8 @@ def _values(report: "FitReport", out: Path) -> dict[str, Any]:
             "interval": played.success_interval,
             "mean_return": played.mean_return,
             "return_interval": played.return_interval,
+            "worst_return": played.worst_return,
+            "return_quantile_05": played.return_quantile_05,
             "episodes": played.episodes,
         },
         "verdict": found and found.word,

@@ -318,12 +318,15 @@ def _trees(facts: DemoFacts) -> Table:
 
 
 def _titles(success: bool) -> list[str]:
-    return ["return [95 %]", *["success [95 %]"] * success]
+    return ["return [95 %]", "worst; 5 % quantile", *["success [95 %]"] * success]
 
 
 def _cells(evaluation: Evaluation, success: bool) -> list[str]:
     low, high = evaluation.return_interval
-    cells = [f"{evaluation.mean_return:.1f} [{low:.1f}, {high:.1f}]"]
+    cells = [
+        f"{evaluation.mean_return:.1f} [{low:.1f}, {high:.1f}]",
+        f"{evaluation.worst_return:.1f}; {evaluation.return_quantile_05:.1f}",
+    ]
     if success and evaluation.success_interval is not None:
         least, most = evaluation.success_interval
         rate = evaluation.success_rate or 0.0
