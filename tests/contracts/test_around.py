@@ -1,6 +1,7 @@
 """What people expect around a library says the same as the Makefile and the package do."""
 
 import re
+import subprocess
 import tomllib
 from pathlib import Path
 
@@ -68,3 +69,14 @@ def test_the_release_checklist_names_commands_that_exist():
         assert re.search(rf"^(.*\s)?{target}[ :]", MAKEFILE, re.MULTILINE), target
     for path in re.findall(r"`(?:python )?((?:\.ci|docs|tests)/[\w/.]+)", text):
         assert (ROOT / path).exists(), path
+
+
+def test_the_tests_that_ci_names_are_there() -> None:
+    """A file that is not there ends the run before its first test."""
+    script = (ROOT / ".ci" / "run").read_text()
+    words = re.findall(r"tests/[\w./{},]+", script)
+    line = "printf '%s\\n' " + " ".join(words)
+    named = subprocess.run(["bash", "-c", line], capture_output=True, text=True, check=True)
+    paths = named.stdout.split()
+    assert len(paths) > 20
+    assert [path for path in paths if not (ROOT / path).exists()] == []
