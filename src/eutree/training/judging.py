@@ -3,10 +3,7 @@
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
-import numpy as np
-
-from eutree.contests import bounds_of_change
-from eutree.evaluation import Evaluation, Interval
+from eutree.evaluation import Evaluation, Interval, against
 from eutree.wording import counted
 
 LEARNED: Literal["learned"] = "learned"
@@ -185,23 +182,18 @@ def judged(
         challengers: Trees that were put to the test.
         sizes: Leaves of both; by default as the evaluations say.
     """
-    change = interval = None
-    if start.successes is not None and learned.successes is not None:
-        successes = np.stack([start.successes, learned.successes]).astype(np.float64)
-        bounds = bounds_of_change(successes, known=(0.0, 1.0))
-        change, interval = bounds.mean, Interval(bounds.low, bounds.high)
-    bounds = bounds_of_change(np.stack([start.returns, learned.returns]), known=known)
+    found = against(learned, start, known=known)
     sizes = sizes or (start.n_leaves or 0, learned.n_leaves or 0)
     return Judgement(
-        episodes=start.episodes,
-        return_change=bounds.mean,
-        return_interval=Interval(bounds.low, bounds.high),
-        success_change=change,
-        success_interval=interval,
+        episodes=found.episodes,
+        return_change=found.return_change,
+        return_interval=found.return_interval,
+        success_change=found.success_change,
+        success_interval=found.success_interval,
         challengers=challengers,
         start=Standing.of(start, sizes[0]),
         learned=Standing.of(learned, sizes[1]),
-        condition=bounds.condition(),
+        condition=found.condition,
     )
 
 
