@@ -50,6 +50,13 @@ paired, apart = Ahead(), AheadApart()
 
 SAID = {
     "learning.md": [
+        f"by the returns of {default(eutree.learn_runs, 'selection_episodes')} episodes",
+        f"it is judged on {default(eutree.learn_runs, 'judging_episodes'):,} others",
+        f"fitted to the last {plans.max_transitions:,} transitions at most",
+        f"{word(round(off_policy.FEWEST_HELD_OUT / off_policy.HELD_OUT)).capitalize()} episodes "
+        "are the least of which some can be held out",
+    ],
+    "planning.md": [
         f"every time the history has grown by {percent(plans.growth - 1)} "
         f"(asked after each gathering phase of {DEFAULT.gathering_episodes} episodes):",
         f"with probability {plans.explorer_share} the explorer acts",
@@ -64,8 +71,6 @@ SAID = {
         f"acts for at least {plans.min_episodes} episodes ({apart.few} if it earns "
         f"more by {word(apart.clearly)} standard errors)",
         f"the mean of its last {plans.memory} returns",
-        f"by the returns of {default(eutree.learn_runs, 'selection_episodes')} episodes",
-        f"it is judged on {default(eutree.learn_runs, 'judging_episodes'):,} others",
         f"has more than {proposals.MOST_LEAVES} leaves, what each of "
         f"{word(len(proposals._MODELS))} world models cuts it to",
         f"up to {word(search.ROUNDS)} times, as long as the incumbent is replaced (a quarter of",
@@ -81,9 +86,6 @@ SAID = {
         f"If the steps end before, all {word(len(proposals._MODELS))} models",
         f"the returns to go in the last {proposals.RECENT} episodes",
         f"with lambda = {variants.LAMBDA}.",
-        f"fitted to the last {plans.max_transitions:,} transitions at most",
-        f"{word(round(off_policy.FEWEST_HELD_OUT / off_policy.HELD_OUT)).capitalize()} episodes "
-        "are the least of which some can be held out",
     ],
     "methods.md": [
         f"where at least {word(default_choice.ENOUGH_SHOWN)} demonstrations are given",
