@@ -9,10 +9,11 @@ import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 from eutree.display import decimals_of, number, told_apart, usual_width
-from eutree.errors import InvalidArgumentError, shown
+from eutree.errors import InvalidArgumentError, UnknownNameError, shown
 
 MAX_FEATURES = 10_000  # the past included
 MAX_ACTIONS = 1_000  # learners hold tables of leaves x actions, and C4.5 of actions x cuts
@@ -21,6 +22,7 @@ MAX_ACTIONS = 1_000  # learners hold tables of leaves x actions, and C4.5 of act
 _LABEL = re.compile(r"(?P<name>.*?)(?: \[(?P<unit>[^\]]*)\])?", re.DOTALL)
 # Names that say nothing; up to release 0.1 they had blanks, and tuples had bare numbers.
 _NUMBERED = re.compile(r"x?\d+(\.x?\d+)*(, \d+ ago)?|did action[ _]\d+, \d+ ago")
+_AGO = re.compile(r", \d+ ago$")
 _NUMBERED_ACTION = re.compile(r"action[ _]-?\d+|control_\d+ -?\d+(, control_\d+ -?\d+)*")
 
 
@@ -50,6 +52,9 @@ class Feature:
         low: Smallest possible value; ``-inf`` where unbounded.
         high: Largest possible value; ``inf`` where unbounded.
         is_integer: Whether it is known to have whole values only.
+        categories: Names of its values ``low, low + 1, ..., high``, where these are codes.
+        group: Name of the choice of which it is one category: 1 in exactly one of the features of
+            that group, 0 in the others.
     """
 
     name: str
@@ -57,6 +62,8 @@ class Feature:
     low: float = -math.inf
     high: float = math.inf
     is_integer: bool = False
+    categories: tuple[str, ...] = ()
+    group: str = ""
 
     @classmethod
     def from_label(cls, label: str) -> "Feature":
@@ -69,10 +76,59 @@ class Feature:
             raise InvalidArgumentError(
                 f"feature {self.name!r} must have low <= high, got {self.low} and {self.high}"
             )
+        if self.categories and not (
+            self.is_integer and self.high - self.low == len(set(self.categories)) - 1
+        ):
+            raise InvalidArgumentError(
+                f"feature {self.name!r} must have one category, all distinct, for each whole "
+                f"number from {self.low:g} to {self.high:g}, got {list(self.categories)}"
+            )
+        if self.group and not self.is_flag:
+            raise InvalidArgumentError(
+                f"feature {self.name!r} must be 0 or 1 to be a category of {self.group!r}, got "
+                f"numbers from {self.low:g} to {self.high:g}"
+            )
+
+    @property
+    def is_flag(self) -> bool:
+        """Whether it is 0 or 1."""
+        return self.is_integer and (self.low, self.high) == (0.0, 1.0)
+
+    @property
+    def category(self) -> str:
+        """The category of its group that it stands for: its name without the group's."""
+        group, name = (_AGO.sub("", text) for text in (self.group, self.name))
+        for beginning in (f"{group} is ", f"{group} ", f"{group}."):
+            if name.startswith(beginning) and name != beginning:
+                return name.removeprefix(beginning)
+        return name
 
     def text(self, value: float) -> str:
         """Return a value in the digits that matter."""
         return number(value, decimals_of(usual_width(self.low, self.high, [value])))
+
+
+def _of_kind(feature: Feature, kind: str | Sequence[str]) -> Feature:
+    """Return a feature of a kind: a flag, an integer, or a code whose values have names."""
+    if kind == "integer":
+        return replace(feature, is_integer=True)
+    low, high = 0.0, 1.0
+    if not isinstance(kind, str):
+        low = feature.low if math.isfinite(feature.low) else 0.0
+        high = low + len(kind) - 1
+    elif kind != "flag":
+        raise InvalidArgumentError(
+            f"kind of {feature.name!r} must be flag, integer or the names of its values, "
+            f"got {kind!r}"
+        )
+    for own, bound in ((feature.low, low), (feature.high, high)):
+        if math.isfinite(own) and own != bound:
+            raise InvalidArgumentError(
+                f"kind of {feature.name!r} must have a value for each whole number from "
+                f"{feature.low:g} to {feature.high:g}, got {kind!r}"
+            )
+    categories = () if isinstance(kind, str) else tuple(kind)
+    return replace(feature, low=low, high=high, is_integer=True, categories=categories)
 
 
 @dataclass(frozen=True)
@@ -167,6 +223,15 @@ class Schema:
         """Number of features."""
         return len(self.features)
 
+    @cached_property
+    def groups(self) -> dict[str, tuple[int, ...]]:
+        """The features of each one-hot group, by its name."""
+        members: dict[str, tuple[int, ...]] = {}
+        for place, feature in enumerate(self.features):
+            if feature.group:
+                members[feature.group] = (*members.get(feature.group, ()), place)
+        return members
+
     @property
     def n_actions(self) -> int:
         """Number of actions."""
@@ -200,14 +265,61 @@ class Schema:
             )
 
     def with_names_of(self, other: "Schema") -> "Schema":
-        """Return this schema with the names and units of another, where it has none itself."""
+        """Return this schema with the names, units and kinds of another, if it has none itself."""
         if not self._names_fit(other):
             return self
         features = tuple(
-            replace(mine, name=theirs.name, unit=theirs.unit or mine.unit)
+            replace(
+                theirs if theirs.group or theirs.categories else mine,
+                name=theirs.name,
+                unit=theirs.unit or mine.unit,
+                is_integer=mine.is_integer or theirs.is_integer,
+            )
             for mine, theirs in zip(self.features, other.features, strict=True)
         )
         return Schema(features, other.actions, other.controls or self.controls)
+
+    @property
+    def kinds(self) -> dict[str, str | tuple[str, ...]]:
+        """The kinds of the features that are no quantities, as ``with_kinds`` takes them."""
+        names = self.feature_names
+        kinds: dict[str, str | tuple[str, ...]] = {
+            feature.name: feature.categories or ("flag" if feature.is_flag else "integer")
+            for feature in self.features
+            if feature.is_integer and not feature.group
+        }
+        return kinds | {
+            group: tuple(names[member] for member in members)
+            for group, members in self.groups.items()
+        }
+
+    def with_kinds(self, kinds: Mapping[str, str | Sequence[str]]) -> "Schema":
+        """Return this schema with kinds of features declared.
+
+        Args:
+            kinds: Of a feature by its name ``"flag"``, ``"integer"`` or the names of its values
+                from its lower bound (else from 0) on; of a one-hot group by a name of its own the
+                names of its features, or what these are called after "GROUP is".
+
+        Raises:
+            InvalidArgumentError: A kind is none of these, or contradicts the bounds of a feature.
+            UnknownNameError: A group names no feature.
+        """
+        features = list(self.features)
+        numbers = {name: place for place, name in enumerate(self.feature_names)}
+        for name, kind in kinds.items():
+            if name in numbers:
+                features[numbers[name]] = _of_kind(features[numbers[name]], kind)
+                continue
+            if isinstance(kind, str):
+                raise UnknownNameError("feature", name, self.feature_names)
+            for category in kind:
+                known = (category, *(f"{name}{mark}{category}" for mark in (" is ", " ", ".")))
+                member = next((numbers[one] for one in known if one in numbers), None)
+                if member is None:
+                    raise UnknownNameError("feature", category, self.feature_names)
+                features[member] = replace(_of_kind(features[member], "flag"), group=name)
+        return replace(self, features=tuple(features))
 
     def is_unnamed_form_of(self, named: "Schema") -> bool:
         """Return whether ``named`` differs from this schema by names that this one has not."""
@@ -258,7 +370,11 @@ class Schema:
                     f"most {MAX_FEATURES:,}, got {shown(amount)}"
                 )
         past = [
-            replace(feature, name=f"{feature.name}, {k} ago")
+            replace(
+                feature,
+                name=f"{feature.name}, {k} ago",
+                group=feature.group and f"{feature.group}, {k} ago",
+            )
             for k in range(1, steps + 1)
             for feature in self.features
         ]

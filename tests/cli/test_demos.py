@@ -230,3 +230,16 @@ def test_a_full_disk_is_one_line_and_loses_nothing(folder, ask, recorded):
     assert len(Demonstrations.load(folder)) == len(recorded)
     assert not os.path.exists(folder + ".csv")
     assert not any(name.startswith(".") for name in os.listdir(folder))
+
+
+def test_a_log_is_imported_with_kinds(tmp_path, ask):
+    (tmp_path / "log.csv").write_text(
+        "episode,action,tariff,door\n0,a,1,open\n0,b,2,shut\n0,,3,open\n"
+    )
+    (tmp_path / "names.json").write_text('{"kinds": {"tariff": "integer"}}')
+    names = ["--names", tmp_path / "names.json", "--nominal", "door"]
+    ask("import", tmp_path / "log.csv", *names, "--out", tmp_path / "demos")
+    assert Demonstrations.load(tmp_path / "demos").schema.kinds == {
+        "tariff": "integer",
+        "door": ("open", "shut"),
+    }

@@ -6,6 +6,8 @@ import pytest
 from eutree.data import Demonstrations, LogFormat
 from eutree.data.log_format import label, seconds_of
 from eutree.errors import FormatError, InvalidArgumentError
+from eutree.policies import TreePolicy
+from eutree.trees import DecisionTree
 
 PLANT = (
     "time;line;mode;level (m);inflow [l/s];pump\n"
@@ -41,7 +43,7 @@ def test_a_machines_log_is_read_as_it_is(plant):
         "inflow",
     )
     assert [f.unit for f in demos.schema.features] == ["", "", "", "m", "l/s"]
-    assert demos.schema.features[0].is_integer
+    assert demos.schema.groups == {"mode": (0, 1, 2)}
     assert demos.schema.actions == ("off", "low", "high")
     first, second = demos.episodes
     assert first.observations.tolist() == [
@@ -59,7 +61,10 @@ def test_of_two_categories_one_feature_is_enough(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text("episode,action,door\n0,a,shut\n0,b,open\n0,,open\n")
     demos = Demonstrations.from_csv(path, log=LogFormat(nominal=("door",)))
-    assert demos.schema.feature_names == ("door is shut",)
+    (door,) = demos.schema.features
+    assert (door.name, door.categories, door.is_flag) == ("door", ("open", "shut"), True)
+    tree = DecisionTree.single_leaf(1).split(0, 0, 0.5)
+    assert str(TreePolicy(tree, [0, 1], demos.schema)).startswith("if door is open:")
     assert demos.observations.tolist() == [[1.0], [0.0]]
 
 

@@ -179,7 +179,7 @@ def test_names_can_be_typed_as_they_are_printed(text, action, feature):
     """``never action 0 when turn rate > 1`` was refused: names with blanks needed inner quotes."""
     features = tuple(map(Feature, ("turn", "turn rate", "turn rate, 1 ago")))
     found = parse(text, Schema(features, ("do", "do it")))
-    assert found.action == action
+    assert found.actions == {action}
     limited = np.isfinite(found.region.high) | np.isfinite(found.region.low)
     assert np.flatnonzero(limited).tolist() == [feature]
 

@@ -4,7 +4,7 @@ from rich.text import Text
 
 from eutree.policies import TreePolicy
 from eutree.trees.digits import Digits
-from eutree.trees.text import condition, printable
+from eutree.trees.text import is_reversed, printable, question
 from eutree.wording import counted
 
 # Names of terminal colours, so that each terminal's own theme keeps them readable.
@@ -22,9 +22,12 @@ def drawn(policy: TreePolicy) -> Text:
     for node in tree.preorder():
         line, parent = Text(), int(tree.parent[node])
         if parent != tree.NO_NODE:
-            is_yes = tree.left[parent] == node
-            line.append(guides[parent] + ("├─ yes  " if is_yes else "└─ no   "), style="dim")
-            guides[node] = guides[parent] + ("│  " if is_yes else "   ")
+            is_left = tree.left[parent] == node
+            asked = policy.schema.features[tree.feature[parent]]
+            is_yes = is_left != is_reversed(asked, float(tree.threshold[parent]))
+            branch = ("├─ " if is_left else "└─ ") + ("yes  " if is_yes else "no   ")
+            line.append(guides[parent] + branch, style="dim")
+            guides[node] = guides[parent] + ("│  " if is_left else "   ")
         lines.append(line + _words(policy, node, digits))
     return Text("\n").join(lines)
 
@@ -34,7 +37,7 @@ def _words(policy: TreePolicy, node: int, digits: Digits) -> Text:
     tree = policy.tree
     if tree.leaf[node] == tree.NO_LEAF:
         feature, cut = int(tree.feature[node]), float(tree.threshold[node])
-        words = condition(policy.schema, feature, cut, digits)
+        words = question(policy.schema, feature, cut, digits)
         return Text(f"{words} ?")
     leaf = int(tree.leaf[node])
     action = int(policy.actions[leaf])

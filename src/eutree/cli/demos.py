@@ -7,7 +7,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from eutree.cli._options import env_arg_option, import_option, json_option, output_option
+from eutree.cli._options import (
+    env_arg_option,
+    import_option,
+    json_option,
+    output_option,
+)
 from eutree.cli._output import Output
 from eutree.cli._paths import Written
 from eutree.errors import InvalidArgumentError
@@ -277,6 +282,7 @@ def import_(
     """
     from eutree.data import Demonstrations, LogFormat
     from eutree.data.log_format import seconds_of
+    from eutree.interaction.names import given_names
 
     kind = _kind("SOURCE", source)
     named = {"episode": episode_column, "action": action_column, "reward": reward_column}
@@ -306,6 +312,9 @@ def import_(
         loaded = Demonstrations.from_npz(source, schema=schema, environment=spec)
     if not loaded.episodes:
         raise InvalidArgumentError(f"{source} holds no episodes")
+    names = given_names()
+    if names is not None:
+        loaded = replace(loaded, schema=names.of(loaded.schema))
     loaded.save(out)
     _written(loaded, str(out), as_json)
 

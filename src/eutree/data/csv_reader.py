@@ -87,19 +87,14 @@ class CsvReader:
             raise FormatError(self._path, "line 1", reason)
 
     def _labels(self) -> list[str]:
-        """Return the features, one for each category of a nominal column."""
+        """Return the features, one for each category of a nominal column of more than two."""
         labels = []
         for column in self._table.features:
-            if column in self._categories:
-                labels += [f"{column} is {name}" for name in self._told(column)]
+            if len(self._categories.get(column, ())) > 2:
+                labels += [f"{column} is {name}" for name in sorted(self._categories[column])]
             else:
                 labels.append(label(column))
         return labels
-
-    def _told(self, column: str) -> list[str]:
-        """Return the categories that have a feature of their own: of two one is enough."""
-        names = sorted(self._categories[column])
-        return names[1:] if len(names) == 2 else names
 
     def _add(self, group: "_EpisodeRows", line: int, row: Row) -> None:
         """Add a row to its episode."""
@@ -157,9 +152,12 @@ class CsvReader:
             raise FormatError(self._path, "", str(error)) from None
 
     def _feature(self, name: str) -> Feature:
+        if name in self._categories:
+            categories = tuple(sorted(self._categories[name]))
+            return Feature(name, "", 0.0, len(categories) - 1.0, True, categories)
         column, _, category = name.rpartition(" is ")
-        if column in self._categories and category in self._categories[column]:
-            return Feature(name, low=0.0, high=1.0, is_integer=True)
+        if category in self._categories.get(column, ()):
+            return Feature(name, low=0.0, high=1.0, is_integer=True, group=column)
         return Feature.from_label(name)
 
     def _observations(self, group: "_EpisodeRows") -> Floats:
@@ -171,7 +169,8 @@ class CsvReader:
         for number, column in enumerate(self._table.features):
             if column in self._categories:
                 codes = self._categories[column]
-                columns += [1.0 * (values[:, number] == codes[name]) for name in self._told(column)]
+                each = [1.0 * (values[:, number] == codes[name]) for name in sorted(codes)]
+                columns += each if len(codes) > 2 else each[1:] or [np.zeros(len(values))]
             else:
                 columns.append(values[:, number])
         return np.stack(columns, axis=1)

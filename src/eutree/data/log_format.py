@@ -26,8 +26,8 @@ class LogFormat:
     Attributes:
         drop: Columns that are no features.
         nominal: Columns of text, a choice of categories: each category becomes a feature that is 1
-            where it is chosen, ``"mode is auto"``; of two categories the later one by the alphabet
-            is enough.
+            where it is chosen, ``"mode is auto"``, of a one-hot group; of two categories one
+            feature is enough, 1 at the later one by the alphabet.
         missing: What an empty cell means: ``"hold"``, the value before it in the episode; a number;
             ``"drop"``, the row is left out, and the episode ends before it, since what its last
             action led to is not known. Refused if "".

@@ -3,13 +3,13 @@
 from collections.abc import Iterator
 
 from eutree.policies import TreePolicy
-from eutree.trees.text import condition, printable
+from eutree.trees.text import is_reversed, printable, question
 
 
 def words_of_test(policy: TreePolicy, node: int) -> str:
     """Return the test of an inner node with its exact threshold."""
     tree = policy.tree
-    return condition(policy.schema, int(tree.feature[node]), float(tree.threshold[node]))
+    return question(policy.schema, int(tree.feature[node]), float(tree.threshold[node]))
 
 
 def words_of_leaf(policy: TreePolicy, node: int) -> str:
@@ -22,5 +22,12 @@ def branches(policy: TreePolicy) -> Iterator[tuple[int, int, str]]:
     tree = policy.tree
     for node in tree.preorder():
         if tree.feature[node] != tree.NO_FEATURE:
-            yield node, int(tree.left[node]), "yes"
-            yield node, int(tree.right[node]), "no"
+            yield node, int(tree.left[node]), answer_of(policy, node, is_left=True)
+            yield node, int(tree.right[node]), answer_of(policy, node, is_left=False)
+
+
+def answer_of(policy: TreePolicy, node: int, *, is_left: bool) -> str:
+    """Return which answer to the test of an inner node leads to one of its branches."""
+    feature = policy.schema.features[policy.tree.feature[node]]
+    reverse = is_reversed(feature, float(policy.tree.threshold[node]))
+    return "yes" if is_left != reverse else "no"

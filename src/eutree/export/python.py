@@ -4,7 +4,7 @@ from eutree.export._blocks import block_roots
 from eutree.export._controls import control_identifiers
 from eutree.export._identifiers import PYTHON_WORDS, check_identifier
 from eutree.policies import TreePolicy
-from eutree.trees.text import Syntax, labelled, nested, printable
+from eutree.trees.text import Syntax, condition, labelled, nested, printable
 
 
 def to_python(policy: TreePolicy, *, name: str = "decide") -> str:
@@ -51,7 +51,9 @@ def _function(policy: TreePolicy, name: str, root: int, cut: frozenset[int]) -> 
 
     def test(node: int) -> str:
         feature, threshold = int(tree.feature[node]), float(tree.threshold[node])
-        return f"observation[{feature}] <= {threshold!r}:  # {labelled(schema.features[feature])}"
+        one = schema.features[feature]
+        words = condition(schema, feature, threshold) if one.is_integer else labelled(one)
+        return f"observation[{feature}] <= {threshold!r}:  # {words}"
 
     def leaf(node: int) -> str:
         if tree.leaf[node] == tree.NO_LEAF:

@@ -4,7 +4,7 @@ from eutree.export._blocks import block_roots
 from eutree.export._controls import control_identifiers
 from eutree.export._identifiers import STRUCTURED_TEXT_WORDS, check_identifier, identifiers
 from eutree.policies import TreePolicy
-from eutree.trees.text import Syntax, labelled, nested, printable
+from eutree.trees.text import Syntax, condition, labelled, nested, printable
 from eutree.wording import counted
 
 
@@ -52,8 +52,11 @@ def _function(
     title = name if root == 0 else f"{name}_block{root}"
 
     def test(node: int) -> str:
-        threshold = literal(float(tree.threshold[node]))
-        return f"IF {inputs[tree.feature[node]]} <= {threshold} THEN"
+        feature, threshold = int(tree.feature[node]), float(tree.threshold[node])
+        remark = ""
+        if schema.features[feature].is_integer:
+            remark = f" (* {condition(schema, feature, threshold)} *)"
+        return f"IF {inputs[feature]} <= {literal(threshold)} THEN{remark}"
 
     def leaf(node: int) -> str:
         if tree.leaf[node] == tree.NO_LEAF:

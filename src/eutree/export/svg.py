@@ -10,7 +10,7 @@ from eutree.export._layout import column_lefts, layout, text_width
 from eutree.export.palette import fills
 from eutree.policies import TreePolicy
 from eutree.trees.digits import Digits
-from eutree.trees.text import printable
+from eutree.trees.text import printable, question
 from eutree.wording import counted
 
 STYLE = """\
@@ -65,7 +65,9 @@ def to_svg(policy: TreePolicy, *, standalone: bool = True) -> str:
     middles = _MARGIN + (places.row + 0.5) * _ROW
     for parent, child, answer in branches(policy):
         start, end = lefts[parent] + widths[parent], lefts[child]
-        lines += _branch(start, middles[parent], end, middles[child], answer, _share(visits, child))
+        is_upper = bool(tree.left[parent] == child)
+        place = (end, middles[child], is_upper)
+        lines += _branch((start, middles[parent]), place, answer, _share(visits, child))
     for node in tree.preorder():
         box = lefts[node], middles[node], widths[node]
         lines += _node(policy, node, labels[node], box, colours)
@@ -83,9 +85,12 @@ def _label(policy: TreePolicy, node: int, digits: Digits) -> str:
     tree = policy.tree
     if tree.feature[node] == tree.NO_FEATURE:
         return _shortened(words_of_leaf(policy, node))
-    feature = policy.schema.features[tree.feature[node]]
+    number, threshold = int(tree.feature[node]), float(tree.threshold[node])
+    feature = policy.schema.features[number]
+    if feature.is_integer:
+        return _shortened(question(policy.schema, number, threshold, digits).replace("<=", "≤"))
     unit = f" {_shortened(printable(feature.unit))}" if feature.unit else ""
-    test = digits.at_most(int(tree.feature[node]), float(tree.threshold[node])).replace("<=", "≤")
+    test = digits.at_most(number, threshold).replace("<=", "≤")
     return f"{_shortened(printable(feature.name))} {test}{unit}"
 
 
@@ -111,11 +116,14 @@ def _share(visits: Floats | None, node: int) -> float:
     return 0.0 if visits is None else float(visits[node])
 
 
-def _branch(x: float, y: float, to_x: float, to_y: float, answer: str, share: float) -> list[str]:
-    """Return one branch as a curve, and its answer."""
+def _branch(
+    start: tuple[float, float], end: tuple[float, float, bool], answer: str, share: float
+) -> list[str]:
+    """Return one branch as a curve, and its answer above the upper and below the lower one."""
+    (x, y), (to_x, to_y, is_upper) = start, end
     bend = (x + to_x) / 2
     curve = f"M{x:.1f} {y:.1f}C{bend:.1f} {y:.1f} {bend:.1f} {to_y:.1f} {to_x:.1f} {to_y:.1f}"
-    beside = to_y - 4 - 3 * share if answer == "yes" else to_y + 11 + 3 * share
+    beside = to_y - 4 - 3 * share if is_upper else to_y + 11 + 3 * share
     return [
         f'<path class="eutree-edge" d="{curve}" stroke-width="{1.2 + 6 * share:.2f}"/>',
         f'<text class="eutree-answer" text-anchor="end" x="{to_x - 5:.1f}" '

@@ -17,13 +17,19 @@ Index = Annotated[int, msgspec.Meta(ge=0, lt=2**31)]
 
 
 class FeatureDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """A feature; ``low`` and ``high`` are null where unbounded, ``integer`` where it is whole."""
+    """A feature; ``low`` and ``high`` are null where unbounded, ``integer`` where it is whole.
+
+    ``categories`` name its values from ``low`` on; ``group`` is the choice of which it is one
+    category, 1 in exactly one of the features of that group.
+    """
 
     name: str
     unit: str
     low: float | None
     high: float | None
     integer: bool = False
+    categories: list[str] | None = None
+    group: str = ""
 
 
 class ControlDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -58,6 +64,8 @@ def schema_to_document(schema: Schema) -> SchemaDocument:
             low=None if feature.low == -math.inf else float(feature.low),
             high=None if feature.high == math.inf else float(feature.high),
             integer=feature.is_integer,
+            categories=list(feature.categories) or None,
+            group=feature.group,
         )
         for feature in schema.features
     ]
@@ -78,6 +86,8 @@ def schema_from_document(document: SchemaDocument, path: str | Path) -> Schema:
                 -math.inf if feature.low is None else feature.low,
                 math.inf if feature.high is None else feature.high,
                 feature.integer,
+                tuple(feature.categories or ()),
+                feature.group,
             )
             for feature in document.features
         )

@@ -8,12 +8,12 @@ from numpy.typing import ArrayLike
 
 from eutree.arrays import Floats, Integers
 from eutree.display import SAME, Displayed
-from eutree.inspection.regions import Region, domain, finite_box, volumes
+from eutree.inspection.regions import Region, domain, finite_box, is_box, possible, volumes
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
 from eutree.trees.boxes import leaf_boxes, meetings
 from eutree.trees.digits import Digits
-from eutree.trees.text import condition, printable
+from eutree.trees.text import printable, question
 from eutree.validation import check_observations
 from eutree.wording import counted
 
@@ -110,13 +110,13 @@ def diff(
         seen = check_observations("observations", observations, n_features=mine.n_features)
     box_low, box_high = finite_box(mine, _cuts(first, second, seen))
     inside = domain(mine)
-    low, high, actions = _joined(
-        np.maximum(low, inside.low), np.minimum(high, inside.high), actions
-    )
+    low, high = possible(np.maximum(low, inside.low), np.minimum(high, inside.high), mine)
+    real = is_box(low, high)
+    low, high, actions = _joined(low[real], high[real], actions[real])
     digits = Digits(mine, first.tree, second.tree)
     wide = ((high - low > SAME * np.array(digits.widths)) | (low <= inside.low)).all(axis=1)
     low, high, actions = low[wide], high[wide], actions[wide]
-    shares = volumes(low, high, box_low, box_high)
+    shares = volumes(low, high, box_low, box_high, mine)
     visited: list[float] | None = None
     order = np.argsort(-shares, kind="stable")
     if seen is not None:
@@ -253,4 +253,4 @@ def _at(policy: TreePolicy, node: int, digits: Digits) -> str:
     if tree.feature[node] == tree.NO_FEATURE:
         return printable(policy.schema.actions[policy.actions[tree.leaf[node]]])
     feature, cut = int(tree.feature[node]), float(tree.threshold[node])
-    return f"{condition(policy.schema, feature, cut, digits)} ?"
+    return f"{question(policy.schema, feature, cut, digits)} ?"

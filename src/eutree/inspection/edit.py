@@ -8,12 +8,12 @@ import numpy as np
 from eutree.arrays import Integers
 from eutree.display import Displayed
 from eutree.errors import InvalidArgumentError, UnknownNameError
-from eutree.inspection.regions import domain, is_box
+from eutree.inspection.regions import domain, is_box, possible
 from eutree.policies import TreePolicy
 from eutree.trees import DecisionTree
 from eutree.trees.boxes import leaf_boxes
 from eutree.trees.digits import Digits
-from eutree.trees.text import condition, printable
+from eutree.trees.text import printable, question
 from eutree.validation import check_integer, check_number
 
 
@@ -89,7 +89,7 @@ def numbered(policy: TreePolicy) -> str:
             words = f"leaf {leaf}: {printable(policy.schema.actions[policy.actions[leaf]])}{lock}"
         else:
             feature, cut = int(tree.feature[node]), float(tree.threshold[node])
-            words = f"{condition(policy.schema, feature, cut, digits)} ?"
+            words = f"{question(policy.schema, feature, cut, digits)} ?"
             depth[int(tree.left[node])] = depth[int(tree.right[node])] = depth[node] + 1
         lines.append(f"{node:>4} {'    ' * depth[node]}{words}")
     return "\n".join(lines)
@@ -111,7 +111,7 @@ def _moved(policy: TreePolicy, locked: set[int], node: int, value: float) -> str
         )
     digits = Digits(policy.schema, tree, others=[(feature, float(value))])
     old, new = (
-        condition(policy.schema, feature, float(cut), digits)
+        question(policy.schema, feature, float(cut), digits)
         for cut in (tree.threshold[node], value)
     )
     return f"node {node}: {old} became {new}"
@@ -148,6 +148,7 @@ def _warnings(before: TreePolicy, after: TreePolicy) -> list[str]:
     reached = []
     for policy in (before, after):
         low, high = leaf_boxes(policy.tree)
-        reached.append(is_box(np.maximum(low, inside.low), np.minimum(high, inside.high)))
+        low, high = np.maximum(low, inside.low), np.minimum(high, inside.high)
+        reached.append(is_box(*possible(low, high, before.schema)))
     lost = np.flatnonzero(reached[0] & ~reached[1]).tolist()
     return [f"no observation reaches leaf {leaf} any more" for leaf in lost]

@@ -42,25 +42,26 @@ def enforce(policy: TreePolicy, properties: str | Iterable[str]) -> Edited:
     changes = []
     for text in texts:
         rule = parse(text, policy.schema)
-        policy = _with_rule(policy, rule, _action(policy, rule))
+        for region in rule.regions:
+            policy = _with_rule(policy, rule, region, _action(policy, rule))
         changes.append(f"{rule.text}: a rule of its own now, locked")
     return Edited(policy, tuple(changes), ())
 
 
 def _action(policy: TreePolicy, rule: Property) -> int:
     """Return the action that a rule asks for."""
-    if rule.kind == "always":
-        return rule.action
-    if rule.kind == "never" and policy.schema.n_actions == 2:
-        return 1 - rule.action
+    others = frozenset(range(policy.schema.n_actions)) - rule.actions
+    left = {"always": rule.actions, "never": others}.get(rule.kind, frozenset())
+    if len(left) == 1:
+        return next(iter(left))
     raise InvalidArgumentError(
         f"property must be 'always ACTION when CONDITIONS' to be enforced, got {rule.text!r}"
     )
 
 
-def _with_rule(policy: TreePolicy, rule: Property, action: int) -> TreePolicy:
-    _check_locks(policy, rule, action)
-    box, inside = _box_tree(rule.region, policy.tree.n_features)
+def _with_rule(policy: TreePolicy, rule: Property, region: Region, action: int) -> TreePolicy:
+    _check_locks(policy, rule, region, action)
+    box, inside = _box_tree(region, policy.tree.n_features)
     numbers = np.arange(policy.n_leaves)
     tree, origins, ruled = graft(box, {inside: _ENFORCED}, policy.tree, numbers)
     kept = np.isin(origins, list(policy.locked))
@@ -73,11 +74,11 @@ def _with_rule(policy: TreePolicy, rule: Property, action: int) -> TreePolicy:
     )
 
 
-def _check_locks(policy: TreePolicy, rule: Property, action: int) -> None:
+def _check_locks(policy: TreePolicy, rule: Property, region: Region, action: int) -> None:
     """Raise InvalidArgumentError if a locked leaf decides otherwise somewhere in the rule's box."""
     low, high = leaf_boxes(policy.tree)
     for leaf in policy.locked:
-        meet = np.maximum(low[leaf], rule.region.low) < np.minimum(high[leaf], rule.region.high)
+        meet = np.maximum(low[leaf], region.low) < np.minimum(high[leaf], region.high)
         if meet.all() and policy.actions[leaf] != action:
             raise InvalidArgumentError(
                 f"{rule.text!r} must not contradict leaf {leaf}, which is locked on "

@@ -2,18 +2,27 @@
 
 Its grammar::
 
-    property   = ("never" | "always") ACTION ["when" conditions]
-               | "monotone" ACTION "in" ["falling"] FEATURE ["when" conditions]
+    property   = ("never" | "always") decision ["when" conditions]
+               | "monotone" (ACTION | QUANTITY) "in" ["falling"] FEATURE ["when" conditions]
                | ["no"] "dead leaves"
+    decision   = ACTION | QUANTITY COMPARISON NUMBER
     conditions = condition {"and" condition}
     condition  = [NUMBER COMPARISON] FEATURE COMPARISON NUMBER
+               | ["not"] FLAG
+               | CHOICE "is" ["not"] CATEGORY {"," CATEGORY}
     COMPARISON = "<" | "<=" | ">" | ">=" | "="
 
-Names with signs such as ``<``, or such as ``when``, stand in double quotes, as JSON strings.
+A QUANTITY is what actions set, the valve of ``valve 25 %``. A CHOICE is a one-hot group or a
+feature whose values have names. Names with signs such as ``<``, or such as ``when``, stand in
+double quotes, as JSON strings.
 """
 
+import itertools
 import json
+import math
+import operator
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NoReturn
 
@@ -26,6 +35,13 @@ from eutree.schema import Schema
 
 _TOKEN = re.compile(r'\s*("(?:[^"\\]|\\.)*"|<=|>=|<|>|=|[^\s<>=]+)')
 _FLIPPED = {"<": ">", "<=": ">=", ">": "<", ">=": "<=", "=": "="}
+_HOLDS: dict[str, Callable[[float, float], bool]] = {
+    "<": operator.lt,
+    "<=": operator.le,
+    ">": operator.gt,
+    ">=": operator.ge,
+    "=": math.isclose,
+}
 KINDS = ("never", "always", "monotone", "no dead leaves")
 
 
@@ -35,19 +51,29 @@ class Property:
 
     Attributes:
         kind: ``"never"``, ``"always"``, ``"monotone"`` or ``"no dead leaves"``.
-        region: Where the conditions hold.
-        action: The action in question; -1 for dead leaves.
+        regions: Where the conditions hold: boxes that do not meet, one unless categories are named
+            that are no neighbours.
+        actions: The actions in question; none for dead leaves.
         feature: The feature of monotonicity; else -1.
         falls: Whether the feature is lowered instead of raised.
         text: The property as it was given.
+        control: The quantity of monotonicity; -1 where it is an action that must stay.
     """
 
     kind: str
-    region: Region
-    action: int = -1
+    regions: tuple[Region, ...]
+    actions: frozenset[int] = frozenset()
     feature: int = -1
     falls: bool = False
     text: str = ""
+    control: int = -1
+
+    def ranks(self, schema: Schema) -> Floats:
+        """Return of each action what must not fall: the quantity, or 1 for the action, [A]."""
+        if self.control >= 0:
+            return np.array(schema.action_values, dtype=np.float64)[:, self.control]
+        kept = np.isin(np.arange(schema.n_actions), list(self.actions))
+        return kept.astype(np.float64)
 
 
 def parse(text: str, schema: Schema) -> Property:
@@ -67,7 +93,10 @@ def conditions(text: str, schema: Schema) -> Region:
         InvalidArgumentError: The text is none; says where.
         UnknownNameError: It names no feature of the schema; names the nearest.
     """
-    return _Parser(text, schema).everything()
+    regions = _Parser(text, schema).everything()
+    if len(regions) > 1:
+        raise InvalidArgumentError(f"conditions {text!r} must name neighbouring categories")
+    return regions[0]
 
 
 class _Parser:
@@ -77,35 +106,57 @@ class _Parser:
         self.at = 0
         self.low = np.full(schema.n_features, -np.inf)
         self.high = np.full(schema.n_features, np.inf)
+        self.runs: dict[int, list[tuple[float, float]]] = {}  # of codes, by feature
 
     def property(self) -> Property:
         kind = self._next("a property")
         if kind == "no" or kind == "dead":
             for word in ("dead", "leaves")[kind == "dead" :]:
                 self._expect(word)
-            found = Property("no dead leaves", self._region(), text=self.text)
+            found = Property("no dead leaves", self._regions(), text=self.text)
             self._end()
             return found
         if kind not in KINDS:
             raise UnknownNameError("property", kind, KINDS)
-        action = self._name("action", self.schema.actions)
-        feature, falls = -1, False
+        controls = tuple(control.name for control in self.schema.controls)
+        name = self._name("action", self.schema.actions + controls)
+        actions, feature, falls, control = frozenset({name}), -1, False, -1
+        if name >= self.schema.n_actions:
+            control = name - self.schema.n_actions
+            actions = frozenset() if kind == "monotone" else self._levels(control)
         if kind == "monotone":
             self._expect("in")
             falls = self._peek() == "falling"
             self.at += falls
             feature = self._name("feature", self.schema.feature_names)
+            if self.schema.features[feature].group or self.schema.features[feature].categories:
+                self._fail("a feature that can be raised after 'in', got a category")
         if self._peek() == "when":
             self.at += 1
             self._conditions()
         self._end()
-        return Property(kind, self._region(), action, feature, falls, self.text)
+        control = control if kind == "monotone" else -1
+        return Property(kind, self._regions(), actions, feature, falls, self.text, control)
 
-    def everything(self) -> Region:
+    def everything(self) -> tuple[Region, ...]:
         """Return where the conditions hold of which the text consists."""
         self._conditions()
         self._end()
-        return self._region()
+        return self._regions()
+
+    def _levels(self, control: int) -> frozenset[int]:
+        """Return the actions that set a quantity as the next words say: ``<= 25``."""
+        holds = _HOLDS[self._comparison()]
+        value = _number(self._next("a number"))
+        if value is None:
+            self._fail(f"a number, got {self.tokens[self.at - 1]!r}")
+        unit = self.schema.controls[control].unit
+        self.at += bool(unit) and self._peek() == unit
+        levels = [values[control] for values in self.schema.action_values]
+        found = frozenset(action for action, level in enumerate(levels) if holds(level, value))
+        if not found or len(found) == len(levels):
+            self._fail(f"some but not all of {sorted(set(levels))} in what it says of the quantity")
+        return found
 
     def _conditions(self) -> None:
         self._condition()
@@ -119,7 +170,17 @@ class _Parser:
         if number is not None:
             self.at += 1
             bounds.append((_FLIPPED[self._comparison()], number))
-        feature = self._name("feature", self.schema.feature_names)
+        elif self._peek() == "not":
+            self.at += 1
+            return self._set_flag(self._name("feature", self.schema.feature_names), 0.0)
+        groups = tuple(self.schema.groups)
+        feature = self._name("feature", self.schema.feature_names + groups)
+        if number is None and self._peek() == "is":
+            return self._choose(feature)
+        if number is None and self._peek() not in _FLIPPED:
+            return self._set_flag(feature, 1.0)
+        if feature >= self.schema.n_features:
+            self._fail(f"'is' after {groups[feature - self.schema.n_features]!r}")
         if number is None or self._peek() in _FLIPPED:
             comparison = self._comparison()
             token = self._next("a number")
@@ -129,6 +190,53 @@ class _Parser:
             bounds.append((comparison, right))
         for comparison, value in bounds:
             self._narrow(feature, comparison, value)
+        return None
+
+    def _set_flag(self, feature: int, value: float) -> None:
+        if feature >= self.schema.n_features or not self.schema.features[feature].is_flag:
+            self._comparison()  # which is missing
+        self._narrow(feature, "=", value)
+
+    def _choose(self, place: int) -> None:
+        """Restrict a feature whose values have names, or a group, to some of its categories."""
+        self._expect("is")
+        is_not = self._peek() == "not"
+        self.at += is_not
+        features = self.schema.features
+        if place >= len(features):
+            name = list(self.schema.groups)[place - len(features)]
+            members = self.schema.groups[name]
+            known = tuple(features[member].category for member in members)
+        else:
+            name, members, known = features[place].name, (), features[place].categories
+        if not known:
+            self._fail(f"a comparison after {name!r}, whose values have no names")
+        named = self._categories(known)
+        left = [code for code, category in enumerate(known) if (category in named) != is_not]
+        for code, member in enumerate(members):
+            if code not in left:
+                self._narrow(member, "=", 0.0)
+        if not members:
+            codes = features[place].low + np.array(left, dtype=np.float64)
+            runs = np.split(codes, np.flatnonzero(np.diff(codes) > 1.0) + 1)
+            known_runs = [(float(run[0] - 1.0), float(run[-1])) for run in runs if run.size]
+            self.runs[place] = _meeting(self.runs.get(place), known_runs)
+
+    def _categories(self, known: tuple[str, ...]) -> set[str]:
+        """Return the categories that are named next, with commas between them."""
+        end = self.at
+        while end < len(self.tokens) and self.tokens[end] != "and":
+            end += 1
+        named = set()
+        for text in " ".join(self.tokens[self.at : end]).split(","):
+            word = (
+                json.loads(text) if re.fullmatch(r'\s*"(?:[^"\\]|\\.)*"\s*', text) else text.strip()
+            )
+            if word not in known:
+                raise UnknownNameError("category", word, known)
+            named.add(word)
+        self.at = end
+        return named
 
     def _narrow(self, feature: int, comparison: str, value: float) -> None:
         """Restrict the box: exclusive below, inclusive above, hence the neighbouring doubles."""
@@ -143,10 +251,18 @@ class _Parser:
             self._narrow(feature, "<=", value)
             self._narrow(feature, ">=", value)
 
-    def _region(self) -> Region:
-        if not (self.low < self.high).all():
+    def _regions(self) -> tuple[Region, ...]:
+        """Return the boxes in which all conditions hold."""
+        found = []
+        for sides in itertools.product(*self.runs.values()):
+            low, high = self.low.copy(), self.high.copy()
+            for feature, (first, last) in zip(self.runs, sides, strict=True):
+                low[feature], high[feature] = max(low[feature], first), min(high[feature], last)
+            if (low < high).all():
+                found.append(Region(low, high))
+        if not found:
             self._fail("conditions that some observation meets")
-        return Region(_copy(self.low), _copy(self.high))
+        return tuple(found)
 
     def _comparison(self) -> str:
         token = self._next("a comparison")
@@ -192,13 +308,19 @@ class _Parser:
         raise InvalidArgumentError(f"property {self.text!r} must have {wanted}")
 
 
+def _meeting(
+    runs: list[tuple[float, float]] | None, others: list[tuple[float, float]]
+) -> list[tuple[float, float]]:
+    """Return where some intervals, or anything, meet others."""
+    if runs is None:
+        return others
+    both = [(max(a, c), min(b, d)) for a, b in runs for c, d in others]
+    return [(low, high) for low, high in both if low < high]
+
+
 def _number(token: str) -> float | None:
     try:
         value = float(token)
     except ValueError:
         return None
     return value if np.isfinite(value) else None
-
-
-def _copy(values: Floats) -> Floats:
-    return np.array(values)

@@ -3,9 +3,13 @@
 A box holds the observations with ``low < x <= high`` in every feature, like a node's. Bounds that
 are given as >= or < are moved to the neighbouring double, so that every statement about boxes is
 exact for every observation of doubles. NaN is in no box.
+
+Of a feature of whole values a box holds the whole numbers: ``possible`` moves its bounds to them,
+(0.5, 2.5] becomes (0, 2], so that a side is as long as the numbers in it are many. Of the features
+of a one-hot group exactly one is 1.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +17,7 @@ import numpy as np
 from eutree.arrays import Booleans, Floats, frozen
 from eutree.schema import Schema
 from eutree.trees.digits import Digits
-from eutree.trees.text import printable
+from eutree.trees.text import choice, printable, whole
 
 _FLIPPED = {">": "<", ">=": "<="}
 
@@ -39,11 +43,16 @@ class Region:
         """Return whether an observation is inside."""
         return bool(((self.low < observation) & (observation <= self.high)).all())
 
-    def point(self) -> Floats:
-        """Return an observation inside, in the middle where the box is bounded."""
-        return np.array(
-            [_between(low, high) for low, high in zip(self.low, self.high, strict=True)]
-        )
+    def point(self, schema: Schema) -> Floats:
+        """Return an observation inside, in the middle where the box is bounded.
+
+        Whole where features are, if the bounds are whole; of a group the first possible category.
+        """
+        sides = zip(self.low.tolist(), self.high.tolist(), schema.features, strict=True)
+        found = np.array([_between(low, high, one.is_integer) for low, high, one in sides])
+        for group in map(list, schema.groups.values()):
+            found[group] = np.arange(len(group)) == (self.high[group] >= 1.0).argmax()
+        return found
 
     def words(
         self, schema: Schema, within: "Region | None" = None, *, digits: Digits | None = None
@@ -56,17 +65,42 @@ class Region:
             digits: Which digits of the bounds are shown; by default those that tell them apart.
         """
         digits = Digits(schema, others=self._bounds()) if digits is None else digits
-        parts = []
+        parts: list[str] = []
         for number, feature in enumerate(schema.features):
+            if feature.group:
+                parts += self._choice(schema, feature.group, number, within)
+                continue
             low, high = float(self.low[number]), float(self.high[number])
             if within is not None and low <= within.low[number]:
                 low = -np.inf
             if within is not None and high >= within.high[number]:
                 high = np.inf
+            if feature.is_integer and np.floor(low) < np.floor(high):
+                parts += filter(None, [whole(feature, low, high)])
+                continue
             text = _in_words(printable(feature.name), (number, low, high), digits)
             if text:
                 parts.append(text + (f" {printable(feature.unit)}" if feature.unit else ""))
         return " and ".join(parts) or "everywhere"
+
+    def _choice(
+        self, schema: Schema, name: str, number: int, within: "Region | None"
+    ) -> Iterator[str]:
+        """Yield which categories of a group are left, at the first of its features."""
+        group = schema.groups[name]
+        if number != group[0]:
+            return
+        named = [schema.features[member].category for member in group]
+        left, known = (
+            np.ones(len(group), bool) if region is None else _left(region.low, region.high, group)
+            for region in (self, within)
+        )
+        if not np.array_equal(left, known):
+            told, others = (
+                [category for category, one in zip(named, mask, strict=True) if one]
+                for mask in (left, known & ~left)
+            )
+            yield choice(name, told, others=others) if told else f"{printable(name)} is nothing"
 
     def _bounds(self) -> Iterator[tuple[int, float]]:
         """Yield feature and value of each finite bound."""
@@ -79,7 +113,32 @@ def domain(schema: Schema) -> Region:
     """Return the observations within the schema's bounds, both included."""
     low = np.array([feature.low for feature in schema.features])
     high = np.array([feature.high for feature in schema.features])
-    return Region(before(low), high)
+    return Region(*possible(before(low), high, schema))
+
+
+def possible(low: Floats, high: Floats, schema: Schema) -> tuple[Floats, Floats]:
+    """Return the parts of some boxes [..., d] that hold observations of a schema.
+
+    Bounds of whole values are whole; of a group the categories that are left out have an upper
+    bound of 0, and the only one that is left a lower one of 0. A box without any is empty there.
+    """
+    whole_ones = [feature.is_integer for feature in schema.features]
+    low, high = (np.where(whole_ones, np.floor(bound), bound) for bound in (low, high))
+    for group in map(list, schema.groups.values()):
+        left = _left(low, high, group)
+        high[..., group] = np.where(left, np.minimum(high[..., group], 1.0), 0.0)
+        only = left.sum(axis=-1, keepdims=True) <= 1
+        low[..., group] = np.where(only & (left | ~left.any(axis=-1, keepdims=True)), 0.0, -1.0)
+    return low, high
+
+
+def _left(low: Floats, high: Floats, group: Sequence[int]) -> Booleans:
+    """Return which categories of a group some boxes [..., d] leave, shape [..., k]."""
+    low, high = low[..., list(group)], high[..., list(group)]
+    fixed = (low >= 0.0) | (high < 0.0)  # cannot be 0
+    of_others = fixed.sum(axis=-1, keepdims=True) - fixed
+    left: Booleans = (low < 1.0) & (high >= 1.0) & (of_others == 0)
+    return left
 
 
 def finite_box(schema: Schema, cuts: list[Floats]) -> tuple[Floats, Floats]:
@@ -96,7 +155,8 @@ def finite_box(schema: Schema, cuts: list[Floats]) -> tuple[Floats, Floats]:
         beyond = (most - least) / 10 or 1.0
         low[number] = low[number] if np.isfinite(low[number]) else least - beyond
         high[number] = high[number] if np.isfinite(high[number]) else most + beyond
-    return low, high
+    whole_ones = [feature.is_integer for feature in schema.features]
+    return np.where(whole_ones, np.ceil(low) - 1.0, low), np.where(whole_ones, np.floor(high), high)
 
 
 def is_box(low: Floats, high: Floats) -> Booleans:
@@ -104,16 +164,21 @@ def is_box(low: Floats, high: Floats) -> Booleans:
     return np.asarray((low < high).all(axis=-1))
 
 
-def volumes(low: Floats, high: Floats, box_low: Floats, box_high: Floats) -> Floats:
-    """Return the share of the closed box that each of some boxes [..., d] takes.
+def volumes(low: Floats, high: Floats, box_low: Floats, box_high: Floats, schema: Schema) -> Floats:
+    """Return the share of the closed box that each of some possible boxes [..., d] takes.
 
     A feature of which the closed box has one value only is no dimension of it: there a box takes
-    all or nothing.
+    all or nothing. Whole numbers and categories are counted.
     """
     flat = box_high <= box_low
     width = np.where(flat, 1.0, box_high - box_low)
     sides = np.clip(np.minimum(high, box_high) - np.maximum(low, box_low), 0.0, None) / width
     sides = np.where(flat, (low < box_low) & (box_low <= high), sides)
+    for group in map(list, schema.groups.values()):
+        of_all = box_high[group] >= 1.0
+        left = _left(low, high, group) & of_all
+        sides[..., group] = 1.0
+        sides[..., group[0]] = left.sum(axis=-1) / max(of_all.sum(), 1)
     product: Floats = sides.prod(axis=-1)
     return product
 
@@ -124,7 +189,7 @@ def before(values: Floats) -> Floats:
     return smaller
 
 
-def _between(low: float, high: float) -> float:
+def _between(low: float, high: float, is_whole: bool) -> float:
     if np.isinf(low) and np.isinf(high):
         return 0.0
     if np.isinf(low):
@@ -132,6 +197,7 @@ def _between(low: float, high: float) -> float:
     if np.isinf(high):
         return max(float(low) + 1.0, float(np.nextafter(low, np.inf)))
     middle = float(low / 2 + high / 2)
+    middle = np.ceil(middle) if is_whole and float(low).is_integer() else middle
     return middle if low < middle <= high else float(high)
 
 

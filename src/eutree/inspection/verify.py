@@ -5,7 +5,7 @@ the schema's bounds, and the point of a counter-example is an observation that b
 is no number and takes the right branch of every test, is outside of every statement.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -15,9 +15,8 @@ from eutree.arrays import Floats, Integers
 from eutree.display import Displayed
 from eutree.errors import InvalidArgumentError
 from eutree.inspection.properties import Property, parse
-from eutree.inspection.regions import Region, domain, finite_box, is_box, volumes
+from eutree.inspection.regions import Region, domain, finite_box, is_box, possible, volumes
 from eutree.policies import TreePolicy
-from eutree.schema import Schema
 from eutree.trees.boxes import leaf_boxes, meetings
 from eutree.trees.digits import Digits
 from eutree.trees.text import printable
@@ -88,6 +87,15 @@ class _Pair(NamedTuple):
     region: Region
 
 
+class _Part(NamedTuple):
+    """What a property comes to in one box: how many leaves reach into it, and how large it is."""
+
+    examples: list[CounterExample]
+    leaves: int
+    size: float
+    is_asked: bool = False  # whether a test asks for the feature of a monotone property
+
+
 def verify(
     policy: TreePolicy,
     question: str | Property,
@@ -100,7 +108,8 @@ def verify(
     - ``never ACTION when ...``: no observation that meets the conditions gets the action.
     - ``always ACTION when ...``: all of them do.
     - ``monotone ACTION in FEATURE when ...``: raising the feature, and nothing else, never
-      switches away from the action (``in falling FEATURE``: lowering it).
+      switches away from the action, or never lowers a quantity that the actions set (``in falling
+      FEATURE``: lowering it).
     - ``no dead leaves``: each leaf was reached by one of the recorded observations.
 
     Args:
@@ -113,50 +122,71 @@ def verify(
         InvalidArgumentError: The text is no property, or asks about no observation at all.
     """
     asked = parse(question, policy.schema) if isinstance(question, str) else question
-    region = asked.region if everywhere else _within(asked.region, policy.schema)
-    low, high = leaf_boxes(policy.tree)
-    low, high = np.maximum(low, region.low), np.minimum(high, region.high)
-    reaching = np.flatnonzero(is_box(low, high))
     if asked.kind == "no dead leaves":
-        found = _dead(policy, observations)
-    elif asked.kind == "monotone":
-        found = _switching(policy, asked, low, high, reaching)
+        parts = [_dead(policy, observations)]
     else:
-        has = policy.actions[reaching] == asked.action
-        wrong = reaching[has if asked.kind == "never" else ~has]
-        found = _examples(policy, region, wrong, low, high)
-    found.sort(key=lambda example: -example.share)
-    shares = [example.share for example in found]
+        found = (_part(policy, asked, region, everywhere) for region in asked.regions)
+        parts = [part for part in found if part is not None]
+        if not parts:
+            raise InvalidArgumentError(
+                "conditions must hold somewhere within the bounds of the features, got none where "
+                f"{asked.regions[0].words(policy.schema)}"
+            )
+    total = sum(part.size for part in parts)
+    weights = [part.size / total if total else 1.0 / len(parts) for part in parts]
+    examples = [
+        replace(example, share=example.share * weight)
+        for part, weight in zip(parts, weights, strict=True)
+        for example in part.examples
+    ]
+    examples.sort(key=lambda example: -example.share)
+    shares = [example.share for example in examples]
     return Verification(
         property=asked.text,
-        holds=not found,
-        counter_examples=tuple(found),
+        holds=not examples,
+        counter_examples=tuple(examples),
         share=max(shares, default=0.0) if asked.kind == "monotone" else float(sum(shares)),
-        leaves_checked=int(reaching.size),
-        note=_unasked(policy, asked, low[reaching], high[reaching]),
+        leaves_checked=max(part.leaves for part in parts),
+        note="" if any(part.is_asked for part in parts) else _unasked(policy, asked),
     )
 
 
-def _unasked(policy: TreePolicy, asked: Property, low: Floats, high: Floats) -> str:
+def _part(policy: TreePolicy, asked: Property, region: Region, everywhere: bool) -> _Part | None:
+    """Return what a property comes to in one of its boxes; None where it holds no observation."""
+    schema = policy.schema
+    low, high = leaf_boxes(policy.tree)
+    low, high = np.maximum(low, region.low), np.minimum(high, region.high)
+    if not everywhere:
+        bounds = domain(schema)
+        region = Region(*possible(*_both(region, bounds), schema))
+        if not is_box(region.low, region.high):
+            return None
+        low, high = possible(np.maximum(low, bounds.low), np.minimum(high, bounds.high), schema)
+    reaching = np.flatnonzero(is_box(low, high))
+    is_asked = False
+    if asked.kind == "monotone":
+        found = _switching(policy, asked, (low, high), reaching, everywhere)
+        sides = low[reaching, asked.feature], high[reaching, asked.feature]
+        is_asked = any(np.unique(side).size > 1 for side in sides)
+    else:
+        has = np.isin(policy.actions[reaching], list(asked.actions))
+        wrong = reaching[has if asked.kind == "never" else ~has]
+        found = _examples(policy, region, wrong, low, high)
+    whole = _finite(policy, domain(schema))
+    size = float(volumes(region.low, region.high, *whole, schema))
+    return _Part(found, int(reaching.size), size, is_asked)
+
+
+def _both(one: Region, other: Region) -> tuple[Floats, Floats]:
+    return np.maximum(one.low, other.low), np.minimum(one.high, other.high)
+
+
+def _unasked(policy: TreePolicy, asked: Property) -> str:
     """Return that no test asks for the feature of a monotone property, where none does."""
     if asked.kind != "monotone":
         return ""
-    j = asked.feature
-    if np.unique(low[:, j]).size > 1 or np.unique(high[:, j]).size > 1:
-        return ""
-    where = " there" if j in policy.tree.feature else ""
-    return f"no test{where} asks for {printable(policy.schema.features[j].name)}"
-
-
-def _within(region: Region, schema: Schema) -> Region:
-    bounds = domain(schema)
-    both = Region(np.maximum(region.low, bounds.low), np.minimum(region.high, bounds.high))
-    if not is_box(both.low, both.high):
-        raise InvalidArgumentError(
-            "conditions must hold somewhere within the bounds of the features, got none where "
-            f"{region.words(schema)}"
-        )
-    return both
+    where = " there" if asked.feature in policy.tree.feature else ""
+    return f"no test{where} asks for {printable(policy.schema.features[asked.feature].name)}"
 
 
 def _examples(
@@ -165,29 +195,37 @@ def _examples(
     """Return the boxes of some leaves, as parts of a region, as counter-examples."""
     schema, inside = policy.schema, domain(policy.schema)
     names = [printable(name) for name in schema.actions]
-    shares = volumes(low[leaves], high[leaves], *_finite(policy, whole))
+    shares = volumes(low[leaves], high[leaves], *_finite(policy, whole), schema)
     examples = []
     for leaf, share in zip(leaves.tolist(), shares.tolist(), strict=True):
         region, action = Region(low[leaf], high[leaf]), int(policy.actions[leaf])
         words = f"{names[action]} where {region.words(schema, inside)} (leaf {leaf})"
-        examples.append(CounterExample(region, region.point(), None, action, leaf, share, words))
+        examples.append(
+            CounterExample(region, region.point(schema), None, action, leaf, share, words)
+        )
     return examples
 
 
 def _switching(
-    policy: TreePolicy, asked: Property, low: Floats, high: Floats, reaching: Integers
+    policy: TreePolicy,
+    asked: Property,
+    boxes: tuple[Floats, Floats],
+    reaching: Integers,
+    everywhere: bool,
 ) -> list[CounterExample]:
     """Return pairs of leaves between which changing one feature switches away from the action.
 
-    Only the largest are kept: there may be as many as pairs of leaves.
+    Or, where it is a quantity that is asked for, lowers it. Only the largest are kept: there may
+    be as many as pairs of leaves.
     """
-    has = policy.actions[reaching] == asked.action
-    keeps, others = reaching[has], reaching[~has]
-    is_other = np.zeros(policy.n_leaves, dtype=bool)
-    is_other[others] = True
+    low, high = boxes
+    schema, j = policy.schema, asked.feature
+    rank = asked.ranks(schema)[policy.actions]  # [L]: what must not fall
+    keeps = reaching[rank[reaching] > rank[reaching].min(initial=np.inf)]
+    is_reached = np.zeros(policy.n_leaves, dtype=bool)
+    is_reached[reaching] = True
     found: list[_Pair] = []
-    whole = _finite(policy, domain(policy.schema))
-    j = asked.feature
+    whole = _finite(policy, domain(schema))
     ways = low[keeps], high[keeps]  # where raising (or lowering) the feature leads from each
     ways[0][:, j], ways[1][:, j] = (
         (-np.inf, low[keeps, j]) if asked.falls else (high[keeps, j], np.inf)
@@ -195,10 +233,15 @@ def _switching(
     for number, two in meetings(*ways, policy.tree):
         one = keeps[number]
         beyond = high[two, j] <= low[one, j] if asked.falls else low[two, j] >= high[one, j]
-        one, two = (leaves[is_other[two] & beyond] for leaves in (one, two))
+        loses = is_reached[two] & (rank[two] < rank[one]) & beyond
+        one, two = one[loses], two[loses]
         lows, highs = np.maximum(low[one], low[two]), np.minimum(high[one], high[two])
         lows[:, j], highs[:, j] = low[one, j], high[one, j]
-        shares = volumes(lows, highs, *whole)
+        if not everywhere:
+            lows, highs = possible(lows, highs, schema)
+        real = is_box(lows, highs)
+        one, two, lows, highs = one[real], two[real], lows[real], highs[real]
+        shares = volumes(lows, highs, *whole, schema)
         for k in np.argsort(-shares, kind="stable")[:_MOST_SWITCHES].tolist():
             leaves = int(one[k]), int(two[k])
             found.append(_Pair(float(shares[k]), *leaves, Region(lows[k], highs[k])))
@@ -211,11 +254,11 @@ def _switch(
 ) -> CounterExample:
     share, leaf, other, region = pair
     schema, j = policy.schema, asked.feature
-    point = region.point()
+    point = region.point(schema)
     raised = point.copy()
-    raised[j] = Region(low[other, j : j + 1], high[other, j : j + 1]).point()[0]
+    raised[j] = Region(low[other], high[other]).point(schema)[j]
     action = int(policy.actions[other])
-    names = [printable(schema.actions[number]) for number in (asked.action, action)]
+    names = [printable(schema.actions[number]) for number in (policy.actions[leaf], action)]
     ends = [float(point[j]), float(raised[j])]
     digits = Digits(schema, policy.tree, others=[(j, end) for end in ends])
     values = [digits.text(j, end) for end in ends]
@@ -227,14 +270,15 @@ def _switch(
     return CounterExample(region, point, raised, action, leaf, share, words)
 
 
-def _dead(policy: TreePolicy, observations: ArrayLike | None) -> list[CounterExample]:
+def _dead(policy: TreePolicy, observations: ArrayLike | None) -> _Part:
     if observations is None:
         raise InvalidArgumentError("dead leaves need recorded observations, got none")
     rows = check_observations("observations", observations, n_features=policy.tree.n_features)
     reached = np.bincount(policy.tree.leaf_index(rows), minlength=policy.n_leaves) > 0
     low, high = leaf_boxes(policy.tree)
     whole = domain(policy.schema)
-    return _examples(policy, whole, np.flatnonzero(~reached), low, high)
+    found = _examples(policy, whole, np.flatnonzero(~reached), low, high)
+    return _Part(found, policy.n_leaves, 1.0)
 
 
 def _finite(policy: TreePolicy, whole: Region) -> tuple[Floats, Floats]:

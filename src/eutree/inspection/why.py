@@ -8,11 +8,11 @@ from numpy.typing import ArrayLike
 from eutree.arrays import Floats
 from eutree.data import Demonstrations
 from eutree.display import Displayed
-from eutree.inspection.regions import Region, domain, is_box
+from eutree.inspection.regions import Region, domain, is_box, possible
 from eutree.policies import TreePolicy
 from eutree.trees.boxes import leaf_boxes
 from eutree.trees.digits import Digits
-from eutree.trees.text import condition, printable
+from eutree.trees.text import is_reversed, printable, question, whole
 from eutree.validation import check_vector
 from eutree.wording import counted
 
@@ -158,15 +158,15 @@ def _path(policy: TreePolicy, point: Floats, leaf: int, digits: Digits) -> tuple
         feature, cut = int(tree.feature[node]), float(tree.threshold[node])
         value = float(point[feature])
         unit = policy.schema.features[feature].unit
-        answer = "yes" if value <= cut else "no"
+        one = policy.schema.features[feature]
+        answer = "yes" if (value <= cut) != is_reversed(one, cut) else "no"
         distance = abs(value - cut)
-        if policy.schema.features[feature].is_integer:
+        if one.is_integer:
             distance = abs(value - (np.floor(cut) + (value <= cut)))
-        words = (
-            f"{condition(policy.schema, feature, cut, digits)} ? {answer}: "
-            f"{digits.text(feature, value)}, by {_margin(digits, feature, distance)}"
-            + (f" {printable(unit)}" if unit else "")
-        )
+        words = f"{question(policy.schema, feature, cut, digits)} ? {answer}"
+        if not (one.is_flag or one.categories):
+            words += f": {digits.text(feature, value)}, by {_margin(digits, feature, distance)}"
+            words += f" {printable(unit)}" if unit else ""
         steps.append(Step(node, feature, cut, value, value <= cut, distance, words))
     return tuple(steps)
 
@@ -177,12 +177,17 @@ def _alternatives(
     """Return the nearest observation of each other action, the nearest first."""
     inside = domain(policy.schema)
     low, high = leaf_boxes(policy.tree)
-    low, high = np.maximum(low, inside.low), np.minimum(high, inside.high)
-    whole = np.array([feature.is_integer for feature in policy.schema.features])
-    low, high = (np.where(whole, np.floor(bound), bound) for bound in (low, high))
+    schema = policy.schema
+    low, high = possible(np.maximum(low, inside.low), np.minimum(high, inside.high), schema)
+    is_whole = np.array([feature.is_integer for feature in schema.features])
     # The nearest double of a box: the first one above its exclusive bound, or its upper bound.
-    first = np.where(whole, low + 1.0, np.nextafter(low, np.inf))
+    first = np.where(is_whole, low + 1.0, np.nextafter(low, np.inf))
     nearest = np.where(point <= low, first, np.minimum(point, high))  # [L, d]
+    for group in map(list, schema.groups.values()):  # one category for another
+        here = high[:, group] >= 1.0  # [L, k]
+        kept = (here & (point[group] == 1.0)).any(axis=1)
+        other = np.arange(len(group)) == here.argmax(axis=1)[:, np.newaxis]
+        nearest[:, group] = np.where(kept[:, np.newaxis], point[group], other)
     changes = np.abs(nearest - point) / scale
     distances, totals = changes.max(axis=1), changes.sum(axis=1)
     found = []
@@ -207,11 +212,17 @@ def _changes(
         # Just above an exclusive bound: name the bound, not its neighbour.
         below = float(np.nextafter(bound, -np.inf))
         words = digits.above(j, below) if bound > point[j] else digits.at_most(j, bound)
+        if feature.is_flag or feature.categories:
+            if bound or not feature.group:
+                parts.append(whole(feature, bound - 1.0, bound))
+            continue
         if feature.is_integer:
             words = f"{'>=' if bound > point[j] else '<='} {digits.text(j, bound)}"
         by = _margin(digits, j, abs(bound - float(point[j])))
         parts.append(f"{printable(feature.name)} {words}{unit} (by {by})")
-    return f"{printable(policy.schema.actions[action])} from {' and '.join(parts)} on"
+    numbers = any(part.endswith(")") for part in parts)
+    words = f"from {' and '.join(parts)} on" if numbers else f"where {' and '.join(parts)}"
+    return f"{printable(policy.schema.actions[action])} {words}"
 
 
 def _margin(digits: Digits, feature: int, distance: float) -> str:

@@ -3,12 +3,17 @@
     {"features": ["room [°C]", "outside [°C]", "hour [h]"], "actions": ["off", "on"]}
 
 A unit stands in brackets. What is recorded, learned and exported then says ``room <= 20.5 °C``; the
-names travel with demonstrations and policies and need not be given again.
+names travel with demonstrations and policies and need not be given again. ``"kinds"`` says which
+features are no quantities, see ``Schema.with_kinds``:
+
+    {"kinds": {"tariff": "integer", "open": "flag", "mode": ["off", "on", "auto"],
+               "green": ["green north", "green south"]}}
 """
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,10 +29,14 @@ MAX_FILE = 2**20
 
 
 class Names(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Names of the features, with units in brackets, and of the actions; empty: as they are."""
+    """Names of the features, with units in brackets, and of the actions; empty: as they are.
+
+    ``kinds`` are those of features by their names.
+    """
 
     features: tuple[str, ...] = ()
     actions: tuple[str, ...] = ()
+    kinds: dict[str, str | tuple[str, ...]] = {}
 
     @classmethod
     def load(cls, path: str | Path) -> "Names":
@@ -50,14 +59,17 @@ class Names(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         if self.features:
             inner.feature_names = schema.feature_names
             inner.feature_units = tuple(feature.unit for feature in schema.features)
+        inner.feature_kinds = schema.kinds
         if self.actions:
             inner.action_names = self.actions
 
     def of(self, schema: Schema) -> Schema:
-        """Return a schema with these names and units, whatever it called them itself.
+        """Return a schema with these names, units and kinds, whatever it called them itself.
 
         Raises:
-            InvalidArgumentError: There are not as many names as features or actions.
+            InvalidArgumentError: There are not as many names as features or actions, or a kind is
+                none, or not that of the feature.
+            UnknownNameError: A kind is that of no feature.
         """
         for kind, mine, theirs in (
             ("features", self.features, schema.feature_names),
@@ -72,10 +84,11 @@ class Names(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         if self.features:
             labels = map(Feature.from_label, self.features)
             features = tuple(
-                Feature(mine.name, mine.unit, was.low, was.high)
+                replace(was, name=mine.name, unit=mine.unit)
                 for mine, was in zip(labels, features, strict=True)
             )
-        return Schema(features, self.actions or schema.actions, schema.controls)
+        named = Schema(features, self.actions or schema.actions, schema.controls)
+        return named.with_kinds(self.kinds)
 
 
 _given: ContextVar[Names | None] = ContextVar("names", default=None)

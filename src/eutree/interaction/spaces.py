@@ -71,6 +71,7 @@ _KNOWN_FEATURES: dict[str, tuple[tuple[str, str], ...]] = {
         ("right leg down", ""),
     ),
 }
+_KNOWN_FLAGS = ("left leg down", "right leg down")
 _KNOWN_ACTIONS: dict[str, tuple[str, ...]] = {
     "CartPole": ("left", "right"),
     "MountainCar": ("left", "coast", "right"),
@@ -91,7 +92,9 @@ def describe(env: gymnasium.Env[Any, Any]) -> Schema:
     it has them, from a small table for Gymnasium's own tasks, else they are ``x0, x1, ...`` and
     ``action_0, action_1, ...``: such as can be typed without quotes. Actions of a grid
     (``GriddedAction``), of a ``MultiDiscrete`` or ``MultiBinary`` are named by their levels;
-    ``action_names`` may name the combinations, or the numbers that they are combined of.
+    ``action_names`` may name the combinations, or the numbers that they are combined of. Whole
+    numbers are known by the dtype of the space, flags by their bounds, 0 and 1; ``feature_kinds``
+    tells the rest (``Schema.with_kinds``).
 
     Raises:
         UnsupportedSpaceError: The observations are not flat, or the actions cannot be numbered.
@@ -119,7 +122,9 @@ def describe(env: gymnasium.Env[Any, Any]) -> Schema:
     )
     grid = grid_around(env)
     controls = () if grid is None else grid.controls
-    return Schema(features, _action_names(env, family, controls), controls)
+    schema = Schema(features, _action_names(env, family, controls), controls)
+    flags = {name: "flag" for name in _KNOWN_FLAGS if name in names and known}
+    return schema.with_kinds(getattr(env.unwrapped, "feature_kinds", flags))
 
 
 def spec_of(env: gymnasium.Env[Any, Any]) -> EnvironmentSpec | None:

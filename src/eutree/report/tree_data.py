@@ -15,7 +15,7 @@ from eutree.export.palette import fills
 from eutree.policies import TreePolicy
 from eutree.report.changes import LeafChange
 from eutree.report.watching import WatchedEpisode
-from eutree.schema import Schema
+from eutree.schema import Feature, Schema
 from eutree.trees.digits import Digits
 
 SIZE_LIMIT = 5_000_000
@@ -48,6 +48,7 @@ def tree_data(
             "high": _finite(feature.high),
             "decimals": decimals,
         }
+        | _kind(feature)
         for feature, decimals in zip(schema.features, _decimals(policy, episodes), strict=True)
     ]
     recorded = () if demonstrations is None else demonstrations.episodes
@@ -81,6 +82,17 @@ def tree_data(
         ],
         "demonstrations": [_episode(policy, episode, whole=False) for episode in recorded],
     }
+
+
+def _kind(feature: Feature) -> dict[str, Any]:
+    """Return what a page says of a feature in place of bounds; nothing of a quantity."""
+    if not feature.is_integer:
+        return {}
+    if feature.group:
+        return {"whole": True, "group": feature.group, "category": feature.category}
+    if feature.is_flag and not feature.categories:
+        return {"whole": True, "flag": True}
+    return {"whole": True, "categories": list(feature.categories)}
 
 
 def _levels(schema: Schema) -> dict[str, Any] | None:

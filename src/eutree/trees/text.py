@@ -42,7 +42,7 @@ def quoted(name: str) -> str:
 
 
 def condition(schema: Schema, feature: int, threshold: float, digits: Digits | None = None) -> str:
-    """Return one test in words, for example ``opponent_1 <= 8.25 m``.
+    """Return the left branch of a test in words, for example ``opponent_1 <= 8.25 m``.
 
     Args:
         schema: Names and units.
@@ -50,9 +50,70 @@ def condition(schema: Schema, feature: int, threshold: float, digits: Digits | N
         threshold: The largest value that passes.
         digits: Which digits are shown; without, the number is exact.
     """
-    name, unit = schema.features[feature].name, schema.features[feature].unit
+    one = schema.features[feature]
     test = at_most(threshold) if digits is None else digits.at_most(feature, threshold)
-    return f"{printable(name)} {test}" + (f" {printable(unit)}" if unit else "")
+    return whole(one, -math.inf, threshold) or f"{printable(one.name)} {test}{_of(one)}"
+
+
+def question(schema: Schema, feature: int, threshold: float, digits: Digits | None = None) -> str:
+    """Return a test in words as a tree asks it: "open", where the condition is "not open".
+
+    Then yes is the right branch; see ``is_reversed``. The arguments are those of ``condition``.
+    """
+    one = schema.features[feature]
+    if is_reversed(one, threshold):
+        return whole(one, threshold, math.inf)
+    return condition(schema, feature, threshold, digits)
+
+
+def is_reversed(feature: Feature, threshold: float) -> bool:
+    """Return whether a test is asked for its right branch: of a flag, or a category of a group."""
+    return feature.is_flag and not feature.categories and 0.0 <= threshold < 1.0
+
+
+def whole(feature: Feature, low: float, high: float) -> str:
+    """Return the whole numbers of (low, high] in the words of their kind.
+
+    Nothing of a quantity, and of an interval that holds all numbers or none.
+
+    >>> whole(Feature("tariff", low=0, high=3, is_integer=True), 1.5, math.inf)
+    'tariff >= 2'
+    """
+    if not feature.is_integer:
+        return ""
+    first = max(feature.low, math.floor(low) + 1 if math.isfinite(low) else low)
+    last = min(feature.high, math.floor(high) if math.isfinite(high) else high)
+    if first > last or (first, last) == (feature.low, feature.high):
+        return ""
+    if feature.group:
+        negation = "" if first else " not"
+        return f"{printable(feature.group)} is{negation} {printable(feature.category)}"
+    name, unit = printable(feature.name), _of(feature)
+    if feature.categories:
+        start, end = int(first - feature.low), int(last - feature.low) + 1
+        names = feature.categories
+        return choice(feature.name, names[start:end], others=names[:start] + names[end:])
+    if feature.is_flag:
+        return name if first else f"not {name}"
+    if first == last:
+        return f"{name} = {first:.0f}{unit}"
+    if feature.low < first and last < feature.high:
+        return f"{first:.0f} <= {name} <= {last:.0f}{unit}"
+    return f"{name} >= {first:.0f}{unit}" if first > feature.low else f"{name} <= {last:.0f}{unit}"
+
+
+def choice(name: str, categories: Sequence[str], *, others: Sequence[str]) -> str:
+    """Return which categories of a choice are meant: those, or what they are not if that is less.
+
+    >>> choice("phase", "BD", others="AC"), choice("phase", "ABC", others="D")
+    ('phase is B,D', 'phase is not D')
+    """
+    told, word = (others, "is not") if len(others) < len(categories) else (categories, "is")
+    return f"{printable(name)} {word} {','.join(map(printable, told))}"
+
+
+def _of(feature: Feature) -> str:
+    return f" {printable(feature.unit)}" if feature.unit else ""
 
 
 def at_most(threshold: float) -> str:
@@ -93,12 +154,18 @@ class Syntax:
 
 
 def nested(
-    tree: DecisionTree, syntax: Syntax, *, root: int = 0, cut: frozenset[int] = frozenset()
+    tree: DecisionTree,
+    syntax: Syntax,
+    *,
+    root: int = 0,
+    cut: frozenset[int] = frozenset(),
+    is_reversed: Callable[[int], bool] = lambda _: False,
 ) -> Iterator[tuple[int, str]]:
     """Yield the rules below ``root`` as pairs of indentation level and line.
 
     The right branch of a test continues its chain ("else if"), so that only left branches are
-    indented. Nodes in ``cut`` are written like leaves.
+    indented; the other way round where ``is_reversed`` says so of a node. Nodes in ``cut`` are
+    written like leaves.
     """
     work: list[tuple[int, str] | tuple[int, int, bool]] = [(0, root, False)]
     while work:
@@ -111,14 +178,16 @@ def nested(
             yield level, syntax.leaf(node)
             continue
         yield level, (syntax.chained if is_chained else syntax.opening)(node)
-        right = int(tree.right[node])
-        if _is_end(tree, right, root, cut):
+        told, rest = int(tree.left[node]), int(tree.right[node])
+        if is_reversed(node):
+            told, rest = rest, told
+        if _is_end(tree, rest, root, cut):
             if syntax.closing:
                 work.append((level, syntax.closing))
-            work += [(level + 1, right, False), (level, syntax.otherwise)]
+            work += [(level + 1, rest, False), (level, syntax.otherwise)]
         else:
-            work.append((level, right, True))
-        work.append((level + 1, int(tree.left[node]), False))
+            work.append((level, rest, True))
+        work.append((level + 1, told, False))
 
 
 def rules(tree: DecisionTree, schema: Schema, leaves: Sequence[str], *, exact: bool = False) -> str:
@@ -133,7 +202,10 @@ def rules(tree: DecisionTree, schema: Schema, leaves: Sequence[str], *, exact: b
     digits = None if exact else Digits(schema, tree)
 
     def test(node: int) -> str:
-        return condition(schema, int(tree.feature[node]), float(tree.threshold[node]), digits)
+        return question(schema, int(tree.feature[node]), float(tree.threshold[node]), digits)
+
+    def is_other(node: int) -> bool:
+        return is_reversed(schema.features[tree.feature[node]], float(tree.threshold[node]))
 
     syntax = Syntax(
         opening=lambda node: f"if {test(node)}:",
@@ -142,7 +214,8 @@ def rules(tree: DecisionTree, schema: Schema, leaves: Sequence[str], *, exact: b
         closing="",
         leaf=lambda node: leaves[tree.leaf[node]],
     )
-    return "\n".join("    " * level + line for level, line in nested(tree, syntax))
+    lines = nested(tree, syntax, is_reversed=is_other)
+    return "\n".join("    " * level + line for level, line in lines)
 
 
 def _is_end(tree: DecisionTree, node: int, root: int, cut: frozenset[int]) -> bool:

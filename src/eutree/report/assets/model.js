@@ -82,19 +82,74 @@ const testOf = (node) => atMost(tree.feature[node], tree.threshold[node]);
 
 const withUnit = (text, feature) => (features[feature].unit ? `${text} ${features[feature].unit}` : text);
 
+/** Return a value of a feature as it is called: a category, yes or no, or a number with its unit. */
+function valueWords(value, feature) {
+  const one = features[feature];
+  if (value !== null && (one.flag || one.group)) return value > 0 ? "yes" : "no";
+  return one.categories?.[value - one.low] ?? withUnit(digits(value, feature), feature);
+}
+
+/** Return which categories are meant, or which are not where those are fewer. */
+function choiceOf(name, told, others) {
+  return others.length < told.length ? `${name} is not ${others.join(",")}` : `${name} is ${told.join(",")}`;
+}
+
+/** Return the whole numbers of (low, high] in the words of their kind; nothing of all or of none. */
+function wholeWords(feature, low, high) {
+  const one = features[feature];
+  if (!one.whole) return "";
+  const first = Math.max(one.low ?? -Infinity, Math.floor(low) + 1);
+  const last = Math.min(one.high ?? Infinity, Math.floor(high));
+  if (first > last || (first === (one.low ?? -Infinity) && last === (one.high ?? Infinity))) return "";
+  if (one.group) return `${one.group} is ${first > 0 ? "" : "not "}${one.category}`;
+  if (one.flag) return first > 0 ? one.name : `not ${one.name}`;
+  if (one.categories.length) {
+    const isTold = (_, code) => code + one.low >= first && code + one.low <= last;
+    return choiceOf(one.name, one.categories.filter(isTold), one.categories.filter((...x) => !isTold(...x)));
+  }
+  if (first === last) return withUnit(`${one.name} = ${first}`, feature);
+  const test = first > (one.low ?? -Infinity) ? (last < (one.high ?? Infinity) ? `≥ ${first} and ≤ ${last}` : `≥ ${first}`) : `≤ ${last}`;
+  return withUnit(`${one.name} ${test}`, feature);
+}
+
+/** Return whether a test is asked for its right branch: "open ?", and not "not open ?". */
+function isReversed(node) {
+  const one = features[tree.feature[node]];
+  return Boolean(one.flag || one.group) && tree.threshold[node] >= 0 && tree.threshold[node] < 1;
+}
+
+/** Return which answer to the test of a node leads to its left, or its right, branch. */
+const answerOf = (node, isLeft) => (isLeft !== isReversed(node) ? "yes" : "no");
+
 /** Return the short words on a node. */
 function wordsOf(node) {
   if (isLeaf(node)) return actions[data.leafActions[tree.leaf[node]]];
   const feature = tree.feature[node];
+  const sides = isReversed(node) ? [tree.threshold[node], Infinity] : [-Infinity, tree.threshold[node]];
+  const own = wholeWords(feature, ...sides);
+  if (own) return own;
   return withUnit(`${features[feature].name} ${testOf(node)}`, feature);
 }
 
 /** Return a box as conditions in words, one for each feature that it bounds. */
 function conditionsOf(node) {
-  const words = [];
-  boxOf(node).forEach(([low, high], feature) => {
+  const words = [], box = boxOf(node);
+  const groups = new Set(features.map((one) => one.group).filter(Boolean));
+  for (const group of groups) {
+    const members = [...features.keys()].filter((feature) => features[feature].group === group);
+    const chosen = members.filter((feature) => box[feature][0] >= 0);
+    const left = chosen.length ? chosen : members.filter((feature) => box[feature][1] >= 1);
+    const named = (list) => list.map((feature) => features[feature].category);
+    if (left.length < members.length) {
+      words.push(choiceOf(group, named(left), named(members.filter((feature) => !left.includes(feature)))));
+    }
+  }
+  box.forEach(([low, high], feature) => {
     const name = features[feature].name;
-    if (low > -Infinity && high < Infinity) {
+    if (features[feature].group) return;
+    const own = wholeWords(feature, low, high);
+    if (own) words.push(own);
+    else if (low > -Infinity && high < Infinity) {
       words.push(withUnit(`${name} ${above(feature, low)} and ${atMost(feature, high)}`, feature));
     } else if (low > -Infinity) words.push(withUnit(`${name} ${above(feature, low)}`, feature));
     else if (high < Infinity) words.push(withUnit(`${name} ${atMost(feature, high)}`, feature));

@@ -77,7 +77,7 @@ function drawObservation(values) {
       drawing("line", { x1: 0, x2: 100, y1: 5, y2: 5, stroke: "var(--line)", "stroke-width": 4 }),
       drawing("rect", { x: Math.min(98, Math.max(0, x - 1)), y: 0, width: 2, height: 10, fill: "var(--live)" }));
     const name = element("span", { title: features[feature].name }, features[feature].name);
-    return [name, bar, element("span", {}, withUnit(digits(value, feature), feature))];
+    return [name, bar, element("span", {}, valueWords(value, feature))];
   });
   byId("observation").replaceChildren(...rows);
 }

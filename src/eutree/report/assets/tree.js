@@ -26,7 +26,7 @@ function textWidth(text, font) {
 const cut = (text, longest = 40) => (text.length > longest ? `${text.slice(0, longest - 1)}…` : text);
 const isOpen = (node) => !isLeaf(node) && !collapsed.has(node);
 
-/** Return the visible nodes, parents first, "yes" before "no". */
+/** Return the visible nodes, parents first, the left branch before the right one. */
 function visibleNodes() {
   const found = [];
   const work = [0];
@@ -105,7 +105,7 @@ function drawTree() {
   const nodes = [];
   for (const [node, place] of places) {
     nodes.push(drawNode(node, place));
-    if (isOpen(node)) edges.push(...drawBranch(node, "yes", tree.left[node]), ...drawBranch(node, "no", tree.right[node]));
+    if (isOpen(node)) edges.push(...drawBranch(node, true), ...drawBranch(node, false));
   }
   byId("edges").replaceChildren(...edges);
   byId("nodes").replaceChildren(...nodes);
@@ -115,7 +115,8 @@ function drawTree() {
 }
 
 /** Return the curve to a child and the answer beside it. */
-function drawBranch(node, answer, child) {
+function drawBranch(node, isLeft) {
+  const child = isLeft ? tree.left[node] : tree.right[node];
   const from = places.get(node);
   const to = places.get(child);
   const start = from.x + from.width + KNOB;
@@ -128,8 +129,8 @@ function drawBranch(node, answer, child) {
     }),
     drawing("text", {
       class: "answer", "data-child": child, x: to.x - 6, "text-anchor": "end",
-      y: answer === "yes" ? to.y - 5 - width / 2 : to.y + 12 + width / 2,
-    }, answer),
+      y: isLeft ? to.y - 5 - width / 2 : to.y + 12 + width / 2,
+    }, answerOf(node, isLeft)),
   ];
 }
 
@@ -141,7 +142,7 @@ function drawNode(node, { x, y, width }) {
   const words = leaf
     ? `${wordsOf(node)} ${percent(shareOf(node))}${change && ` ${change},`} of visits, leaf ${tree.leaf[node]}`
     : `${wordsOf(node)}?`;
-  const answer = node === 0 ? "" : siblings[0] === node ? "yes: " : "no: ";
+  const answer = node === 0 ? "" : `${answerOf(parentOf[node], siblings[0] === node)}: `;
   const group = drawing("g", {
     class: leaf ? "node leaf" : "node", role: "treeitem", "data-node": node,
     "aria-label": answer + words, "aria-level": depthOf[node] + 1, "aria-setsize": siblings.length,
