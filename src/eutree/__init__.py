@@ -57,14 +57,21 @@ if TYPE_CHECKING:
     from eutree.schema import Schema as Schema
     from eutree.training import LearningResult as LearningResult
     from eutree.training import Teacher as Teacher
+    from eutree.training import listeners as listeners
+    from eutree.training.handover import Handover as Handover
     from eutree.training.learn import learn as learn
     from eutree.training.many import LearningRuns as LearningRuns
     from eutree.training.many import learn_runs as learn_runs
+    from eutree.training.values import Budget as Budget
+    from eutree.training.values import Folder as Folder
+    from eutree.training.values import Schedule as Schedule
+    from eutree.training.values import ShortForms as ShortForms
     from eutree.trees import DecisionTree as DecisionTree
 
 # Where each public name lives, as "module" or "module:attribute". The imports above say the same to
 # type checkers; a contract test compares the two.
 _PUBLIC = {
+    "Budget": "eutree.training.values:Budget",
     "C45Classifier": "eutree.c45.estimator:C45Classifier",
     "C45Settings": "eutree.c45:C45Settings",
     "compress": "eutree.compression.compress:compress",
@@ -87,7 +94,9 @@ _PUBLIC = {
     "fit": "eutree.fitting.fit:fit",
     "fit_expert_tree": "eutree.learners.expert_tree:fit_expert_tree",
     "FitReport": "eutree.fitting:FitReport",
+    "Folder": "eutree.training.values:Folder",
     "FormatError": "eutree.errors:FormatError",
+    "Handover": "eutree.training.handover:Handover",
     "inspection": "eutree.inspection",
     "interaction": "eutree.interaction",
     "InvalidArgumentError": "eutree.errors:InvalidArgumentError",
@@ -96,6 +105,7 @@ _PUBLIC = {
     "learn_runs": "eutree.training.many:learn_runs",
     "LearningRuns": "eutree.training.many:LearningRuns",
     "learners": "eutree.learners",
+    "listeners": "eutree.training.listeners",
     "LearningResult": "eutree.training:LearningResult",
     "mdp": "eutree.mdp",
     "MissingExtraError": "eutree.errors:MissingExtraError",
@@ -104,7 +114,9 @@ _PUBLIC = {
     "record": "eutree.interaction:record",
     "report": "eutree.report",
     "RunFolderError": "eutree.errors:RunFolderError",
+    "Schedule": "eutree.training.values:Schedule",
     "Schema": "eutree.schema:Schema",
+    "ShortForms": "eutree.training.values:ShortForms",
     "splitting": "eutree.splitting",
     "Teacher": "eutree.training:Teacher",
     "TreePolicy": "eutree.policies:TreePolicy",

@@ -9,7 +9,7 @@ import time
 import pytest
 
 from eutree.cli.main import run
-from eutree.training.signals import stop_on_signals
+from eutree.training.listeners import stop_on_signals
 from tests.training.processes import (
     COMMAND,
     KILL,

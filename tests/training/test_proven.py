@@ -9,7 +9,7 @@ import eutree
 from eutree.cli.main import run
 from eutree.errors import InvalidArgumentError
 from eutree.schema import EnvironmentSpec
-from eutree.training.proven import ProvenFirst
+from eutree.training.many import ProvenFirst
 from tests.proof.policies import BAD, GOOD, SWITCH, policy_of
 
 CAR = EnvironmentSpec("MountainCar-v0")

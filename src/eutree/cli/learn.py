@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from eutree.policies import TreePolicy
     from eutree.report import PartitionCallback
     from eutree.training import Run, Teacher
-    from eutree.training.signals import StopRequest
+    from eutree.training.listeners import StopRequest
 
 
 @click.command(
@@ -156,7 +156,7 @@ def learn(
     from eutree.interaction.making import make
     from eutree.policies import TreePolicy
     from eutree.training import learn as learn_policy
-    from eutree.training.signals import stop_on_signals
+    from eutree.training.listeners import stop_on_signals
 
     output = Output(as_json=as_json)
     if method is not None and preset is not None:

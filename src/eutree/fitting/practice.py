@@ -12,7 +12,6 @@ from eutree.policies import TreePolicy
 from eutree.policy_search.planner import Planner
 from eutree.training import Run, learn
 from eutree.training.callback import CallbackLike
-from eutree.training.learn import Progress
 
 MOST_KNOWN = 20_000  # steps of what a tree has played that practice begins with
 
@@ -34,7 +33,7 @@ def practise(
     *,
     episodes: int,
     seed: int = 0,
-    on_progress: Progress | None = None,
+    on_progress: Callable[[Run], None] | None = None,
     callback: CallbackLike | None = None,
     stop: Callable[[], bool] = lambda: False,
 ) -> tuple[TreePolicy, ...]:

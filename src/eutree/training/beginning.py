@@ -2,8 +2,9 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Any
 
+import gymnasium
 import numpy as np
 
 from eutree.compression.playing import Ground
@@ -13,6 +14,9 @@ from eutree.interaction.seeding import Stream
 from eutree.learners import Learner, Method, Problem, Start, Step
 from eutree.learners.learner import ChoosesStarts
 from eutree.policies import TreePolicy
+
+if TYPE_CHECKING:
+    from eutree.training.run import Run
 
 Evaluator = Callable[[TreePolicy, int], Evaluation]  # (policy, seed) -> evaluation
 Player = Callable[[TreePolicy, Sequence[int], int], Evaluation]  # (policy, starts, seed)
@@ -39,20 +43,37 @@ class Beginning:
         return self.method.start(self.problem, self.start)
 
 
-class Listener(Protocol):
-    """Who is told what happens in a run, and may end it."""
+class Listener:
+    """Follows a run, and may end it; a subclass has those of the methods that concern it."""
+
+    def attached(self, run: "Run", env: gymnasium.Env[Any, Any] | None) -> None:
+        """Take note of a run at its start, and of where it acts; None for recorded episodes."""
+
+    def begins(self, run: "Run") -> None:
+        """Take note that the run begins, or goes on from its checkpoint."""
+
+    def wants_stop(self) -> bool:
+        """Return whether the run is to end at its last finished episode; asked before each step."""
+        return False
 
     def gathering_begins(self) -> None:
         """Take note that the first episode of a gathering phase, or the race, begins."""
-        ...
 
     def step_taken(self, step: Step) -> bool:
         """Take note of a step; return False to end the run."""
-        ...
+        return True
 
     def gathering_ends(self) -> None:
         """Take note that an update follows, or that the race is over."""
-        ...
+
+    def advanced(self, run: "Run") -> None:
+        """Take note of an episode, an update or an evaluation."""
+
+    def ends(self) -> None:
+        """Take note that the run is over."""
+
+    def closes(self) -> None:
+        """Let go of everything: the run is over, or has failed."""
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 from eutree.errors import InvalidArgumentError, shown
 from eutree.learners import Step
 from eutree.policies import TreePolicy
+from eutree.training.beginning import Listener
 from eutree.training.run import Run
 
 
@@ -105,25 +106,32 @@ _NAMES = (
 )
 
 
-class CallbackListener:
+class Callbacks(Listener):
     """Tells callbacks what happens in a run; what one has no method for is not told to it.
+
+    Not for offline learning, which takes no steps.
 
     Args:
         callback: A function that is called after each step, an object with some of the methods of
             SB3's callbacks, or a list of them.
-        run: The run.
-        env: The environment that it gathers in.
 
     Raises:
         InvalidArgumentError: The callback is neither.
     """
 
-    def __init__(self, callback: CallbackLike, run: Run, env: gymnasium.Env[Any, Any]) -> None:
+    def __init__(self, callback: CallbackLike) -> None:
         given = callback if isinstance(callback, list | tuple) else [callback]
         self._callbacks = [_checked(one) for one in given]
+
+    def attached(self, run: Run, env: gymnasium.Env[Any, Any] | None) -> None:
+        """Take note of a run at its start."""
+        if env is None:
+            raise InvalidArgumentError(
+                "callback must be None for offline learning, which takes no steps"
+            )
         self._tell("init_callback", TrainingModel(run, env))
 
-    def training_begins(self) -> None:
+    def begins(self, run: Run) -> None:
         """Take note that the run begins or goes on."""
         self._tell("on_training_start", {}, {})
 
@@ -150,7 +158,7 @@ class CallbackListener:
         """Take note that an expansion follows."""
         self._tell("on_rollout_end")
 
-    def training_ends(self) -> None:
+    def ends(self) -> None:
         """Take note that the run is over."""
         self._tell("on_training_end")
 

@@ -14,12 +14,13 @@ from eutree.arrays import Floats
 from eutree.contests import Better, Heat, NotWorse, Verdict, hold, missing, new_table
 from eutree.contests.table import seen_range
 from eutree.evaluation import Evaluation
+from eutree.interaction.acting import Controller
 from eutree.learners import Method
 from eutree.learners.presets import reads_the_paper
 from eutree.policies import TreePolicy
 from eutree.training.front import CHEAP_STEPS, DEAR_STEPS
 from eutree.training.judging import LEARNED, START, Judgement, judged
-from eutree.validation import check_integer, check_number
+from eutree.validation import check_integer, check_number, check_range
 
 FEWEST, MOST = 300, 5000  # pairs of episodes, where nobody names a number
 PAIRS = 5  # for each episode gathered
@@ -37,22 +38,43 @@ class Handover:
     """How it is decided which tree a run hands over.
 
     Attributes:
-        episodes: Most episodes of each of the two trees. None for five for each episode of the run,
-            300 to 5,000, in ten times as many steps as the run took. 0 hands over what was learned.
+        episodes: Most fresh episodes that the start and the learned tree both play at the end: the
+            start is handed over unless the other is shown to earn more, or to be smaller and earn
+            no less, and succeeds less often by a point at most. None for five for each episode of
+            the run, 300 to 5,000, in ten times as many steps as the run took; 0 plays none and
+            hands over what was learned, as the presets that read the paper literally do.
         error: Chance that a tree that does not deserve it is taken for better.
         success_margin: How much less often than the start the learned tree may succeed.
-        max_leaves: Most leaves that are wanted; a start that has more is not handed over. None for
-            any number.
-        front_steps: Most environment steps of the front, from which comes the tree that meets the
+        keep_success: Replace the policy, also while the run learns, only by one that succeeds as
+            often in the same episodes; and the start only by one that succeeds as often on fresh
+            ones, whatever the ``success_margin``.
+        max_leaves: Most leaves of the result; a start that has more is not handed over. For methods
+            that plan, or with ``race_steps``. Where a race ends the run it keeps the limit, and
+            what is planned before may be larger. None for any number.
+        front_steps: Most environment steps of the front: of what was learned the best tree of each
+            size is made, imagined where the method has a world model, and the smallest that plays
+            within one standard error of the best, and succeeds as often as the start, meets the
             start. None for two for each step of the run, a hundred where episodes run side by side;
             0 lets the learned tree itself meet the start.
+        return_range: Lowest and highest return that an episode can have, where the environment does
+            not say so itself (``eutree.interaction.return_range``); what is said of the learned
+            tree then holds without a condition, also offline.
+        prefer_proven: A property, or ``""`` for that of the environment's plant: of several runs
+            the best is chosen among those whose policies are proven to have it, and a start that is
+            not proven does not take the place of one that is. For ``learn_runs``.
+        against: Who else plays the episodes of the policy that is handed over, as ``evaluate``
+            takes it: fresh ones, which have chosen nothing.
     """
 
     episodes: int | None = None
     error: float = 0.05
     success_margin: float = 0.01
+    keep_success: bool = False
     max_leaves: int | None = None
     front_steps: int | None = None
+    return_range: tuple[float, float] | None = None
+    prefer_proven: str | None = None
+    against: Controller | None = None
 
     def __post_init__(self) -> None:
         if self.episodes is not None:
@@ -61,6 +83,9 @@ class Handover:
             check_integer("front_steps", self.front_steps, low=0)
         check_number("error", self.error, low=0.0, high=1.0, low_open=True)
         check_number("success_margin", self.success_margin, low=0.0, high=1.0)
+        if self.return_range is not None:
+            known = check_range("return_range", self.return_range)
+            object.__setattr__(self, "return_range", known)
 
     @property
     def judges(self) -> bool:
@@ -89,21 +114,11 @@ class Handover:
         return taken * (CHEAP_STEPS if side_by_side else DEAR_STEPS)
 
 
-def handover_for(
-    method: Method,
-    episodes: int | None,
-    max_leaves: int | None,
-    *,
-    keep_success: bool,
-    front_steps: int | None = None,
-) -> Handover | None:
+def handover_for(method: Method, asked: Handover) -> Handover | None:
     """Return how it is decided for a method; None for the learned tree, whatever it is."""
-    if episodes is None and reads_the_paper(method):
+    if asked.episodes is None and reads_the_paper(method):
         return None
-    margin = 0.0 if keep_success else Handover().success_margin
-    return Handover(
-        episodes=episodes, success_margin=margin, max_leaves=max_leaves, front_steps=front_steps
-    )
+    return replace(asked, success_margin=0.0) if asked.keep_success else asked
 
 
 class Duel:

@@ -1,18 +1,17 @@
 """Learn a tree policy: from demonstrations or from nothing, in an environment."""
 
 import hashlib
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import asdict, replace
+from contextlib import nullcontext
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import gymnasium
 
 from eutree.compression.playing import Ground
 from eutree.data import Demonstrations, check_rewards
 from eutree.errors import InvalidArgumentError
-from eutree.evaluation import evaluate
+from eutree.evaluation import Against, against, evaluate
 from eutree.evaluation.evaluate import evaluate_starts
 from eutree.evaluation.off_policy import OffPolicyComparison
 from eutree.interaction import GuardedEnv, episode_seed
@@ -22,27 +21,45 @@ from eutree.interaction.recipe import Environment, opened
 from eutree.interaction.return_range import return_range as known_range
 from eutree.interaction.seeding import Stream
 from eutree.learners import Method, Problem, Start, start_of
-from eutree.learners.default_choice import Evidence
-from eutree.learners.learner import HasTeacher, check_fits
+from eutree.learners.default_choice import Choice, Evidence
+from eutree.learners.learner import check_fits
 from eutree.learners.registry import checked_document
 from eutree.policies import TreePolicy
 from eutree.training.beginning import Arena, Beginning, generator_of
-from eutree.training.callback import CallbackLike, CallbackListener
 from eutree.training.chosen_method import choice_of, remembering, with_limit
-from eutree.training.handover import handover_for
+from eutree.training.handover import Handover, handover_for
+from eutree.training.listeners import Listeners
 from eutree.training.log import DISCOUNT, Log
 from eutree.training.phases import MANY, Plan
 from eutree.training.proposals import SearchSettings
-from eutree.training.result import LearningResult, StepCounts
+from eutree.training.result import LearningResult, result_of
 from eutree.training.run import Run
-from eutree.training.run_folder import ConfigDocument, RunFolder, SavingClock, length_of_run
-from eutree.training.teaching import AskedTeacher, Teacher, as_teacher
-from eutree.training.tensorboard import TensorBoardLog
-from eutree.validation import check_integer, check_number, check_range
-
-Progress = Callable[[Run], None]
+from eutree.training.run_folder import ConfigDocument, RunFolder, SavingClock
+from eutree.training.teaching import Teacher, as_teacher
+from eutree.training.values import Asked, Budget, Folder, Schedule, ShortForms
+from eutree.validation import check_integer, check_number
 
 EPISODES = 400  # where no budget is named
+RIVAL_EPISODES = 100  # that the policy and a rival both play
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """Where is learned: in an environment, or from a log.
+
+    Attributes:
+        problem: What is learned.
+        name: What a run's configuration calls it.
+        env: The environment as learners see it.
+        arena: Where a run acts.
+        log: What is learned from, and judges, where there is no environment.
+    """
+
+    problem: Problem
+    name: str
+    env: GuardedEnv | None = None
+    arena: Arena | None = None
+    log: Log | None = None
 
 
 def learn(
@@ -50,31 +67,15 @@ def learn(
     *,
     demonstrations: Demonstrations | None = None,
     expert: TreePolicy | None = None,
-    teacher: Teacher | None = None,
-    method: str | Method | None = None,
+    method: str | Method | None = "auto",
     start: str | None = None,
-    episodes: int | None = None,
-    steps: int | None = None,
-    minutes: float | None = None,
-    race_steps: int = 0,
-    max_leaves: int | None = None,
-    keep_success: bool = False,
-    judge_episodes: int | None = None,
-    return_range: tuple[float, float] | None = None,
-    front_steps: int | None = None,
+    budget: Budget | None = None,
+    evaluation: Schedule | None = None,
+    handover: Handover | None = None,
+    folder: Folder | str | Path | None = None,
+    listeners: object = (),
     seed: int = 0,
-    evaluate_every: int = 20,
-    evaluation_episodes: int = 100,
-    history: int = 0,
-    max_transitions: int | None = None,
-    strict: bool = False,
-    out: str | Path | None = None,
-    resume: bool = False,
-    checkpoint_seconds: float | None = None,
-    tensorboard: str | Path | None = None,
-    callback: CallbackLike | None = None,
-    stop: Callable[[], bool] = lambda: False,
-    on_progress: Progress | None = None,
+    **short: Unpack[ShortForms],
 ) -> LearningResult:
     """Learn a tree policy in ``env``, with the paper's protocol, or from recorded episodes alone.
 
@@ -86,8 +87,6 @@ def learn(
             result.
         demonstrations: Episodes of an expert, in the features of one observation.
         expert: The expert tree; fitted to the demonstrations if a start needs it.
-        teacher: Who says what to do at observations that are met later, in place of the network
-            that ``distilled-dqn`` would train; its training is not counted but declared.
         method: How to learn: a name of ``eutree.learners.METHODS`` or of a preset, such as
             ``"paper"`` to be faithful, or a method itself. By default, and for
             ``"auto"``, ``distilled-dqn`` where demonstrations have many features and the steps are
@@ -96,196 +95,184 @@ def learn(
         start: Where learning begins: ``"nothing"``, ``"tree"``, ``"tree+demos"``, ``"demos"`` or
             ``"random-tree"``; the paper's C. U-Tree, EU-Tree - DT and EU-Tree are the first
             three. By default what is given.
-        episodes: Most episodes of experience; offline, the most updates. 400 where no other budget
-            is given, else as many as that allows.
-        steps: Most environment steps of the run: those of learning and of racing, without
-            demonstrations and evaluations. An episode begins only if the longest possible one
-            still fits; where none is known, one is cut short at the budget.
-        minutes: Most minutes of the clock for learning and racing. What is learned then depends
-            on the machine; everything else repeats byte for byte.
-        race_steps: Environment steps spent at the end on policy search with racing: trees proposed
-            by several world models, prunings and random changes prove themselves against the
-            policy in episodes with common starts. They are part of ``steps``.
-        max_leaves: Most leaves of the result; for methods that plan, or with ``race_steps``. Where
-            a race ends the run it keeps the limit, and what is planned before may be larger.
-        keep_success: Replace the policy only by one that succeeds as often, in the same episodes;
-            and the start only by one that succeeds as often on fresh ones.
-        judge_episodes: Most fresh episodes that the start and the learned tree both play at the
-            end: the start is handed over unless the other is shown to earn more, or to be smaller
-            and earn no less, and succeeds less often by a point at most. None takes five for each
-            episode of the run, 300 to 5,000; 0 plays none and hands over what was learned, as the
-            presets that read the paper literally do.
-        return_range: Lowest and highest return that an episode can have, where ``env`` does not
-            say so itself (``eutree.interaction.return_range``); what is said of the learned tree
-            then holds without a condition, also offline.
-        front_steps: Most environment steps of the front: of what was learned the best tree of each
-            size is made, imagined where the method has a world model, and the smallest that plays
-            within one standard error of the best, and succeeds as often as the start, meets the
-            start. None takes two for each step of the run, a hundred where episodes run side by
-            side; 0 makes none.
+        budget: How long it may take.
+        evaluation: When frozen policies are evaluated, and in how many episodes.
+        handover: How it is decided which tree is handed over.
+        folder: Where the run is written, and whether it goes on from there.
+        listeners: Who follows the run and may end it: one or a list of ``eutree.listeners``, of
+            callbacks of Stable-Baselines3, or of functions of ``(locals, globals)``.
         seed: The same seed gives the same result, byte for byte.
-        evaluate_every: Episodes between two frozen evaluations.
-        evaluation_episodes: Episodes of each frozen evaluation.
-        history: Number of previous observations that become features too, for what one
-            observation does not show, such as a direction of movement.
-        max_transitions: Most transitions that the learner remembers between two episodes, so that
-            a run of any length takes bounded memory: a uniform sample of those of each leaf and
-            action or, with planning, whole episodes. None leaves it to ``method``.
-        strict: Refuse observations outside the environment's own bounds.
-        out: Folder for the policy, the expert tree, the curve, the events and the checkpoints.
-        resume: Go on from the last checkpoint in ``out``, to the same bytes as if nothing had
-            happened in between; as far as it was to go, if no budget is given.
-        checkpoint_seconds: Time between two checkpoints; 0 saves one after every episode. None
-            lets saving take at most a twentieth of the time. The result does not depend on it.
-        tensorboard: Folder for the log that TensorBoard shows; one for each run. Needs the extra
-            ``tensorboard``.
-        callback: Follows the run and may end it, as in SB3: a function of ``(locals, globals)``
-            called after each step, a callback of SB3's kind, or a list of them. Not
-            for offline learning, which takes no steps.
-        stop: Asked before every step; True ends the run at its last finished episode.
-        on_progress: Called after each episode and each evaluation, or each expansion offline.
+        **short: Plain words for the parts of these values, such as ``episodes=400`` and
+            ``out="runs/a"``; see ``eutree.ShortForms``.
 
     Raises:
         InvalidArgumentError: The start lacks the demonstrations it needs, they are of another
-            environment, or the method does not fit the task.
-        EnvironmentFault: The environment broke its contract; ``out`` can be resumed.
-        RunFolderError: ``out`` is in use, or holds a run and ``resume`` is False.
+            environment, the method does not fit the task, or a word is not known.
+        EnvironmentFault: The environment broke its contract; the folder can be resumed.
+        RunFolderError: The folder is in use, or holds a run that is not to be resumed.
     """
-    if env is not None and not isinstance(env, gymnasium.Env):
-        return _learn_in(env, locals())
-    check_integer("evaluation_episodes", evaluation_episodes, low=1)
-    return_range = None if return_range is None else check_range("return_range", return_range)
+    values = {"budget": budget, "evaluation": evaluation, "handover": handover, "folder": folder}
+    asked = Asked.of(values, listeners, short).going_on()
+    with nullcontext() if env is None else opened(env) as made:
+        acting = None if made is None else acting_as(made, expert or demonstrations)
+        choice, plan = _planned(asked, method, start, demonstrations, acting, seed=seed)
+        if demonstrations is not None and asked.history:
+            demonstrations = demonstrations.with_history(asked.history)
+        if acting is None:
+            place = _recorded(_needed(demonstrations, "offline learning"), expert, asked, seed)
+        else:
+            place = _acting(acting, expert or demonstrations, asked, plan)
+        begin = _start(start, place, demonstrations, expert, asked.teacher, seed=seed)
+        document = _as_document(choice.method, place.problem, begin, offline=acting is None)
+        _check_races(plan, begin)
+        beginning = Beginning(choice.method, place.problem, begin, choice.said())
+        run = Run(beginning, plan, place.arena, stop=asked.listeners.wants_stop)
+        config = _config(run, place.name, document, asked, demonstrations, expert)
+        asked.listeners.attached(run, acting)
+        policy, against_fit = _carried_out(run, place.log, config, asked)
+        recorded = 0 if demonstrations is None else sum(map(len, begin.episodes))
+        return replace(
+            result_of(run, policy, asked.teacher, recorded),
+            against_fit=against_fit,
+            against=None if acting is None else _against(run, policy, acting, asked.handover),
+        )
+
+
+def _planned(
+    asked: Asked,
+    method: str | Method | None,
+    start: str | None,
+    demonstrations: Demonstrations | None,
+    env: gymnasium.Env[Any, Any] | None,
+    *,
+    seed: int,
+) -> tuple[Choice, Plan]:
+    """Return how is learned and how long, once all that is asked is known to be possible."""
+    check_integer("evaluation_episodes", asked.evaluation.episodes, low=1)
+    if asked.handover.prefer_proven is not None:
+        raise InvalidArgumentError("prefer_proven chooses among several runs: see learn_runs")
+    budget, handover = asked.budget, asked.handover
     if env is None:
-        _check_acts_nowhere(race_steps, keep_success=keep_success)
-    env = None if env is None else acting_as(env, expert or demonstrations)
-    if resume and out is not None and episodes is steps is minutes is None:
-        episodes, steps, minutes = length_of_run(out)
-    clock = SavingClock(checkpoint_seconds)
+        _check_acts_nowhere(asked)
+    races, keeps = budget.race_steps, handover.keep_success
     choice = choice_of(
         None if method == "auto" else method,
         start,
-        Evidence(demonstrations, steps, teacher is not None),
+        Evidence(demonstrations, budget.steps, asked.teacher is not None),
         offline=env is None,
-        plans=bool(race_steps or keep_success or history or max_transitions),
+        plans=bool(races or keeps or asked.history or asked.max_transitions),
     )
-    chosen = with_limit(
-        remembering(choice.method, max_transitions), max_leaves, races=race_steps > 0
-    )
+    remembers = remembering(choice.method, asked.max_transitions)
+    chosen = with_limit(remembers, handover.max_leaves, races=races > 0)
+    minutes = budget.minutes
+    race = SearchSettings(steps=races, max_leaves=handover.max_leaves, keep_success=keeps)
     plan = Plan(
-        episodes=_episodes(episodes, steps, minutes),
-        steps=steps,
+        episodes=_episodes(budget),
+        steps=budget.steps,
         seconds=None if minutes is None else 60.0 * check_number("minutes", minutes, low=0.0),
-        evaluate_every=evaluate_every,
+        evaluate_every=asked.evaluation.every,
         gathers=env is not None,
-        race=SearchSettings(steps=race_steps, max_leaves=max_leaves, keep_success=keep_success)
-        if race_steps
-        else None,
-        keep_success=keep_success,
-        handover=handover_for(
-            chosen, judge_episodes, max_leaves, keep_success=keep_success, front_steps=front_steps
-        ),
+        race=race if races else None,
+        keep_success=keeps,
+        handover=handover_for(chosen, handover),
         seed=seed,
     )
-    if demonstrations is not None and history:
-        demonstrations = demonstrations.with_history(history)
-    log = None
-    if env is None:
-        recorded = _needed(demonstrations, "offline learning")
-        log = Log.of(recorded, expert, return_range, seed=seed)
-        problem = Problem(recorded.schema, recorded.environment, history)
-        environment = f"offline: {recorded.environment}"
-    else:
-        guarded = _named_as(
-            expert or demonstrations, GuardedEnv(env, strict=strict, history=history)
-        )
-        look_at(env, None if resume else episode_seed(seed, 0, Stream.TRAINING))
-        problem = _problem(guarded)
-        if steps is not None:
-            problem = replace(problem, steps=_gathered(steps, race_steps, problem))
-        environment = str(guarded.spec or guarded.name)
-    learned_from = demonstrations if log is None else log.known
-    begin = _start(
-        start,
-        problem,
-        learned_from,
-        expert,
-        as_teacher(teacher, None if env is None else guarded),
-        seed=seed,
-        offline=env is None,
-    )
-    document = _as_document(chosen, problem, begin, offline=env is None)
-    beginning = Beginning(chosen, problem, begin, choice.said())
-    _check_races(plan, begin)
-    run = Run(
-        beginning,
-        plan,
-        None if env is None else _arena(guarded, env, evaluation_episodes, return_range),
-        stop=stop,
-    )
-    config = ConfigDocument(
+    return replace(choice, method=chosen), plan
+
+
+def _recorded(
+    recorded: Demonstrations, expert: TreePolicy | None, asked: Asked, seed: int
+) -> _Place:
+    """Return where is learned without an environment: a log of recorded episodes."""
+    log = Log.of(recorded, expert, asked.handover.return_range, seed=seed)
+    problem = Problem(recorded.schema, recorded.environment, asked.history)
+    return _Place(problem, f"offline: {recorded.environment}", log=log)
+
+
+def _acting(
+    env: gymnasium.Env[Any, Any],
+    named: TreePolicy | Demonstrations | None,
+    asked: Asked,
+    plan: Plan,
+) -> _Place:
+    """Return an environment to learn in, with the names of what the learner starts from."""
+    guarded = GuardedEnv(env, strict=asked.strict, history=asked.history)
+    if named is not None:
+        guarded.take_names(named.schema)
+    resumes = asked.folder is not None and asked.folder.resume
+    look_at(env, None if resumes else episode_seed(plan.seed, 0, Stream.TRAINING))
+    problem = _problem(guarded)
+    if plan.steps is not None:
+        problem = replace(problem, steps=_gathered(plan.steps, plan.race_steps, problem))
+    arena = _arena(guarded, env, asked.evaluation.episodes, asked.handover.return_range)
+    return _Place(problem, str(guarded.spec or guarded.name), guarded, arena)
+
+
+def _config(
+    run: Run,
+    environment: str,
+    method: dict[str, Any],
+    asked: Asked,
+    demonstrations: Demonstrations | None,
+    expert: TreePolicy | None,
+) -> ConfigDocument:
+    """Return how a run was started, as its folder keeps it."""
+    plan, handover = run.plan, asked.handover
+    return ConfigDocument(
         environment=environment,
-        method=document,
-        start=begin.name,
+        method=method,
+        start=run.beginning.start.name,
         episodes=plan.episodes,
-        steps=steps,
-        minutes=minutes,
-        evaluate_every=evaluate_every,
-        evaluation_episodes=evaluation_episodes,
-        history=history,
-        seed=seed,
+        steps=plan.steps,
+        minutes=asked.budget.minutes,
+        evaluate_every=plan.evaluate_every,
+        evaluation_episodes=asked.evaluation.episodes,
+        history=asked.history,
+        seed=plan.seed,
         demonstrations="" if demonstrations is None else demonstrations.digest,
         expert="" if expert is None else hashlib.sha256(expert.to_bytes()).hexdigest(),
-        teacher="" if teacher is None else teacher.name(),
-        strict=strict,
+        teacher="" if asked.teacher is None else asked.teacher.name(),
+        strict=asked.strict,
         race=None if plan.race is None else asdict(plan.race),
-        keep_success=keep_success,
-        judge_episodes=judge_episodes,
-        return_range=return_range,
-        front_steps=front_steps,
+        keep_success=plan.keep_success,
+        judge_episodes=handover.episodes,
+        return_range=handover.return_range,
+        front_steps=handover.front_steps,
     )
-    listener = None if callback is None else _listener(callback, run, env)
-    if out is None:
-        with _followed(run, listener, tensorboard) as follow:
-            _go_on(run, None, clock, (follow, on_progress))
+
+
+def _carried_out(
+    run: Run, log: Log | None, config: ConfigDocument, asked: Asked
+) -> tuple[TreePolicy, OffPolicyComparison | None]:
+    """Let a run go to its end, in its folder if it has one, and return its policy."""
+    where = asked.folder
+    if where is None:
+        with asked.listeners.following(run):
+            _go_on(run, None, SavingClock(), asked.listeners)
+        return _result(run, log)
+    kind = type(run.beginning.method)
+    with RunFolder(where.path, config, kind, resume=where.resume) as folder:
+        folder.load_checkpoint(run)
+        folder.save_start(run.beginning.start.expert)
+        with asked.listeners.following(run):
+            _go_on(run, folder, SavingClock(where.checkpoint_seconds), asked.listeners)
         policy, against_fit = _result(run, log)
-    else:
-        with RunFolder(out, config, type(chosen), resume=resume) as folder:
-            folder.load_checkpoint(run)
-            folder.save_start(begin.expert)
-            with _followed(run, listener, tensorboard) as follow:
-                _go_on(run, folder, clock, (follow, on_progress))
-            policy, against_fit = _result(run, log)
-            folder.save_result(policy, run.learned(), run.evaluations.front, run.evaluations.picked)
-    recorded_steps = 0 if demonstrations is None else sum(map(len, begin.episodes))
-    return LearningResult(
-        policy=policy,
-        learned=run.learned(),
-        first=run.first,
-        expert=begin.expert,
-        curve=tuple(run.curve),
-        history=run.learner.history,
-        method=chosen,
-        start=begin.name,
-        episodes=run.episode,
-        steps=run.at.steps,
-        environment_steps=StepCounts(
-            demonstrations=recorded_steps,
-            teacher=run.at.teacher_steps,
-            learning=run.at.steps - run.at.teacher_steps,
-            racing=run.at.racing_steps,
-            front=run.at.front_steps,
-            judging=0 if run.evaluations.judgement is None else run.evaluations.judgement.steps,
-            declared=0 if teacher is None else teacher.cost,
-        ),
-        challengers=run.challengers,
-        against_start=run.evaluations.judgement,
-        against_fit=against_fit,
-        teacher=run.learner.teacher if isinstance(run.learner, HasTeacher) else None,
-        front=run.evaluations.front,
-        picked=run.evaluations.picked,
-        model_trust=run.model_trust(),
-        reason=choice.said(),
+        folder.save_result(policy, run.learned(), run.evaluations.front, run.evaluations.picked)
+    return policy, against_fit
+
+
+def _against(
+    run: Run, policy: TreePolicy, env: gymnasium.Env[Any, Any], handover: Handover
+) -> Against | None:
+    """Return what the policy and the rival do on fresh episodes, if one is named."""
+    if handover.against is None or run.state.stopped:
+        return None
+    fresh = episode_seed(run.plan.seed, 0, Stream.AGAINST)
+    one, other = (
+        evaluate(who, env, episodes=RIVAL_EPISODES, seed=fresh)
+        for who in (policy, handover.against)
     )
+    return against(one, other, known=handover.return_range or known_range(env))
 
 
 def _result(run: Run, log: Log | None) -> tuple[TreePolicy, OffPolicyComparison | None]:
@@ -304,17 +291,11 @@ def _as_document(
     return checked_document(method)
 
 
-def _episodes(episodes: int | None, steps: int | None, minutes: float | None) -> int:
+def _episodes(budget: Budget) -> int:
     """Return the most episodes: the usual number only where nothing else ends the run."""
-    if episodes is not None:
-        return episodes
-    return EPISODES if steps is None and minutes is None else MANY
-
-
-def _learn_in(env: Environment, arguments: dict[str, Any]) -> LearningResult:
-    """Return what ``learn`` returns for an environment that is made for it, and closed then."""
-    with opened(env) as made:
-        return learn(**{**arguments, "env": made})
+    if budget.episodes is not None:
+        return budget.episodes
+    return EPISODES if budget.is_open else MANY
 
 
 def _check_races(plan: Plan, start: Start) -> None:
@@ -346,14 +327,17 @@ def _gathered(steps: int, race_steps: int, problem: Problem) -> int:
     return left
 
 
-def _check_acts_nowhere(race_steps: int, *, keep_success: bool) -> None:
+def _check_acts_nowhere(asked: Asked) -> None:
     """Raise InvalidArgumentError for what needs an environment to act in."""
-    if race_steps:
+    races = asked.budget.race_steps
+    if races:
         raise InvalidArgumentError(
-            f"race_steps must be 0 without an environment to run them in, got {race_steps}"
+            f"race_steps must be 0 without an environment to run them in, got {races}"
         )
-    if keep_success:
+    if asked.handover.keep_success:
         raise InvalidArgumentError("keep_success must be False without an environment, got True")
+    if asked.handover.against is not None:
+        raise InvalidArgumentError("against needs an environment to act in")
 
 
 def _arena(
@@ -372,47 +356,12 @@ def _arena(
     )
 
 
-def _listener(
-    callback: CallbackLike, run: Run, env: gymnasium.Env[Any, Any] | None
-) -> CallbackListener:
-    if env is None:
-        raise InvalidArgumentError(
-            "callback must be None for offline learning, which takes no steps"
-        )
-    run.state.listener = listener = CallbackListener(callback, run, env)
-    return listener
-
-
-@contextmanager
-def _followed(
-    run: Run, listener: CallbackListener | None, tensorboard: str | Path | None
-) -> Iterator[Progress | None]:
-    """Let callbacks and TensorBoard follow the run; yield what to call when something happened."""
-    log = None if tensorboard is None else TensorBoardLog(tensorboard, run)
-    try:
-        if listener is not None:
-            listener.training_begins()
-        yield None if log is None else lambda _: log.write()
-        if listener is not None:
-            listener.training_ends()
-    finally:
-        if log is not None:
-            log.close()
-
-
-def _go_on(
-    run: Run,
-    folder: RunFolder | None,
-    clock: SavingClock,
-    followers: Sequence[Progress | None],
-) -> None:
+def _go_on(run: Run, folder: RunFolder | None, clock: SavingClock, listeners: Listeners) -> None:
     """Advance the run to its end; save a checkpoint often enough, and at an interruption."""
     try:
         while not run.finished:
             run.advance()
-            for follow in followers:
-                if follow is not None:
-                    follow(run)
+            listeners.advanced(run)
             if folder is not None and clock.due():
                 with clock.saving():
                     folder.save_checkpoint(run)
@@ -437,13 +386,6 @@ def _problem(env: GuardedEnv) -> Problem:
     )
 
 
-def _named_as(given: TreePolicy | Demonstrations | None, guarded: GuardedEnv) -> GuardedEnv:
-    """Let an environment without names have those of what the learner starts from."""
-    if given is not None:
-        guarded.take_names(given.schema)
-    return guarded
-
-
 def _needed(demonstrations: Demonstrations | None, what: str) -> Demonstrations:
     if demonstrations is None:
         raise InvalidArgumentError(f"{what!r} needs demonstrations, got none")
@@ -452,22 +394,25 @@ def _needed(demonstrations: Demonstrations | None, what: str) -> Demonstrations:
 
 def _start(
     name: str | None,
-    problem: Problem,
+    place: _Place,
     demonstrations: Demonstrations | None,
     expert: TreePolicy | None,
-    teacher: AskedTeacher | None,
+    teacher: Teacher | None,
     *,
     seed: int,
-    offline: bool,
 ) -> Start:
     """Return where learning begins; offline the demonstrations are always its history."""
+    asked = as_teacher(teacher, place.env)
+    if place.log is not None:
+        demonstrations = place.log.known
+    problem = place.problem
     for what, given in (("demonstrations", demonstrations), ("expert", expert)):
         if given is not None:
             problem.schema.check_same(given.schema, what, of="the environment")
     chance = generator_of(seed, Stream.START, 0)
     start = start_of(name, problem, demonstrations=demonstrations, expert=expert, generator=chance)
-    if offline:
-        start = replace(start, episodes=_needed(demonstrations, "offline learning").kept)
+    if place.log is not None:
+        start = replace(start, episodes=place.log.known.kept)
     if start.episodes:
-        check_rewards(_needed(demonstrations, start.name), alone=offline)
-    return replace(start, teacher=teacher)
+        check_rewards(_needed(demonstrations, start.name), alone=place.log is not None)
+    return replace(start, teacher=asked)

@@ -8,41 +8,84 @@ has to deserve to take the place of the start, by the rule of a single run
 that are proven, if any is.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
+import gymnasium
 import numpy as np
 
 from eutree.contests import SmallestWithin
+from eutree.data import Demonstrations
 from eutree.errors import FormatError, InvalidArgumentError, RunFolderError
-from eutree.evaluation import CurvePoint, Evaluation, curve_from_csv, evaluate
+from eutree.evaluation import Against, CurvePoint, Evaluation, against, curve_from_csv, evaluate
 from eutree.evaluation.curves import curves_to_pandas
 from eutree.files import make_folder, read_bytes, write_text
 from eutree.files.atomic import RUN
 from eutree.interaction import episode_seed
+from eutree.interaction.acting import Controller
 from eutree.interaction.first_look import look_at
 from eutree.interaction.making import make
 from eutree.interaction.recipe import Recipe
 from eutree.interaction.return_range import return_range
 from eutree.interaction.seeding import Stream
+from eutree.learners import Method
 from eutree.parallel import Workers
 from eutree.policies import TreePolicy
-from eutree.proof import Certificate
+from eutree.proof import Certificate, plant_of, prove
+from eutree.proof.properties import Property, parse
 from eutree.schema import EnvironmentSpec
 from eutree.training.handover import Duel, Handover, handover_for, judge
 from eutree.training.judging import START, Judgement
-from eutree.training.learn import learn
-from eutree.training.proven import ProvenFirst
+from eutree.training.learn import RIVAL_EPISODES, learn
 from eutree.training.result import LearningResult
+from eutree.training.values import Asked, Budget, Folder, Schedule, ShortForms
 from eutree.validation import check_integer, check_seed
 
 MAX_TABLE = 2**24  # bytes
+_GIVEN = ("demonstrations", "expert", "method", "start")
 COLUMNS = (
     "seed", "mean_return", "return_low", "return_high", "success_rate", "success_low",
     "success_high", "n_leaves", "environment_steps", "winner",
 )  # fmt: skip
+
+
+class ProvenFirst:
+    """Which of several policies is proven to have a property.
+
+    Args:
+        environment: Where they act.
+        question: The property (see :mod:`eutree.proof.properties`); the plant's own for ``""``.
+
+    Raises:
+        InvalidArgumentError: No plant is known for the environment, or the text is no property.
+    """
+
+    def __init__(self, environment: EnvironmentSpec, question: str) -> None:
+        plant = plant_of(environment)
+        if plant is None:
+            raise InvalidArgumentError(
+                f"prefer_proven needs a plant, which says how states move; none is known for "
+                f"{environment}"
+            )
+        self._plant = plant
+        self._asked: Property = parse(question or plant.question, plant.schema)
+
+    def certificate(self, policy: TreePolicy) -> Certificate | None:
+        """Return the proof of a policy; None where it is not proven, or cannot be."""
+        if not policy.features.is_identity:
+            return None
+        found = prove(policy, self._plant, self._asked)
+        return found if found.proven else None
+
+    def first(self, policies: Iterable[TreePolicy]) -> tuple[int, Certificate] | None:
+        """Return the number of the first policy that is proven, and its proof; None if none is."""
+        for number, policy in enumerate(policies):
+            found = self.certificate(policy)
+            if found is not None:
+                return number, found
+        return None
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +129,7 @@ class LearningRuns:
             handed over; None where it is the start, or was handed over without a contest.
         certificate: The proof of the policy that is handed over; None where none was asked for,
             or no run's policy is proven.
+        against: What the policy that is handed over did against the rival of ``Handover``.
     """
 
     runs: tuple[FinishedRun, ...]
@@ -94,6 +138,7 @@ class LearningRuns:
     judged: Evaluation
     judgement: Judgement | None = None
     certificate: Certificate | None = None
+    against: Against | None = None
 
     @property
     def policy(self) -> TreePolicy:
@@ -114,58 +159,66 @@ class LearningRuns:
         return curves_to_pandas({run.seed: run.curve() for run in self.runs})
 
 
+class RunsForms(ShortForms, total=False):
+    """What ``learn_runs`` hands on to each run: arguments of ``learn``, and its plain words."""
+
+    demonstrations: Demonstrations | None
+    expert: TreePolicy | None
+    method: str | Method | None
+    start: str | None
+    budget: Budget | None
+    evaluation: Schedule | None
+    handover: Handover | None
+    prefer_proven: str | None
+
+
 def learn_runs(
     environment: EnvironmentSpec | str,
     *,
     runs: int,
-    out: str | Path,
+    folder: Folder | str | Path | None = None,
     n_jobs: int | None = -1,
     seed: int = 0,
     selection_episodes: int = 200,
     judging_episodes: int = 1000,
-    resume: bool = False,
     on_run: Callable[[int, FinishedRun], None] = lambda count, run: None,
-    **options: Any,
+    **options: Unpack[RunsForms],
 ) -> LearningRuns:
     """Learn several times, and return all runs, the best of them and how good it is.
 
     Args:
         environment: Where to learn: an id or how to make it. Each process makes its own.
         runs: Number of runs.
-        out: Folder for the runs, ``runs/SEED`` each, for the winner's ``policy.json`` and for the
-            table ``runs.csv``.
+        folder: Where they are written, ``runs/SEED`` each, with the winner's ``policy.json`` and
+            the table ``runs.csv``, and whether the runs that are there go on; or ``out``.
         n_jobs: Processes, as ``evaluate`` takes them; a cluster must share the folder.
         seed: Seed of the first run; the others follow.
         selection_episodes: Episodes by which one is chosen: the smallest within one standard error
             of the best.
         judging_episodes: Episodes by which it is judged.
-        resume: Go on with the runs that are there.
         on_run: Called with the number of finished runs and the last of them.
-        **options: As ``learn`` takes them; and ``prefer_proven``, a property, or ``""`` for that of
-            the environment's plant: the best is chosen among the runs whose policies are proven to
-            have it, and a start that is not proven does not take the place of one that is.
+        **options: As ``learn`` takes them, but for listeners; ``prefer_proven`` is short for that
+            of ``Handover``.
 
     Raises:
         InvalidArgumentError: An argument is not as described.
-        RunFolderError: ``out`` holds runs and ``resume`` is False.
+        RunFolderError: The folder holds runs that are not to be resumed.
     """
     check_integer("runs", runs, low=1)
     check_integer("selection_episodes", selection_episodes, low=2)
     check_integer("judging_episodes", judging_episodes, low=2)
     check_seed(seed)
     spec = Recipe.of(environment).spec
-    question = options.pop("prefer_proven", None)
+    asked, given = _asked(folder, options)
+    question = asked.handover.prefer_proven
     proven = None if question is None else ProvenFirst(spec, question)
-    folder = make_folder(out, of=RUN)
-    if (folder / "runs").exists() and not resume:
-        raise RunFolderError(
-            f"{folder} already holds runs; go on with them (--resume) or choose another folder"
-        )
-    if not resume:
+    where = _opened(asked.folder)
+    if not where.resume:
         env = make(spec)
         look_at(env, episode_seed(seed, 0, Stream.TRAINING))
         env.close()
-    task = _Task(spec, make_folder(folder / "runs"), selection_episodes, seed, options)
+    path = Path(where.path)
+    task = _Task(spec, make_folder(path / "runs"), selection_episodes, seed, asked, given)
     found: dict[int, FinishedRun] = {}
     for run in Workers(n_jobs).as_finished(task, range(seed, seed + runs)):
         found[run.seed] = run
@@ -174,38 +227,62 @@ def learn_runs(
     best, certificate = _best_of(ordered, proven)
     env = make(spec)
     try:
-        winner = ordered[best]
-        result = learn(env, out=winner.path, seed=winner.seed, resume=True, **options)
-        judging_seed = episode_seed(seed, 0, Stream.WINNER)
-
-        def evaluated(policy: TreePolicy) -> Evaluation:
-            return evaluate(
-                policy, spec, episodes=judging_episodes, seed=judging_seed, n_jobs=n_jobs
-            )
-
-        judged, judgement = evaluated(result.policy), None
-        handover = handover_for(
-            result.method,
-            options.get("judge_episodes"),
-            options.get("max_leaves"),
-            keep_success=options.get("keep_success", False),
-        )
-        if handover is not None and result.against_start is not None and not result.is_start:
-            start = evaluated(result.first)
-            known = options.get("return_range") or return_range(env)
-            against = _against_start(handover, result, start, judged, known)
-            if against.handed_over != START:
-                judgement = against
-            elif proven is None or certificate is None:
-                judgement, judged = against, start
-            elif (of_start := proven.certificate(result.first)) is not None:
-                judgement, judged, certificate = against, start, of_start
+        result = task.learn(env, ordered[best].seed)
+        known = asked.handover.return_range or return_range(env)
     finally:
         env.close()
+
+    def evaluated(who: Controller, episodes: int, stream: int) -> Evaluation:
+        fresh = episode_seed(seed, 0, stream)
+        return evaluate(who, spec, episodes=episodes, seed=fresh, n_jobs=n_jobs)
+
+    judged, judgement = evaluated(result.policy, judging_episodes, Stream.WINNER), None
+    handover = handover_for(result.method, asked.handover)
+    if handover is not None and result.against_start is not None and not result.is_start:
+        start = evaluated(result.first, judging_episodes, Stream.WINNER)
+        met = _against_start(handover, result, start, judged, known)
+        if met.handed_over != START:
+            judgement = met
+        elif proven is None or certificate is None:
+            judgement, judged = met, start
+        elif (of_start := proven.certificate(result.first)) is not None:
+            judgement, judged, certificate = met, start, of_start
     learned = LearningRuns(ordered, best, result, judged, judgement, certificate)
-    learned.policy.save(folder / "policy.json")
-    write_text(folder / "runs.csv", _table(ordered, best))
+    if (rival := asked.handover.against) is not None:
+        both = (evaluated(who, RIVAL_EPISODES, Stream.AGAINST) for who in (learned.policy, rival))
+        learned = replace(learned, against=against(*both, known=known))
+    learned.policy.save(path / "policy.json")
+    write_text(path / "runs.csv", _table(ordered, best))
     return learned
+
+
+def _asked(
+    folder: Folder | str | Path | None, options: Mapping[str, Any]
+) -> tuple[Asked, dict[str, Any]]:
+    """Return what is asked of each run, and what it is given to begin with."""
+    for name in ("listeners", "on_progress", "stop", "callback", "tensorboard"):
+        if options.get(name) is not None:
+            raise InvalidArgumentError(f"{name} must be None for several runs")
+    words = dict(options)
+    given = {name: words.pop(name) for name in _GIVEN if name in words}
+    values = {name: words.pop(name, None) for name in ("budget", "evaluation", "handover")}
+    proven = words.pop("prefer_proven", None)
+    asked = Asked.of(values | {"folder": folder}, (), words)
+    if proven is not None:
+        asked = replace(asked, handover=replace(asked.handover, prefer_proven=proven))
+    return asked, given
+
+
+def _opened(folder: Folder | None) -> Folder:
+    """Return the folder of the runs, made, unless it holds runs that are not to go on."""
+    if folder is None:
+        raise InvalidArgumentError("folder must say where several runs are written, got none")
+    path = make_folder(folder.path, of=RUN)
+    if (path / "runs").exists() and not folder.resume:
+        raise RunFolderError(
+            f"{path} already holds runs; go on with them (--resume) or choose another folder"
+        )
+    return replace(folder, path=path)
 
 
 def _best_of(
@@ -279,21 +356,25 @@ class _Task:
         folder: Path,
         episodes: int,
         seed: int,
-        options: dict[str, Any],
+        asked: Asked,
+        given: dict[str, Any],
     ) -> None:
-        for name in ("on_progress", "stop", "callback", "tensorboard"):
-            if options.get(name) is not None:
-                raise InvalidArgumentError(f"{name} must be None for several runs")
         self._recipe, self._folder = Recipe.of(spec), folder
         self._place = folder.absolute()  # a cluster's processes may be in another folder
-        self._episodes, self._seed, self._options = episodes, seed, options
+        self._episodes, self._seed = episodes, seed
+        self._asked, self._given = asked.of_one_run(), given
+
+    def learn(self, env: gymnasium.Env[Any, Any], seed: int) -> LearningResult:
+        """Return the result of a run, which goes on if it was begun."""
+        asked, path = self._asked, self._place / str(seed)
+        seconds = None if asked.folder is None else asked.folder.checkpoint_seconds
+        folder = Folder(path, resume=True, checkpoint_seconds=seconds)
+        return learn(env, folder=folder, seed=seed, **self._given, **asked.arguments())
 
     def __call__(self, seed: int) -> FinishedRun:
         env = self._recipe.make()
         try:
-            result = learn(
-                env, out=self._place / str(seed), seed=seed, resume=True, **self._options
-            )
+            result = self.learn(env, seed)
             selection = evaluate(
                 result.policy,
                 env,

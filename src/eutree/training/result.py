@@ -5,14 +5,16 @@ from typing import Any, Literal
 
 from eutree.compression.report import FrontEntry
 from eutree.display import Displayed
-from eutree.evaluation import CurvePoint
+from eutree.evaluation import Against, CurvePoint
 from eutree.evaluation.curves import curve_to_pandas
 from eutree.evaluation.off_policy import OffPolicyComparison
 from eutree.learners import History, Method
-from eutree.learners.learner import ValuingPolicy
+from eutree.learners.learner import HasTeacher, ValuingPolicy
 from eutree.learners.model_trust import ModelTrust
 from eutree.policies import TreePolicy
 from eutree.training.judging import LEARNED, START, Judgement
+from eutree.training.run import Run
+from eutree.training.teaching import Teacher
 from eutree.wording import counted
 
 
@@ -71,6 +73,7 @@ class LearningResult(Displayed):
         front: What was learned, and the best tree of each size that was made of it, the largest
             first, all in the same episodes, which chose none of them; empty without a front.
         picked: The tree of the front that met the start; None without a front.
+        against: What the policy did against the rival that ``Handover`` names.
         against_fit: Offline, what held-out episodes say against the tree of ``fit``, which is the
             policy unless the learned tree is believed to beat it.
         teacher: Who taught, where the method has a teacher: a policy with ``action_values``, for
@@ -95,6 +98,7 @@ class LearningResult(Displayed):
     against_start: Judgement | None = None
     front: tuple[FrontEntry, ...] = ()
     picked: TreePolicy | None = None
+    against: Against | None = None
     against_fit: OffPolicyComparison | None = None
     teacher: ValuingPolicy | None = None
     model_trust: ModelTrust | None = None
@@ -126,3 +130,46 @@ class LearningResult(Displayed):
             MissingExtraError: pandas is not installed.
         """
         return curve_to_pandas(self.curve)
+
+
+def result_of(
+    run: Run, policy: TreePolicy, teacher: Teacher | None, recorded: int
+) -> LearningResult:
+    """Return what a finished run gives back.
+
+    Args:
+        run: The run.
+        policy: The policy that it hands over.
+        teacher: Who taught in place of a network, if one was given.
+        recorded: Steps of the demonstrations.
+    """
+    learner, at, evaluations = run.learner, run.at, run.evaluations
+    judgement = evaluations.judgement
+    return LearningResult(
+        policy=policy,
+        learned=run.learned(),
+        first=run.first,
+        expert=run.beginning.start.expert,
+        curve=tuple(run.curve),
+        history=learner.history,
+        method=run.beginning.method,
+        start=run.beginning.start.name,
+        episodes=run.episode,
+        steps=at.steps,
+        environment_steps=StepCounts(
+            demonstrations=recorded,
+            teacher=at.teacher_steps,
+            learning=at.steps - at.teacher_steps,
+            racing=at.racing_steps,
+            front=at.front_steps,
+            judging=0 if judgement is None else judgement.steps,
+            declared=0 if teacher is None else teacher.cost,
+        ),
+        challengers=run.challengers,
+        against_start=judgement,
+        teacher=learner.teacher if isinstance(learner, HasTeacher) else None,
+        front=evaluations.front,
+        picked=evaluations.picked,
+        model_trust=run.model_trust(),
+        reason=run.beginning.reason,
+    )

@@ -82,13 +82,11 @@ class ConfigDocument(Document, frozen=True, kw_only=True):
     front_steps: int | None = None
 
 
-def length_of_run(out: str | Path) -> tuple[int | None, int | None, float | None]:
-    """Return the most episodes, steps and minutes of the run in a folder; None where none is."""
+def length_of_run(out: str | Path) -> dict[str, Any]:
+    """Return the most episodes, steps and minutes of the run in a folder; nothing where none is."""
     path = Path(out) / "config.json"
-    if not path.exists():
-        return None, None, None
-    started = read_document(path, ConfigDocument)
-    return started.episodes, started.steps, started.minutes
+    started = read_document(path, ConfigDocument) if path.exists() else None
+    return {} if started is None else {name: getattr(started, name) for name in _LENGTH}
 
 
 class SavingClock:

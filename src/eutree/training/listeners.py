@@ -1,0 +1,244 @@
+"""Who follows a run and may end it: a progress display, TensorBoard, callbacks, a stop, a signal.
+
+``eutree.learn(env, listeners=[TensorBoard("logs/a"), StopWhen(asked), callback])`` tells each of
+them in this order; whatever is no ``Listener`` is taken for a callback of Stable-Baselines3. One of
+your own derives from ``Listener``. What listeners do changes nothing that is learned; only ending
+the run does.
+
+Ctrl-C and SIGTERM are a polite request: finish nothing more, save, and exit. Who does not answer
+within half a second, because a long evaluation or expansion is under way, is interrupted. What that
+leaves half done is thrown away.
+"""
+
+import signal
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import gymnasium
+
+from eutree.errors import InvalidArgumentError, MissingExtraError
+from eutree.files import make_folder
+from eutree.learners import Step
+from eutree.training.beginning import Listener
+from eutree.training.callback import Callbacks
+from eutree.training.progress import values_of
+from eutree.training.run import Run
+
+__all__ = ["Callbacks", "Listener", "Progress", "StopWhen", "TensorBoard"]
+
+GRACE = 0.5  # seconds
+
+
+class Progress(Listener):
+    """Calls a function after each episode and each evaluation, or each expansion offline."""
+
+    def __init__(self, function: Callable[[Run], None]) -> None:
+        self._function = function
+
+    def advanced(self, run: Run) -> None:
+        """Call it with the run."""
+        self._function(run)
+
+
+class StopWhen(Listener):
+    """Ends the run at its last finished episode when a function, asked before a step, says so."""
+
+    def __init__(self, asked: Callable[[], bool]) -> None:
+        self._asked = asked
+
+    def wants_stop(self) -> bool:
+        """Ask it."""
+        return self._asked()
+
+
+class TensorBoard(Listener):
+    """Writes what happens in a run to a folder that TensorBoard shows; needs its extra.
+
+    A resumed run hides what the interrupted one wrote after its last checkpoint, and writes it
+    again.
+
+    Args:
+        path: The folder; one for each run, so that TensorBoard tells them apart.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self._path = path
+        self._writer: Any = None
+
+    def begins(self, run: Run) -> None:
+        """Begin the log, or go on with it.
+
+        Raises:
+            InvalidArgumentError: The folder holds the log of another run.
+            MissingExtraError: tensorboardX is not installed.
+        """
+        try:
+            from tensorboardX import SummaryWriter
+        except ImportError:
+            raise MissingExtraError("tensorboardX", "tensorboard") from None
+        folder = make_folder(self._path)
+        earlier = len(list(folder.glob("events.out.tfevents.*")))
+        if not run.state.events and earlier:
+            raise InvalidArgumentError(
+                f"tensorboard must be a folder without the log of another run, got {folder}"
+            )
+        self._start = time.monotonic()
+        self._steps_before = run.state.num_timesteps
+        # What the folder holds of this step and later ones does not count any more.
+        self._first_step = run.state.num_timesteps if run.plan.gathers else run.at.updates
+        self._n_events = self._iterations = 0
+        self._writer = SummaryWriter(
+            str(folder),
+            purge_step=self._first_step,
+            filename_suffix=f".{earlier}",  # its names have whole seconds
+        )
+        self.advanced(run)
+
+    def advanced(self, run: Run) -> None:
+        """Write what happened since the last call."""
+        for event in run.state.events[self._n_events :]:
+            self._iterations += event["event"] == "expansion"
+            step = event["steps"] if run.plan.gathers else self._iterations
+            if step >= self._first_step:
+                values = values_of(event, run.gathered)
+                if event["event"] == "expansion":
+                    values |= self._times(run)
+                for name, value in values.items():
+                    if value is not None:
+                        self._writer.add_scalar(name, value, step)
+        self._n_events = len(run.state.events)
+
+    def closes(self) -> None:
+        """Write what is left, and end the log."""
+        if self._writer is not None:
+            self._writer.close()
+
+    def _times(self, run: Run) -> dict[str, float | int | None]:
+        elapsed = max(time.monotonic() - self._start, 1e-9)
+        steps = run.state.num_timesteps - self._steps_before
+        return {
+            "time/episodes": run.episode,
+            "time/fps": steps / elapsed,
+            "time/time_elapsed": elapsed,
+        }
+
+
+class Listeners(Listener):
+    """Several listeners as one: each is told of everything, in their order.
+
+    Args:
+        given: Listeners, and callbacks as Stable-Baselines3 takes them.
+    """
+
+    def __init__(self, given: Sequence[object]) -> None:
+        self._all = [one if isinstance(one, Listener) else Callbacks(one) for one in given]
+
+    def __bool__(self) -> bool:
+        """Whether there are any."""
+        return bool(self._all)
+
+    def attached(self, run: Run, env: gymnasium.Env[Any, Any] | None) -> None:
+        """Follow a run from its start on."""
+        run.state.listener = self if self._all else None
+        for one in self._all:
+            one.attached(run, env)
+
+    @contextmanager
+    def following(self, run: Run) -> Iterator[None]:
+        """Tell of the beginning, and of the end unless the run fails; then let go."""
+        try:
+            for one in self._all:
+                one.begins(run)
+            yield
+            for one in self._all:
+                one.ends()
+        finally:
+            for one in self._all:
+                one.closes()
+
+    def wants_stop(self) -> bool:
+        """Return whether any of them does."""
+        return any(one.wants_stop() for one in self._all)
+
+    def gathering_begins(self) -> None:
+        """Tell all."""
+        for one in self._all:
+            one.gathering_begins()
+
+    def step_taken(self, step: Step) -> bool:
+        """Tell all; return False if any of them does."""
+        wishes = [one.step_taken(step) for one in self._all]
+        return all(wishes)
+
+    def gathering_ends(self) -> None:
+        """Tell all."""
+        for one in self._all:
+            one.gathering_ends()
+
+    def advanced(self, run: Run) -> None:
+        """Tell all."""
+        for one in self._all:
+            one.advanced(run)
+
+
+class StopRequest:
+    """Whether a signal asked to stop, and which.
+
+    Attributes:
+        signal: Number of the signal; 0 while none came.
+    """
+
+    def __init__(self) -> None:
+        self.signal = 0
+
+    def __call__(self) -> bool:
+        """Return whether a signal came."""
+        return self.signal != 0
+
+    def no_more(self) -> None:
+        """Interrupt no more: the block is about to end by itself."""
+        signal.setitimer(signal.ITIMER_REAL, 0)
+
+    @property
+    def exit_code(self) -> int:
+        """128 plus the signal's number, as shells expect: 130 for Ctrl-C, 143 for SIGTERM."""
+        return 128 + self.signal
+
+
+@contextmanager
+def stop_on_signals() -> Iterator[StopRequest]:
+    """Turn the first SIGINT or SIGTERM into a request; the second acts as it always does.
+
+    If the ``with`` block is still running ``GRACE`` later, KeyboardInterrupt is raised in it; one
+    that leaves the block becomes an exit with the signal's code.
+    Only usable in the main thread, like all handling of signals in Python.
+    """
+    request = StopRequest()
+    asked = (signal.SIGINT, signal.SIGTERM)
+    previous = {number: signal.getsignal(number) for number in (*asked, signal.SIGALRM)}
+
+    def note(number: int, frame: FrameType | None) -> None:
+        request.signal = number
+        signal.signal(number, previous[signal.Signals(number)])
+        signal.setitimer(signal.ITIMER_REAL, GRACE)
+
+    def insist(number: int, frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGALRM, insist)
+    for number in asked:
+        signal.signal(number, note)
+    try:
+        yield request
+    except KeyboardInterrupt:
+        if request():
+            raise SystemExit(request.exit_code) from None
+        raise
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        for number, handler in previous.items():
+            signal.signal(number, handler)
