@@ -37,9 +37,7 @@ from eutree.mdp import TabularMDP
 from eutree.splitting import KolmogorovSmirnov, Maximal, Naive
 from eutree.splitting._kernels import best_of_sample
 from eutree.splitting._kernels_sorting import sorted_labels
-from eutree.training.beginning import (
-    generator_of,
-)
+from eutree.training.phases import generator_of
 
 SPLITS = {
     "maximal": replace(CORRECTED, significance=Maximal()),

@@ -25,7 +25,7 @@ from eutree.interaction import GuardedEnv, episode_seed
 from eutree.interaction.seeding import Stream
 from eutree.learners import METHODS, Problem, Step, start_of
 from eutree.learners.learner import HasPolicy, Learner
-from eutree.training.beginning import generator_of
+from eutree.training.phases import generator_of
 
 PEER = "u-tree"
 TASKS = {"2-Evasion": ("eutree/Evasion2-v0", 60), "MountainCar": ("MountainCar-v0", 20)}

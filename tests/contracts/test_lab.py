@@ -93,7 +93,7 @@ def test_the_lab_takes_only_what_is_public() -> None:
         "from eutree.trees._kernels import descend",
         "from eutree.learners.u_tree import _kernels_step",
         "from eutree.evaluation import _private",
-        "def late():\n    from eutree.training.run_state import RunState",
+        "def late():\n    from eutree.training.phases import RunState",
     ],
 )
 def test_what_is_not_public_is_seen(text: str) -> None:

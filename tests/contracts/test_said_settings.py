@@ -25,7 +25,7 @@ from eutree.learners.starts import STARTS
 from eutree.policy_search import improvement, planner
 from eutree.splitting import KolmogorovSmirnov, Permutation
 from eutree.training import proposals, run_folder, search, variants
-from eutree.training.learn import EPISODES
+from eutree.training.planned import EPISODES
 from eutree.world_model.ensemble import EnsembleSettings
 
 ROOT = Path(__file__).parents[2]

@@ -13,11 +13,10 @@ from eutree.files import read_document
 from eutree.learners import Problem, Start, UTree
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
-from eutree.training.beginning import Beginning
 from eutree.training.checkpoint import restore_checkpoint, stored_observations
 from eutree.training.phases import Plan
 from eutree.training.progress import progress_to_csv
-from eutree.training.run import Run
+from eutree.training.run import Beginning, Run
 from eutree.training.run_folder import ConfigDocument
 from eutree_lab.paper.runs import RunRecord
 from tests.files.mutations import mutate, mutate_elements, mutate_members, mutate_records

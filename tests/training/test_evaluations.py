@@ -7,10 +7,8 @@ from eutree.errors import InvalidArgumentError
 from eutree.evaluation import Evaluation
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
-from eutree.training.beginning import Arena
-from eutree.training.evaluations import Evaluations
-from eutree.training.phases import Plan
-from eutree.training.run_state import RunState
+from eutree.training.evaluations import Arena, Evaluations
+from eutree.training.phases import Plan, RunState
 from eutree.trees import DecisionTree
 
 

@@ -1,7 +1,7 @@
 """What the phases of a run share: where it stands, what is noted, who may end it."""
 
 from eutree.learners import Step
-from eutree.training.run_state import RunState
+from eutree.training.phases import RunState
 
 STEP = Step(0, 0.0, [0.0], False, False, {}, False)
 

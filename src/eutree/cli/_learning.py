@@ -167,7 +167,7 @@ def in_words(
 
 def _front(result: "LearningResult", out: Path) -> list[dict[str, Any]]:
     """Return the front in JSON's types, each tree with its file."""
-    from eutree.training.front_folder import names_of
+    from eutree.training.run_folder import names_of
 
     front = result.front
     names = names_of(front) if front else []

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from eutree.errors import InvalidArgumentError, shown
 from eutree.learners import Step
 from eutree.policies import TreePolicy
-from eutree.training.beginning import Listener
+from eutree.training.listeners import Listener
 from eutree.training.run import Run
 
 

@@ -1,19 +1,43 @@
-"""The evaluations of a run: its curve, the policy that success is kept of, and the judgement."""
+"""Where a run acts, and its evaluations: the curve, whose success is kept, and the judgement."""
 
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from eutree.compression.playing import Ground
 from eutree.compression.report import FrontEntry
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import CurvePoint, Evaluation
-from eutree.interaction import episode_seed
+from eutree.interaction import GuardedEnv, episode_seed
 from eutree.interaction.seeding import Stream
 from eutree.learners import Learner
 from eutree.policies import TreePolicy
-from eutree.training.beginning import Arena, Evaluator, generator_of
 from eutree.training.front import EARLIER, Extent, front_of_run
 from eutree.training.handover import Duel, judge
 from eutree.training.judging import Judgement, judged
-from eutree.training.phases import Plan
+from eutree.training.phases import Plan, RunState, generator_of
 from eutree.training.proposals import key
-from eutree.training.run_state import RunState
+
+Evaluator = Callable[[TreePolicy, int], Evaluation]  # (policy, seed) -> evaluation
+Player = Callable[[TreePolicy, Sequence[int], int], Evaluation]  # (policy, starts, seed)
+
+
+@dataclass(frozen=True)
+class Arena:
+    """Where a run acts.
+
+    Attributes:
+        env: Where episodes are gathered and raced.
+        evaluator: How to evaluate a frozen policy.
+        play: How to play a frozen policy from some starts of an evaluation with a seed.
+        ground: How to let many frozen policies play beside each other, from starts with a seed.
+        return_range: Lowest and highest return of an episode; None where they are not known.
+    """
+
+    env: GuardedEnv
+    evaluator: Evaluator
+    play: Player
+    ground: Callable[[int], Ground]
+    return_range: tuple[float, float] | None = None
 
 
 class Evaluations:

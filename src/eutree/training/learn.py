@@ -21,25 +21,21 @@ from eutree.interaction.recipe import Environment, opened
 from eutree.interaction.return_range import return_range as known_range
 from eutree.interaction.seeding import Stream
 from eutree.learners import Method, Problem, Start, start_of
-from eutree.learners.default_choice import Choice, Evidence
 from eutree.learners.learner import check_fits
 from eutree.learners.registry import checked_document
 from eutree.policies import TreePolicy
-from eutree.training.beginning import Arena, Beginning, generator_of
-from eutree.training.chosen_method import choice_of, remembering, with_limit
-from eutree.training.handover import Handover, handover_for
+from eutree.training.evaluations import Arena
+from eutree.training.handover import Handover
 from eutree.training.listeners import Listeners
 from eutree.training.log import DISCOUNT, Log
-from eutree.training.phases import MANY, Plan
-from eutree.training.proposals import SearchSettings
+from eutree.training.phases import Plan, generator_of
+from eutree.training.planned import check_races, planned
 from eutree.training.result import LearningResult, result_of
-from eutree.training.run import Run
+from eutree.training.run import Beginning, Run
 from eutree.training.run_folder import ConfigDocument, RunFolder, SavingClock
 from eutree.training.teaching import Teacher, as_teacher
 from eutree.training.values import Asked, Budget, Folder, Schedule, ShortForms
-from eutree.validation import check_integer, check_number
 
-EPISODES = 400  # where no budget is named
 RIVAL_EPISODES = 100  # that the policy and a rival both play
 
 
@@ -115,7 +111,7 @@ def learn(
     asked = Asked.of(values, listeners, short).going_on()
     with nullcontext() if env is None else opened(env) as made:
         acting = None if made is None else acting_as(made, expert or demonstrations)
-        choice, plan = _planned(asked, method, start, demonstrations, acting, seed=seed)
+        choice, plan = planned(asked, method, start, demonstrations, acting, seed=seed)
         if demonstrations is not None and asked.history:
             demonstrations = demonstrations.with_history(asked.history)
         if acting is None:
@@ -124,7 +120,7 @@ def learn(
             place = _acting(acting, expert or demonstrations, asked, plan)
         begin = _start(start, place, demonstrations, expert, asked.teacher, seed=seed)
         document = _as_document(choice.method, place.problem, begin, offline=acting is None)
-        _check_races(plan, begin)
+        check_races(plan, begin)
         beginning = Beginning(choice.method, place.problem, begin, choice.said())
         run = Run(beginning, plan, place.arena, stop=asked.listeners.wants_stop)
         config = _config(run, place.name, document, asked, demonstrations, expert)
@@ -136,48 +132,6 @@ def learn(
             against_fit=against_fit,
             against=None if acting is None else _against(run, policy, acting, asked.handover),
         )
-
-
-def _planned(
-    asked: Asked,
-    method: str | Method | None,
-    start: str | None,
-    demonstrations: Demonstrations | None,
-    env: gymnasium.Env[Any, Any] | None,
-    *,
-    seed: int,
-) -> tuple[Choice, Plan]:
-    """Return how is learned and how long, once all that is asked is known to be possible."""
-    check_integer("evaluation_episodes", asked.evaluation.episodes, low=1)
-    if asked.handover.prefer_proven is not None:
-        raise InvalidArgumentError("prefer_proven chooses among several runs: see learn_runs")
-    budget, handover = asked.budget, asked.handover
-    if env is None:
-        _check_acts_nowhere(asked)
-    races, keeps = budget.race_steps, handover.keep_success
-    choice = choice_of(
-        None if method == "auto" else method,
-        start,
-        Evidence(demonstrations, budget.steps, asked.teacher is not None),
-        offline=env is None,
-        plans=bool(races or keeps or asked.history or asked.max_transitions),
-    )
-    remembers = remembering(choice.method, asked.max_transitions)
-    chosen = with_limit(remembers, handover.max_leaves, races=races > 0)
-    minutes = budget.minutes
-    race = SearchSettings(steps=races, max_leaves=handover.max_leaves, keep_success=keeps)
-    plan = Plan(
-        episodes=_episodes(budget),
-        steps=budget.steps,
-        seconds=None if minutes is None else 60.0 * check_number("minutes", minutes, low=0.0),
-        evaluate_every=asked.evaluation.every,
-        gathers=env is not None,
-        race=race if races else None,
-        keep_success=keeps,
-        handover=handover_for(chosen, handover),
-        seed=seed,
-    )
-    return replace(choice, method=chosen), plan
 
 
 def _recorded(
@@ -291,25 +245,6 @@ def _as_document(
     return checked_document(method)
 
 
-def _episodes(budget: Budget) -> int:
-    """Return the most episodes: the usual number only where nothing else ends the run."""
-    if budget.episodes is not None:
-        return budget.episodes
-    return EPISODES if budget.is_open else MANY
-
-
-def _check_races(plan: Plan, start: Start) -> None:
-    """Raise InvalidArgumentError for a race that would have nothing to go by."""
-    if plan.race_steps and not (plan.episodes or start.episodes):
-        raise InvalidArgumentError(
-            "race_steps needs stored transitions: give demonstrations or at least one episode"
-        )
-    if plan.steps is not None and plan.race_steps > plan.steps:
-        raise InvalidArgumentError(
-            f"race_steps must be at most steps, {plan.steps}, got {plan.race_steps}"
-        )
-
-
 def _gathered(steps: int, race_steps: int, problem: Problem) -> int:
     """Return the steps of a budget that are for learning; all may be for racing.
 
@@ -325,19 +260,6 @@ def _gathered(steps: int, race_steps: int, problem: Problem) -> int:
             f"got {steps:,}"
         )
     return left
-
-
-def _check_acts_nowhere(asked: Asked) -> None:
-    """Raise InvalidArgumentError for what needs an environment to act in."""
-    races = asked.budget.race_steps
-    if races:
-        raise InvalidArgumentError(
-            f"race_steps must be 0 without an environment to run them in, got {races}"
-        )
-    if asked.handover.keep_success:
-        raise InvalidArgumentError("keep_success must be False without an environment, got True")
-    if asked.handover.against is not None:
-        raise InvalidArgumentError("against needs an environment to act in")
 
 
 def _arena(

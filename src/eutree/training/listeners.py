@@ -23,14 +23,45 @@ import gymnasium
 from eutree.errors import InvalidArgumentError, MissingExtraError
 from eutree.files import make_folder
 from eutree.learners import Step
-from eutree.training.beginning import Listener
-from eutree.training.callback import Callbacks
 from eutree.training.progress import values_of
 from eutree.training.run import Run
 
-__all__ = ["Callbacks", "Listener", "Progress", "StopWhen", "TensorBoard"]
+__all__ = ["Listener", "Progress", "StopWhen", "TensorBoard"]
 
 GRACE = 0.5  # seconds
+
+
+class Listener:
+    """Follows a run, and may end it; a subclass has those of the methods that concern it."""
+
+    def attached(self, run: Run, env: gymnasium.Env[Any, Any] | None) -> None:
+        """Take note of a run at its start, and of where it acts; None for recorded episodes."""
+
+    def begins(self, run: Run) -> None:
+        """Take note that the run begins, or goes on from its checkpoint."""
+
+    def wants_stop(self) -> bool:
+        """Return whether the run is to end at its last finished episode; asked before each step."""
+        return False
+
+    def gathering_begins(self) -> None:
+        """Take note that the first episode of a gathering phase, or the race, begins."""
+
+    def step_taken(self, step: Step) -> bool:
+        """Take note of a step; return False to end the run."""
+        return True
+
+    def gathering_ends(self) -> None:
+        """Take note that an update follows, or that the race is over."""
+
+    def advanced(self, run: Run) -> None:
+        """Take note of an episode, an update or an evaluation."""
+
+    def ends(self) -> None:
+        """Take note that the run is over."""
+
+    def closes(self) -> None:
+        """Let go of everything: the run is over, or has failed."""
 
 
 class Progress(Listener):
@@ -131,11 +162,11 @@ class Listeners(Listener):
     """Several listeners as one: each is told of everything, in their order.
 
     Args:
-        given: Listeners, and callbacks as Stable-Baselines3 takes them.
+        given: The listeners.
     """
 
-    def __init__(self, given: Sequence[object]) -> None:
-        self._all = [one if isinstance(one, Listener) else Callbacks(one) for one in given]
+    def __init__(self, given: Sequence[Listener]) -> None:
+        self._all = tuple(given)
 
     def __bool__(self) -> bool:
         """Whether there are any."""

@@ -14,7 +14,7 @@ from eutree.evaluation.off_policy import Judge, OffPolicyComparison, hold_out
 from eutree.interaction.seeding import Stream
 from eutree.learners.expert_candidates import SETTINGS, best_left_out, candidates
 from eutree.policies import TreePolicy
-from eutree.training.beginning import generator_of
+from eutree.training.phases import generator_of
 
 DISCOUNT = 0.99  # of advantages, for methods without a discount
 

@@ -1,4 +1,4 @@
-"""What a run does next, as a function of its plan and of where it stands.
+"""Where a run stands, and what it does next: a function of its plan and of its position.
 
     gather    one episode (Table 1, data gathering phase)
     update    the learner learns from what is stored (Table 1, expansion phase)
@@ -11,9 +11,14 @@ Nothing else decides: neither the clock nor the log of events. A run that learns
 episodes alone has no gathering phase: it updates until nothing changes.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import Any, Protocol
 
+import numpy as np
+
+from eutree.learners import Step
 from eutree.training.handover import Handover
 from eutree.training.proposals import SearchSettings
 from eutree.validation import check_integer, check_number, check_seed
@@ -163,3 +168,88 @@ def _fits(plan: Plan, at: Position, max_episode_steps: int | None) -> bool:
     room = plan.room(at)
     longest = at.longest if max_episode_steps is None else max_episode_steps
     return room is None or max(longest, 1) <= room
+
+
+class Follower(Protocol):
+    """Who is told of the steps of a run; see ``eutree.training.listeners.Listener``."""
+
+    def gathering_begins(self) -> None: ...  # noqa: D102
+    def step_taken(self, step: Step) -> bool: ...  # noqa: D102
+    def gathering_ends(self) -> None: ...  # noqa: D102
+
+
+class RunState:
+    """What the phases of a run have in common.
+
+    Args:
+        stop: Asked before every step; True ends the run at the last finished episode.
+
+    Attributes:
+        at: Where the run stands between two phases.
+        steps_of_episode: Steps of the episode under way, gathered or raced; 0 between two.
+        events: What happened so far: updates, evaluations, races, and what the listener recorded.
+        listener: Who is told of each step, if anyone.
+        recorded: What the listener measured since the last finished episode, by name.
+        stopped: Whether ``stop`` or the listener ended the run.
+        whole: Whether the learner is between two phases, so that a checkpoint may be saved; False
+            while, and after, an interruption struck in the middle of one.
+    """
+
+    def __init__(self, stop: Callable[[], bool] = lambda: False) -> None:
+        self.at = Position()
+        self.steps_of_episode = 0
+        self.events: list[dict[str, Any]] = []
+        self.listener: Follower | None = None
+        self.recorded: dict[str, float | int | None] = {}
+        self.stopped = False
+        self.whole = True
+        self._stop = stop
+        self._gathering = False
+
+    @property
+    def num_timesteps(self) -> int:
+        """Steps so far: gathered, raced, and those of the running episode."""
+        return self.at.steps + self.at.racing_steps + self.steps_of_episode
+
+    def move(self, **changes: Any) -> None:
+        """Stand elsewhere from now on."""
+        self.at = replace(self.at, **changes)
+
+    def note(self, event: str, facts: dict[str, Any]) -> None:
+        """Add an event that happened here and now."""
+        here = {"event": event, "episode": self.at.episode, "steps": self.num_timesteps}
+        self.events.append(here | facts)
+
+    def note_what_was_recorded(self) -> None:
+        """Add what the listener measured, if it did."""
+        if self.recorded:
+            self.note("record", {"values": dict(self.recorded)})
+            self.recorded.clear()
+
+    def must_stop(self) -> bool:
+        """Return whether the run ends here; who may end it is asked."""
+        self.stopped = self.stopped or self._stop()
+        return self.stopped
+
+    def step_taken(self, step: Step) -> None:
+        """Tell the listener of a step; it may end the run."""
+        if self.listener is not None:
+            self.stopped = not self.listener.step_taken(step)
+
+    def gathering_begins(self) -> None:
+        """Tell the listener that episodes follow, if none came before."""
+        if self.listener is not None and not self._gathering:
+            self.listener.gathering_begins()
+        self._gathering = True
+
+    def gathering_ends(self) -> None:
+        """Tell the listener that an update follows, or that the race is over."""
+        if self.listener is not None and self._gathering:
+            self.listener.gathering_ends()
+            self.note_what_was_recorded()
+        self._gathering = False
+
+
+def generator_of(seed: int, stream: int, number: int) -> np.random.Generator:
+    """Return the generator of one episode or update of a run."""
+    return np.random.default_rng(np.random.SeedSequence((seed, stream, number)))

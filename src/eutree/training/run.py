@@ -7,27 +7,46 @@ happened; they never decide what comes.
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import CurvePoint
 from eutree.interaction.seeding import Stream
+from eutree.learners import Learner, Method, Problem, Start
 from eutree.learners.learner import KnowsItsModel
 from eutree.learners.model_trust import ModelTrust
 from eutree.learners.transitions import transitions_of
 from eutree.policies import TreePolicy
 from eutree.policies.reach import within_reach
-from eutree.training.beginning import Arena, Beginning, generator_of, seed_of_next
-from eutree.training.evaluations import Evaluations
-from eutree.training.gathering import GatheringEpisode
+from eutree.training.acting import GatheringEpisode, Racing, seed_of_next
+from eutree.training.evaluations import Arena, Evaluations
 from eutree.training.judging import START
-from eutree.training.phases import Phase, Plan, Position, due
+from eutree.training.phases import Phase, Plan, Position, RunState, due, generator_of
 from eutree.training.progress import GatheredEpisodes
-from eutree.training.racing import Racing
-from eutree.training.run_state import RunState
 from eutree.training.search import PolicySearch
+
+
+@dataclass(frozen=True, eq=False)
+class Beginning:
+    """What a run begins with: how is learned, what, and from where.
+
+    Attributes:
+        method: How is learned.
+        problem: What is learned.
+        start: Where learning begins.
+        reason: Why this method, where nobody named one; else "".
+    """
+
+    method: Method
+    problem: Problem
+    start: Start
+    reason: str = ""
+
+    def learner(self) -> Learner:
+        """Return the learner at its start."""
+        return self.method.start(self.problem, self.start)
 
 
 class Run:

@@ -17,6 +17,8 @@ A checkpoint is written whole or not at all, so the folder can always be resumed
 or the new one. The lock is the operating system's: it ends with the process that holds it.
 """
 
+import csv
+import io
 import os
 import time
 from collections.abc import Iterator, Sequence
@@ -44,11 +46,12 @@ from eutree.training.checkpoint import (
     restore_checkpoint,
     write_checkpoint,
 )
-from eutree.training.front_folder import save_front
 from eutree.training.progress import progress_to_csv
 from eutree.training.run import Run
 from eutree.validation import check_number
 
+_FRONT = ("tree", "n_leaves", "mean_return", "return_low", "return_high", "success_rate",
+          "success_low", "success_high", "picked")  # fmt: skip
 MIN_SAVING_INTERVAL = 1.0  # seconds
 SHARE = 20
 _LENGTH = ("episodes", "steps", "minutes")  # which may be another when a run is resumed
@@ -200,7 +203,7 @@ class RunFolder:
         else:
             beside.unlink(missing_ok=True)
         if front:
-            save_front(self.path, front, picked)
+            _save_front(self.path, front, picked)
 
     def _open(self, config: ConfigDocument, kind: type[Method], *, resume: bool) -> None:
         remove_orphans(self.path)
@@ -217,6 +220,28 @@ class RunFolder:
         found = read_document(path, ConfigDocument)
         _check_same(path, found, config, kind)
         self._longer = any(getattr(found, name) != getattr(config, name) for name in _LENGTH)
+
+
+def names_of(front: Sequence[FrontEntry]) -> list[str]:
+    """Return the name of each tree's file: the first is what the others were made of."""
+    return ["front/learned.json", *(f"front/{one.policy.n_leaves}.json" for one in front[1:])]
+
+
+def _save_front(folder: Path, front: Sequence[FrontEntry], picked: TreePolicy | None) -> None:
+    """Write the trees of a front, and the table of what they earned."""
+    make_folder(folder / "front")
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(_FRONT)
+    for number, (name, one) in enumerate(zip(names_of(front), front, strict=True)):
+        one.policy.save(folder / name)
+        success = ("", "") if one.success_interval is None else one.success_interval
+        rate = "" if one.success_rate is None else one.success_rate
+        size = one.policy.n_leaves
+        is_picked = number > 0 and picked is not None and size == picked.n_leaves
+        row = (name, size, one.mean_return, *one.return_interval, rate, *success, int(is_picked))
+        table.writerow(row)
+    write_text(folder / "front.csv", text.getvalue())
 
 
 def _check_same(

@@ -12,7 +12,7 @@ from typing import Any, Self, TypedDict
 from eutree.errors import InvalidArgumentError, UnknownNameError, shown
 from eutree.training.callback import CallbackLike, Callbacks
 from eutree.training.handover import Handover
-from eutree.training.listeners import Listeners, Progress, StopWhen, TensorBoard
+from eutree.training.listeners import Listener, Listeners, Progress, StopWhen, TensorBoard
 from eutree.training.run import Run
 from eutree.training.run_folder import length_of_run
 from eutree.training.teaching import Teacher
@@ -92,8 +92,8 @@ class ShortForms(TypedDict, total=False):
         judge_episodes: ``episodes`` of ``Handover``; also its ``max_leaves``, ``front_steps``,
             ``keep_success`` and ``return_range``.
         out: ``path`` of ``Folder``; also its ``resume`` and ``checkpoint_seconds``.
-        on_progress: The function of a listener ``Progress``; likewise ``tensorboard``, ``callback``
-            (``Callbacks``) and ``stop`` (``StopWhen``).
+        on_progress: The function of a listener ``Progress``; likewise ``tensorboard``, ``stop``
+            (``StopWhen``), and ``callback``, as Stable-Baselines3 has it.
         teacher: Who says what to do at observations that are met later, in place of the network
             that ``distilled-dqn`` would train; its training is not counted but declared.
         history: Number of previous observations that become features too, for what one observation
@@ -135,7 +135,7 @@ _PARTS = {
     | {name: name for name in ("max_leaves", "front_steps", "keep_success", "return_range")},
     "folder": {"out": "path", "resume": "resume", "checkpoint_seconds": "checkpoint_seconds"},
 }
-_LISTENERS: dict[str, Callable[[Any], Any]] = {
+_LISTENERS: dict[str, Callable[[Any], Listener]] = {
     "tensorboard": TensorBoard,
     "callback": Callbacks,
     "stop": StopWhen,
@@ -180,11 +180,12 @@ class Asked:
                 )
         many = listeners if isinstance(listeners, list | tuple) else [listeners]
         words = [word for word in _LISTENERS if short.get(word) is not None]
-        following = [_LISTENERS[word](short[word]) for word in words]
+        following: list[Listener] = [_LISTENERS[word](short[word]) for word in words]
         built = {name: _built(name, values.get(name), short) for name in _PARTS}
         alone = {word: short[word] for word in _ALONE if word in short}
         given = {name: value for name, value in built.items() if value is not None}
-        return cls(**given, **alone, listeners=Listeners([*following, *many]))
+        following += [one if isinstance(one, Listener) else Callbacks(one) for one in many]
+        return cls(**given, **alone, listeners=Listeners(following))
 
     def of_one_run(self) -> Self:
         """Return what is asked of each of several runs: what is asked of all together is left."""

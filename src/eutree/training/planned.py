@@ -1,0 +1,152 @@
+"""What a run will do, of all that is asked of it: how is learned, and for how long."""
+
+from dataclasses import replace
+from typing import Any, cast
+
+import gymnasium
+
+from eutree.data import Demonstrations
+from eutree.errors import InvalidArgumentError
+from eutree.learners import Method, Start
+from eutree.learners import method as method_of
+from eutree.learners.default_choice import Choice, Evidence, default_for, say
+from eutree.learners.registry import checked_method
+from eutree.training.handover import handover_for
+from eutree.training.phases import MANY, Plan
+from eutree.training.proposals import SearchSettings
+from eutree.training.values import Asked, Budget
+from eutree.validation import check_integer, check_number
+
+EPISODES = 400  # where no budget is named
+
+
+def planned(
+    asked: Asked,
+    method: str | Method | None,
+    start: str | None,
+    demonstrations: Demonstrations | None,
+    env: gymnasium.Env[Any, Any] | None,
+    *,
+    seed: int,
+) -> tuple[Choice, Plan]:
+    """Return how is learned and how long, once all that is asked is known to be possible."""
+    check_integer("evaluation_episodes", asked.evaluation.episodes, low=1)
+    if asked.handover.prefer_proven is not None:
+        raise InvalidArgumentError("prefer_proven chooses among several runs: see learn_runs")
+    budget, handover = asked.budget, asked.handover
+    if env is None:
+        _check_acts_nowhere(asked)
+    races, keeps = budget.race_steps, handover.keep_success
+    choice = _choice_of(
+        None if method == "auto" else method,
+        start,
+        Evidence(demonstrations, budget.steps, asked.teacher is not None),
+        offline=env is None,
+        plans=bool(races or keeps or asked.history or asked.max_transitions),
+    )
+    remembers = _remembering(choice.method, asked.max_transitions)
+    chosen = _with_limit(remembers, handover.max_leaves, races=races > 0)
+    minutes = budget.minutes
+    race = SearchSettings(steps=races, max_leaves=handover.max_leaves, keep_success=keeps)
+    plan = Plan(
+        episodes=_episodes(budget),
+        steps=budget.steps,
+        seconds=None if minutes is None else 60.0 * check_number("minutes", minutes, low=0.0),
+        evaluate_every=asked.evaluation.every,
+        gathers=env is not None,
+        race=race if races else None,
+        keep_success=keeps,
+        handover=handover_for(chosen, handover),
+        seed=seed,
+    )
+    return replace(choice, method=chosen), plan
+
+
+def _episodes(budget: Budget) -> int:
+    """Return the most episodes: the usual number only where nothing else ends the run."""
+    if budget.episodes is not None:
+        return budget.episodes
+    return EPISODES if budget.is_open else MANY
+
+
+def check_races(plan: Plan, start: Start) -> None:
+    """Raise InvalidArgumentError for a race that would have nothing to go by."""
+    if plan.race_steps and not (plan.episodes or start.episodes):
+        raise InvalidArgumentError(
+            "race_steps needs stored transitions: give demonstrations or at least one episode"
+        )
+    if plan.steps is not None and plan.race_steps > plan.steps:
+        raise InvalidArgumentError(
+            f"race_steps must be at most steps, {plan.steps}, got {plan.race_steps}"
+        )
+
+
+def _check_acts_nowhere(asked: Asked) -> None:
+    """Raise InvalidArgumentError for what needs an environment to act in."""
+    races = asked.budget.race_steps
+    if races:
+        raise InvalidArgumentError(
+            f"race_steps must be 0 without an environment to run them in, got {races}"
+        )
+    if asked.handover.keep_success:
+        raise InvalidArgumentError("keep_success must be False without an environment, got True")
+    if asked.handover.against is not None:
+        raise InvalidArgumentError("against needs an environment to act in")
+
+
+def _choice_of(
+    method: str | Method | None,
+    start: str | None,
+    evidence: Evidence,
+    *,
+    offline: bool,
+    plans: bool,
+) -> Choice:
+    """Return the method that is meant, and why where nobody said so; that is said aloud, too.
+
+    With ``plans`` something is asked of the run that only planning does.
+    """
+    if method is not None:
+        own = method_of(method) if isinstance(method, str) else checked_method(method)
+        return Choice(own, "")
+    if offline or plans or start not in (None, "demos", "tree+demos"):
+        return Choice(method_of("corrected" if offline else "default"), "")
+    choice = default_for(evidence)
+    if choice.alternative:
+        say(choice.said())
+    return choice
+
+
+def _with_limit(method: Method, max_leaves: int | None, *, races: bool) -> Method:
+    """Return a method that ends with at most so many leaves, unless a race sees to that.
+
+    Where one does, a planner knows no limit: what its explorers may try decides what is stored, and
+    from that the race's models are fitted (``docs/decisions/racing.md``).
+    """
+    if max_leaves is None:
+        return method
+    check_integer("max_leaves", max_leaves, low=2)
+    if hasattr(method, "max_leaves"):
+        return cast(Method, replace(cast(Any, method), max_leaves=max_leaves))
+    if races:
+        return method
+    planner = getattr(method, "planner", None)
+    if planner is None:
+        raise InvalidArgumentError(
+            f"max_leaves must be None for method {method.name!r} without race_steps, "
+            f"got {max_leaves}"
+        )
+    improvement = replace(planner.improvement, max_leaves=max_leaves)
+    limited = replace(planner, improvement=improvement)
+    return cast(Method, replace(cast(Any, method), planner=limited))
+
+
+def _remembering(chosen: Method, max_transitions: int | None) -> Method:
+    """Return a method with the bound on its memory."""
+    if max_transitions is None:
+        return chosen
+    if not hasattr(chosen, "max_transitions"):
+        raise InvalidArgumentError(
+            f"max_transitions must be None for method {chosen.name!r}, got {max_transitions}"
+        )
+    return cast(Method, replace(cast(Any, chosen), max_transitions=max_transitions))
