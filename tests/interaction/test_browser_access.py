@@ -10,7 +10,7 @@ import pytest
 from eutree.interaction.tree_making import TreeView
 from tests.interaction.people import Corridor
 from tests.interaction.serving import serving
-from tests.interaction.typists import PATIENCE, Person, ScriptedMaker, box, evasion
+from tests.interaction.typists import PATIENCE, Person, ScriptedMaker, box, evasion, goes_on_and_on
 
 PHONE = {"has_touch": True, "is_mobile": True}
 SCREENS = {
@@ -95,7 +95,8 @@ def axe() -> str:
      ("200 %", "dark")],
 )  # fmt: skip
 def test_axe_finds_nothing(chromium, tmp_path, axe, screen, scheme) -> None:
-    with serving(tmp_path, evasion(), fps=8.0, maker=ScriptedMaker()) as served:
+    env = evasion()
+    with serving(tmp_path, env, fps=8.0, maker=goes_on_and_on(env)) as served:
         person = person_at(chromium, served, screen, color_scheme=scheme)
         person.page.evaluate(axe)
 
@@ -112,7 +113,13 @@ def test_axe_finds_nothing(chromium, tmp_path, axe, screen, scheme) -> None:
         served.session.wishes.express("make")
         person.until(tree="ready")
         assert person.page.locator("#episodes").is_hidden()  # folded
+        person.until(state="watching", step=2)
         assert findings() == []
+        person.until(seen="over 1")
+        seen = ["#title", "#text", "#buttons .first"]  # the picture may have been scrolled away
+        assert person.page.evaluate(OUT_OF_SIGHT, ["#picture", *seen]) == []
+        assert findings() == []
+        person.tap("Escape").until(state="review")
         person.rest().tap("Escape").until(state="finished")
         assert findings() == []
 

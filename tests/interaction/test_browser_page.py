@@ -14,7 +14,15 @@ from eutree.interaction.browser.server import HIDDEN
 from eutree.interaction.replay import replay
 from tests.interaction.people import Corridor
 from tests.interaction.serving import ENOUGH, serving
-from tests.interaction.typists import DRAWING, PATIENCE, Person, ScriptedMaker, box, evasion
+from tests.interaction.typists import (
+    DRAWING,
+    PATIENCE,
+    Person,
+    ScriptedMaker,
+    box,
+    evasion,
+    goes_on_and_on,
+)
 
 
 @pytest.mark.slow
@@ -477,8 +485,8 @@ def test_the_end_is_one_button(chromium, tmp_path) -> None:
         person.tap("Enter").until(tree="ready")
         assert person.page.locator("#verdict").inner_text() == "you 13 of 15; this tree 56 of 100"
         picture = person.page.locator("#tree")
-        assert picture.evaluate("image => image.naturalWidth") == 80
-        assert "one leaf" in picture.get_attribute("alt")
+        assert picture.get_attribute("width") == "80"
+        assert "one leaf" in picture.get_attribute("aria-label")
         commands = person.page.locator("#commands code")
         assert commands.all_inner_texts() == list(maker.ready.commands)
         person.page.get_by_role("button", name="Copy: eutree show demos-tree.json").click()
@@ -491,6 +499,34 @@ def test_the_end_is_one_button(chromium, tmp_path) -> None:
         assert person.page.evaluate(CONTRAST) == []
         assert person.messages == []
         person.tap("Escape").until(state="finished")
+
+
+def test_the_tree_drives_as_soon_as_it_is_made(chromium, tmp_path) -> None:
+    """Its failure first and in words, its way lit; then *Let it practise*, and once more."""
+    env = evasion()
+    maker = goes_on_and_on(env)
+    with serving(tmp_path, env, fps=20.0, maker=maker) as served:
+        person = Person(chromium, served).until(state="opening")
+        person.tap("Enter").until(state="playing", step=1).tap("e").until(state="review").rest(0.8)
+        person.page.get_by_role("button", name="Make my tree").click()
+        person.until(state="watching", acting="go")
+        person.until(seen="over 1")
+        assert person.page.locator("#text").inner_text() == "It never looks."
+        assert person.page.locator("#announce").inner_text() == "Collision. It never looks."
+        assert person.page.locator("#way li").all_inner_texts()[-1] == "so: go"
+        lit = person.page.locator("#tree [data-node].lit")
+        assert lit.evaluate_all("nodes => nodes.map(n => n.dataset.node)") == ["0", "2"]
+        assert person.page.locator("#tree path.lit").count() == 1
+        assert person.page.locator("#verdict").is_visible()
+        person.tap("Enter").until(seen="over 2").until(state="review")
+        person.page.get_by_role("button", name="Watch it").click()
+        person.until(state="watching")
+        person.page.get_by_role("button", name="Let it practise").click()
+        person.page.locator("#verdict", has_text="96 of 100").wait_for(timeout=PATIENCE)
+        person.tap("Escape").until(state="review")
+        assert person.page.locator("#way-section").is_hidden()
+        assert person.messages == []
+    assert len(Demonstrations.load(tmp_path / "demos").episodes) == 1
 
 
 @pytest.mark.parametrize("width", [1920, 390])
@@ -506,8 +542,7 @@ def test_a_large_tree_and_its_commands_can_be_read(chromium, tmp_path, width) ->
         served.session.wishes.express("make")
         person.until(tree="ready")
         tree = person.page.locator("#tree")
-        tree.evaluate("image => image.decode()")
-        assert tree.evaluate("image => image.clientWidth / image.naturalWidth") >= 0.75
+        assert tree.evaluate("tree => tree.clientWidth / tree.getAttribute('width')") >= 0.75
         assert person.page.locator("#drawing").evaluate("d => d.scrollWidth > d.clientWidth")
         command = person.page.locator("#commands code")  # wrapped, so that no part is hidden
         assert command.evaluate("code => code.scrollWidth - code.clientWidth") <= 0

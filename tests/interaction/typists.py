@@ -3,10 +3,15 @@
 from dataclasses import replace
 
 import gymnasium
+import numpy as np
 
-import eutree  # noqa: F401 - registers the environments
+import eutree
 from eutree.errors import InvalidArgumentError
+from eutree.interaction import run_episode
+from eutree.interaction.guard import GuardedEnv
+from eutree.interaction.scenes import Programme, Scene
 from eutree.interaction.tree_making import TreeView
+from eutree.trees import DecisionTree
 from tests.interaction.serving import ENOUGH
 
 PATIENCE = ENOUGH * 1000.0
@@ -95,6 +100,19 @@ def evasion():
     return gymnasium.make("eutree/Evasion2-v0", render_mode="rgb_array")
 
 
+def goes_on_and_on(env, why="It never looks."):
+    """Return a maker whose tree always goes: a failure is to be watched, then a success."""
+    schema = GuardedEnv(env).schema
+    tree = DecisionTree.single_leaf(schema.n_features).split(leaf=0, feature=0, threshold=3.0)
+    policy = eutree.TreePolicy(tree=tree, actions=np.array([1, 1]), schema=schema)
+    seeds = [seed for seed in range(40) if run_episode(GuardedEnv(env), policy, seed).is_success]
+    fails = next(s for s in range(40) if s not in seeds)
+    programme = Programme(policy, (Scene(fails, why), Scene(seeds[0])), "1 of 2 episodes failed")
+    maker = ScriptedMaker(programme)
+    maker.ready = replace(maker.ready, svg=eutree.export.to_svg(policy), rules=str(policy))
+    return maker
+
+
 DRAWING = (
     '<svg xmlns="http://www.w3.org/2000/svg" width="80" height="20">'
     '<rect width="80" height="20"/></svg>'
@@ -104,8 +122,9 @@ DRAWING = (
 class ScriptedMaker:
     """Says what a real one says, without learning anything."""
 
-    def __init__(self) -> None:
+    def __init__(self, programme=None) -> None:
         self.calls = []
+        self.programme = programme
         self.ready = TreeView(
             phase="ready",
             message="you 13 of 15; this tree 56 of 100",
@@ -121,7 +140,7 @@ class ScriptedMaker:
     def make(self, show, stop) -> None:
         self.calls.append("make")
         show(TreeView(phase="playing", message="The tree plays", finished=20, of=100))
-        show(self.ready)
+        show(self.ready, self.programme)
 
     def practise(self, show, stop) -> None:
         self.calls.append("practise")

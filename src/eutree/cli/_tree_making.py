@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from eutree.data import Demonstrations
     from eutree.evaluation import Evaluation
     from eutree.fitting import FitReport, Person
+    from eutree.interaction.scenes import Programme
     from eutree.interaction.tree_making import Show, TreeView
     from eutree.policies import TreePolicy
 
@@ -75,7 +76,7 @@ class PageTree:
         played = self._play(tree, show, stop)
         if played is not None:
             self._fitted, self._best, self._presses = fitted, (tree, played, path), 0
-            show(self._verdict(Person.of(demonstrations), note=""))
+            show(self._verdict(Person.of(demonstrations), note=""), self._programme())
 
     def _fit(
         self, demonstrations: "Demonstrations", show: "Show", stop: Callable[[], bool]
@@ -147,7 +148,24 @@ class PageTree:
         else:
             found = result_in_words(played)
             note = f"{episodes} episodes of practice found nothing better, only {found}."
-        show(replace(self._verdict(person, note=note), curve=curve.points, of=episodes))
+        ready = replace(self._verdict(person, note=note), curve=curve.points, of=episodes)
+        show(ready, self._programme())
+
+    def _programme(self) -> "Programme":
+        """Return what to watch of the best tree: the episodes that judged it, worst first."""
+        from eutree.interaction import GuardedEnv, episode_seed
+        from eutree.interaction.scenes import scenes
+
+        if self._best is None:
+            raise AssertionError("only a tree can be watched")
+        tree, played, _ = self._best
+        seeds = [episode_seed(self._seed + k // BLOCK, k % BLOCK) for k in range(played.episodes)]
+        known = None if played.successes is None else played.successes.tolist()
+        env = self._make()
+        try:
+            return scenes(tree, seeds, played.returns, known, GuardedEnv(env))
+        finally:
+            env.close()
 
     def _play(
         self, tree: "TreePolicy", show: "Show", stop: Callable[[], bool]

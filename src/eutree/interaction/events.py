@@ -143,6 +143,22 @@ class EpisodeView:
 
 
 @dataclass(frozen=True)
+class DrivingView:
+    """What is to be seen while a tree drives."""
+
+    number: int  # of the episode, from 1
+    of: int
+    note: str  # what these episodes are
+    is_over: bool
+    is_paused: bool
+    ending: str
+    success: bool | None
+    why: str  # what went wrong in the episode that is over
+    nodes: tuple[int, ...]  # the way through the tree, from the root to the leaf
+    tests: tuple[str, ...]  # on that way, with what was sensed
+
+
+@dataclass(frozen=True)
 class View:
     """All that a screen shows beside the picture, in JSON's types."""
 
@@ -170,6 +186,8 @@ class View:
     is_slowed: bool  # the task is quick, and is shown slowly
     task: str
     makes: bool
+    can_watch: bool
+    driving: DrivingView | None
     numbers: list[tuple[str, str]] | None
     size: tuple[int, int]
 

@@ -5,6 +5,7 @@ from typing import Any
 SPEEDS = (0.25, 0.5, 0.75, 1.0, 1.5, 2.0)
 QUICK = 15.0  # decisions a second; beyond that a person is offered the slowest speed first
 FRAME_SECONDS = 1.0 / 30.0
+_TOLERANCE = 1e-9
 TURN_SECONDS = 0.25  # of the picture's movement after a step in the turn-based mode
 
 
@@ -89,6 +90,10 @@ class Pace:
         if self._stopped_at is not None:
             return self._stopped_at
         return min(max((now - self._began) / self.interval, 0.0), 1.0)
+
+    def is_over(self, now: float) -> bool:
+        """Return whether the interval is over."""
+        return self.elapsed(now) >= 1.0 - _TOLERANCE
 
     def shown(self, now: float) -> float:
         """Return the share of the movement to show: all of it one picture before the end."""

@@ -16,6 +16,7 @@ from eutree.interaction.trial import Trial
 
 OPENING, COUNTDOWN, PLAYING = "opening", "countdown", "playing"
 PAUSED, REVIEW, FINISHED, FAILED = "paused", "review", "finished", "failed"
+WATCHING = "watching"  # a tree drives
 
 REVIEW_SECONDS = 0.7  # a key pressed this soon after the end was meant for the episode
 _TOLERANCE = 1e-9
@@ -135,7 +136,7 @@ class Play:
         if self.pictures.is_unanswered(now) and not self.trial.is_over:
             self.leave("The page stopped answering.", now)
             return None
-        if not self.pictures.is_complete or pace.elapsed(now) < 1.0 - _TOLERANCE:
+        if not (self.pictures.is_complete and pace.is_over(now)):
             return None
         if self.trial.is_over:
             if self.pictures.are_seen(now):
@@ -156,9 +157,9 @@ class Play:
         if self.state == COUNTDOWN:
             left = self._countdown_end - now
             return now + (left % 1.0 or min(left, 1.0)) if left > 0.0 else now
-        if self.state != PLAYING:
+        if self.state not in (PLAYING, WATCHING):
             return now + 1.0
-        if self._awaits_key and self.pictures.is_complete:
+        if self._awaits_key and self.state == PLAYING and self.pictures.is_complete:
             return now + 1.0
         if pace.shown(now) < 1.0:
             return self.pictures.due()

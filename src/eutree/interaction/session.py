@@ -19,6 +19,9 @@ States::
     opening -> countdown -> playing -> review -> countdown ...      failed: the environment broke
                    ^           |         |
                    +-------- paused      +--> finished
+
+While a tree drives (:mod:`eutree.interaction.driving`) the state is ``"watching"``; then it is what
+it was, opening or review.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -27,6 +30,7 @@ from typing import ClassVar
 from eutree.data import Episode
 from eutree.errors import EnvironmentFault, InvalidArgumentError
 from eutree.interaction.controls import Controls
+from eutree.interaction.driving import Driving
 from eutree.interaction.events import (
     Away,
     Command,
@@ -42,7 +46,16 @@ from eutree.interaction.guard import GuardedEnv
 from eutree.interaction.keys import KeyMap, keys_of_environment
 from eutree.interaction.pace import QUICK, SPEEDS, Pace
 from eutree.interaction.pictures import Pictures
-from eutree.interaction.play import FAILED, FINISHED, OPENING, PAUSED, PLAYING, REVIEW, Play
+from eutree.interaction.play import (
+    FAILED,
+    FINISHED,
+    OPENING,
+    PAUSED,
+    PLAYING,
+    REVIEW,
+    WATCHING,
+    Play,
+)
 from eutree.interaction.recording import Recording
 from eutree.interaction.settings import SessionSettings, frames_per_second, takes_turns
 from eutree.interaction.tree_making import Wishes
@@ -66,6 +79,7 @@ class Session:
         play: The course of the present episode.
         recording: The episodes.
         wishes: What is to be done with them.
+        driving: The tree that the person watches, if there is one.
         task: The task in the environment's own words; may be empty.
         fault: What the environment did wrong; None as long as it did not.
     """
@@ -73,6 +87,7 @@ class Session:
     COMMANDS: ClassVar[tuple[str, ...]] = (
         "start", "pause", "end", "redo", "discard", "finish", "slower", "faster", "wait", "mode",
         "speed", "toggle", "turn_based", "keep", "drop", "bind", "make", "practise", "stay",
+        "watch",
     )  # fmt: skip
 
     def __init__(
@@ -100,6 +115,7 @@ class Session:
         self.play = Play(controls, Pictures(env), self.settings.countdown)
         self.recording = Recording(env, self.settings, recorded, free_start)
         self.wishes = Wishes(self.settings.makes)
+        self.driving = Driving(env, self.play)
         self.task = task_description(env.env)
         self.fault: EnvironmentFault | None = None
         self._is_prepared = False
@@ -160,17 +176,18 @@ class Session:
             self.play.pictures.saw(event.frame, now)
         elif isinstance(event, Away):
             self.play.leave(event.reason, now)
+            self.driving.leave(now)
         elif not isinstance(event, Present):
             self._obey(event, now)
 
     def _obey(self, command: Command, now: float) -> None:
         name, value, play = command.name, command.value, self.play
-        if name != "finish" and self.wishes.stay():
+        if (name != "finish" and self.wishes.stay()) or self.driving.obey(command, now):
             return
         if name in ("start", "pause", "end", "redo", "discard", "finish"):
             getattr(self, f"_obey_{name}")(now)
         elif name in ("make", "practise"):
-            if self.recording.n_kept and self.state in (OPENING, REVIEW):
+            if self.recording.n_kept and self.state in (OPENING, REVIEW, WATCHING):
                 self.wishes.express(name)
         elif name in ("slower", "faster", "speed"):
             play.controls.set_speed(command, now)
@@ -254,8 +271,9 @@ class Session:
             self.play.review(now)
 
     def _advance(self, now: float) -> None:
-        """Take the step that is due."""
+        """Take the step that is due, the tree's or the person's."""
         play, pictures = self.play, self.play.pictures
+        self.driving.advance(now)
         action = play.decision(now)
         if action is not None:
             speed = play.controls.pace.speed
@@ -279,6 +297,8 @@ class Session:
             leaving=self.wishes.is_leaving,
             task=self.task,
             makes=self.settings.makes,
+            can_watch=self.driving.is_offered,
+            driving=self.driving.view(),
             numbers=sensed(schema, self.play.trial) if self.settings.hud else None,
             **self.play.view_fields(now),
             **hands_fields(controls.hands, schema),

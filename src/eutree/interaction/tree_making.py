@@ -7,6 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
+from eutree.interaction.scenes import Programme
+
 FITTING, PLAYING, PRACTISING = "fitting", "playing", "practising"
 READY, FAILED = "ready", "failed"
 
@@ -50,7 +52,12 @@ class TreeView:
     commands: tuple[str, ...] = ()
 
 
-Show = Callable[[TreeView], None]
+class Show(Protocol):
+    """Lets the page show how far a tree is, and once it is ready what to watch of it."""
+
+    def __call__(self, view: TreeView, programme: Programme | None = None) -> None:
+        """Show a view; let the tree drive in the page's picture if there is a programme."""
+        ...
 
 
 class TreeMaker(Protocol):

@@ -8,8 +8,8 @@ from typing import Any
 import gymnasium
 
 from eutree.data import Episode
+from eutree.interaction.controls import Hands
 from eutree.interaction.events import ActionView, EpisodeView
-from eutree.interaction.hands import Hands
 from eutree.interaction.keys import KeyMap
 from eutree.interaction.pace import QUICK, Pace
 from eutree.interaction.trial import Trial

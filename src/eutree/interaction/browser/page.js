@@ -172,7 +172,8 @@ async function draw() {
 function acts() { return body.dataset.role === "acting"; }
 function runs() { return view.state === "playing" || view.state === "countdown"; }
 function actionKeys() { return (view.actions || []).flatMap((a) => a.keys.flatMap((k) => k.split("+"))); }
-function goesOn() { return ["opening", "paused", "review"].includes(view.state); }
+function watches() { return view.state === "watching"; }
+function goesOn() { return ["opening", "paused", "review", "watching"].includes(view.state); }
 function used(key) {
   return actionKeys().includes(key) || Object.values(view.controls || {}).includes(key)
     || (goesOn() && (key === "enter" || key === "space"));
@@ -318,11 +319,12 @@ function show() {
   rebuild("controls", [view.controls, view.turn_based], showControls);
   rebuild("pads", [view.actions, view.turn_based, view.controls], showPads);
   rebuild("buttons", [view.state, watching, asksToLeave(), view.saved >= view.target, view.saved > 0, view.controls,
-    lastKept(), view.makes, phase()], showButtons);
+    lastKept(), view.makes, phase(), view.can_watch, scene()], showButtons);
   rebuild("practise", [view.state, watching, phase(), view.tree?.may_gain], showPractise);
   rebuild("episodes", [view.episodes, watching, isOver()], showEpisodes);
   rebuild("numbers", view.numbers, showNumbers);
   rebuild("tree", view.tree || null, showTree);
+  rebuild("way", [view.driving?.nodes, view.driving?.tests, view.action, view.tree?.svg], showWay);
   rebuild("commands", commandsNow(), showCommands);
   showPace(watching);
   showCard();
@@ -334,11 +336,15 @@ function show() {
   if (begins || ends) $("announce").textContent = [view.tree.message, view.tree.note].filter(Boolean).join(". ");
   if (asksToLeave() && body.dataset.leaving !== "true") $("announce").textContent = $("title").textContent;
   body.dataset.leaving = asksToLeave();
+  const seen = watches() && view.driving.is_over ? `over ${view.driving.number}` : "";
+  if (seen && seen !== body.dataset.seen) $("announce").textContent = [$("title").textContent, $("text").textContent].join(". ");
+  body.dataset.seen = seen;
   if (before !== view.state) {
     if (runs() && !body.contains(document.activeElement?.closest?.("select"))) $("picture").focus();
     if (runs() && document.activeElement?.tagName === "SELECT") $("picture").focus();
     $("announce").textContent = [$("title").textContent, $("text").textContent].join(". ");
-    if (view.state === "review") { deaf = performance.now() + DEAF; }
+    if (watches()) scrollTo(0, 0); // the picture is what matters now
+    if (view.state === "review" && before === "playing") deaf = performance.now() + DEAF;
   }
 }
 let deaf = 0;
@@ -409,6 +415,19 @@ function lightPads() {
   }
 }
 
+/* How far the scene is that the tree plays: what its buttons depend on. */
+function scene() {
+  const driving = view.driving;
+  return driving ? [driving.number, driving.of, driving.is_over, driving.is_paused] : null;
+}
+
+function watchingButtons() {
+  const { number, of, is_over, is_paused } = view.driving;
+  const next = number < of ? "Next one" : "That was the last", back = ["finish", "Back"];
+  if (is_over) return [["start", next, "enter"], ["redo", "Show it again"], back];
+  return [is_paused ? ["start", "Go on", "enter"] : ["pause", "Pause"], ["end", next], ["redo", "From its start"], back];
+}
+
 function phase() { return view.tree ? view.tree.phase : ""; }
 function asksToLeave() { return Boolean(view.leaving) && works(); }
 function works() { return ["fitting", "playing", "practising"].includes(phase()); }
@@ -418,16 +437,18 @@ function recordingButtons() {
   const more = ["end", "One more"], same = ["redo", "Same start again"], drop = ["discard", "Discard"];
   const make = ["make", view.tree ? "Make it again" : "Make my tree", enough && !view.tree ? "enter" : ""];
   if (asksToLeave()) return [["stay", "Wait for it", "enter"], ["finish", "Finish without it"]];
-  const trees = !view.makes || !view.saved || works() ? [] : [make];
+  if (watches()) return watchingButtons();
+  const watch = view.can_watch && !works() ? [["watch", "Watch it"]] : [];
+  const trees = [...watch, ...(!view.makes || !view.saved || works() ? [] : [make])];
   if (view.state === "opening") {
-    return enough && view.makes ? [...trees, more, ["finish", "Leave"]]
+    return enough && view.makes ? [...trees.reverse(), more, ["finish", "Leave"]]
       : [["start", "Start", "enter"], ...trees, ["finish", "Leave"]];
   }
   if (view.state === "review") {
     const done = ["finish", "Finish"];
     if (!enough) return [["start", "Next episode", "enter"], same, drop, ...trees, ["finish", "Finish for now"]];
     if (!view.makes) return [["finish", "Finish", "enter"], more, same, drop];
-    return phase() === "ready" ? [done, more, same, drop, ...trees] : [...trees, more, same, drop, done];
+    return phase() === "ready" ? [done, more, same, drop, ...trees] : [...trees.reverse(), more, same, drop, done];
   }
   return {
     countdown: [["pause", "Pause"], drop],
@@ -442,9 +463,9 @@ function showButtons() {
     const button = document.createElement("button");
     button.type = "button";
     button.dataset.command = name;
-    if (place === 0 && !runs() && (!works() || asksToLeave())) button.className = "first";
+    if (place === 0 && !runs() && (!watches() || text !== "Pause") && (!works() || asksToLeave())) button.className = "first";
     button.append(text);
-    const shown = key || (["make", "practise"].includes(name) ? "" : keyFor(name));
+    const shown = key || (["make", "practise", "watch"].includes(name) ? "" : keyFor(name));
     if (shown) {
       button.append(kbd(shown));
       button.setAttribute("aria-keyshortcuts", shown[0].toUpperCase() + shown.slice(1));
@@ -468,7 +489,7 @@ function mark(episode) {
 const MARKS = { [GOOD]: "✓", [BAD]: "✕" };
 
 function showPractise() {
-  const offered = phase() === "ready" && view.tree.may_gain && ["opening", "review"].includes(view.state);
+  const offered = phase() === "ready" && view.tree.may_gain && ["opening", "review", "watching"].includes(view.state);
   const button = document.createElement("button");
   button.type = "button";
   button.className = "first";
@@ -575,6 +596,7 @@ function recordingCard() {
       : `Hold the ${KEY} while it counts: what you hold counts from the first decision on.`, keySentence()],
     playing: () => [view.awaits_key ? `Press a ${KEY} to begin`
       : `Episode ${view.saved + 1}${enough ? "" : ` of ${view.target}`}`, keySentence(), ""],
+    watching: watchingCard,
     paused: () => ["Paused", view.message || "All keys are released. Go on when you are ready.", ""],
     review: () => [last ? sentence(last) : "Nothing was recorded", enough ? `${view.saved} of ${view.target} done.`
       : `${so_far}, ${view.target - view.saved} to go.`,
@@ -583,6 +605,13 @@ function recordingCard() {
       view.saved ? "Everything is stored. You can close this page." : "Nothing was recorded. You can close this page.", ""],
     failed: () => ["The recording has ended", `${view.message} — what was recorded before is stored.`, ""],
   }[view.state]?.() || ["Connecting …", "", ""];
+}
+
+function watchingCard() {
+  const { number, of, note, is_over, is_paused, why } = view.driving;
+  const place = `${number} of ${of}, worst first; ${note}.`;
+  if (is_over) return [`${sentence({ result: view.driving.ending, kept: true })}`, why || "Nothing went wrong.", place];
+  return [is_paused ? "Paused" : "Your tree drives", is_paused ? "It waits for you." : "Its way through the tree is marked.", place];
 }
 
 function showCard() {
@@ -597,6 +626,7 @@ function showCard() {
   }
   reachCard();
   body.dataset.result = view.state === "review" && last ? mark(last)
+    : watches() ? (view.driving.is_over ? mark({ success: view.driving.success, result: view.driving.ending }) : "")
     : view.state === "finished" && view.saved >= view.target ? GOOD : view.state === "failed" ? BAD : "";
 }
 
@@ -616,8 +646,14 @@ function awaitsKey() {
 
 function showPill() {
   const action = (view.actions || [])[view.action];
-  $("pill").hidden = !runs() || !action || awaitsKey();
+  $("pill").hidden = !(runs() || watches()) || !action || awaitsKey() || (watches() && !view.step);
   if ($("pill").hidden) return;
+  if (watches()) {
+    $("acting").textContent = action.name;
+    $("coming").hidden = true;
+    $("pill").classList.toggle("on", !action.is_idle);
+    return;
+  }
   const coming = view.actions[view.coming];
   $("acting").textContent = view.step || view.state === "playing" ? action.name : coming.name;
   $("coming").hidden = coming === action || view.state !== "playing";
@@ -630,7 +666,8 @@ const SHORTEST_BEAT = 0.15; // seconds; below that a line would only flicker
 let beat = null;
 
 function showBeat() {
-  const plays = view.state === "playing" && !view.awaits_key && !view.turn_based && view.interval >= SHORTEST_BEAT;
+  const drives = watches() && !view.driving.is_over && !view.driving.is_paused;
+  const plays = (drives || view.state === "playing") && !view.awaits_key && !view.turn_based && view.interval >= SHORTEST_BEAT;
   rebuild("beat", [plays, view.step, view.beat, view.interval], () => {
     beat?.cancel();
     beat = null;
@@ -658,7 +695,7 @@ const READABLE = 0.75, STRIPE = 0.4; // shares of the drawing's own size
 let isLarge = false;
 
 function fitTree(large) {
-  const tree = $("tree"), own = tree.naturalWidth;
+  const tree = $("tree"), own = Number(tree.getAttribute("width"));
   if (!own || $("drawing").hidden) return;
   const share = $("drawing").clientWidth / own;
   isLarge = large ?? share < STRIPE;
@@ -666,10 +703,42 @@ function fitTree(large) {
   $("larger").hidden = share >= READABLE;
   $("larger").textContent = isLarge ? "The whole tree" : "Larger";
 }
-$("tree").addEventListener("load", () => {
+
+/* Puts the drawing into the page, where its nodes can be lit; its style comes along as a sheet. */
+function drawTree(text, leaves) {
+  const [, style] = text.match(/<style>([^]*?)<\/style>/) || ["", ""]; // not in the page: its policy forbids that
+  const drawing = new DOMParser().parseFromString(text.replace(/<style>[^]*?<\/style>/, ""), "image/svg+xml").documentElement;
+  const sheet = new CSSStyleSheet();
+  sheet.replaceSync(style);
+  document.adoptedStyleSheets = [sheet];
+  drawing.id = "tree";
+  drawing.setAttribute("role", "img");
+  drawing.setAttribute("aria-label",
+    `Drawing of the tree, ${leaves === 1 ? "one leaf" : `${leaves} leaves`}; the same as rules below`);
+  $("drawing").replaceChildren(drawing);
   fitTree();
   $("rules-details").open ||= !$("larger").hidden;
-});
+}
+
+/* The way of the present decision: lit in the drawing, and in words beside the picture. */
+function showWay() {
+  const nodes = new Set((view.driving?.nodes || []).map(String)), tree = $("tree");
+  $("way-section").hidden = !nodes.size;
+  tree.classList.toggle("drives", nodes.size > 0);
+  const edges = tree.querySelectorAll(".eutree-edge");
+  tree.querySelectorAll(".eutree-test").forEach((node, k) => {
+    edges[2 * k]?.classList.toggle("lit", nodes.has(node.dataset.yes));
+    edges[2 * k + 1]?.classList.toggle("lit", nodes.has(node.dataset.no));
+  });
+  for (const node of tree.querySelectorAll("[data-node]")) node.classList.toggle("lit", nodes.has(node.dataset.node));
+  if (!nodes.size) return;
+  const lines = [...view.driving.tests, `so: ${view.actions[view.action].name}`];
+  words($("way"), ...lines.map((line) => {
+    const item = document.createElement("li");
+    item.textContent = line;
+    return item;
+  }));
+}
 $("larger").addEventListener("click", () => fitTree(!isLarge));
 addEventListener("resize", () => fitTree());
 
@@ -691,11 +760,7 @@ function showTree() {
   if (tree.of) { $("work").max = tree.of; $("work").value = tree.finished; } else { $("work").removeAttribute("value"); }
   $("drawing").hidden = !tree.svg;
   if (!tree.svg) $("larger").hidden = true;
-  const drawing = `data:image/svg+xml;charset=utf-8,${encodeURIComponent(tree.svg)}`;
-  if (tree.svg && $("tree").src !== drawing) {
-    $("tree").src = drawing;
-    $("tree").alt = `Drawing of the tree, ${tree.n_leaves === 1 ? "one leaf" : `${tree.n_leaves} leaves`}; the same as rules below`;
-  }
+  if (tree.svg) rebuild("drawing", tree.svg, () => drawTree(tree.svg, tree.n_leaves));
   $("rules-details").hidden = !tree.rules;
   $("rules").textContent = tree.rules;
   showCurve(tree);

@@ -32,6 +32,7 @@ from eutree.interaction.browser.wire import (
 )
 from eutree.interaction.events import Away, Event, Frame, KeyDown, KeyUp, Present, Seen, Tick
 from eutree.interaction.recorder import Recorder
+from eutree.interaction.scenes import Programme
 from eutree.interaction.signals import orderly_end
 from eutree.interaction.tree_making import FAILED, FITTING, TreeMaker, TreeView
 
@@ -353,9 +354,9 @@ class PageServer:
         work = self._maker.make if wish == "make" else self._maker.practise
         loop, wishes = asyncio.get_running_loop(), self.recorder.session.wishes
 
-        def show(view: TreeView) -> None:
+        def show(view: TreeView, programme: Programme | None = None) -> None:
             with suppress(RuntimeError):  # the loop is closed: nobody looks any more
-                loop.call_soon_threadsafe(self._show_tree, view)
+                loop.call_soon_threadsafe(self._show_tree, view, programme)
 
         def run() -> None:
             try:
@@ -372,7 +373,9 @@ class PageServer:
         self._work = threading.Thread(target=run, name="eutree tree", daemon=True)
         self._work.start()
 
-    def _show_tree(self, view: TreeView) -> None:
+    def _show_tree(self, view: TreeView, programme: Programme | None = None) -> None:
+        if programme is not None:
+            self.recorder.session.driving.offer(programme)
         self._details["tree"] = msgspec.to_builtins(view)
         for viewer in self._viewers:
             viewer.show({"tree": self._details["tree"]})

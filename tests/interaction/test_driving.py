@@ -1,0 +1,175 @@
+"""A tree that drives in the recorder's picture: the worst first, each failure explained."""
+
+from dataclasses import replace
+
+import gymnasium
+import numpy as np
+import pytest
+
+import eutree
+from eutree.interaction import episode_seed
+from eutree.interaction.events import Away
+from eutree.interaction.guard import GuardedEnv
+from eutree.interaction.scenes import Course, Programme, Scene, explained, scenes, worst_first
+from eutree.trees import DecisionTree
+from tests.interaction.people import Corridor, Person
+
+SCHEMA = GuardedEnv(Corridor()).schema
+LEFT, STAY, RIGHT = 0, 1, 2
+
+
+def always(action):
+    tree = DecisionTree.single_leaf(n_features=2)
+    return eutree.TreePolicy(tree=tree, actions=np.array([action]), schema=SCHEMA)
+
+
+def stops_at(place):
+    """Walk right up to a place, and stay there for good."""
+    tree = DecisionTree.single_leaf(n_features=2).split(leaf=0, feature=0, threshold=place)
+    return eutree.TreePolicy(tree=tree, actions=np.array([RIGHT, STAY]), schema=SCHEMA)
+
+
+def played(tree, episodes=20):
+    """Return seeds, returns and successes of a tree in the corridor."""
+    result = eutree.evaluate(tree, Corridor(), episodes=episodes, seed=3)
+    return [episode_seed(3, k) for k in range(episodes)], result.returns, result.successes.tolist()
+
+
+def test_failures_come_first_and_then_what_earned_most() -> None:
+    returns = np.array([3.0, -1.0, 2.0, -5.0, 4.0])
+    assert worst_first(returns, [True, False, True, False, True]) == ([3, 1, 0, 4], 2)
+    assert worst_first(returns, None) == ([3, 1, 2], 0)
+    assert worst_first(returns, [True] * 5) == ([3, 1, 2], 0)
+    assert worst_first(np.zeros(50), [False] * 50)[1] == 6  # nobody watches fifty
+
+
+def test_why_names_the_decision_that_would_have_been_better() -> None:
+    programme = scenes(stops_at(2.0), *played(stops_at(2.0)), GuardedEnv(Corridor()))
+    assert programme.note == "20 of 20 episodes failed"
+    first = programme.scenes[0].why
+    assert "it took only stay with place 3 m" in first
+    assert "(it asked for place alone)" in first
+    assert "With right for 2 steps, the end would have been 'terminated'." in first
+
+
+def test_where_nothing_would_have_helped_it_says_so() -> None:
+    far = GuardedEnv(Corridor(length=500))
+    scene = explained(Scene(episode_seed(0, 0)), always(STAY), far)
+    assert "No single decision" in scene.why
+
+
+def test_without_successes_a_better_return_is_said() -> None:
+    cart = gymnasium.make("CartPole-v1")
+    env = GuardedEnv(cart)
+    tree = DecisionTree.single_leaf(n_features=4)
+    push = eutree.TreePolicy(tree=tree, actions=np.array([1]), schema=env.schema)
+    result = eutree.evaluate(push, cart, episodes=5, seed=0)
+    seeds = [episode_seed(0, k) for k in range(5)]
+    programme = scenes(push, seeds, result.returns, None, env)
+    assert programme.note == "the lowest of 5 returns"
+    assert result.returns[seeds.index(programme.scenes[0].seed)] == result.returns.min()
+    assert "it would have earned" in explained(programme.scenes[0], push, env).why
+
+
+def test_the_way_is_what_was_tested_and_sensed() -> None:
+    course = Course(stops_at(2.0))
+    assert course.decide(np.array([1.0, 0.0])) == RIGHT
+    assert (course.nodes, course.tests) == ((0, 1), ("place 1 m ≤ 2",))
+    assert course.decide(np.array([2.5, 0.0])) == STAY
+    assert (course.nodes, course.tests) == ((0, 2), ("place 2.5 m > 2",))
+
+
+def test_a_tree_that_remembers_shows_the_way_of_what_it_remembers() -> None:
+    demos = eutree.record(Corridor(), lambda env: always(RIGHT), episodes=2, seed=0)
+    past = replace(eutree.fit_expert_tree(demos.with_history(1)), history=1)
+    course = Course(past)
+    assert [course.decide(np.array([p, p])) for p in (0.0, 1.0)] == [RIGHT, RIGHT]
+    assert course.nodes == (0,)
+
+
+@pytest.fixture
+def person():
+    return Person(Corridor(length=5, limit=20))
+
+
+def offer(person, tree, *, failing=True):
+    seeds, returns, successes = played(tree)
+    person.session.driving.offer(scenes(tree, seeds, returns, successes, GuardedEnv(Corridor())))
+    return person.until("watching") if failing else person
+
+
+def until_over(person, limit=60.0):
+    end = person.now + limit
+    while not person.view.driving.is_over:
+        assert person.now < end
+        person.wait(0.1)
+    return person.view.driving
+
+
+def test_the_tree_drives_and_nothing_is_stored(person) -> None:
+    offer(person, stops_at(2.0))
+    assert not person.outputs
+    driving = until_over(person)
+    assert (driving.number, driving.of, driving.success) == (1, 6, False)
+    assert "With right" in driving.why
+    person.wait(30.0)
+    assert person.view.driving.number == 1  # a sentence waits for whoever reads it
+    for _ in range(driving.of):
+        until_over(person)
+        person.tap("enter")
+    assert person.view.state == "opening"
+    assert person.outputs == []
+    assert person.session.episodes == []
+
+
+def test_what_succeeded_goes_on_by_itself(person) -> None:
+    offer(person, always(RIGHT))
+    assert until_over(person).why == ""
+    person.until("opening")
+
+
+def test_it_pauses_repeats_skips_and_ends_by_keys_and_by_leaving(person) -> None:
+    offer(person, stops_at(2.0))
+    person.wait(0.5).tap("p")
+    step = person.view.step
+    assert person.wait(3.0).view.step == step
+    assert person.view.driving.is_paused
+    person.tap("enter")  # goes on
+    assert person.wait(0.5).view.step > step
+    person.tap("r")
+    assert person.view.step == 0
+    person.tap("e")
+    assert person.view.driving.number == 2
+    person.tick(Away("gone"))
+    assert person.view.driving.is_paused
+    person.tap("escape")
+    assert person.view.state == "opening"
+    person.do("watch").until("watching")  # once more
+
+
+def test_nobody_is_interrupted_and_recording_goes_on_after_it(person) -> None:
+    person.tap("enter").until("playing")
+    offer(person, always(RIGHT), failing=False)
+    person.press("right").wait(0.3)
+    assert person.view.state == "playing"
+    person.until("review").release("right")
+    person.until("watching").tap("escape")
+    assert person.view.state == "review"
+    assert person.view.episodes[0].success
+    person.wait(1.0).tap("enter").until("playing")
+    assert [type(output).__name__ for output in person.outputs].count("EpisodeStarted") == 2
+
+
+def test_the_seed_of_a_scene_is_what_is_seen(person) -> None:
+    seed = next(s for s in range(20) if GuardedEnv(Corridor()).reset(s)[0] == 1.0)
+    person.session.driving.offer(Programme(always(RIGHT), (Scene(seed),)))
+    person.until("watching")
+    assert person.session.play.trial.observation.tolist() == [1.0, 0.0]
+
+
+def test_a_tree_may_be_offered_while_another_drives(person) -> None:
+    offer(person, stops_at(2.0))
+    person.wait(0.5)
+    offer(person, always(RIGHT)).tick()
+    assert person.view.driving.note == "no failure seen"
+    assert person.view.step == 0
