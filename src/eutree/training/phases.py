@@ -173,9 +173,17 @@ def _fits(plan: Plan, at: Position, max_episode_steps: int | None) -> bool:
 class Follower(Protocol):
     """Who is told of the steps of a run; see ``eutree.training.listeners.Listener``."""
 
-    def gathering_begins(self) -> None: ...  # noqa: D102
-    def step_taken(self, step: Step) -> bool: ...  # noqa: D102
-    def gathering_ends(self) -> None: ...  # noqa: D102
+    def gathering_begins(self) -> None:
+        """Take note that episodes follow."""
+        ...
+
+    def step_taken(self, step: Step) -> bool:
+        """Take note of a step; return False to end the run."""
+        ...
+
+    def gathering_ends(self) -> None:
+        """Take note that an update follows."""
+        ...
 
 
 class RunState:
