@@ -36,7 +36,23 @@ def test_a_certificate_of_another_tree_and_what_is_none(files, capsys):
     assert run([*line, str(files / "proof.json")]) == 2
     assert "must be a certificate of this policy" in capsys.readouterr().err
     assert run([*line, str(files / "car.json")]) == 2
-    assert "must be what prove --out writes" in capsys.readouterr().err
+    assert "expected 'eutree/certificate', got 'eutree/policy'" in capsys.readouterr().err
     line = ["export", str(files / "car.json"), "--format", "svg", "--certificate"]
     assert run([*line, str(files / "proof.json")]) == 2
     assert "needs --format c, python, st" in capsys.readouterr().err
+
+
+def test_the_page_of_the_tree_shows_its_certificate(files, capsys):
+    page = files / "car.html"
+    line = ["show", str(files / "car.json"), "--html", str(page), "--episodes", "0"]
+    assert run(line) == 0
+    assert 'id="certificate"' not in page.read_text()
+    assert run(["prove", str(files / "car.json"), "--out", str(files / "whole.json")]) == 0
+    assert run([*line, "--certificate", str(files / "whole.json")]) == 0
+    text = page.read_text()
+    assert "proven (proof): from every start of MountainCar-v0 it arrives within 108 steps" in text
+    assert "<td>83 to 108</td>" in text
+    assert text.count("<rect x=") == 320
+    line[1] = str(files / "other.json")
+    assert run([*line, "--certificate", str(files / "whole.json")]) == 2
+    assert "must be a certificate of this policy" in capsys.readouterr().err

@@ -66,6 +66,15 @@ def output_option(
     return click.option(*names, type=kind, required=required, help=text, **usual)
 
 
+def starts_option(text: str, *, multiple: bool = False) -> Callable[[_Command], _Command]:
+    """Return the option that takes a certificate, in whose boxes episodes begin."""
+    kind = click.Path(path_type=Path)
+    words = f"A certificate, by prove --out, of what is not proven: {text}"
+    return click.option(
+        "--starts-from", metavar="CERTIFICATE", type=kind, multiple=multiple, help=words
+    )
+
+
 def json_option(command: _Command) -> _Command:
     """Add ``--json``, passed on as ``as_json``."""
     text = "Print exactly one JSON object on standard output."

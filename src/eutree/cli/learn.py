@@ -21,6 +21,7 @@ from eutree.cli._options import (
     override,
     path_option,
     seed_option,
+    starts_option,
 )
 from eutree.cli._output import Output
 from eutree.cli._settings import chosen_method, listed
@@ -39,7 +40,8 @@ if TYPE_CHECKING:
 @click.command(
     cls=GoesOn,
     groups={
-        "To begin with": ("demos", "expert", "start", "teacher", "teacher_steps", "offline"),
+        "To begin with": ("demos", "expert", "start", "teacher", "teacher_steps", "starts_from",
+                            "offline"),
         "How": ("method", "preset", "changes", "settings", "discount", "list_settings",
                 "max_leaves", "history", "max_transitions"),
         "How long": ("episodes", "steps", "minutes", "race_steps", "runs"),
@@ -59,6 +61,7 @@ if TYPE_CHECKING:
               help="Who teaches instead of a network: a policy file, a scripted "
               f"expert, or your own, {OWN}; for distilled-dqn.")  # fmt: skip
 @count_option("--teacher-steps", None, "Steps in which --teacher was trained.", least=0)
+@starts_option("half of the episodes begin where it failed. May be repeated.", multiple=True)
 @output_option("--out", text="Run folder to write.")
 @click.option("--method", help="How to learn: planning, distilled-dqn, u-tree, ...; a preset; one "
               "of your own, MODULE:CLASS; by default auto, between the first two.")  # fmt: skip
@@ -142,6 +145,7 @@ def learn(
     n_jobs: int,
     against: str | None,
     partition: str | None,
+    starts_from: tuple[Path, ...],
     backend: str,
     address: str | None,
     env_arguments: dict[str, Any],
@@ -155,6 +159,7 @@ def learn(
     from eutree.data import Demonstrations
     from eutree.interaction.making import make
     from eutree.policies import TreePolicy
+    from eutree.proof import load_certificate
     from eutree.training import learn as learn_policy
     from eutree.training.listeners import stop_on_signals
 
@@ -185,6 +190,7 @@ def learn(
         "episodes": episodes,
         "steps": steps,
         "race_steps": race_steps,
+        "starts": [load_certificate(path) for path in starts_from],
     }
     if partition is not None and (offline or runs > 1):
         raise InvalidArgumentError("--partition follows one run that acts: no --offline, no --runs")

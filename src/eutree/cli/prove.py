@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from eutree.cli._certificates import write_certificate
 from eutree.cli._help import Helped
 from eutree.cli._options import (
     count_option,
@@ -69,6 +68,7 @@ def prove(
     The exit code is 0 if it is proven, 1 if it is refuted, 3 if it is left undecided.
     """
     from eutree.files import check_writable, write_text
+    from eutree.proof import save_certificate
     from eutree.report.proof_page import proof_page
 
     output = Output(as_json=as_json)
@@ -82,7 +82,7 @@ def prove(
         found = _sampled(loaded, policy, spec, question, (episodes, seed), (confidence, returns))
     figures = found.figures()
     if out is not None:
-        write_certificate(out, figures, loaded)
+        save_certificate(out, found, loaded)
     if html is not None:
         write_text(html, proof_page(found, title=str(spec), policy=loaded))
         figures["path"] = str(html)

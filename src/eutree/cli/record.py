@@ -1,5 +1,6 @@
 """``eutree record``: demonstrations by a person or a scripted expert."""
 
+import os
 import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,12 +15,16 @@ from eutree.cli._options import (
     json_option,
     output_option,
     seed_option,
+    starts_option,
 )
 from eutree.cli._output import Output
 from eutree.errors import EutreeError, InvalidArgumentError
 from eutree.schema import EnvironmentSpec
+from eutree.wording import counted
 
 if TYPE_CHECKING:
+    import gymnasium
+
     from eutree.data import Episode
     from eutree.interaction import Recorder
     from eutree.interaction.browser import PageServer
@@ -41,6 +46,7 @@ if TYPE_CHECKING:
 @click.option("--expert", help=f"A scripted expert, for example gate, or one of your own: {OWN}.")
 @click.option("--careless", type=click.FloatRange(0, 1), default=0.0, show_default=True,
               help="Share of random actions of the scripted expert.")  # fmt: skip
+@starts_option("the episodes begin where it failed.")
 @env_arg_option
 @seed_option
 @json_option
@@ -51,25 +57,57 @@ def record(
     expert: str | None,
     careless: float,
     web: bool,
+    keys: str | None,
+    hud: bool,
+    fps: float | None,
+    starts_from: Path | None,
     env_arguments: dict[str, Any],
     seed: int,
     as_json: bool,
     **person: Any,
 ) -> None:
     """Record demonstrations in ENVIRONMENT, by a person or by a scripted expert."""
+    from eutree.interaction import Recorder, SessionSettings
+
     output = Output(as_json=as_json)
     spec = EnvironmentSpec(environment, env_arguments)
+    if expert is not None and web:
+        raise InvalidArgumentError("choose one of --expert and --web")
+    env = _made(output, spec, starts_from, None if expert is not None else "rgb_array")
     if expert is not None:
-        if web:
-            raise InvalidArgumentError("choose one of --expert and --web")
-        _record_expert(output, spec, out, expert, episodes=episodes, careless=careless, seed=seed)
+        _record_expert(
+            output, spec, env, out, expert, episodes=episodes, careless=careless, seed=seed
+        )
     else:
-        _record_person(output, spec, out, episodes=episodes, seed=seed, **person)
+        settings = SessionSettings(
+            target=episodes, seed=seed, fps=fps, hud=hud, viewer="browser", makes=True
+        )
+        recorder = Recorder(env, out, keys=keys, settings=settings)
+        _record_person(output, spec, recorder, out, **person)
+
+
+def _made(
+    output: Output, spec: EnvironmentSpec, starts_from: Path | None, render_mode: str | None
+) -> "gymnasium.Env[Any, Any]":
+    """Return the environment, whose episodes begin where a certificate failed, if one is named."""
+    from eutree.interaction.making import make
+    from eutree.proof import BeginningThere, load_certificate
+
+    os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # pictures are drawn without a display
+    env = make(spec, render_mode=render_mode)
+    if starts_from is None:
+        return env
+    certificate = load_certificate(starts_from)
+    there = BeginningThere(env, [certificate])
+    boxes = 0 if certificate.starts is None else len(certificate.starts.low)
+    output.say(f"show it from {counted(boxes, 'region')} of the starts: {certificate}")
+    return there
 
 
 def _record_expert(
     output: Output,
     spec: EnvironmentSpec,
+    env: "gymnasium.Env[Any, Any]",
     out: Path,
     expert: str,
     *,
@@ -81,10 +119,8 @@ def _record_expert(
     from eutree.files import check_new_folder
     from eutree.interaction import record as record_episodes
     from eutree.interaction.acting import FullPolicy, as_policy
-    from eutree.interaction.making import make
 
     check_new_folder(out)
-    env = make(spec)
     shows = controller(expert, "--expert", spec)
     if careless:
         careful = shows
@@ -118,26 +154,12 @@ def _record_expert(
 def _record_person(
     output: Output,
     spec: EnvironmentSpec,
+    recorder: "Recorder",
     out: Path,
     *,
-    episodes: int,
-    seed: int,
-    keys: str | None,
-    hud: bool,
-    fps: float | None,
     host: str,
     port: int | None,
 ) -> None:
-    import os
-
-    from eutree.interaction import Recorder, SessionSettings
-    from eutree.interaction.making import make
-
-    os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # pictures are drawn without a display
-    settings = SessionSettings(
-        target=episodes, seed=seed, fps=fps, hud=hud, viewer="browser", makes=True
-    )
-    recorder = Recorder(make(spec, render_mode="rgb_array"), out, keys=keys, settings=settings)
     if recorder.recovered:
         numbers = ", ".join(map(str, recorder.recovered))
         output.say(f"recovered interrupted episode {numbers} from a recorder that died")

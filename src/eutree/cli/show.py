@@ -21,6 +21,7 @@ from eutree.cli._policies import load_policy
 if TYPE_CHECKING:
     from eutree.policies import TreePolicy
     from eutree.report import WatchedEpisode
+    from eutree.schema import EnvironmentSpec
 
 
 @click.command(epilog="Example: eutree show small.json --html small.html --demos demos/")
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 )
 @count_option("--episodes", 10, "How many episodes the page plays.", least=0)
 @path_option("--demos", text="Demonstrations whose steps the page shows in their leaves.")
+@path_option("--certificate", text="What prove --out wrote of POLICY; the page shows it.")
 @env_arg_option
 @seed_option
 @json_option
@@ -41,6 +43,7 @@ def show(
     run_html: Path | None,
     episodes: int,
     demos: Path | None,
+    certificate: Path | None,
     env_arguments: dict[str, Any],
     seed: int,
     as_json: bool,
@@ -50,7 +53,10 @@ def show(
     The page plays episodes of the policy with pictures where its environment can draw them.
     """
     from eutree.cli._tree import drawn
+    from eutree.data import Demonstrations
     from eutree.files import check_writable, write_text
+    from eutree.proof import load_certificate
+    from eutree.report import policy_page
 
     output = Output(as_json=as_json)
     if run_html is not None:
@@ -68,9 +74,19 @@ def show(
         output.result(values, drawn(loaded))
         return
     check_writable(html)
-    content, n_episodes = _page(output, loaded, policy.name, episodes, demos, env_arguments, seed)
+    proven = None if certificate is None else load_certificate(certificate, loaded)
+    spec = loaded.environment and override(loaded.environment, env_arguments)
+    watched = _watched(output, loaded, spec, episodes=episodes, seed=seed)
+    demonstrations = None if demos is None else Demonstrations.load(demos)
+    content = policy_page(
+        loaded,
+        episodes=watched,
+        demonstrations=demonstrations,
+        certificate=proven,
+        file=policy.name,
+    )
     write_text(html, content)
-    values |= {"path": str(html), "episodes": n_episodes, "bytes": len(content.encode())}
+    values |= {"path": str(html), "episodes": len(watched), "bytes": len(content.encode())}
     output.result(values, f"written to {html}")
 
 
@@ -86,27 +102,21 @@ def _write_run_page(output: Output, folder: Path, file: Path) -> None:
     output.result({"path": str(file), "model_trust": trust}, f"written to {file}")
 
 
-def _page(
+def _watched(
     output: Output,
     policy: "TreePolicy",
-    file: str,
+    spec: "EnvironmentSpec | None",
+    *,
     episodes: int,
-    demos: Path | None,
-    env_arguments: dict[str, Any],
     seed: int,
-) -> tuple[str, int]:
-    """Return the page and how many episodes it plays."""
-    from eutree.data import Demonstrations
-    from eutree.report import policy_page
+) -> "list[WatchedEpisode]":
+    """Return the episodes that the page plays."""
     from eutree.report.watching import watch_if_possible
 
-    demonstrations = None if demos is None else Demonstrations.load(demos)
-    spec = policy.environment and override(policy.environment, env_arguments)
-    watched: list[WatchedEpisode] = []
-    if episodes:
-        os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # pictures are drawn without a display
-        watched, problem = watch_if_possible(policy, spec, episodes=episodes, seed=seed)
-        if problem:
-            output.say(problem)
-    page = policy_page(policy, episodes=watched, demonstrations=demonstrations, file=file)
-    return page, len(watched)
+    if not episodes:
+        return []
+    os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # pictures are drawn without a display
+    watched, problem = watch_if_possible(policy, spec, episodes=episodes, seed=seed)
+    if problem:
+        output.say(problem)
+    return watched

@@ -1,30 +1,37 @@
 """Proofs about trajectories: whether a policy arrives, stays or succeeds, from every start."""
 
-from eutree.proof.certificate import Certificate, Pieces
+from eutree.proof.certificate import Certificate, Picture, Pieces, Starts
+from eutree.proof.certificate_file import load_certificate, save_certificate
 from eutree.proof.intervals import Intervals, Truth, clip, cos, maximum, minimum, sin, sqrt, where
 from eutree.proof.plant import Plant
 from eutree.proof.plants import plant_of, register_plant
 from eutree.proof.prove import prove
 from eutree.proof.reach import Effort
 from eutree.proof.replay import Trajectory, check_plant, replay
+from eutree.proof.starts import BeginningThere
 
 __all__ = [
+    "BeginningThere",
     "Certificate",
     "Effort",
     "Intervals",
+    "Picture",
     "Pieces",
     "Plant",
+    "Starts",
     "Trajectory",
     "Truth",
     "check_plant",
     "clip",
     "cos",
+    "load_certificate",
     "maximum",
     "minimum",
     "plant_of",
     "prove",
     "register_plant",
     "replay",
+    "save_certificate",
     "sin",
     "sqrt",
     "where",

@@ -11,10 +11,12 @@ from eutree.policies import TreePolicy
 from eutree.proof.certificate import NEVER, PROOF, PROVEN, REFUTED, UNDECIDED, Certificate, Pieces
 from eutree.proof.intervals import Intervals, Truth, middle
 from eutree.proof.invariant import Grid, largest_invariant
+from eutree.proof.picture import pictures_of_pieces
 from eutree.proof.plant import Plant, State
 from eutree.proof.properties import EVER, Property, parse
 from eutree.proof.reach import Acting, Effort, Reach
 from eutree.proof.replay import breaking_seed, replay
+from eutree.proof.starts import starts_among
 
 _TRIES = 20  # starts of undecided pieces that are replayed
 _SUMMED = 1e-9  # of the steps: what adding up shares may be off
@@ -108,7 +110,9 @@ class _Proof:
             undecided=undecided,
             worst_start=None if worst is None else self._named(*worst),
             counterexample=None if start is None else self._named(*start),
+            starts=starts_among(pieces, fails | open_),
             pieces=pieces,
+            pictures=pictures_of_pieces(pieces, fails, open_),
             work={"pieces": len(pieces.first), "box_steps": reach.box_steps},
         )
 

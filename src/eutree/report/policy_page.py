@@ -9,8 +9,10 @@ import numpy as np
 from eutree.data import Demonstrations, Episode
 from eutree.display import told_apart
 from eutree.policies import TreePolicy
+from eutree.proof import Certificate
 from eutree.report.head import Pointer, Verdict, head
 from eutree.report.html import as_json, asset, base_style, page
+from eutree.report.proof_page import certificate_section
 from eutree.report.tree_data import SIZE_LIMIT, add_pictures, policy_features, tree_data
 from eutree.report.watching import WatchedEpisode
 from eutree.wording import counted
@@ -23,6 +25,7 @@ def policy_page(
     *,
     episodes: Sequence[WatchedEpisode] = (),
     demonstrations: Demonstrations | None = None,
+    certificate: Certificate | None = None,
     title: str = "",
     file: str = "policy.json",
     size_limit: int = SIZE_LIMIT,
@@ -33,6 +36,7 @@ def policy_page(
         policy: The policy.
         episodes: Episodes of the policy to play, with or without pictures.
         demonstrations: Which demonstrated steps fell in which leaf is shown, if given.
+        certificate: What is proven of it is shown, if given.
         title: Heading of the page; by default the environment's id.
         file: Name of the policy's file, for the command line that repeats what is changed on the
             page and for the name of the edited file.
@@ -42,12 +46,14 @@ def policy_page(
     heading = title or (policy.environment.id if policy.environment else "A decision tree")
     subtitle = f"{counted(policy.n_leaves, 'leaf')}, {policy.schema.n_features} features"
     subtitle += "".join(f", {words}" for words in _made_with(policy))
+    facts = [subtitle] if certificate is None else [subtitle, str(certificate)]
     verdict = policy_verdict(policy, episodes, demonstrations)
     body = Template(asset("policy.html")).substitute(
-        head=head(heading, verdict, [subtitle], beside=asset("search.html")),
+        head=head(heading, verdict, facts, beside=asset("search.html")),
         tree=asset("tree.html"),
         player=asset("player.html"),
         details=asset("details.html"),
+        certificate="" if certificate is None else certificate_section(certificate),
     )
     data = tree_data(policy, episodes, demonstrations) | {"file": file}
     scripts = "".join(asset(f"{name}.js") for name in _SCRIPTS)

@@ -1,20 +1,19 @@
-"""The page of a certificate: its sentence, its figures, and the starts coloured by their steps."""
+"""A certificate on a page: its sentence, its figures, its pictures."""
 
+from collections.abc import Iterator
 from html import escape
+from itertools import groupby
 
-import numpy as np
-
-from eutree.arrays import Integers
 from eutree.policies import TreePolicy
-from eutree.proof import Certificate, Pieces
-from eutree.proof.certificate import NEVER
+from eutree.proof import Certificate, Picture
+from eutree.proof.certificate import EMPTY, FAILS, KNOWN, OPEN
 from eutree.report.head import head
 from eutree.report.html import asset, page
 
 _WIDTH, _HEIGHT = 640.0, 200.0
-_COLUMNS, _CELLS = 320, 64  # of starts along one number, and along each of two
-_OPEN = -1  # a cell in which some start is not decided
-_EMPTY = -2
+_SQUARE = 400.0  # height of a picture of two numbers
+_LONGEST = 8  # entries of a list that are shown
+_COLOURS = {OPEN: "#000000", FAILS: "#d62728", EMPTY: ""}
 
 
 def proof_page(certificate: Certificate, *, title: str, policy: TreePolicy) -> str:
@@ -25,80 +24,75 @@ def proof_page(certificate: Certificate, *, title: str, policy: TreePolicy) -> s
         title: What it is about: the environment.
         policy: The policy, whose rules the page shows.
     """
+    rules = f"<h2>The policy</h2><pre>{escape(str(policy))}</pre>"
+    top = head(title, [certificate.sentence], [_facts(certificate)])
+    parts = [_table(certificate), *(drawn(one, "h2") for one in certificate.pictures), rules]
+    sections = "".join(f"<section>{part}</section>" for part in parts)
+    style = asset("chart.css") + asset("run.css")
+    return page(title=f"Certificate: {title}", body=f"<main>{top}{sections}</main>", style=style)
+
+
+def certificate_section(certificate: Certificate) -> str:
+    """Return the figures of its certificate, for the page of a policy that says its sentence."""
+    said = (
+        f'<p>{escape(certificate.sentence)}</p><p class="quiet">{escape(_facts(certificate))}</p>'
+    )
+    parts = [said, _table(certificate), *(drawn(one, "h3") for one in certificate.pictures)]
+    return f'<section id="certificate"><h2>Certificate</h2>{"".join(parts)}</section>'
+
+
+def _facts(certificate: Certificate) -> str:
     facts = [f"{certificate.verdict}, {certificate.kind}"]
     facts += [f"{name.replace('_', ' ')}: {value:,.0f}" for name, value in certificate.work.items()]
-    top = head(title, [certificate.sentence], facts)
-    parts = ["<main>", top, f"<section>{_table(certificate)}</section>"]
-    if certificate.pieces is not None and certificate.pieces.low.size:
-        parts.append(f"<section>{picture(certificate.pieces)}</section>")
-    rules = f"<h2>The policy</h2><pre>{escape(str(policy))}</pre>"
-    parts += [f"<section>{rules}</section>", "</main>"]
-    style = asset("chart.css") + asset("run.css")
-    return page(title=f"Certificate: {title}", body="\n".join(parts), style=style)
+    return "; ".join(facts)
 
 
-def picture(pieces: Pieces) -> str:
-    """Return the starts as SVG: light where few steps are taken, dark where many.
+def drawn(picture: Picture, heading: str) -> str:
+    """Return a picture as SVG: light where values are low, dark where they are high.
 
-    Black is not decided, red never ends. Along one number steps are heights as well; of more than
-    two numbers that vary the first two are shown, with the worst of all others.
+    Along one number values are heights as well.
+
+    Args:
+        picture: The picture.
+        heading: The element of its title: ``h2`` or ``h3``.
     """
-    low, high = pieces.low.min(axis=0), pieces.high.max(axis=0)
-    varying = np.flatnonzero(high > low)[:2]
-    if not varying.size:
-        return ""
-    names = [pieces.names[k] for k in varying]
-    ends = " and ".join(
-        f"{escape(name)} from {low[k]:.4g} to {high[k]:.4g}"
-        for name, k in zip(names, varying, strict=True)
-    )
-    worst = _worst(pieces, varying)
-    decided = worst[(worst >= 0) & (worst != NEVER)]
-    most = int(decided.max()) if decided.size else 1
-    least = int(decided.min()) if decided.size else 0
-    width, height = _WIDTH / worst.shape[0], _HEIGHT / worst.shape[1]
-    rectangles = []
-    for (i, j), steps in np.ndenumerate(worst):
-        if steps == _EMPTY:
-            continue
-        tall = height
-        if worst.shape[1] == 1 and steps not in (_OPEN, NEVER):
-            tall = _HEIGHT * steps / most
-        top = _HEIGHT - j * height - tall
-        rectangles.append(
-            f'<rect x="{i * width:.2f}" y="{top:.2f}" width="{width:.2f}" height="{tall:.2f}" '
-            f'fill="{_colour(int(steps), least, most)}"/>'
-        )
-    said = f"Starts: {ends}. Most steps: {most}; fewest: {least}. Black: not decided; red: never."
+    rows = picture.marks.shape[1]
+    tall = _HEIGHT if rows == 1 else _SQUARE
+    ends = zip(picture.names, picture.low, picture.high, strict=True)
+    axes = " and ".join(f"{name} from {low:.4g} to {high:.4g}" for name, low, high in ends)
+    across = ", to the right and upwards" if rows > 1 else ""
+    said = escape(f"{axes}{across}. {picture.legend}")
     return (
-        f'<h2>The starts</h2><p>{said}</p><svg class="chart" viewBox="0 0 {_WIDTH:.0f} '
-        f'{_HEIGHT:.0f}" role="img" aria-label="{said}">{"".join(rectangles)}</svg>'
+        f"<{heading}>{escape(picture.title)}</{heading}><p>{said}</p>"
+        f'<svg class="chart" viewBox="0 0 {_WIDTH:.0f} {tall:.0f}" role="img" aria-label="{said}">'
+        f"{''.join(_rectangles(picture, tall))}</svg>"
     )
 
 
-def _worst(pieces: Pieces, varying: Integers) -> Integers:
-    """Return the most steps of any start in each cell of the numbers that vary, shape [I, J]."""
-    low, high = pieces.low.min(axis=0)[varying], pieces.high.max(axis=0)[varying]
-    shape = (_COLUMNS, 1) if varying.size == 1 else (_CELLS, _CELLS)
-    counts = np.array(shape[: varying.size])
-    scale = counts / (high - low)
-    begins = np.floor((pieces.low[:, varying] - low) * scale).astype(int)
-    finish = np.ceil((pieces.high[:, varying] - low) * scale).astype(int)
-    steps = np.where((pieces.last == NEVER) & (pieces.first != NEVER), _OPEN, pieces.last)
-    rank = np.where(steps == _OPEN, NEVER - 1, steps)  # worse than any number, better than never
-    found = np.full(shape, _EMPTY)
-    for k in np.argsort(rank, kind="stable"):  # the worst is painted last
-        room = tuple(slice(b, max(e, b + 1)) for b, e in zip(begins[k], finish[k], strict=True))
-        found[room] = steps[k]
-    return found
+def _rectangles(picture: Picture, tall: float) -> Iterator[str]:
+    """Yield the cells of a picture; those of one colour above each other are one."""
+    known = picture.values[picture.marks == KNOWN]
+    least, most = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
+    width, height = _WIDTH / picture.marks.shape[0], tall / picture.marks.shape[1]
+    alone = picture.marks.shape[1] == 1 and most > 0
+    for i, column in enumerate(zip(picture.values.tolist(), picture.marks.tolist(), strict=True)):
+        begin = 0
+        for (colour, value, is_bar), same in groupby(
+            (_COLOURS.get(mark, _colour(value, least, most)), value * alone, mark == KNOWN)
+            for value, mark in zip(*column, strict=True)
+        ):
+            cells = len(list(same))
+            high = tall * value / most if alone and is_bar else cells * height
+            if colour:
+                yield (
+                    f'<rect x="{i * width:.2f}" y="{tall - begin * height - high:.2f}" '
+                    f'width="{width:.2f}" height="{high:.2f}" fill="{colour}"/>'
+                )
+            begin += cells
 
 
-def _colour(steps: int, least: int, most: int) -> str:
-    if steps == _OPEN:
-        return "#000000"
-    if steps == NEVER:
-        return "#d62728"
-    share = (steps - least) / max(most - least, 1)
+def _colour(value: float, least: float, most: float) -> str:
+    share = (value - least) / max(most - least, 1e-300)
     return f"hsl(205,70%,{88 - 58 * share:.0f}%)"
 
 
@@ -115,9 +109,16 @@ def _table(certificate: Certificate) -> str:
         ("counterexample", certificate.counterexample),
     ):
         if start is not None:
-            words = ", ".join(f"{key} {value!r}" for key, value in start.items())
+            words = ", ".join(f"{key} {_short(value)}" for key, value in start.items())
             rows.append((name, words))
     cells = "".join(
         f"<tr><th>{escape(name)}</th><td>{escape(value)}</td></tr>" for name, value in rows
     )
     return f"<table>{cells}</table>"
+
+
+def _short(value: object) -> str:
+    """Return a value in words; of a long list how it begins."""
+    if isinstance(value, list) and len(value) > _LONGEST:
+        return f"{value[:_LONGEST]} and {len(value) - _LONGEST} more"
+    return repr(value)

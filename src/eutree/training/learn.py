@@ -24,6 +24,8 @@ from eutree.learners import Method, Problem, Start, start_of
 from eutree.learners.learner import check_fits
 from eutree.learners.registry import checked_document
 from eutree.policies import TreePolicy
+from eutree.proof import BeginningThere
+from eutree.proof.starts import SHARE, digest_of
 from eutree.training.evaluations import Arena
 from eutree.training.handover import Handover
 from eutree.training.listeners import Listeners
@@ -111,6 +113,8 @@ def learn(
     asked = Asked.of(values, listeners, short).going_on()
     with nullcontext() if env is None else opened(env) as made:
         acting = None if made is None else acting_as(made, expert or demonstrations)
+        if acting is not None and asked.starts:
+            acting = BeginningThere(acting, asked.starts, share=SHARE)
         choice, plan = planned(asked, method, start, demonstrations, acting, seed=seed)
         if demonstrations is not None and asked.history:
             demonstrations = demonstrations.with_history(asked.history)
@@ -192,6 +196,7 @@ def _config(
         judge_episodes=handover.episodes,
         return_range=handover.return_range,
         front_steps=handover.front_steps,
+        starts=" ".join(map(digest_of, asked.starts)),
     )
 
 

@@ -92,6 +92,8 @@ def _check_acts_nowhere(asked: Asked) -> None:
         raise InvalidArgumentError("keep_success must be False without an environment, got True")
     if asked.handover.against is not None:
         raise InvalidArgumentError("against needs an environment to act in")
+    if asked.starts:
+        raise InvalidArgumentError("starts must be empty without an environment to begin there")
 
 
 def _choice_of(

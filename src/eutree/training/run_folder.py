@@ -83,6 +83,7 @@ class ConfigDocument(Document, frozen=True, kw_only=True):
     judge_episodes: int | None = None
     return_range: tuple[float, float] | None = None
     front_steps: int | None = None
+    starts: str = ""
 
 
 def length_of_run(out: str | Path) -> dict[str, Any]:

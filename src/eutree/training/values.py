@@ -4,12 +4,13 @@
 out="runs/a")`` ask for the same: each word builds the value that it is a part of.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Self, TypedDict
 
 from eutree.errors import InvalidArgumentError, UnknownNameError, shown
+from eutree.proof import Certificate
 from eutree.training.callback import CallbackLike, Callbacks
 from eutree.training.handover import Handover
 from eutree.training.listeners import Listener, Listeners, Progress, StopWhen, TensorBoard
@@ -102,6 +103,8 @@ class ShortForms(TypedDict, total=False):
             a run of any length takes bounded memory: a uniform sample of those of each leaf and
             action or, with planning, whole episodes. None leaves it to the method.
         strict: Refuse observations outside the environment's own bounds.
+        starts: Certificates of what is not proven: half of all episodes, those of races, contests
+            and evaluations too, begin where these fail (``eutree.proof.BeginningThere``).
     """
 
     episodes: int | None
@@ -126,6 +129,7 @@ class ShortForms(TypedDict, total=False):
     history: int
     max_transitions: int | None
     strict: bool
+    starts: Sequence[Certificate]
 
 
 _PARTS = {
@@ -141,7 +145,7 @@ _LISTENERS: dict[str, Callable[[Any], Listener]] = {
     "stop": StopWhen,
     "on_progress": Progress,
 }
-_ALONE = ("teacher", "history", "max_transitions", "strict")
+_ALONE = ("teacher", "history", "max_transitions", "strict", "starts")
 _NAMED = ("demonstrations", "expert", "method", "start", *_PARTS, "listeners", "seed")
 _KINDS = {"budget": Budget, "evaluation": Schedule, "handover": Handover, "folder": Folder}
 
@@ -159,6 +163,7 @@ class Asked:
     history: int = 0
     max_transitions: int | None = None
     strict: bool = False
+    starts: Sequence[Certificate] = ()
 
     @classmethod
     def of(cls, values: Mapping[str, Any], listeners: object, short: Mapping[str, Any]) -> Self:
