@@ -112,7 +112,8 @@ $(VENV)/.test: $(TEST_LOCK) $(VENV)/.run
 
 # run: what `make demo` needs. test: all extras and tools. build: the build back end. oldest: the
 # oldest declared versions of what eutree depends on, with today's tools. uv: the way round a
-# missing python3-venv. The guard at the end: no lock names a host, an index or a local path.
+# missing python3-venv. sumo: examples/traffic_light. The guard at the end: no lock names a host, an
+# index or a local path.
 LOCK = $(UV) pip compile -q --universal --python-version 3.11 --generate-hashes --no-header --no-annotate $(ARGS)
 TOOLS = --group test --group bench --group check --group docs
 OLDEST = --extra record --extra plot --extra sklearn --extra minari --extra onnx --extra tensorboard
@@ -120,7 +121,8 @@ OLDEST = --extra record --extra plot --extra sklearn --extra minari --extra onnx
 lock:
 	@[ -n "$(UV)" ] || { echo 'error: make lock needs uv on PATH' >&2; exit 1; }
 	$(LOCK) pyproject.toml --extra record --extra plot -o requirements/run.txt
-	$(LOCK) pyproject.toml --all-extras $(TOOLS) -c requirements/run.txt -o requirements/test.txt
+	$(LOCK) pyproject.toml --extra all --extra cluster $(TOOLS) -c requirements/run.txt -o requirements/test.txt
+	$(LOCK) pyproject.toml --extra sumo -c requirements/run.txt -o requirements/sumo.txt
 	printf 'hatchling\neditables\n' | $(LOCK) - -o requirements/build.txt
 	printf 'uv\n' | $(LOCK) - -o requirements/uv.txt
 	$(LOCK) pyproject.toml $(OLDEST) --resolution lowest-direct -o $(VENV).oldest.txt

@@ -63,7 +63,7 @@ TASKS = {
     "house battery": Task("HouseBattery-v0", "own_use", "house_battery"),
     "two tanks": Task("TwoTanks-v0", "FloatSwitch", "two_tanks"),
     "LunarLander": Task("LunarLander-v3", "brake"),
-    "traffic light": Task("TrafficLight-v0", "longest_queue", "traffic_light"),
+    "traffic light": Task("TrafficLight-v0", "longest_queue", "crossing"),
 }
 
 

@@ -18,7 +18,7 @@ TASKS = {  # module: id, class, rule of thumb, features, actions
     "house_battery": ("HouseBattery-v0", "HouseBattery", "own_use", 8, 3),
     "motor_currents": ("MotorCurrents-v0", "MotorCurrents", "towards_the_error", 4, 8),
     "heated_room": ("HeatedRoom-v0", "HeatedRoom", "thermostat", 4, 3),
-    "traffic_light": ("TrafficLight-v0", "TrafficLight", "longest_queue", 21, 4),
+    "crossing": ("TrafficLight-v0", "TrafficLight", "longest_queue", 21, 4),
 }
 
 
@@ -178,7 +178,7 @@ def test_the_wall_of_the_room_is_warmed_by_its_air():
 
 
 def test_amber_lets_nobody_go_and_green_two_of_each_lane():
-    module, env, _ = parts("traffic_light")
+    module, env, _ = parts("crossing")
     env.reset(seed=0)
     inner = env.unwrapped
     for action, leaves in ((0, True), (2, False), (2, True)):
