@@ -23,8 +23,7 @@ import numpy as np
 
 import eutree
 from eutree.envs.experts import EXPERTS
-from eutree.learners.choices import with_choices
-from eutree.learners.registry import method
+from eutree.learners.registry import method, with_choices
 from eutree.policies import TreePolicy
 from eutree.trees import DecisionTree
 from eutree_lab.parti_game.cells import GOAL, Cells

@@ -32,7 +32,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "src")]
 from tests.files.loaders import LOADERS  # noqa: E402
 from tests.training.processes import COMMAND, digests, finish, identity, start, wait_for_new  # noqa: E402
 
-from eutree.evaluation.intervals import wilson_interval  # noqa: E402
+from eutree.evaluation.evaluation import wilson_interval  # noqa: E402
 from eutree.learners import PRESETS  # noqa: E402
 from eutree.learners.u_tree import UTreeMethod  # noqa: E402
 from eutree.splitting import LeafSample  # noqa: E402

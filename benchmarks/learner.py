@@ -32,7 +32,7 @@ from eutree.data import Demonstrations, Episode
 from eutree.interaction import GuardedEnv, describe, episode_seed
 from eutree.interaction.seeding import Stream
 from eutree.learners import CORRECTED, DEFAULT, PAPER, Method, Problem, Start, Step, UTree
-from eutree.learners.u_tree.leaf_tests import LeafTests
+from eutree.learners.u_tree.leaves import LeafTests
 from eutree.mdp import TabularMDP
 from eutree.splitting import KolmogorovSmirnov, Maximal, Naive
 from eutree.splitting._kernels import best_of_sample

@@ -21,7 +21,7 @@ import numpy as np
 
 from eutree.arrays import Floats
 from eutree.data import Episode
-from eutree.evaluation.intervals import mean_interval
+from eutree.evaluation.evaluation import mean_interval
 from eutree.evaluation.off_policy import Judge, compare_off_policy, hold_out
 from eutree.policies import TreePolicy
 from eutree.schema import Schema

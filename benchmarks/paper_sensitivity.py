@@ -12,7 +12,7 @@ from statistics import fmean
 import gymnasium
 
 import eutree
-from eutree.evaluation.intervals import mean_interval
+from eutree.evaluation.evaluation import mean_interval
 from eutree.learners import PAPER, UTreeMethod
 from eutree.splitting import KolmogorovSmirnov
 from eutree_lab.paper.runs import STARTS

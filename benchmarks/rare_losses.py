@@ -18,7 +18,7 @@ import gymnasium
 import numpy as np
 
 import eutree
-from eutree.evaluation.intervals import wilson_interval
+from eutree.evaluation.evaluation import wilson_interval
 
 STEPS, SAFE, RISKY = 3, 0.9, 1.0
 KNOWING = 20_000  # observations by which the share of an action is known

@@ -43,10 +43,10 @@ from eutree.evaluation import mean_interval
 from eutree.files import read_archive
 from eutree.learners.declared import part
 from eutree.learners.distilled_dqn import DistilledDQN
-from eutree.learners.distilled_dqn.contenders import Contender, unpacked_contenders
 from eutree.learners.distilled_dqn.learner import NUMBERS, Stage
+from eutree.learners.distilled_dqn.races import Contender, unpacked_contenders
 from eutree.policies import TreePolicy
-from eutree.policy_search.rank_correlation import RankCorrelation, rank_correlation
+from eutree.policy_search.model_trust import RankCorrelation, rank_correlation
 from eutree.training import stored_transitions
 from eutree.training.checkpoint import MAX_CHECKPOINT, CheckpointDocument
 from eutree.world_model import ActionTree, PairedRollouts, fit_world_models
@@ -243,7 +243,7 @@ def front_matter(command: str) -> list[str]:
         f"command: {command}",
         f"commit: {commit}",
         f"date: {time.strftime('%Y-%m-%d')}",
-        "sources: benchmarks/small_trees.py src/eutree/learners/distilled_dqn/method.py "
+        "sources: benchmarks/small_trees.py src/eutree/learners/distilled_dqn/__init__.py "
         "src/eutree/neural src/eutree/world_model src/eutree/policy_search src/eutree/cart",
         "---",
         "",

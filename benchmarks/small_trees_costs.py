@@ -19,13 +19,12 @@ import numpy as np
 from benchmarks.small_trees import TASKS, Task, contenders_of, events_of, policy_of
 
 import eutree
-from eutree.learners.distilled_dqn.students import Students
+from eutree.learners.distilled_dqn.teaching import Students
 from eutree.neural import DoubleDQN, Scaling
-from eutree.policy_search.rollout_pruning import pruned_by_rollouts
 from eutree.training import stored_transitions
 from eutree.world_model import Transitions
 from eutree.world_model.ensemble import fit_ensemble
-from eutree.world_model.ensemble_rollouts import EnsembleRollouts
+from eutree.world_model.ensemble_rollouts import EnsembleRollouts, pruned_by_rollouts
 
 UPDATES = 500  # that are timed
 LABELLED = 100_000  # transitions that CART is timed on, about what a middle round has

@@ -117,8 +117,7 @@ class PresetsTable(SphinxDirective):
 
     def run(self) -> list[nodes.Node]:
         """Return the table, made of the registry."""
-        from eutree.learners.choices import choices_of
-        from eutree.learners.registry import METHODS, PRESETS
+        from eutree.learners.registry import METHODS, PRESETS, choices_of
 
         lines = ["| preset | method | other than the method's own defaults |", "|---|---|---|"]
         for name, preset in PRESETS.items():
@@ -136,8 +135,7 @@ class SettingsTable(SphinxDirective):
 
     def run(self) -> list[nodes.Node]:
         """Return a section for each method, made of the registry."""
-        from eutree.learners.choices import choices_of
-        from eutree.learners.registry import METHODS
+        from eutree.learners.registry import METHODS, choices_of
 
         lines = []
         for name, kind in METHODS.items():

@@ -10,7 +10,7 @@ import csv
 from dataclasses import replace
 from pathlib import Path
 
-from eutree.evaluation.intervals import Estimate
+from eutree.evaluation.evaluation import Estimate
 from eutree_lab.paper.drawing import LABELS
 from eutree_lab.paper.experiment import FULL, by_learner
 from eutree_lab.paper.results import Results

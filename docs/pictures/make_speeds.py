@@ -11,7 +11,7 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
-from eutree.evaluation.intervals import Estimate
+from eutree.evaluation.evaluation import Estimate
 from eutree_lab.paper.claims import HOLDS, judged
 from eutree_lab.paper.experiment import FULL, by_learner, by_speed
 from eutree_lab.paper.registry import EXPERIMENTS

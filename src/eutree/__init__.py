@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from eutree.inspection.why import why as why
     from eutree.interaction import record as record
     from eutree.interaction.record import play as play
-    from eutree.learners.expert_tree import fit_expert_tree as fit_expert_tree
+    from eutree.learners.starts import fit_expert_tree as fit_expert_tree
     from eutree.policies import LeafStatistics as LeafStatistics
     from eutree.policies import Policy as Policy
     from eutree.policies import TreePolicy as TreePolicy
@@ -92,7 +92,7 @@ _PUBLIC = {
     "Feature": "eutree.schema:Feature",
     "FileError": "eutree.errors:FileError",
     "fit": "eutree.fitting.fit:fit",
-    "fit_expert_tree": "eutree.learners.expert_tree:fit_expert_tree",
+    "fit_expert_tree": "eutree.learners.starts:fit_expert_tree",
     "FitReport": "eutree.fitting:FitReport",
     "Folder": "eutree.training.values:Folder",
     "FormatError": "eutree.errors:FormatError",

@@ -144,11 +144,10 @@ class AdaptiveQ:
         """Store the expert's transitions and learn from them, the last of an episode first."""
         for episode in episodes:
             leaves = self.tree.leaf_index(episode.observations).astype(np.int32)
-            shown = np.ones(len(episode), dtype=np.bool_)
             finished = FinishedEpisode(
-                episode.observations, episode.actions, episode.rewards, shown, episode.terminated
+                episode.observations, episode.actions, episode.rewards, episode.terminated
             )
-            store(self.history, finished, leaves)
+            store(self.history, finished, leaves, demonstrated=True)
             self._remember_returns(finished)
             for t in range(len(episode) - 1, -1, -1):
                 ended = episode.terminated and t == len(episode) - 1

@@ -10,7 +10,7 @@ import numpy as np
 from eutree.arrays import Floats, Integers
 from eutree.c45 import C45Settings, grow
 from eutree.learners import Decisions
-from eutree.trees.merging import merge
+from eutree.trees.edit import merge
 
 RELEASE_8 = C45Settings()
 

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.errors import InvalidArgumentError, MissingExtraError
 from eutree.evaluation import Estimate, Interval
-from eutree.policy_search.rank_correlation import rank_correlation
+from eutree.policy_search.model_trust import rank_correlation
 from eutree.validation import check_vector
 
 CONFIDENCE = 0.95

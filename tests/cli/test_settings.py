@@ -7,8 +7,7 @@ import pytest
 from eutree.cli.main import run
 from eutree.errors import InvalidArgumentError, UnknownNameError
 from eutree.learners import PRESETS
-from eutree.learners.choices import choices_of, with_choices
-from eutree.learners.registry import METHODS
+from eutree.learners.registry import METHODS, choices_of, with_choices
 
 SHORT = ("--episodes", "2", "--evaluation-episodes", "1")
 

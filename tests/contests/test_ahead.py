@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eutree.contests import Ahead, AheadApart, Heat, Verdict, hold, new_table, next_episode
-from eutree.contests.ahead import Lead
+from eutree.contests.rules import Lead
 from tests import naive_contests as naive
 from tests.contests.following import follow, seeds, world
 

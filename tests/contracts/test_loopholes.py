@@ -52,22 +52,22 @@ ASKS_WHAT_IS_LOADED = {"eutree.parallel": {"'joblib' not in sys.modules"}}
 # Middles of other things than two values of a feature; each is as it has to be, see there.
 MIDDLES = {
     "eutree.thresholds": "the rule itself",
-    "eutree.c45.drawing": "places on paper",
+    "eutree.c45.text": "places on paper",
     "eutree_lab.parti_game.cells": "boxes are halved, whatever lies in them",
     "eutree_lab.vrd.kuhn": "boxes are halved, whatever lies in them",
     "eutree_lab.tasks.puck": "a constant of the task",
-    "eutree.evaluation.intervals": "bisection",
-    "eutree.export._layout": "places on paper",
-    "eutree.export._probes": "points to test exports at",
+    "eutree.evaluation.evaluation": "bisection",
+    "eutree.export.drawing": "places on paper",
+    "eutree.export.c_test": "points to test exports at",
     "eutree.inspection.regions": "a point inside a box, whose sides may be infinite",
     "eutree.learners.looking": "the middle of a picture",
     "eutree.proof.intervals": "boxes are halved, whatever lies in them",
     "eutree.policies.sklearn_tree": "where float32 rounds, exactly",
     "eutree.contests.betting": "bisection",
     "eutree.report.chart": "places on paper",
-    "eutree.report.partition_chart": "places on paper",
+    "eutree.report.partitions": "places on paper",
     "eutree.export.svg": "places on paper",
-    "eutree.splitting.maximal": "a mean of logarithms",
+    "eutree.splitting.laws": "a mean of logarithms",
     "eutree.world_model.ensemble": "the middle of a binary feature's two values, seen or not",
 }
 
@@ -213,7 +213,7 @@ def middles(sources: Sources) -> set[tuple[str, str]]:
 
 RULES: dict[Callable[[Sources], set[tuple[str, str]]], list[str]] = {
     private_of_others: [
-        "from eutree.export._probes import probes",
+        "from eutree.export._identifiers import identifiers",
         "from eutree.world_model import _kernels",
         "import eutree.neural._kernels",
     ],
@@ -229,7 +229,7 @@ RULES: dict[Callable[[Sources], set[tuple[str, str]]], list[str]] = {
     ],
     inside_a_method: [
         "from eutree.learners.u_tree.learner import UTree",
-        "from eutree.learners.planning import learner",
+        "from eutree.learners.u_tree import learner",
         "import eutree_lab.vrd.kuhn",
     ],
     round_the_facade: ["from eutree.trees.tree import DecisionTree"],

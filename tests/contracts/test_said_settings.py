@@ -16,7 +16,7 @@ from eutree.c45 import C45Settings
 from eutree.cli.learn import learn as learn_command
 from eutree.compression import imagined
 from eutree.compression.episodes import RealEpisodes
-from eutree.contests import Ahead, AheadApart, ahead, rules
+from eutree.contests import Ahead, AheadApart, rules
 from eutree.distillation import DistillationSettings
 from eutree.evaluation import off_policy
 from eutree.learners import CORRECTED, DEFAULT, PRESETS, default_choice
@@ -80,7 +80,7 @@ SAID = {
         f"chooses the {word(proposals.PROMISING)} challengers",
         f"its guess counts for {rules.GUESS} episodes",
         f"Both run the same {', '.join(map(str, paired.looks))} episodes",
-        f"by {word(search.OF_ONE_ERRORS)} standard error after {ahead.ENOUGH} episodes "
+        f"by {word(search.OF_ONE_ERRORS)} standard error after {rules.ENOUGH} episodes "
         f"({word(search.OF_MANY_ERRORS)} for a variant",
         f"is smaller and as good after {paired.most}.",
         f"If the steps end before, all {word(len(proposals._MODELS))} models",

@@ -10,8 +10,7 @@ import pytest
 
 from eutree.cli.main import run
 from eutree.demo.job import run_demo, table_rows
-from eutree.demo.page import DemoFacts
-from eutree.demo.stories import DemoSettings, Story, story_of
+from eutree.demo.page import DemoFacts, DemoSettings, Story, story_of
 from eutree.evaluation import Evaluation
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
@@ -124,7 +123,7 @@ def test_the_verdict_names_the_figure_that_changed():
 
 
 def test_every_story_is_of_an_environment_with_a_demonstrator():
-    from eutree.demo.stories import _STORIES
+    from eutree.demo.page import _STORIES
     from eutree.envs.experts import EXPERTS
 
     assert set(_STORIES) <= set(EXPERTS)

@@ -9,8 +9,7 @@ import pytest
 
 from eutree.envs import _render as render
 from eutree.envs._dynamics import EvasionParameters, EvasionState
-from eutree.envs._text import text_picture
-from eutree.envs.evasion import EvasionEnv
+from eutree.envs.evasion import EvasionEnv, text_picture
 from eutree.envs.painting import PAPER
 from eutree.errors import MissingExtraError
 

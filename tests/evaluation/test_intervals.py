@@ -3,7 +3,7 @@ import pytest
 from scipy import stats
 
 from eutree.errors import InvalidArgumentError
-from eutree.evaluation.intervals import mean_interval, student_quantile, wilson_interval
+from eutree.evaluation.evaluation import mean_interval, student_quantile, wilson_interval
 
 
 @pytest.mark.parametrize("freedom", [1, 2, 3, 4, 5, 14, 15, 29, 30, 99, 199, 200, 201, 1000, 10**6])

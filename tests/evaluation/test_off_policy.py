@@ -7,8 +7,7 @@ import pytest
 
 from eutree.data import Episode
 from eutree.evaluation import off_policy
-from eutree.evaluation.log_cuts import cuts
-from eutree.evaluation.log_gains import Log
+from eutree.evaluation.log_gains import Log, cuts
 from eutree.evaluation.off_policy import FEWEST_HELD_OUT, Judge, compare_off_policy, hold_out
 from eutree.policies import TreePolicy
 from eutree.schema import Schema

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from eutree.export.palette import FILLS, fills
+from eutree.export.drawing import FILLS, fills
 from eutree.schema import Control, Schema, combined_actions
 
 

@@ -12,9 +12,8 @@ from eutree.errors import MissingExtraError
 from eutree.export import to_latex, to_onnx, to_svg
 from eutree.export._blocks import DEPTH, block_roots
 from eutree.export._identifiers import C_WORDS, PYTHON_WORDS, STRUCTURED_TEXT_WORDS, identifiers
-from eutree.export._layout import layout
-from eutree.export._probes import node_boxes, probes
-from eutree.export.palette import FILLS
+from eutree.export.c_test import node_boxes, probes
+from eutree.export.drawing import FILLS, layout
 from eutree.export.structured_text import literal
 from eutree.schema import Feature, Schema
 from tests.export.policies import EVASION, NASTY, chain, policy_of, tree

@@ -13,12 +13,12 @@ from eutree.data import Demonstrations, Episode
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import Evaluation
 from eutree.fitting import Person, practice
-from eutree.fitting.choosing import mend, race
 from eutree.fitting.diagnosis import about_doubt, about_result, harms, in_words
+from eutree.fitting.fit import mend, race
 from eutree.fitting.playing import Played, Player
 from eutree.fitting.practice import practise
 from eutree.fitting.repair import blame, repairs, shown_in
-from eutree.learners.expert_candidates import RELEASE_8, SETTINGS, Candidate, candidates, promising
+from eutree.learners.starts import RELEASE_8, SETTINGS, Candidate, candidates, promising
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.trees import DecisionTree

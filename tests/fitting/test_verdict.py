@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from eutree.evaluation import Evaluation
-from eutree.evaluation.intervals import wilson_interval
-from eutree.fitting.verdict import result_in_words, verdict
+from eutree.evaluation.evaluation import wilson_interval
+from eutree.fitting.report import result_in_words, verdict
 
 
 def successes(count, of, returns=0.0):

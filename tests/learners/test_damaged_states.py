@@ -16,8 +16,7 @@ from eutree.errors import FormatError
 from eutree.learners import UTreeMethod
 from eutree.learners.declared import Stored
 from eutree.learners.planning import PlanningMethod
-from eutree.learners.registry import METHODS
-from eutree.learners.restoring import restored
+from eutree.learners.registry import METHODS, restored
 from eutree.world_model.ensemble import EnsembleSettings
 from eutree_lab.history_u_tree.method import HistoryUTreeMethod
 from tests.damages import damages

@@ -6,16 +6,16 @@ import gymnasium
 import numpy as np
 import pytest
 
-from eutree.contests.ahead import Lead
+from eutree.contests.rules import Lead
 from eutree.data import Demonstrations
 from eutree.envs.experts import follow_the_fall
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.interaction import GuardedEnv, episode_seed, record
 from eutree.learners.distilled_dqn import DistilledDQN
-from eutree.learners.distilled_dqn.contenders import Contender
 from eutree.learners.distilled_dqn.learner import Stage
+from eutree.learners.distilled_dqn.races import Contender
 from eutree.learners.learner import Problem, Start, Step
-from eutree.learners.restoring import checked_state
+from eutree.learners.registry import checked_state
 from eutree.neural import DoubleDQNSettings
 from eutree.world_model.action_trees import packed, single_action
 from eutree.world_model.ensemble import EnsembleSettings

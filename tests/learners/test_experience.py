@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 from eutree.data import Episode
-from eutree.learners.distilled_dqn.dagger import ROUNDS, DAgger
-from eutree.learners.distilled_dqn.experience import Experience
-from eutree.learners.distilled_dqn.students import Students
+from eutree.learners.distilled_dqn.teaching import ROUNDS, DAgger, Experience, Students
 from eutree.learners.episode_buffer import FinishedEpisode
 from eutree.world_model.action_trees import single_action
 

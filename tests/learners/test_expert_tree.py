@@ -7,7 +7,7 @@ import pytest
 import eutree
 from eutree.data import Demonstrations, Episode
 from eutree.errors import InvalidArgumentError
-from eutree.learners.expert_tree import fit_expert_tree
+from eutree.learners.starts import fit_expert_tree
 from eutree.schema import EnvironmentSpec, Feature, Schema
 
 SCHEMA = Schema((Feature("position", "m"), Feature("opponent", "m")), ("stop", "go"))

@@ -11,9 +11,9 @@ from scipy.stats import chisquare
 
 from eutree.data import Episode
 from eutree.learners import CORRECTED, DEFAULT, PAPER, LambdaReturn, Problem, Start, Step
+from eutree.learners.episode_buffer import transitions_of
 from eutree.learners.forgetting import RANKS, LeafReservoirs, RecentEpisodes, fair_shares
 from eutree.learners.history import History
-from eutree.learners.transitions import transitions_of
 from eutree.mdp import TabularMDP, TransitionCounts
 from eutree.schema import Schema
 from eutree.splitting import Naive, Split

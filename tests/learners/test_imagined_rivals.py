@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from eutree.learners.distilled_dqn.experience import Experience
-from eutree.learners.distilled_dqn.imagined_rivals import PARTS, PRUNED, ImaginedRivals
-from eutree.learners.distilled_dqn.students import Students
+from eutree.learners.distilled_dqn.races import PARTS, PRUNED, ImaginedRivals
+from eutree.learners.distilled_dqn.teaching import Experience, Students
 from eutree.world_model.action_trees import n_leaves
 from eutree.world_model.ensemble import EnsembleSettings
 from tests.worlds import room_episode

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from eutree.errors import InvalidArgumentError
 from eutree.learners import Step
-from eutree.learners.u_tree.leaf_steps import LeafSteps
+from eutree.learners.u_tree.leaves import LeafSteps
 from eutree.mdp import TERMINAL, TabularMDP, TransitionCounts
 from eutree.trees import DecisionTree
 
@@ -44,7 +44,7 @@ def test_it_equals_its_naive_twin(untried, seed, backups):
         observations = generator.random((length + 1, 2))
         observations[generator.random(observations.shape) < 0.05] = np.nan
         actions = generator.integers(N_ACTIONS, size=length)
-        rewards, shown = generator.normal(size=length), generator.random(length) < 0.5
+        rewards = generator.normal(size=length)
         leaves = [tree.leaf_of(o) for o in observations.tolist()]
         steps.start(tree, mine, observations[0], generator)
         assert steps.leaf == leaves[0]
@@ -52,7 +52,7 @@ def test_it_equals_its_naive_twin(untried, seed, backups):
         for t in range(length):
             ends = t == length - 1
             row = int(actions[t]), float(rewards[t]), observations[t + 1], ends, False
-            steps.add(Step(*row, shown=bool(shown[t])), backups)
+            steps.add(Step(*row), backups)
             entered = TERMINAL if ends else leaves[t + 1]
             twin.observe(leaves[t], int(actions[t]), float(rewards[t]), entered, backups)
             assert steps.leaf == leaves[t + 1]
@@ -64,7 +64,6 @@ def test_it_equals_its_naive_twin(untried, seed, backups):
         np.testing.assert_array_equal(episode.observations, observations)
         assert episode.actions.tolist() == actions.tolist()
         assert episode.rewards.tolist() == rewards.tolist()
-        assert episode.shown.tolist() == shown.tolist()
         assert episode.terminated
         assert len(steps) == 0
     states = mine.state(), twin.state()

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from eutree.learners.model_trust import ModelTrust
+from eutree.policy_search.model_trust import ModelTrust
 
 
 def trust(real):

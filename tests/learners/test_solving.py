@@ -7,7 +7,7 @@ import pytest
 
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.learners import CORRECTED, PAPER, Start, Step, UTree, UTreeMethod
-from eutree.learners.restoring import checked_state
+from eutree.learners.registry import checked_state
 from eutree.mdp import TabularMDP
 from eutree.splitting import Naive
 from tests.worlds import Walk

@@ -5,7 +5,7 @@ import pytest
 
 from eutree.errors import InvalidArgumentError
 from eutree.neural import Scaling, _kernels
-from eutree.neural.network import n_weights, network_of, random_network
+from eutree.neural.double_dqn import n_weights, network_of, random_network
 from tests import naive_neural
 
 

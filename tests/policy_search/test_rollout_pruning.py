@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from eutree.policy_search.rank_correlation import rank_correlation, ranks
-from eutree.policy_search.rollout_pruning import pruned_by_rollouts
+from eutree.policy_search.model_trust import rank_correlation, ranks
 from eutree.world_model import Transitions
 from eutree.world_model.action_trees import n_leaves, nested, packed
 from eutree.world_model.ensemble import EnsembleSettings, fit_ensemble
-from eutree.world_model.ensemble_rollouts import EnsembleRollouts
+from eutree.world_model.ensemble_rollouts import EnsembleRollouts, pruned_by_rollouts
 
 
 def slopes(n_episodes, seed):

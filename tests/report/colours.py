@@ -3,7 +3,7 @@
 import re
 from typing import Any
 
-from eutree.export.palette import FILLS
+from eutree.export.drawing import FILLS
 from eutree.export.svg import STYLE
 from eutree.report.html import asset
 

@@ -12,8 +12,7 @@ from eutree.report import (
     Table,
     WatchedTree,
 )
-from eutree.report.changes import LeafChange
-from eutree.report.head import Pointer
+from eutree.report.html import LeafChange, Pointer
 from tests.export.policies import EVASION, policy_of, tree
 from tests.report.watched import episodes
 

@@ -12,7 +12,7 @@ import pytest
 
 import eutree
 from eutree.demo.job import run_demo
-from eutree.demo.stories import DemoSettings, Story
+from eutree.demo.page import DemoSettings, Story
 from eutree.policies import TreePolicy
 from eutree.report import WatchedEpisode, demonstrations_page, policy_page, run_page
 from eutree.schema import EnvironmentSpec

@@ -11,7 +11,7 @@ import pytest
 import eutree
 from eutree.data import Demonstrations, Episode
 from eutree.report import demonstrations_page
-from eutree.report.time_chart import panels
+from eutree.report.demonstrations_page import panels
 from eutree.schema import Feature, Schema
 from tests.export.policies import NASTY
 from tests.report.browser import grave_violations, open_page

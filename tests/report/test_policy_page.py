@@ -12,10 +12,10 @@ import pytest
 
 from eutree.data import Demonstrations, Episode
 from eutree.errors import InvalidArgumentError
-from eutree.export._probes import probes
+from eutree.export.c_test import probes
 from eutree.policies import LeafStatistics, TreePolicy
 from eutree.report import WatchedEpisode, policy_page
-from eutree.report.head import Pointer
+from eutree.report.html import Pointer
 from eutree.report.policy_page import policy_verdict
 from eutree.report.tree_data import policy_features
 from eutree.schema import Control, EnvironmentSpec, Feature, Schema, combined_actions

@@ -13,8 +13,8 @@ from eutree.report import (
     WatchedTree,
     run_page,
 )
-from eutree.report.changes import LeafChange, changed_leaves
 from eutree.report.chart import chart, ticks
+from eutree.report.html import LeafChange, changed_leaves
 from tests.export.policies import EVASION, NASTY, policy_of, tree
 from tests.report.browser import ENOUGH, Opened, grave_violations, open_page
 from tests.report.pages import Outline, report

@@ -18,7 +18,7 @@ from eutree.splitting import (
     naive_p,
     permutation_p,
 )
-from eutree.splitting.permutation import Episodes
+from eutree.splitting.significance import Episodes
 
 slow_without_compilation = pytest.mark.skipif(
     not compiled.ENABLED, reason="too slow without compilation"

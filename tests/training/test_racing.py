@@ -9,7 +9,7 @@ import eutree
 from eutree.envs.experts import careless
 from eutree.errors import InvalidArgumentError, RunFolderError
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
-from eutree.learners.transitions import transitions_of
+from eutree.learners.episode_buffer import transitions_of
 from eutree.training.proposals import PROMISING, SearchSettings, key
 from eutree.training.search import PolicySearch
 from tests.corridor import WRONG, Corridor, policy_of

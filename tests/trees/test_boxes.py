@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from eutree.errors import InvalidArgumentError
 from eutree.trees import DecisionTree
 from eutree.trees.boxes import disagreement, leaf_boxes
-from eutree.trees.merging import merge
+from eutree.trees.edit import merge
 from tests import naive_trees
 
 seeds = st.integers(0, 2**32)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from eutree.trees.building import TreeBuilder
+from eutree.trees.edit import TreeBuilder
 
 
 def test_a_tree_is_built_parents_first() -> None:

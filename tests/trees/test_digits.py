@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from eutree.schema import Feature, Schema
 from eutree.trees import DecisionTree
-from eutree.trees.digits import Digits
+from eutree.trees.text import Digits
 
 PLACE = Schema((Feature("place", "m", -10.0, 10.0),), ("go",))
 

@@ -5,7 +5,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from eutree.errors import FormatError
-from eutree.trees.document import NodeDocument, tree_from_document, tree_to_document
+from eutree.policies.document import NodeDocument, tree_from_document, tree_to_document
 from tests.policies.strategies import trees
 
 small = st.integers(-1, 6)

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from eutree.trees.grafting import graft
+from eutree.trees.edit import graft
 from tests import naive_trees
 
 

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from eutree.world_model import _kernels_termination
-from eutree.world_model import termination as termination_module
-from eutree.world_model.termination import FEW, MOST_ROWS, PRICE, fit_termination
+from eutree.world_model import _kernels_termination, dynamics
+from eutree.world_model.dynamics import FEW, MOST_ROWS, PRICE, fit_termination
 from tests import naive_world_model
 
 
@@ -82,7 +81,7 @@ def test_what_is_not_described_could_not_have_been_shorter(monkeypatch):
 
     def described(X, y, rows):
         d, mine = X.shape[1], y[rows]
-        constant = termination_module._described(X, y, rows)
+        constant = dynamics._described(X, y, rows)
         if not FEW <= mine.sum() <= mine.size - FEW:
             return constant
         found = [(constant.cost, constant.line)]
@@ -91,11 +90,11 @@ def test_what_is_not_described_could_not_have_been_shorter(monkeypatch):
             fit = _kernels_termination.fit_log_odds(X[rows], mine, squares, line)
             found.append((fit + PRICE * parameters, line))
         cost, line = min(found, key=lambda item: item[0])
-        return termination_module._Leaf(rows, float(cost), line)
+        return dynamics._Leaf(rows, float(cost), line)
 
     def best_test(X, y, leaf):
         found = []
-        for feature, threshold in termination_module._tests(X, y, leaf.rows):
+        for feature, threshold in dynamics._tests(X, y, leaf.rows):
             below = X[leaf.rows, feature] <= threshold
             if below.any() and not below.all():
                 sides = described(X, y, leaf.rows[below]), described(X, y, leaf.rows[~below])
@@ -106,7 +105,7 @@ def test_what_is_not_described_could_not_have_been_shorter(monkeypatch):
         X, y = two_balls(700, seed)
         fast = fit_termination(X, y)
         with monkeypatch.context() as patch:
-            patch.setattr(termination_module, "_best_test", best_test)
+            patch.setattr(dynamics, "_best_test", best_test)
             slow = fit_termination(X, y)
         assert fast.feature.tolist() == slow.feature.tolist()
         assert np.array_equal(fast.threshold, slow.threshold)

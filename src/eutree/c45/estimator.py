@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from eutree.arrays import Booleans, Floats, Int32s, Integers
-from eutree.c45 import categories, drawing, text
+from eutree.c45 import categories, text
 from eutree.c45.learner import grow
 from eutree.c45.settings import C45Settings, Dialect
 from eutree.c45.tree import C45Tree
@@ -185,7 +185,7 @@ class C45Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # sk
 
     def export_svg(self) -> str:
         """Return a drawing of the tree."""
-        return drawing.to_svg(self._tree(), self._names())
+        return text.to_svg(self._tree(), self._names())
 
     def export_json(self) -> str:
         """Return the tree as JSON: names, and nested tests and leaves with their classes."""

@@ -29,7 +29,7 @@ def chosen_method(
 ) -> "Method | str | None":
     """Return the method of a name, with what a file and ``--set`` choose otherwise."""
     from eutree.learners import method as method_of
-    from eutree.learners.choices import with_choices
+    from eutree.learners.registry import with_choices
 
     if name == "auto":
         name = None
@@ -53,7 +53,7 @@ def chosen_method(
 def listed(method: "Method | str | None", *, offline: bool) -> tuple[dict[str, Any], str]:
     """Return all choices of a method, for ``--json`` and as a text: what to turn first on top."""
     from eutree.learners import method as method_of
-    from eutree.learners.choices import choices_of
+    from eutree.learners.registry import choices_of
 
     if method is None or isinstance(method, str):
         method = method_of(method or ("corrected" if offline else "default"))

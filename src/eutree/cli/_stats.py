@@ -97,7 +97,7 @@ def _text(
     demonstrations: "Demonstrations", figures: "DemonstrationFigures", values: dict[str, Any]
 ) -> list[str]:
     from eutree.fitting import Person
-    from eutree.fitting.verdict import result_in_words
+    from eutree.fitting.report import result_in_words
 
     summary = figures.summary
     lines = [

@@ -3,8 +3,7 @@
 from rich.text import Text
 
 from eutree.policies import TreePolicy
-from eutree.trees.digits import Digits
-from eutree.trees.text import is_reversed, printable, question
+from eutree.trees.text import Digits, is_reversed, printable, question
 from eutree.wording import counted
 
 # Names of terminal colours, so that each terminal's own theme keeps them readable.

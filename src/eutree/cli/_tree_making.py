@@ -105,7 +105,7 @@ class PageTree:
         from eutree.data import Demonstrations
         from eutree.fitting import Person
         from eutree.fitting.practice import practise
-        from eutree.fitting.verdict import result_in_words
+        from eutree.fitting.report import result_in_words
 
         if self._best is None:
             self.make(show, stop)
@@ -208,7 +208,7 @@ class PageTree:
         )
 
     def _verdict(self, person: "Person", *, note: str) -> "TreeView":
-        from eutree.fitting.verdict import result_in_words, verdict
+        from eutree.fitting.report import result_in_words, verdict
         from eutree.interaction.tree_making import READY, TreeView
 
         if self._best is None:

@@ -1,16 +1,181 @@
 """The trees that a compression chooses among."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from eutree.arrays import Floats
+from eutree.arrays import Booleans, Floats, Integers
 from eutree.c45 import C45Settings, grow
-from eutree.compression.costs import Costs
-from eutree.compression.pruning import Prunings, without_unreached
+from eutree.errors import InvalidArgumentError
 from eutree.policies import TreePolicy
-from eutree.trees.grafting import graft
-from eutree.trees.merging import merge
+from eutree.trees import DecisionTree
+from eutree.trees.edit import INNER, graft, merge, rebuild
+
+WEIGHTS = ("visits", "q-gap")
+
+
+@dataclass(frozen=True, eq=False)
+class Costs:
+    """Cost of each action on each recorded observation.
+
+    Attributes:
+        rows: The recorded observations.
+        of_action: Cost of each action on each of them; 0 for the policy's own.
+        worst: Cost of the most expensive decisions; what costs are a share of.
+    """
+
+    rows: Floats  # [N, d]
+    of_action: Floats  # [N, A]
+    worst: float
+
+    @classmethod
+    def of(cls, policy: TreePolicy, rows: Floats, weights: str) -> "Costs":
+        """Return what other decisions than the policy's cost.
+
+        ``"visits"``: 1 for every other action, so that a share of the worst is a share of the
+        recorded observations. ``"q-gap"``: Q(s, own action) - Q(s, a), never below 0, with the Q
+        of the policy's leaves; an action that was never tried counts as the worst of its leaf,
+        and a leaf of which nothing else is known like the mean leaf.
+        """
+        leaves = policy.tree.leaf_index(rows)
+        per_leaf = _one_each(policy) if weights == "visits" else _gaps(policy)
+        of_action = per_leaf[leaves]
+        return cls(rows, of_action, float(of_action.max(axis=1, initial=0.0).sum()))
+
+    def of_leaves(self, tree: DecisionTree) -> Floats:
+        """Return the cost of each action at each leaf of a tree, shape [L, A]."""
+        total = np.zeros((tree.n_leaves, self.of_action.shape[1]))
+        np.add.at(total, tree.leaf_index(self.rows), self.of_action)
+        return total
+
+    def share(self, tree: DecisionTree, actions: Integers) -> float:
+        """Return what deciding by a tree costs, as a share of the worst; 0 if nothing costs."""
+        if self.worst <= 0.0:
+            return 0.0
+        leaves = tree.leaf_index(self.rows)
+        return float(self.of_action[np.arange(leaves.size), actions[leaves]].sum()) / self.worst
+
+
+def _one_each(policy: TreePolicy) -> Floats:
+    cost = np.ones((policy.n_leaves, policy.schema.n_actions))
+    cost[np.arange(policy.n_leaves), policy.actions] = 0.0
+    return cost
+
+
+def _gaps(policy: TreePolicy) -> Floats:
+    """Return Q(s, own action) - Q(s, a) of each leaf, with what is unknown filled in."""
+    if policy.leaves is None or not policy.leaves.compares_actions:
+        raise InvalidArgumentError(
+            'weights must be "visits" for a policy without values of two actions in a leaf, '
+            'got "q-gap"'
+        )
+    values, own = policy.leaves.values, np.arange(policy.n_leaves)
+    gap = np.maximum(values[own, policy.actions][:, np.newaxis] - values, 0.0)  # [L, A]
+    gap[own, policy.actions] = np.nan
+    known = ~np.isnan(gap)
+    mean = float(gap[known].mean()) if known.any() else 1.0
+    worst = np.where(known, gap, -np.inf).max(axis=1, initial=-np.inf)
+    worst = np.where(known.any(axis=1), worst, mean)
+    filled = np.where(known, gap, worst[:, np.newaxis])
+    filled[own, policy.actions] = 0.0
+    return filled
+
+
+# A pruning turns some inner nodes into leaves. What the leaves of a subtree cost does not depend
+# on the rest of the tree, so the best pruning of every size follows bottom-up from those of the
+# two subtrees (the knapsack on trees): exact, in time proportional to the square of the leaves.
+
+
+class Prunings:
+    """All best prunings of one policy.
+
+    Attributes:
+        costs: Least cost with 1, 2, ... leaves, in that order; never rises.
+    """
+
+    def __init__(self, policy: TreePolicy, costs: Costs) -> None:
+        tree = policy.tree
+        self.policy = policy
+        self._total = node_totals(tree, costs.of_leaves(tree))  # [M, A]
+        self._best: list[Floats] = [np.empty(0)] * tree.n_nodes
+        for node in range(tree.n_nodes - 1, -1, -1):  # children have larger numbers
+            alone = np.array([self._total[node].min()])
+            if tree.feature[node] != tree.NO_FEATURE:
+                split = _combined(self._best[tree.left[node]], self._best[tree.right[node]])
+                alone = np.minimum.accumulate(np.concatenate([alone, split]))
+            self._best[node] = alone
+        self.costs = self._best[0]
+
+    def of_size(self, n_leaves: int) -> TreePolicy:
+        """Return the cheapest pruning with at most so many leaves."""
+        tree = self.policy.tree
+        label = np.full(tree.n_nodes, INNER, dtype=np.int64)
+        work = [(0, n_leaves)]
+        while work:
+            node, size = work.pop()
+            left, right = int(tree.left[node]), int(tree.right[node])
+            cost = self._best[node][size - 1]
+            size = int((self._best[node] <= cost).argmax()) + 1  # no leaf for nothing
+            if self._total[node].min() <= cost:
+                label[node] = self._total[node].argmin()
+                continue
+            ones, others = self._best[left], self._best[right]
+            lefts = np.arange(max(1, size - others.size), min(ones.size, size - 1) + 1)
+            sums = ones[lefts - 1] + others[size - lefts - 1]
+            chosen = int(lefts[sums.argmin()])
+            work += [(left, chosen), (right, size - chosen)]
+        return _rebuilt(self.policy, np.arange(tree.n_nodes), label)
+
+
+def without_unreached(policy: TreePolicy, rows: Floats) -> TreePolicy:
+    """Return the policy without the tests that all recorded observations answer alike."""
+    tree = policy.tree
+    reached = _reached(tree, rows)
+    source = np.arange(tree.n_nodes)
+    for node in range(tree.n_nodes - 1, -1, -1):
+        if tree.feature[node] == tree.NO_FEATURE:
+            continue
+        left, right = tree.left[node], tree.right[node]
+        if not reached[right]:
+            source[node] = source[left]
+        elif not reached[left]:
+            source[node] = source[right]
+    label = np.full(tree.n_nodes, INNER, dtype=np.int64)
+    label[tree.node_of_leaf] = policy.actions
+    return _rebuilt(policy, source, label)
+
+
+def node_totals(tree: DecisionTree, of_leaves: Floats) -> Floats:
+    """Return the sums over the leaves below each node, shape [M, ...], of values [L, ...]."""
+    total = np.zeros((tree.n_nodes, *of_leaves.shape[1:]))
+    total[tree.node_of_leaf] = of_leaves
+    for node in range(tree.n_nodes - 1, 0, -1):
+        total[tree.parent[node]] += total[node]
+    return total
+
+
+def _reached(tree: DecisionTree, rows: Floats) -> Booleans:
+    """Return which nodes some row reaches, shape [M]."""
+    counts = np.bincount(tree.leaf_index(rows), minlength=tree.n_leaves)
+    reached: Booleans = node_totals(tree, counts.astype(np.float64)) > 0
+    return reached
+
+
+def _combined(left: Floats, right: Floats) -> Floats:
+    """Return the least cost of both subtrees together with 2, 3, ... leaves."""
+    if left.size > right.size:
+        left, right = right, left
+    best = np.full(left.size + right.size - 1, np.inf)
+    for size, cost in enumerate(left.tolist()):
+        part = best[size : size + right.size]
+        np.minimum(part, cost + right, out=part)
+    return best
+
+
+def _rebuilt(policy: TreePolicy, source: Integers, label: Integers) -> TreePolicy:
+    tree, actions = rebuild(policy.tree, source, label)
+    return replace(policy, tree=tree, actions=actions, leaves=None, locked=())
+
 
 # Where some decisions may change: release 8 pruned ever more, in case less is enough.
 _CONFIDENCES = (0.25, 0.05, 0.005)

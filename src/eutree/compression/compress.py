@@ -18,11 +18,25 @@ from numpy.typing import ArrayLike
 
 from eutree.arrays import Floats
 from eutree.c45 import C45Settings
-from eutree.compression.candidates import Ladder, by_c45, lossless, merged, with_locks
-from eutree.compression.costs import WEIGHTS, Costs
-from eutree.compression.episodes import Demand, RealEpisodes, as_real
+from eutree.compression.candidates import (
+    WEIGHTS,
+    Costs,
+    Ladder,
+    by_c45,
+    lossless,
+    merged,
+    with_locks,
+)
+from eutree.compression.episodes import (
+    Arena,
+    Demand,
+    RealEpisodes,
+    Verdict,
+    as_real,
+    meet,
+    play_rounded,
+)
 from eutree.compression.front import Pick, front_of
-from eutree.compression.racing import Arena, Verdict, meet, play_rounded
 from eutree.compression.report import CompressionReport, FrontEntry
 from eutree.compression.rounding import Rounding, rounded, steps_of
 from eutree.contests.betting import episodes_needed

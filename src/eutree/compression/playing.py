@@ -16,14 +16,13 @@ import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.evaluation import Interval, wilson_interval
-from eutree.evaluation.batch import run_batch
-from eutree.evaluation.evaluate import same_parameters, vector_form
+from eutree.evaluation.evaluate import run_batch, same_parameters, vector_form
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
 from eutree.interaction.recipe import Recipe
 from eutree.interaction.seeding import Stream
 from eutree.parallel import Workers
 from eutree.policies import TreePolicy
-from eutree.world_model.common_chance import Gain
+from eutree.world_model.rollouts import Gain
 
 Move = tuple[int, float]  # a node, and its new threshold
 

@@ -18,8 +18,7 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
 import numpy as np
 
 from eutree.arrays import Floats, Integers
-from eutree.compression.candidates import merged, with_locks
-from eutree.compression.pruning import node_totals
+from eutree.compression.candidates import merged, node_totals, with_locks
 from eutree.errors import UnknownNameError
 from eutree.policies import TreePolicy
 from eutree.schema import Schema

@@ -15,16 +15,13 @@ import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.c45 import C45Settings
-from eutree.compression.candidates import by_c45, merged
-from eutree.compression.costs import Costs
+from eutree.compression.candidates import Costs, Prunings, by_c45, merged
 from eutree.compression.playing import Move, moved
-from eutree.compression.pruning import Prunings
 from eutree.policies import TreePolicy
 from eutree.thresholds import threshold_between
 from eutree.trees import DecisionTree
-from eutree.trees.building import TreeBuilder
-from eutree.trees.merging import INNER, rebuild
-from eutree.world_model.common_chance import Gain
+from eutree.trees.edit import INNER, TreeBuilder, rebuild
+from eutree.world_model.rollouts import Gain
 
 SHIFTS = (0.02, 0.06, 0.15, 0.35, 0.7)  # of the smaller side's rows
 FEW = 20  # rows

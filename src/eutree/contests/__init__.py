@@ -8,11 +8,21 @@ world model or of a log: they differ in the function that runs an episode, which
 given. In all of them row 0 is the *incumbent*; the others are *challengers*.
 """
 
-from eutree.contests.ahead import Ahead, AheadApart
-from eutree.contests.holding import held, hold, missing, next_episode
-from eutree.contests.rules import Better, Halving, NotWorse, best
+from eutree.contests.rules import Ahead, AheadApart, Better, Halving, NotWorse, best
 from eutree.contests.smallest import SmallestWithin
-from eutree.contests.table import Bounds, Heat, Rule, Table, Verdict, bounds_of_change, new_table
+from eutree.contests.table import (
+    Bounds,
+    Heat,
+    Rule,
+    Table,
+    Verdict,
+    bounds_of_change,
+    held,
+    hold,
+    missing,
+    new_table,
+    next_episode,
+)
 
 __all__ = [
     "Ahead",

@@ -18,8 +18,7 @@ import numpy as np
 from eutree.compression import CompressionReport, RealEpisodes, compress
 from eutree.compression.rounding import rounded
 from eutree.data import Demonstrations
-from eutree.demo.page import DemoFacts, Played, demo_report
-from eutree.demo.stories import DemoSettings, story_of
+from eutree.demo.page import DemoFacts, DemoSettings, Played, demo_report, story_of
 from eutree.envs.experts import experts_for
 from eutree.errors import FileError
 from eutree.evaluation import Evaluation, evaluate

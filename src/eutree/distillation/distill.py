@@ -16,10 +16,17 @@ import numpy as np
 from eutree.arrays import Integers
 from eutree.contests import best
 from eutree.data import Demonstrations, Episode
-from eutree.distillation.fitting import Labelled, fit
-from eutree.distillation.report import DistillationReport, Round
-from eutree.distillation.settings import DistillationSettings
-from eutree.distillation.stakes import ActionValues, Stakes, stakes_of, weights
+from eutree.distillation.rounds import (
+    ActionValues,
+    DistillationReport,
+    DistillationSettings,
+    Labelled,
+    Round,
+    Stakes,
+    fit,
+    stakes_of,
+    weights,
+)
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import Evaluation, evaluate
 from eutree.interaction import GuardedEnv, episode_seed, record, run_episode

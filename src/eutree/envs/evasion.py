@@ -9,7 +9,7 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
-from eutree.arrays import Floats
+from eutree.arrays import Floats, Integers
 from eutree.envs import _dynamics as dynamics
 from eutree.envs._dynamics import (
     COLLISION,
@@ -22,10 +22,30 @@ from eutree.envs._dynamics import (
     EvasionState,
 )
 from eutree.envs._dynamics import EvasionParameters as EvasionParameters  # for proofs about it
-from eutree.envs._render import Window, picture
-from eutree.envs._text import text_picture
-from eutree.envs.painting import import_pygame
+from eutree.envs.painting import Window, import_pygame, picture
 from eutree.validation import check_choice
+
+WIDTH, HEIGHT = 61, 13  # characters; the main path is the middle row
+
+
+def text_picture(parameters: EvasionParameters, state: EvasionState) -> str:
+    """Return the agent ``A``, the opponents ``^`` and ``v`` by direction, paths and goal ``G``."""
+    canvas = np.full((HEIGHT, WIDTH), " ")
+    middle = HEIGHT // 2
+    canvas[middle] = "-"
+    canvas[middle, -1] = "G"
+    columns = _cells(parameters.crossing / parameters.main_path_length, WIDTH)
+    canvas[:, columns] = ":"
+    rows = _cells(0.5 - state.opponents / parameters.path_length, HEIGHT)
+    canvas[rows, columns] = np.where(state.directions > 0.0, "^", "v")
+    canvas[middle, _cells(state.position / parameters.main_path_length, WIDTH)] = "A"
+    return "\n".join("".join(row).rstrip() for row in canvas)
+
+
+def _cells(shares: Floats, count: int) -> Integers:
+    """Return the cell, of ``count``, in which each share of the whole lies."""
+    return np.asarray(np.rint(shares * (count - 1)), dtype=np.int64)
+
 
 RENDER_MODES = ("human", "rgb_array", "ansi")
 

@@ -2,10 +2,14 @@
 
 from eutree.evaluation.against import Against, against
 from eutree.evaluation.curves import CurvePoint, curve_from_csv, curve_to_csv
-from eutree.evaluation.evaluate import evaluate
-from eutree.evaluation.evaluation import Evaluation
-from eutree.evaluation.intervals import Estimate, Interval, mean_interval, wilson_interval
-from eutree.evaluation.sb3 import evaluate_policy
+from eutree.evaluation.evaluate import evaluate, evaluate_policy
+from eutree.evaluation.evaluation import (
+    Estimate,
+    Evaluation,
+    Interval,
+    mean_interval,
+    wilson_interval,
+)
 
 __all__ = [
     "Against",

@@ -7,8 +7,7 @@ import numpy as np
 
 from eutree.contests import bounds_of_change
 from eutree.errors import InvalidArgumentError
-from eutree.evaluation.evaluation import Evaluation
-from eutree.evaluation.intervals import Interval
+from eutree.evaluation.evaluation import Evaluation, Interval
 from eutree.wording import counted
 
 

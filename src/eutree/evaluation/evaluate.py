@@ -16,17 +16,89 @@ import numpy as np
 from gymnasium.envs.registration import load_env_creator
 from gymnasium.wrappers import OrderEnforcing, PassiveEnvChecker
 
+from eutree.arrays import Floats, Integers
 from eutree.errors import InvalidArgumentError, shown
-from eutree.evaluation.batch import run_batch
 from eutree.evaluation.evaluation import Evaluation
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
-from eutree.interaction.acting import Controller, as_policy
+from eutree.interaction.acting import Actor, Controller, as_policy
 from eutree.interaction.action_grid import acting_as
+from eutree.interaction.episode import ending_of, success_of
 from eutree.interaction.recipe import Environment, Recipe, made
 from eutree.parallel import Workers
 from eutree.policies import Policy
 from eutree.schema import EnvironmentSpec
 from eutree.validation import check_integer, check_seed
+
+
+def run_batch(policy: Policy, vector: Any, seeds: Sequence[int]) -> Evaluation | None:
+    """Run one episode in each copy, seeded one by one; None if the policy decides no batches.
+
+    The vector environment takes a list of seeds, which Gymnasium's type annotations do not know.
+
+    A copy that has ended goes on with a next episode until the last one has; that is ignored.
+    """
+    copies = len(seeds)
+    observations, _ = vector.reset(seed=list(seeds))
+    first = _first_actions(policy, observations)
+    if first is None:
+        return None
+    actions, state = first
+    lengths = np.zeros(copies, np.int64)  # [E] 0 while the episode runs
+    successes: list[Any] = [None] * copies
+    endings: list[str] = [""] * copies
+    rewards: list[Floats] = []  # of each step, [E]
+    starts = np.zeros(copies, dtype=bool)
+    while True:
+        observations, reward, terminated, truncated, info = vector.step(actions)
+        rewards.append(reward)
+        just_ended = (terminated | truncated) & (lengths == 0)
+        for copy in np.flatnonzero(just_ended).tolist():
+            lengths[copy] = len(rewards)
+            own = {key: _of(info, key, copy) for key in ("is_success", "ending")}
+            successes[copy] = success_of(own)
+            endings[copy] = ending_of(own, terminated=bool(terminated[copy]))
+        if lengths.all():
+            break
+        actions, state = policy.predict(
+            observations, state=state, episode_start=starts, deterministic=True
+        )
+    return Evaluation(
+        returns=_sums(np.array(rewards), lengths),
+        lengths=lengths,
+        endings=np.array(endings),
+        successes=None if None in successes else np.array(successes),
+        n_leaves=getattr(policy, "n_leaves", None),
+    )
+
+
+def _first_actions(policy: Policy, observations: Floats) -> tuple[Integers, Any] | None:
+    """Return the policy's first decisions, or None if it takes single observations only."""
+    starts = np.ones(len(observations), dtype=bool)
+    try:
+        actions, state = policy.predict(
+            observations, state=None, episode_start=starts, deterministic=True
+        )
+    except Exception:
+        # What is really wrong with the policy, if anything, will show on a single observation.
+        return None
+    actions = np.asarray(actions)
+    if actions.shape != (len(observations),) or actions.dtype.kind not in "iu":
+        return None
+    return actions, state
+
+
+def _of(info: dict[str, Any], key: str, copy: int) -> Any:
+    """Return the entry of one copy; None if it has none."""
+    if key not in info or not info.get(f"_{key}", {copy: True})[copy]:
+        return None
+    return info[key][copy]
+
+
+def _sums(rewards: Floats, lengths: Integers) -> Floats:
+    """Return the sum over each episode; added up as for a single episode, so bit for bit."""
+    by_copy = np.ascontiguousarray(rewards.T)  # [E, T]
+    return np.array([row[:n].sum() for row, n in zip(by_copy, lengths.tolist(), strict=True)])
+
 
 MAX_COPIES = 256
 
@@ -191,3 +263,64 @@ def vector_form(env: gymnasium.Env[Any, Any]) -> MakeVector | None:
 def same_parameters(vector: Any, env: gymnasium.Env[Any, Any]) -> bool:
     """Return whether the environment is still what its spec says."""
     return bool(vector.parameters == getattr(env.unwrapped, "parameters", None))
+
+
+Callback = Callable[[dict[str, Any], dict[str, Any]], None]
+
+
+def evaluate_policy(
+    model: Controller,
+    env: gymnasium.Env[Any, Any],
+    n_eval_episodes: int = 10,
+    deterministic: bool = True,
+    render: bool = False,
+    callback: Callback | None = None,
+    *,
+    reward_threshold: float | None = None,
+    return_episode_rewards: bool = False,
+    warn: bool = True,
+) -> tuple[float, float] | tuple[list[float], list[int]]:
+    """Return mean and standard deviation of the returns, as Stable-Baselines3 does.
+
+    Episodes go on with the environment's own chance; for seeded ones and intervals, use
+    ``eutree.evaluate``.
+
+    Args:
+        model: As ``eutree.evaluate`` takes it: anything with SB3's ``predict``, or a function.
+        env: A single Gymnasium environment.
+        n_eval_episodes: Number of episodes.
+        deterministic: Passed to ``predict``.
+        render: Whether to call ``env.render()`` after each step.
+        callback: Called after each step with ``locals()`` and ``globals()``.
+        reward_threshold: The mean return must be above it.
+        return_episode_rewards: Return the returns and lengths of the episodes instead.
+        warn: Ignored: rewards come from the environment as it is.
+
+    Raises:
+        AssertionError: The mean return is not above ``reward_threshold``.
+    """
+    guarded = GuardedEnv(acting_as(env, model))
+    actor = Actor(as_policy(model, env), guarded, deterministic=deterministic)
+    episode_rewards: list[float] = []
+    episode_lengths: list[int] = []
+    for _ in range(check_integer("n_eval_episodes", n_eval_episodes, low=1)):
+        observation = guarded.reset()
+        actor.start()
+        total, length, ended = 0.0, 0, False
+        while not ended:
+            action = actor.act(observation)
+            observation, reward, terminated, truncated, info = guarded.step(action)
+            total, length = total + reward, length + 1
+            ended = terminated or truncated
+            if callback is not None:
+                callback(locals(), globals())
+            if render:
+                env.render()
+        episode_rewards.append(total)
+        episode_lengths.append(length)
+    mean = float(np.mean(episode_rewards))
+    if reward_threshold is not None and not mean > reward_threshold:
+        raise AssertionError(f"Mean reward below threshold: {mean:.2f} < {reward_threshold:.2f}")
+    if return_episode_rewards:
+        return episode_rewards, episode_lengths
+    return mean, float(np.std(episode_rewards))

@@ -21,7 +21,7 @@ import numpy as np
 from eutree.arrays import Floats
 from eutree.c45 import C45Settings
 from eutree.data import Demonstrations
-from eutree.evaluation.intervals import Interval, mean_interval
+from eutree.evaluation.evaluation import Interval, mean_interval
 from eutree.learners import fit_expert_tree
 from eutree.validation import check_integer, check_seed
 

@@ -23,8 +23,7 @@ from eutree.contests import Bounds
 from eutree.contests.betting import lower_bound, tuned_stake
 from eutree.contests.rules import BLIND
 from eutree.data import Episode
-from eutree.evaluation.log_cuts import cuts
-from eutree.evaluation.log_gains import Gains, Log
+from eutree.evaluation.log_gains import Gains, Log, cuts
 from eutree.policies import TreePolicy
 from eutree.wording import counted
 from eutree.world_model import PairedRollouts, Transitions, fit_world_models

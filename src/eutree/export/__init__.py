@@ -7,15 +7,12 @@ it is moved to the next number of that type at which no decision changes.
 
 from eutree.export.c import to_c, to_c_header
 from eutree.export.c_test import to_c_test
-from eutree.export.dot import to_dot
-from eutree.export.json import to_json
 from eutree.export.latex import to_latex
 from eutree.export.onnx import to_onnx
 from eutree.export.python import to_python
-from eutree.export.registry import FORMATS, ExportFormat, export
+from eutree.export.registry import FORMATS, ExportFormat, export, to_dot, to_json, to_text
 from eutree.export.structured_text import to_structured_text
 from eutree.export.svg import to_svg
-from eutree.export.text import to_text
 
 __all__ = [
     "FORMATS",

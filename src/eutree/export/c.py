@@ -10,9 +10,8 @@ import re
 
 import numpy as np
 
-from eutree.export._blocks import block_roots
+from eutree.export._blocks import action_identifiers, block_roots, control_identifiers
 from eutree.export._c_numbers import Number, Numbers, Scale, hexadecimal, in_integers, numbers
-from eutree.export._controls import action_identifiers, control_identifiers
 from eutree.export._identifiers import C_WORDS, check_identifier, identifiers
 from eutree.policies import TreePolicy
 from eutree.trees.text import Syntax, condition, labelled, nested, printable

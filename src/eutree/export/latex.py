@@ -1,8 +1,14 @@
 """LaTeX pictures with TikZ and nothing else."""
 
-from eutree.export._graph import branches, words_of_leaf, words_of_test
-from eutree.export._layout import column_lefts, layout, text_width
-from eutree.export.palette import fills
+from eutree.export.drawing import (
+    branches,
+    column_lefts,
+    fills,
+    layout,
+    text_width,
+    words_of_leaf,
+    words_of_test,
+)
 from eutree.policies import TreePolicy
 
 _SIGNS = {

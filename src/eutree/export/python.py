@@ -1,7 +1,6 @@
 """A Python module that decides like the tree and imports nothing."""
 
-from eutree.export._blocks import block_roots
-from eutree.export._controls import control_identifiers
+from eutree.export._blocks import block_roots, control_identifiers
 from eutree.export._identifiers import PYTHON_WORDS, check_identifier
 from eutree.policies import TreePolicy
 from eutree.trees.text import Syntax, condition, labelled, nested, printable

@@ -8,16 +8,57 @@ from typing import Any
 
 from eutree.errors import UnknownNameError
 from eutree.export.c import to_c
-from eutree.export.dot import to_dot
-from eutree.export.json import to_json
+from eutree.export.drawing import branches, fills, words_of_leaf, words_of_test
 from eutree.export.latex import to_latex
 from eutree.export.onnx import to_onnx
 from eutree.export.python import to_python
 from eutree.export.structured_text import to_structured_text
 from eutree.export.svg import to_svg
-from eutree.export.text import to_text
 from eutree.policies import TreePolicy
+from eutree.trees.text import printable, rules
 from eutree.validation import check_choice
+
+
+def to_json(policy: TreePolicy) -> str:
+    """Return the document that ``TreePolicy.load`` reads, byte for byte what ``save`` writes."""
+    return policy.to_bytes().decode("utf-8")
+
+
+def to_text(policy: TreePolicy) -> str:
+    """Return the policy as nested rules with names and units; thresholds are exact."""
+    names = [printable(name) for name in policy.schema.actions]
+    leaves = [names[action] for action in policy.actions]
+    return rules(policy.tree, policy.schema, leaves, exact=True) + "\n"
+
+
+def to_dot(policy: TreePolicy) -> str:
+    """Return the tree as a Graphviz digraph, root at the left, leaves coloured by action."""
+    tree, colours = policy.tree, fills(policy.schema)
+    lines = [
+        "digraph policy {",
+        '    graph [rankdir="LR", ordering="out", nodesep="0.15"];',
+        '    node [fontname="Helvetica", fontsize="11", shape="box", '
+        'style="rounded,filled", fillcolor="#ffffff", color="#8a94a0"];',
+        '    edge [fontname="Helvetica", fontsize="9", color="#8a94a0", arrowhead="none"];',
+    ]
+    for node in tree.preorder():
+        if tree.feature[node] != tree.NO_FEATURE:
+            lines.append(f"    n{node} [label={_string(words_of_test(policy, node))}];")
+            continue
+        colour = colours[int(policy.actions[tree.leaf[node]])]
+        label = _string(words_of_leaf(policy, node))
+        lines.append(f'    n{node} [label={label}, fillcolor="{colour}", color="{colour}"];')
+    lines += [
+        f'    n{parent} -> n{child} [label="{answer}"];'
+        for parent, child, answer in branches(policy)
+    ]
+    return "\n".join([*lines, "}"]) + "\n"
+
+
+def _string(text: str) -> str:
+    r"""Return a DOT string; a backslash would begin an escape and ``&`` an entity."""
+    escaped = text.replace("&", "&amp;").replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{escaped}"'
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,6 @@
 """Structured Text (IEC 61131-3) for programmable logic controllers."""
 
-from eutree.export._blocks import block_roots
-from eutree.export._controls import control_identifiers
+from eutree.export._blocks import block_roots, control_identifiers
 from eutree.export._identifiers import STRUCTURED_TEXT_WORDS, check_identifier, identifiers
 from eutree.policies import TreePolicy
 from eutree.trees.text import Syntax, condition, labelled, nested, printable

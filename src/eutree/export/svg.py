@@ -5,12 +5,17 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from eutree.arrays import Floats
-from eutree.export._graph import branches, words_of_leaf, words_of_test
-from eutree.export._layout import column_lefts, layout, text_width
-from eutree.export.palette import fills
+from eutree.export.drawing import (
+    branches,
+    column_lefts,
+    fills,
+    layout,
+    text_width,
+    words_of_leaf,
+    words_of_test,
+)
 from eutree.policies import TreePolicy
-from eutree.trees.digits import Digits
-from eutree.trees.text import printable, question
+from eutree.trees.text import Digits, printable, question
 from eutree.wording import counted
 
 STYLE = """\

@@ -7,10 +7,9 @@ import numpy as np
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.data import Demonstrations
 from eutree.evaluation import Evaluation
-from eutree.fitting.person import Person
 from eutree.fitting.playing import Played
 from eutree.fitting.repair import blame, shown_in
-from eutree.fitting.verdict import result_in_words, verdict
+from eutree.fitting.report import Person, result_in_words, verdict
 from eutree.inspection import Region
 from eutree.inspection.regions import domain
 from eutree.policies import TreePolicy

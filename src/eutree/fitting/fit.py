@@ -1,16 +1,17 @@
 """Fit a tree that can be trusted: chosen by playing, set beside its demonstrator, explained."""
 
+from collections.abc import Iterable
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from typing import Any
 
 import gymnasium
+import numpy as np
 
 from eutree.c45 import C45Settings
 from eutree.contests import Halving
 from eutree.data import Demonstrations, Episode
 from eutree.errors import EutreeError, InvalidArgumentError, shown
-from eutree.fitting.choosing import COMPARING, JUDGING, MOST_REPAIR_PLAYS, mend, race
 from eutree.fitting.diagnosis import (
     about_demonstrations,
     about_doubt,
@@ -19,22 +20,94 @@ from eutree.fitting.diagnosis import (
     harms,
     in_words,
 )
-from eutree.fitting.person import Person
 from eutree.fitting.playing import Played, Player, Progress
 from eutree.fitting.practice import practise as learn_on
-from eutree.fitting.report import FitReport
+from eutree.fitting.repair import blame, repairs
+from eutree.fitting.report import FitReport, Person
 from eutree.interaction import describe
 from eutree.interaction.action_grid import acting_as
 from eutree.interaction.making import make
 from eutree.interaction.recipe import Environment, opened
-from eutree.learners.expert_candidates import (
-    SETTINGS,
-    Candidate,
-    best_left_out,
-    candidates,
-    promising,
-)
+from eutree.learners.starts import SETTINGS, Candidate, best_left_out, candidates, promising
 from eutree.validation import check_integer, check_seed
+
+# Both are contests (:mod:`eutree.contests`) that promise nothing: who judges the tree that they
+# hand on plays fresh episodes.
+
+
+RACING, REPAIRING, CONFIRMING, JUDGING, COMPARING = 0, 100, 200, 300, 301  # first blocks
+MOST_REPAIRS = 3  # one after the other
+BLAMED_LEAVES = 3  # that are tried for each of them
+# At two actions: each leaf has three repairs; the tree itself, and twice two longer plays.
+MOST_REPAIR_PLAYS = MOST_REPAIRS * (3 * BLAMED_LEAVES + 1 + 4)
+
+
+def race(found: list[Candidate], player: Player, budget: int) -> tuple[Candidate, Played]:
+    """Return the winner and what it has played: the worse half drops out after each round.
+
+    All play the same episodes, in each round as many more as they have played. The first wins ties.
+
+    Args:
+        found: The candidates, at least one.
+        player: Plays them.
+        budget: Episodes of all of them together.
+    """
+    left, cost, rounds = len(found), len(found), 1
+    while left > 2:  # a round doubles what each of those left has played
+        left = (left + 1) // 2
+        cost += left * 2 ** (rounds - 1)
+        rounds += 1
+    first = max(1, budget // cost)
+    rule = Halving(first=first, most=first * 2 ** (rounds - 1))
+    winner, played = player.contest(rule, [entry.policy for entry in found], RACING)
+    return found[winner], played
+
+
+def mend(
+    candidate: Candidate,
+    played: Played,
+    demonstrations: Demonstrations,
+    player: Player,
+    budget: int,
+) -> tuple[Candidate, Played]:
+    """Return the candidate, repaired leaf by leaf as long as it falls short of the person.
+
+    Each repair plays the same new block as the tree that it is made of; the best one is taken if
+    it does better there and again on another block, twice as long.
+
+    Args:
+        candidate: A tree.
+        played: What it has played.
+        demonstrations: What was shown.
+        player: Plays the repaired trees.
+        budget: Episodes in which each of them is tried.
+    """
+    person = Person.of(demonstrations)
+    for number in range(MOST_REPAIRS):
+        if not person.is_above(played.evaluation):
+            break
+        tried = [candidate, *_repaired(candidate, played, demonstrations, person)]
+        for block, episodes in ((REPAIRING, budget), (CONFIRMING, 2 * budget)):
+            rule = Halving(first=episodes, most=episodes)
+            policies = [entry.policy for entry in tried]
+            winner, again = player.contest(rule, policies, block + number)
+            if winner == 0:
+                return candidate, played
+            tried = [candidate, tried[winner]]
+        candidate, played = tried[1], again
+    return candidate, played
+
+
+def _repaired(
+    candidate: Candidate, played: Played, demonstrations: Demonstrations, person: Person
+) -> Iterable[Candidate]:
+    """Yield the repairs of the leaves that have most to do with failing."""
+    guilt = blame(played, played.failed(person.mean_return))
+    for leaf in np.argsort(-guilt, kind="stable")[:BLAMED_LEAVES].tolist():
+        if guilt[leaf] > 0.0:
+            for policy, words in repairs(candidate.policy, demonstrations, leaf):
+                yield replace(candidate, policy=policy, repairs=(*candidate.repairs, words))
+
 
 MOST_RACING = 8  # candidates
 RACE_SHARE, REPAIR_SHARE = 3.0, 0.3  # of the episodes that judge the tree
@@ -53,7 +126,7 @@ def fit(
 ) -> FitReport:
     """Return the best tree that C4.5 makes of demonstrations, and how good it is beside them.
 
-    C4.5 of release 8 and a few variants (``eutree.learners.expert_candidates``) are compared by
+    C4.5 of release 8 and a few variants (``eutree.learners.starts``) are compared by
     episodes left out, the best eight by playing. While the winner falls short of the demonstrator,
     the leaf that has most to do with failing is repaired by what else was shown there, where
     playing confirms that. At last it plays fresh episodes; what is wrong with it is in

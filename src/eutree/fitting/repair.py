@@ -17,8 +17,7 @@ from eutree.c45 import C45Settings, grow
 from eutree.data import Demonstrations
 from eutree.fitting.playing import Played
 from eutree.policies import TreePolicy
-from eutree.trees.grafting import graft
-from eutree.trees.merging import merge
+from eutree.trees.edit import graft, merge
 
 _FREE = C45Settings(use_penalty=False, prune=False, collapse=False, use_min_split=False)
 

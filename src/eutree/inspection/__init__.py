@@ -1,8 +1,7 @@
 """Look into policies: what differs, what is true of them, and why they decide as they do."""
 
 from eutree.inspection.diff import Disagreement, PolicyDiff, diff
-from eutree.inspection.edit import Edited, edit, numbered
-from eutree.inspection.enforce import enforce
+from eutree.inspection.edit import Edited, edit, enforce, numbered
 from eutree.inspection.properties import Property
 from eutree.inspection.regions import Region
 from eutree.inspection.verify import CounterExample, Verification, verify

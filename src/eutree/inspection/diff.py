@@ -12,8 +12,7 @@ from eutree.inspection.regions import Region, domain, finite_box, is_box, possib
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
 from eutree.trees.boxes import leaf_boxes, meetings
-from eutree.trees.digits import Digits
-from eutree.trees.text import printable, question
+from eutree.trees.text import Digits, printable, question
 from eutree.validation import check_observations
 from eutree.wording import counted
 

@@ -16,8 +16,7 @@ import numpy as np
 
 from eutree.arrays import Booleans, Floats, frozen
 from eutree.schema import Schema
-from eutree.trees.digits import Digits
-from eutree.trees.text import choice, printable, whole
+from eutree.trees.text import Digits, choice, printable, whole
 
 _FLIPPED = {">": "<", ">=": "<="}
 

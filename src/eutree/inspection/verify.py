@@ -18,8 +18,7 @@ from eutree.inspection.properties import Property, parse
 from eutree.inspection.regions import Region, domain, finite_box, is_box, possible, volumes
 from eutree.policies import TreePolicy
 from eutree.trees.boxes import leaf_boxes, meetings
-from eutree.trees.digits import Digits
-from eutree.trees.text import printable
+from eutree.trees.text import Digits, printable
 from eutree.validation import check_observations
 from eutree.wording import counted
 

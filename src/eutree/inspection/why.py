@@ -11,8 +11,7 @@ from eutree.display import Displayed
 from eutree.inspection.regions import Region, domain, is_box, possible
 from eutree.policies import TreePolicy
 from eutree.trees.boxes import leaf_boxes
-from eutree.trees.digits import Digits
-from eutree.trees.text import is_reversed, printable, question, whole
+from eutree.trees.text import Digits, is_reversed, printable, question, whole
 from eutree.validation import check_vector
 from eutree.wording import counted
 

@@ -16,8 +16,7 @@ from eutree.data import Episode
 from eutree.interaction.episode import run_episode
 from eutree.interaction.guard import GuardedEnv
 from eutree.policies import TreePolicy
-from eutree.trees.digits import Digits
-from eutree.trees.text import printable
+from eutree.trees.text import Digits, printable
 
 MOST_SCENES, MOST_FAILURES = 8, 6
 HELD = (1, 2, 3, 5, 8)  # steps for which another action is tried

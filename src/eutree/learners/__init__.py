@@ -22,11 +22,9 @@ from eutree.learners.learner import (
 
 if TYPE_CHECKING:
     from eutree.learners.distilled_dqn import DistilledDQN
-    from eutree.learners.expert_tree import fit_expert_tree
     from eutree.learners.planning import DEFAULT, ModelPlanning, PlanningMethod
-    from eutree.learners.presets import PRESETS
-    from eutree.learners.registry import METHODS, method, preset, register
-    from eutree.learners.starts import STARTS, start_of
+    from eutree.learners.registry import METHODS, PRESETS, method, preset, register
+    from eutree.learners.starts import STARTS, fit_expert_tree, start_of
     from eutree.learners.u_tree import (
         CORRECTED,
         PAPER,
@@ -78,11 +76,9 @@ __getattr__ = lazily(
     __name__,
     {
         "eutree.learners.distilled_dqn": "DistilledDQN",
-        "eutree.learners.expert_tree": "fit_expert_tree",
         "eutree.learners.planning": "DEFAULT ModelPlanning PlanningMethod",
-        "eutree.learners.presets": "PRESETS",
-        "eutree.learners.registry": "METHODS method preset register",
-        "eutree.learners.starts": "STARTS start_of",
+        "eutree.learners.registry": "METHODS PRESETS method preset register",
+        "eutree.learners.starts": "STARTS fit_expert_tree start_of",
         "eutree.learners.u_tree": (
             "CORRECTED LambdaReturn OneStep PAPER PAPER_D Target UTree UTreeMethod"
         ),

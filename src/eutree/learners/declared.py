@@ -245,7 +245,6 @@ HISTORY_PART = Part(
 )
 SHOWN_PART = Part({"history_demonstrated": Stored("b1", "N")}, optional=True)
 LOCKED_PART = Part({"locked": Stored("i8", "K", low=0, below="L")}, optional=True)
-LESSONS_PART = Part({"lessons": Stored("f8", "Sd")}, optional=True)
 
 
 def bounds_part(axes: str) -> tuple[Part]:

@@ -7,8 +7,9 @@ import numpy as np
 
 from eutree.arrays import Booleans, Floats, Int32s, Integers
 from eutree.data import Episode
-from eutree.learners.history import History
+from eutree.learners.history import TERMINAL, History
 from eutree.learners.learner import Step
+from eutree.world_model import Transitions
 
 
 class FinishedEpisode(NamedTuple):
@@ -18,14 +19,12 @@ class FinishedEpisode(NamedTuple):
         observations: Observations, the first one included.
         actions: Actions.
         rewards: Their rewards.
-        shown: Whether each action was a demonstration.
         terminated: Whether the task ended it.
     """
 
     observations: Floats  # [T + 1, d]
     actions: Integers  # [T]
     rewards: Floats  # [T]
-    shown: Booleans  # [T]
     terminated: bool
 
 
@@ -67,7 +66,6 @@ class EpisodeBuffer:
             observations=observations.reshape(len(self._steps) + 1, -1),
             actions=np.array(columns.action, dtype=np.int64),
             rewards=np.array(columns.reward),
-            shown=np.array(columns.shown, dtype=np.bool_),
             terminated=self._steps[-1].terminated,
         )
         self._steps.clear()
@@ -76,9 +74,11 @@ class EpisodeBuffer:
 
 def store(
     history: History,
-    episode: FinishedEpisode,
+    episode: FinishedEpisode | Episode,
     leaves: Int32s | None = None,  # [T + 1]
     generator: np.random.Generator | None = None,
+    *,
+    demonstrated: bool = False,
 ) -> None:
     """Append an episode to the store of transitions; ``generator`` serves a bounded one.
 
@@ -90,7 +90,7 @@ def store(
         episode.rewards,
         _single_leaf(episode.actions) if leaves is None else leaves,
         terminated=episode.terminated,
-        demonstrated=episode.shown,
+        demonstrated=demonstrated,
         generator=generator,
     )
 
@@ -98,15 +98,30 @@ def store(
 def store_demonstrations(history: History, episodes: Iterable[Episode]) -> None:
     """Append demonstrations to a store of a single leaf."""
     for episode in episodes:
-        history.append_episode(
-            episode.observations,
-            episode.actions,
-            episode.rewards,
-            _single_leaf(episode.actions),
-            terminated=episode.terminated,
-            demonstrated=True,
-        )
+        store(history, episode, demonstrated=True)
 
 
 def _single_leaf(actions: Integers) -> Int32s:
     return np.zeros(len(actions) + 1, dtype=np.int32)
+
+
+def transitions_of(history: History, n_actions: int) -> Transitions:
+    """Return a history as planning sees it; what a gap divides counts as two episodes."""
+    return Transitions(
+        history.observations,
+        history.actions.astype(np.int64),
+        history.rewards,
+        history.next_observations,
+        history.entered == TERMINAL,
+        as_whole(history.episodes.astype(np.int64), history.continues),
+        n_actions,
+    )
+
+
+def as_whole(episodes: Integers, continues: Booleans) -> Integers:
+    """Return numbers of episodes [N] such that what a gap divides counts as two."""
+    gaps = ~continues
+    gaps[1:] &= episodes[1:] == episodes[:-1]
+    gaps[:1] = False
+    whole: Integers = episodes + np.cumsum(gaps)
+    return whole

@@ -15,10 +15,123 @@ from eutree.arrays import Booleans, Floats, Int32s, Integers
 from eutree.compiled import machine_code
 from eutree.errors import InvalidArgumentError
 from eutree.learners import _kernels
-from eutree.learners.columns import Columns
 from eutree.learners.forgetting import RANKS, Forgetting, LeafReservoirs
-from eutree.learners.leaf_rows import LeafRows
 from eutree.trees import DecisionTree
+
+_FIRST_ROOM = 64
+_GROWTH = 1.25
+
+
+class Columns:
+    """Arrays with one entry, or one row, for each of N items; there is room for more.
+
+    Args:
+        kinds: Shape of an entry and dtype of each column.
+
+    Attributes:
+        size: Number of items N.
+        whole: Each column with its spare room, shape [C, ...]; other arrays after ``reserve``.
+    """
+
+    def __init__(self, kinds: Mapping[str, tuple[tuple[int, ...], type]]) -> None:
+        self.size = 0
+        self.whole: dict[str, NDArray[Any]] = {
+            name: np.empty((_FIRST_ROOM, *shape), dtype) for name, (shape, dtype) in kinds.items()
+        }
+        self._room = _FIRST_ROOM
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        """Return a column, shape [N, ...]; a view."""
+        return self.whole[name][: self.size]
+
+    def reserve(self, size: int, most: int | None = None) -> bool:
+        """Make room for so many items and some more, ``most`` in all; return if there was none."""
+        if size <= self._room:
+            return False
+        spare = int(self._room * _GROWTH) + 1
+        self._room = max(size, spare if most is None else min(spare, most))
+        for name, column in self.whole.items():
+            grown = np.empty((self._room, *column.shape[1:]), dtype=column.dtype)
+            grown[: self.size] = column[: self.size]
+            self.whole[name] = grown
+        return True
+
+    def keep(self, stay: Booleans) -> None:
+        """Keep the items for which ``stay`` [N] is True, in order."""
+        size = int(stay.sum())
+        for column in self.whole.values():
+            column[:size] = column[: self.size][stay]
+        self.size = size
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes held, spare room included."""
+        return sum(column.nbytes for column in self.whole.values())
+
+
+# Those that left it are T(s, a) of the paper, over all actions. They are linked in a list for
+# each leaf, so that a split of the leaf divides just its own, whatever else is stored.
+
+
+class LeafRows:
+    """The rows of each leaf on one side of the transitions.
+
+    Args:
+        columns: The store of transitions; its column ``side`` holds the leaf of each row, negative
+            for none, its column ``side`` + "_link" is written here.
+        side: "left" or "entered".
+        n_leaves: Number of leaves.
+
+    Attributes:
+        lists: The lists, as compiled loops take them; other arrays after ``relist`` or ``split``.
+    """
+
+    def __init__(self, columns: Columns, side: str, n_leaves: int) -> None:
+        self._columns, self._side, self._link = columns, side, f"{side}_link"
+        self.lists = _no_rows(n_leaves)
+
+    @property
+    def counts(self) -> Integers:
+        """How many rows each leaf has, shape [at least L]."""
+        return self.lists.counts
+
+    def of(self, leaf: int) -> Integers:
+        """Return the rows of a leaf, ascending."""
+        rows = np.empty(self.lists.counts[leaf], dtype=np.int64)
+        link = self._columns.whole[self._link]
+        _kernels.walk_list(int(self.lists.head[leaf]), link, rows)
+        return rows
+
+    def relist(self, n_leaves: int) -> None:
+        """Make the lists from the leaves of all rows."""
+        self.lists = _no_rows(n_leaves)
+        leaves, link = (self._columns.whole[name] for name in (self._side, self._link))
+        _kernels.append_to_lists(leaves, 0, self._columns.size, self.lists, link)
+
+    def split(self, leaf: int, new_leaf: int, rows: Integers, goes_right: Booleans) -> None:
+        """Give those of a leaf's rows that go right, shape [n], to a new leaf."""
+        self.lists = _with_room(self.lists, new_leaf + 1)
+        leaves, link = (self._columns.whole[name] for name in (self._side, self._link))
+        _kernels.split_list(rows, goes_right, leaf, new_leaf, leaves, self.lists, link)
+
+
+def _no_rows(n_leaves: int) -> _kernels.RowLists:
+    """Return an empty list for each leaf."""
+    return _kernels.RowLists(
+        np.full(n_leaves, _kernels.NO_ROW, dtype=np.int64),
+        np.full(n_leaves, _kernels.NO_ROW, dtype=np.int64),
+        np.zeros(n_leaves, dtype=np.int64),
+    )
+
+
+def _with_room(lists: _kernels.RowLists, n_leaves: int) -> _kernels.RowLists:
+    """Return the lists themselves if there is one for each leaf, else at least twice as many."""
+    size = lists.counts.size
+    if n_leaves <= size:
+        return lists
+    pairs = zip(lists, _no_rows(max(n_leaves - size, size)), strict=True)
+    return _kernels.RowLists(*(np.append(old, new) for old, new in pairs))
+
 
 TERMINAL = _kernels.TERMINAL
 _STORED = ("observations", "next_observations", "actions", "rewards", "episodes", "continues")
@@ -268,11 +381,6 @@ class History:
         return Relabelling(
             rows, leaving, old_left, old_entered, self.left[rows], self.entered[rows]
         )
-
-    def relabel(self, tree: DecisionTree) -> None:
-        """Label all rows anew from ``tree``; used when a tree is merged or replaced."""
-        self._reset_ranks(np.arange(self.size), tree.n_leaves, None)
-        self._label(tree)
 
     def _reset_ranks(self, rows: Integers, n_leaves: int, leaves: list[int] | None) -> None:
         """Let reservoirs whose leaf is changing, and whose rows these are, take in all again."""

@@ -42,12 +42,12 @@ from eutree.learners.declared import Arrays as Arrays
 from eutree.learners.declared import Declared, Part
 from eutree.learners.goals import reached
 from eutree.learners.history import History
-from eutree.learners.model_trust import ModelTrust
 from eutree.learners.partition import Partition, Plane
 from eutree.policies import LeafStatistics, Policy, TreePolicy
+from eutree.policy_search.model_trust import ModelTrust
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.trees import DecisionTree
-from eutree.world_model.common_chance import Rollouts
+from eutree.world_model.rollouts import Rollouts
 
 Figure: TypeAlias = float | int | str | list[float] | list[int] | None
 Figures: TypeAlias = dict[str, Figure]
@@ -75,7 +75,6 @@ class Step(NamedTuple):
         terminated: Whether the task ended the episode; value 0 follows.
         truncated: Whether a limit outside the task cut it short.
         info: The environment's further words.
-        shown: Whether the action was a demonstration, not the learner's own.
     """
 
     action: int
@@ -84,7 +83,6 @@ class Step(NamedTuple):
     terminated: bool
     truncated: bool
     info: Mapping[str, Any] = MappingProxyType({})
-    shown: bool = False
 
 
 @dataclass(frozen=True)

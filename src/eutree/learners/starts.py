@@ -9,20 +9,185 @@
 | random-tree | -                | a random tree           | empty                |
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import product
 from typing import get_args
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from eutree.arrays import Floats
+from eutree.c45 import C45Settings, grow
 from eutree.data import Demonstrations, Episode
 from eutree.errors import InvalidArgumentError
-from eutree.learners.expert_tree import fit_expert_tree
 from eutree.learners.learner import Problem, Start, StartName
 from eutree.policies import TreePolicy
 from eutree.trees import DecisionTree
 from eutree.validation import check_choice
 from eutree.wording import counted
+
+_RELEASE_8 = C45Settings()
+
+
+def fit_expert_tree(
+    demonstrations: Demonstrations,
+    *,
+    settings: C45Settings = _RELEASE_8,
+    weights: ArrayLike | None = None,
+) -> TreePolicy:
+    """Return the policy that C4.5 learns from demonstrations: observations to the expert's actions.
+
+    Args:
+        demonstrations: Episodes recorded under the expert, at least one step in all.
+        settings: The choices of C4.5; release 8 by default.
+        weights: Weight of each transition, in the order of ``demonstrations.observations``.
+
+    Raises:
+        InvalidArgumentError: If there is no transition, or weights do not fit.
+    """
+    if not demonstrations.n_transitions:
+        raise InvalidArgumentError(
+            "demonstrations must hold at least one transition, got "
+            f"{len(demonstrations)} episodes without a step"
+        )
+    grown = grow(
+        demonstrations.observations,
+        demonstrations.actions,
+        n_classes=demonstrations.schema.n_actions,
+        weights=weights,
+        settings=settings,
+    )
+    tree, actions = grown.to_decision_tree()
+    return TreePolicy(
+        tree=tree,
+        actions=actions,
+        schema=demonstrations.schema,
+        environment=demonstrations.environment,
+    )
+
+
+# The expert trees of release 8 are the first candidates. Its penalty for cuts of continuous
+# attributes, log2(tries) / N off the gain, is meant for many cases; in the few dozen steps at a
+# place where a person waits it forbids the test that says when to go on. So it may be off, m may
+# be larger against careless keys, CF smaller. One previous observation as features shows what
+# moves where.
+
+
+RELEASE_8 = C45Settings()
+FOLDS = 5  # of whole episodes
+SETTINGS = tuple(
+    C45Settings(use_penalty=penalty, min_objects=least, confidence=confidence, collapse=collapse)
+    for penalty, least, confidence, collapse in (
+        *product((True, False), (2, 4, 8), (0.25, 0.05), (True,)),
+        (False, 2, 0.25, False),
+    )
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A tree to choose, and how it was made.
+
+    Attributes:
+        policy: The tree.
+        settings: The choices of C4.5 that made it.
+        correct: Share of the steps of each episode that a tree of the others decides as shown.
+        repairs: What was changed in the tree since, in words.
+    """
+
+    policy: TreePolicy
+    settings: C45Settings
+    correct: Floats  # [E]
+    repairs: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        """Return how the tree was made, in words."""
+        chosen = self.settings
+        parts = []
+        if not chosen.use_penalty:
+            parts.append("without the penalty for continuous cuts")
+        if not chosen.collapse:
+            parts.append("without collapsing")
+        if not chosen.prune:
+            parts.append("without pruning")
+        elif chosen.confidence != RELEASE_8.confidence:
+            parts.append(f"CF {chosen.confidence:g}")
+        if chosen.min_objects != RELEASE_8.min_objects:
+            parts.append(f"m {chosen.min_objects:g}")
+        if self.policy.history:
+            parts.append("with one previous observation")
+        return ", ".join(["C4.5" if parts else "C4.5 of release 8", *parts, *self.repairs])
+
+
+def candidates(
+    demonstrations: Demonstrations, *, settings: tuple[C45Settings, ...], histories: tuple[int, ...]
+) -> list[Candidate]:
+    """Return the different trees of these settings, each with its cross-validation.
+
+    Args:
+        demonstrations: What was shown.
+        settings: The choices of C4.5; of two that give the same tree the first one counts.
+        histories: Numbers of previous observations.
+    """
+    found: dict[bytes, Candidate] = {}
+    for history in histories:
+        known = demonstrations.with_history(history) if history else demonstrations
+        for chosen in settings:
+            policy = replace(fit_expert_tree(known, settings=chosen), history=history)
+            key = policy.to_bytes()
+            if key not in found:
+                found[key] = Candidate(policy, chosen, _correct(known, chosen))
+    return list(found.values())
+
+
+def promising(found: list[Candidate], most: int) -> list[Candidate]:
+    """Return the first candidate and the best others by episodes left out, at most ``most``.
+
+    One with more previous observations than the first is among them only if it explains the
+    actions left out better than the best one that has as few, by more than a standard error of the
+    paired difference.
+    """
+    first = found[0]
+    simple = [entry for entry in found if entry.policy.history == first.policy.history]
+    best = max(simple, key=_share_correct)
+    further = [entry for entry in found if entry not in simple and _explains_more(entry, best)]
+    ordered = sorted([*simple, *further], key=_share_correct, reverse=True)
+    return [first, *(entry for entry in ordered if entry is not first)][:most]
+
+
+def best_left_out(found: list[Candidate]) -> Candidate:
+    """Return the candidate that decides most like the episodes left out: ``fit`` without playing.
+
+    Of one with more previous observations than the first the same is asked as by ``promising``.
+    """
+    return max(promising(found, len(found)), key=_share_correct)
+
+
+def _share_correct(candidate: Candidate) -> float:
+    return float(candidate.correct.mean())
+
+
+def _explains_more(rival: Candidate, best: Candidate) -> bool:
+    gain = rival.correct - best.correct
+    return bool(gain.mean() > gain.std() / np.sqrt(gain.size))
+
+
+def _correct(demonstrations: Demonstrations, settings: C45Settings) -> Floats:
+    """Return the share of each episode's steps that a tree without it decides as shown, [E]."""
+    episodes = [episode for episode in demonstrations if len(episode)]
+    correct = np.zeros(len(episodes))
+    n_folds = min(FOLDS, len(episodes))
+    for fold in range(n_folds):
+        rest = tuple(e for number, e in enumerate(episodes) if number % n_folds != fold)
+        if not rest:  # a single episode: nothing is left to learn from
+            return np.ones(1)
+        tree = fit_expert_tree(replace(demonstrations, episodes=rest), settings=settings)
+        for number in range(fold, len(episodes), n_folds):
+            episode = episodes[number]
+            decided = tree.actions[tree.tree.leaf_index(episode.observations[:-1])]
+            correct[number] = (decided == episode.actions).mean()
+    return correct
+
 
 STARTS: tuple[str, ...] = get_args(StartName)
 RANDOM_LEAVES = 16

@@ -4,11 +4,9 @@ from eutree.mdp._kernels import DONE as DONE  # these three for the loops of oth
 from eutree.mdp._kernels_sweeping import MDPArrays as MDPArrays
 from eutree.mdp._kernels_sweeping import observe as observe
 from eutree.mdp.counts import TransitionCounts
-from eutree.mdp.model import NO_ACTION, TERMINAL, Model
-from eutree.mdp.prioritized_sweeping import Sweeping
-from eutree.mdp.problem import Solution
+from eutree.mdp.problem import NO_ACTION, TERMINAL, Model, Solution
 from eutree.mdp.solver import solve
-from eutree.mdp.tabular import TabularMDP
+from eutree.mdp.tabular import Sweeping, TabularMDP
 
 __all__ = [
     "NO_ACTION",

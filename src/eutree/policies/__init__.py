@@ -1,7 +1,6 @@
 """What decides: policies with SB3's ``predict``."""
 
 from eutree.policies.leaf_statistics import LeafStatistics
-from eutree.policies.policy import Policy
-from eutree.policies.tree_policy import TreePolicy
+from eutree.policies.tree_policy import Policy, TreePolicy
 
 __all__ = ["LeafStatistics", "Policy", "TreePolicy"]

@@ -5,7 +5,7 @@ from dataclasses import replace
 from eutree.arrays import Floats
 from eutree.policies.leaf_statistics import LeafStatistics
 from eutree.policies.tree_policy import TreePolicy
-from eutree.trees.merging import reachable
+from eutree.trees.edit import reachable
 
 
 def within_reach(policy: TreePolicy, low: Floats, high: Floats) -> TreePolicy:

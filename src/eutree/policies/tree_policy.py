@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,6 +28,25 @@ from eutree.schema import EnvironmentSpec, Schema
 from eutree.trees import DecisionTree
 from eutree.trees.text import printable, rules
 from eutree.wording import counted
+
+
+class Policy(Protocol):
+    """Anything with SB3's ``predict``; every evaluator and recorder accepts it.
+
+    It is called by keyword, with the environment's own observation. A policy that says
+    ``reads_features = True`` gets the vector of the environment's features instead, as trees do:
+    the same for a Box, a vector of float64 for Discrete, MultiDiscrete, Dict and Tuple spaces.
+    """
+
+    def predict(
+        self,
+        observation: ArrayLike,
+        state: Any = None,
+        episode_start: ArrayLike | None = None,
+        deterministic: bool = True,
+    ) -> tuple[Any, Any]:
+        """Return the action for one observation (or a batch) and the policy's next state."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)

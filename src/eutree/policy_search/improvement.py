@@ -19,7 +19,7 @@ from eutree.thresholds import threshold_between
 from eutree.validation import check_integer, check_number
 from eutree.world_model import ActionTree
 from eutree.world_model.action_trees import Nested, n_leaves, nested, packed, with_box, with_child
-from eutree.world_model.common_chance import Rollouts
+from eutree.world_model.rollouts import Rollouts
 
 MOST_BOXES = 12
 SHIFTS = (0.02, 0.05, 0.1, 0.2, 0.4)

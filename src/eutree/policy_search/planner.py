@@ -13,12 +13,12 @@ import numpy as np
 
 from eutree.arrays import Floats, Integers
 from eutree.contests import AheadApart, Table, Verdict, new_table
-from eutree.contests.ahead import lead_apart
+from eutree.contests.rules import lead_apart
 from eutree.policy_search.improvement import Improvement
 from eutree.validation import check_integer, check_number
 from eutree.world_model import ActionTree, PairedRollouts, Transitions, fit_world_models
 from eutree.world_model.action_trees import n_leaves
-from eutree.world_model.common_chance import Rollouts
+from eutree.world_model.rollouts import Rollouts
 
 FEWEST_ROLLOUTS = 100  # episodes
 _FEW_OWN = 10  # episodes

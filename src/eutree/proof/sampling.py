@@ -17,7 +17,7 @@ from eutree.arrays import Booleans, Floats
 from eutree.contests.betting import lower_bound
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import Evaluation, Interval
-from eutree.evaluation.intervals import check_confidence
+from eutree.evaluation.evaluation import check_confidence
 from eutree.proof.certificate import PROVEN, REFUTED, STATISTICAL, UNDECIDED, Certificate
 from eutree.proof.properties import Property, parse
 from eutree.validation import check_integer

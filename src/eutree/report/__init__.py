@@ -6,8 +6,7 @@ from eutree.report.demonstrations_page import (
     demonstrations_page,
 )
 from eutree.report.importances import FeatureImportancesDisplay
-from eutree.report.partition_chart import partition_chart
-from eutree.report.partitions import PartitionCallback, drawings
+from eutree.report.partitions import PartitionCallback, drawings, partition_chart
 from eutree.report.policy_page import policy_page
 from eutree.report.run_folder_report import report_of_run
 from eutree.report.run_page import CHANGES_ID, RunReport, Stage, Table, WatchedTree, run_page

@@ -7,9 +7,17 @@ SHA-256, so no other script or style can run, whatever a name or a note holds.
 import base64
 import hashlib
 import json
+from collections.abc import Sequence
+from dataclasses import dataclass
 from html import escape
 from importlib.resources import files
 from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from eutree.policies import TreePolicy
+from eutree.validation import check_observations
 
 
 def asset(name: str) -> str:
@@ -72,3 +80,87 @@ def _hash(source: str) -> str:
     """Return the source expression that admits exactly this text."""
     digest = hashlib.sha256(source.encode("utf-8")).digest()
     return f"'sha256-{base64.b64encode(digest).decode('ascii')}'"
+
+
+@dataclass(frozen=True)
+class Pointer:
+    """Words of a verdict that point at a place of the page.
+
+    Attributes:
+        words: The words.
+        target: Id of the element, or ``node-N`` for a node of the page's tree.
+    """
+
+    words: str
+    target: str
+
+
+Verdict = Sequence[str | Pointer]
+
+
+def head(title: str, verdict: Verdict, facts: Sequence[str] = (), *, beside: str = "") -> str:
+    """Return the head of a page.
+
+    Args:
+        title: What the page is about.
+        verdict: The most important sentence; parts of it may point at a place of the page.
+        facts: Sentences on how that was found out.
+        beside: HTML that stands beside the words.
+    """
+    sentence = "".join(map(_part, verdict))
+    said = f'<p class="verdict">{sentence}</p>' if sentence else ""
+    lines = "".join(f'<p class="facts">{_words(fact)}</p>' for fact in facts)
+    words = f'<div class="heading"><h1>{escape(title)}</h1>{said}{lines}</div>'
+    return f'<header class="head">{words}{beside}</header>'
+
+
+def _part(part: str | Pointer) -> str:
+    if isinstance(part, str):
+        return _words(part)
+    return f'<a href="#{escape(part.target)}">{_words(part.words)}</a>'
+
+
+def _words(text: str) -> str:
+    """Return a text for a page, with no line that begins with a percent sign."""
+    return escape(text).replace(" %", "&nbsp;%")
+
+
+@dataclass(frozen=True)
+class LeafChange:
+    """What an earlier policy did where a leaf decides now.
+
+    Attributes:
+        was: The earlier action, the most frequent of those that differ.
+        share: The share of the leaf's recorded steps that were decided otherwise.
+    """
+
+    was: int
+    share: float
+
+    def facts(self) -> dict[str, Any]:
+        """Return the change in JSON's types."""
+        return {"was": self.was, "share": round(self.share, 4)}
+
+
+def changed_leaves(
+    before: TreePolicy, after: TreePolicy, observations: ArrayLike
+) -> dict[int, LeafChange]:
+    """Return the leaves of ``after`` that decide recorded steps otherwise than ``before``.
+
+    Args:
+        before: The earlier policy.
+        after: The later policy, of the same features and actions.
+        observations: Recorded observations, shape [N, d], in the features of both trees.
+    """
+    before.schema.check_same(after.schema, "the later policy", of="the earlier")
+    rows = check_observations("observations", observations, n_features=after.tree.n_features)
+    earlier = before.actions[before.tree.leaf_index(rows)]
+    leaves = after.tree.leaf_index(rows)
+    found = {}
+    for leaf in range(after.n_leaves):
+        mine = earlier[leaves == leaf]
+        others = mine[mine != after.actions[leaf]]
+        if others.size:
+            was = int(np.bincount(others).argmax())
+            found[leaf] = LeafChange(was, others.size / mine.size)
+    return found

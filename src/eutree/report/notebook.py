@@ -16,8 +16,7 @@ from eutree.export import to_svg
 from eutree.export.svg import STYLE
 from eutree.inspection import Edited
 from eutree.policies import TreePolicy
-from eutree.report.chart import Series, chart
-from eutree.report.front import front_charts, front_in_words
+from eutree.report.chart import Series, chart, front_charts, front_in_words
 from eutree.report.html import asset
 from eutree.training import LearningResult
 from eutree.wording import counted

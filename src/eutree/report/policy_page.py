@@ -10,8 +10,7 @@ from eutree.data import Demonstrations, Episode
 from eutree.display import told_apart
 from eutree.policies import TreePolicy
 from eutree.proof import Certificate
-from eutree.report.head import Pointer, Verdict, head
-from eutree.report.html import as_json, asset, base_style, page
+from eutree.report.html import Pointer, Verdict, as_json, asset, base_style, head, page
 from eutree.report.proof_page import certificate_section
 from eutree.report.tree_data import SIZE_LIMIT, add_pictures, policy_features, tree_data
 from eutree.report.watching import WatchedEpisode

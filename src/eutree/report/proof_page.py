@@ -7,8 +7,7 @@ from itertools import groupby
 from eutree.policies import TreePolicy
 from eutree.proof import Certificate, Picture
 from eutree.proof.certificate import EMPTY, FAILS, KNOWN, OPEN
-from eutree.report.head import head
-from eutree.report.html import asset, page
+from eutree.report.html import asset, head, page
 
 _WIDTH, _HEIGHT = 640.0, 200.0
 _SQUARE = 400.0  # height of a picture of two numbers

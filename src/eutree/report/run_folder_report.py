@@ -10,8 +10,8 @@ import numpy as np
 from eutree.compression.report import FrontEntry
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.files import read_bytes
-from eutree.learners.model_trust import ModelTrust
 from eutree.policies import TreePolicy
+from eutree.policy_search.model_trust import ModelTrust
 from eutree.report.partitions import DRAWINGS, drawings
 from eutree.report.run_page import RunReport, Table, WatchedTree
 from eutree.training import Judgement

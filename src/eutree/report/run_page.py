@@ -14,13 +14,10 @@ from eutree.arrays import Floats
 from eutree.compression.report import FrontEntry
 from eutree.export import to_svg
 from eutree.export.svg import STYLE
-from eutree.learners.model_trust import ModelTrust
 from eutree.policies import TreePolicy
-from eutree.report.changes import LeafChange
-from eutree.report.chart import Series, action_legend, chart, legend, scatter
-from eutree.report.front import front_section
-from eutree.report.head import Verdict, head
-from eutree.report.html import as_json, asset, base_style, page
+from eutree.policy_search.model_trust import ModelTrust
+from eutree.report.chart import Series, action_legend, chart, front_section, legend, scatter
+from eutree.report.html import LeafChange, Verdict, as_json, asset, base_style, head, page
 from eutree.report.tree_data import SIZE_LIMIT, add_pictures, tree_data
 from eutree.report.watching import WatchedEpisode
 from eutree.wording import counted

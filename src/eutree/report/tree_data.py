@@ -11,12 +11,12 @@ from eutree.arrays import Floats
 from eutree.data import Demonstrations, Episode
 from eutree.display import decimals_of, told_apart, usual_width
 from eutree.errors import InvalidArgumentError
-from eutree.export.palette import fills
+from eutree.export.drawing import fills
 from eutree.policies import TreePolicy
-from eutree.report.changes import LeafChange
+from eutree.report.html import LeafChange
 from eutree.report.watching import WatchedEpisode
 from eutree.schema import Feature, Schema
-from eutree.trees.digits import Digits
+from eutree.trees.text import Digits
 
 SIZE_LIMIT = 5_000_000
 

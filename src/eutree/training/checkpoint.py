@@ -21,8 +21,8 @@ from eutree.compression.report import FrontEntry
 from eutree.errors import FormatError
 from eutree.evaluation import CurvePoint
 from eutree.files import Document, read_archive, write_archive
-from eutree.learners.restoring import restored
-from eutree.learners.transitions import as_whole
+from eutree.learners.episode_buffer import as_whole
+from eutree.learners.registry import restored
 from eutree.training.judging import Judgement
 from eutree.training.phases import Position
 from eutree.training.progress import GatheredEpisodes, progress_to_csv

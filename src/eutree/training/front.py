@@ -11,18 +11,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from eutree.compression.candidates import Ladder, merged, with_locks
-from eutree.compression.costs import Costs
+from eutree.compression.candidates import Costs, Ladder, merged, with_locks
 from eutree.compression.episodes import Demand
 from eutree.compression.front import Front, Pick, front_among
-from eutree.compression.imagining import ImaginedCommonEpisodes
+from eutree.compression.imagined import ImaginedCommonEpisodes
 from eutree.compression.playing import CommonEpisodes, Ground
 from eutree.compression.searching import FrontSearch
 from eutree.learners import Learner
 from eutree.learners.learner import Imagines
 from eutree.policies import TreePolicy
 from eutree.training.proposals import key
-from eutree.world_model.common_chance import Rollouts
+from eutree.world_model.rollouts import Rollouts
 
 EARLIER = 3  # trees of a run that smaller ones are made of: the last, and those before it
 CHEAP_STEPS, DEAR_STEPS = 100, 2  # of playing for each step of the run: side by side, one by one

@@ -16,7 +16,7 @@ from eutree.contests.table import seen_range
 from eutree.evaluation import Evaluation
 from eutree.interaction.acting import Controller
 from eutree.learners import Method
-from eutree.learners.presets import reads_the_paper
+from eutree.learners.registry import reads_the_paper
 from eutree.policies import TreePolicy
 from eutree.training.front import CHEAP_STEPS, DEAR_STEPS
 from eutree.training.judging import LEARNED, START, Judgement, judged

@@ -12,7 +12,7 @@ from typing import Self
 from eutree.data import Demonstrations, Episode, check_rewards
 from eutree.evaluation.off_policy import Judge, OffPolicyComparison, hold_out
 from eutree.interaction.seeding import Stream
-from eutree.learners.expert_candidates import SETTINGS, best_left_out, candidates
+from eutree.learners.starts import SETTINGS, best_left_out, candidates
 from eutree.policies import TreePolicy
 from eutree.training.phases import generator_of
 

@@ -11,9 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eutree.arrays import Floats, Integers
-from eutree.compression.candidates import Ladder, with_locks
-from eutree.compression.costs import Costs
-from eutree.contests.ahead import Lead
+from eutree.compression.candidates import Costs, Ladder, with_locks
+from eutree.contests.rules import Lead
 from eutree.data import Episode
 from eutree.policies import TreePolicy
 from eutree.policy_search.improvement import Improvement

@@ -10,8 +10,8 @@ from eutree.evaluation.curves import curve_to_pandas
 from eutree.evaluation.off_policy import OffPolicyComparison
 from eutree.learners import History, Method
 from eutree.learners.learner import HasTeacher, ValuingPolicy
-from eutree.learners.model_trust import ModelTrust
 from eutree.policies import TreePolicy
+from eutree.policy_search.model_trust import ModelTrust
 from eutree.training.judging import LEARNED, START, Judgement
 from eutree.training.run import Run
 from eutree.training.teaching import Teacher

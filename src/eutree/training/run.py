@@ -15,11 +15,11 @@ from eutree.errors import InvalidArgumentError
 from eutree.evaluation import CurvePoint
 from eutree.interaction.seeding import Stream
 from eutree.learners import Learner, Method, Problem, Start
+from eutree.learners.episode_buffer import transitions_of
 from eutree.learners.learner import KnowsItsModel
-from eutree.learners.model_trust import ModelTrust
-from eutree.learners.transitions import transitions_of
 from eutree.policies import TreePolicy
 from eutree.policies.reach import within_reach
+from eutree.policy_search.model_trust import ModelTrust
 from eutree.training.acting import GatheringEpisode, Racing, seed_of_next
 from eutree.training.evaluations import Arena, Evaluations
 from eutree.training.judging import START

@@ -10,7 +10,7 @@ import numpy as np
 
 from eutree.arrays import Floats, Integers
 from eutree.trees import DecisionTree
-from eutree.world_model import _kernels_policy
+from eutree.world_model import _kernels
 from eutree.world_model._kernels import ActionTree
 
 Nested: TypeAlias = "int | tuple[int, float, Nested, Nested]"
@@ -71,7 +71,7 @@ def with_child(tree: ActionTree, node: int, *, goes_left: bool) -> tuple[ActionT
     out = ActionTree._make(np.empty_like(array) for array in tree)
     source = np.empty_like(tree.action)
     child = int((tree.left if goes_left else tree.right)[node])
-    n = _kernels_policy.replace_by_child(tree, node, child, out, source)
+    n = _kernels.replace_by_child(tree, node, child, out, source)
     return ActionTree._make(array[:n] for array in out), source[:n]
 
 

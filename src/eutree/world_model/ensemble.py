@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from eutree.arrays import Booleans, Float32s, Floats, Integers
 from eutree.errors import InvalidArgumentError
-from eutree.neural.network import copied, network_of, random_network
+from eutree.neural.double_dqn import copied, network_of, random_network
 from eutree.thresholds import threshold_between
 from eutree.validation import check_integer, check_number
 from eutree.world_model import _kernels_ensemble as kernels

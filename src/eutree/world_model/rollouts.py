@@ -1,12 +1,158 @@
 """Paired rollouts in model trees."""
 
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
 import numpy as np
 
 from eutree.arrays import Floats, Integers
 from eutree.world_model import _kernels, _kernels_lanes
-from eutree.world_model._kernels import ActionTree, Conditions
-from eutree.world_model.common_chance import DRAWS, Gain, Rollouts
+from eutree.world_model._kernels import ActionTree, Conditions, Episodes
 from eutree.world_model.dynamics import WorldModel
+
+# All chance comes from tables of draws, indexed by episode and step. So two policies differ in
+# their returns only by what they do, and only episodes in which they act differently are run
+# again.
+
+
+DRAWS = 2**18
+
+
+@dataclass(frozen=True)
+class Gain:
+    """A paired difference of returns: its mean, its standard error, and if all were compared."""
+
+    mean: float
+    error: float
+    complete: bool
+
+
+class Rollouts(ABC):
+    """Rollouts of a policy in a world model, and of rivals with the same chance.
+
+    Args:
+        n_episodes: Number of episodes E.
+        horizon: Most steps of one.
+        n_features: Number of features d.
+        generator: Source of the random numbers of ``redraw``.
+
+    Attributes:
+        policy: The policy that was run last.
+        generator: As given.
+    """
+
+    policy: ActionTree
+
+    def __init__(
+        self, n_episodes: int, horizon: int, n_features: int, generator: np.random.Generator
+    ) -> None:
+        self.generator = generator
+        self._n_features = n_features
+        room = n_episodes * horizon
+        self._episodes, self._spare = (_empty(n_episodes, room, n_features) for _ in range(2))
+        self._departs = np.empty(n_episodes, dtype=np.int64)
+        self._steps = np.empty(room, dtype=np.int64)
+        self.redraw()
+
+    @property
+    def n_episodes(self) -> int:
+        """Number of episodes E."""
+        return self._episodes.returns.size
+
+    @property
+    def returns(self) -> Floats:
+        """Return of each of the policy's episodes, shape [E]; a view."""
+        return self._episodes.returns
+
+    @property
+    def n_steps(self) -> int:
+        """Number of steps K of the policy's episodes."""
+        return int(self._episodes.first[-1])
+
+    @property
+    def observations(self) -> Floats:
+        """Observation at each step, shape [K, d]; a view."""
+        return self._episodes.states[: self.n_steps, : self._n_features]
+
+    @property
+    def node(self) -> Integers:
+        """Leaf node of the policy at each step, shape [K]; a view."""
+        return self._episodes.node[: self.n_steps]
+
+    @property
+    @abstractmethod
+    def n_steps_taken(self) -> int:
+        """Steps taken so far in its world model."""
+
+    def redraw(self) -> None:
+        """Draw other random numbers and other starts; the next ``run`` uses both."""
+        self._draw()
+        self._departs[:] = self._episodes.first[:-1]
+        self._within = np.zeros(1, dtype=np.int64)
+        self._drawn = True
+
+    def run(self, policy: ActionTree) -> None:
+        """Run the policy's episodes; what it does like the policy before is not run again."""
+        if not self._drawn:
+            self._compare(policy)
+        self._record(policy)
+        self._episodes, self._spare = self._spare, self._episodes
+        self.policy, self._drawn = policy, False
+        self._begin = np.empty(policy.feature.size + 1, dtype=np.int64)
+        _kernels.bucket(self.node, self._begin, self._steps)
+
+    @abstractmethod
+    def gain(self, rival: ActionTree, *, hopeless: float = -np.inf) -> Gain:
+        """Return what the rival earns more than the policy; stop early below ``hopeless``.
+
+        A comparison that stopped early returns what it expects of a complete one.
+        """
+
+    @abstractmethod
+    def deviations(self, steps: Integers) -> Floats:
+        """Return what one other action at each of the steps earns more, shape [n, A]."""
+
+    def values_at(self, node: int, feature: int) -> Floats:
+        """Return the sorted values of a feature among the steps whose path visits a node."""
+        last = node
+        while self.policy.feature[last] >= 0:
+            last = self.policy.right[last]
+        steps = self._steps[self._begin[node] : self._begin[last + 1]]
+        return np.sort(self._episodes.states[steps, feature])
+
+    @abstractmethod
+    def _draw(self) -> None:
+        """Draw the tables of chance, and write the first state of each episode."""
+
+    @abstractmethod
+    def _record(self, policy: ActionTree) -> None:
+        """Write the policy's episodes to ``_spare``."""
+
+    def _compare(self, rival: ActionTree) -> None:
+        """Find the first step of each episode at which a rival acts differently."""
+        self._within = np.zeros(self.policy.feature.size, dtype=np.int64)
+        _kernels.overlay(self.policy, rival, self._n_features, self._within)
+        _kernels.departures(
+            self.policy,
+            rival,
+            self._within,
+            self._episodes,
+            self._begin,
+            self._steps,
+            self._departs,
+        )
+
+
+def _empty(n_episodes: int, room: int, d: int) -> Episodes:
+    """Return room for episodes."""
+    return Episodes(
+        states=np.zeros((room, 2 * d)),
+        earned=np.zeros(room),
+        node=np.zeros(room, dtype=np.int64),
+        owner=np.zeros(room, dtype=np.int64),
+        first=np.zeros(n_episodes + 1, dtype=np.int64),
+        returns=np.zeros(n_episodes),
+    )
 
 
 class PairedRollouts(Rollouts):

@@ -32,8 +32,8 @@ from eutree.arrays import Floats, Int32s, Integers
 from eutree.data import Episode
 from eutree.learners import Decisions, LambdaReturn, LeafSplit, Problem, Start, Update, UTree
 from eutree.learners.learner import Arrays
-from eutree.learners.statistics import returns_by_action
 from eutree.learners.u_tree import Discretizer
+from eutree.policies.leaf_statistics import returns_by_action
 from eutree.splitting import Split
 from eutree.trees import DecisionTree
 
@@ -144,11 +144,6 @@ class EvidentUTree(UTree):
         made = super()._split(leaf, split)
         self._values = np.append(self._values, self._values[leaf])
         return made
-
-    def _replace_tree(self, tree: DecisionTree, prior: Integers) -> None:
-        super()._replace_tree(tree, prior)
-        self._values = np.zeros(tree.n_leaves)
-        self._evaluate()
 
     def _weigh(self) -> None:
         """Let actions take the place of kept ones until none has the evidence for it."""

@@ -19,8 +19,7 @@ from html import escape
 from pathlib import Path
 
 from eutree.files import write_bytes, write_text
-from eutree.report.head import head
-from eutree.report.html import asset, page
+from eutree.report.html import asset, head, page
 from eutree.wording import counted
 from eutree_lab.paper.claims import FAILS, HOLDS, OPEN, SMOKE_RUN, Claim
 from eutree_lab.paper.drawing import side_by_side, svg_and_png

@@ -24,8 +24,8 @@ from eutree.learners.declared import MOST, TREE, TREE_AND_HISTORY, Declared, Fou
 from eutree.learners.episode_buffer import EpisodeBuffer, store, store_demonstrations
 from eutree.learners.goals import goal_boxes, reached
 from eutree.learners.learner import Arrays
+from eutree.learners.looking import root_box
 from eutree.learners.partition import Partition, Plane, Region, rectangles
-from eutree.learners.root_box import root_box
 from eutree.policies import TreePolicy
 from eutree.trees import DecisionTree
 from eutree.trees.boxes import leaf_boxes

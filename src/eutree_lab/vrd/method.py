@@ -19,11 +19,15 @@ from eutree.arrays import Floats, Integers
 from eutree.errors import InvalidArgumentError
 from eutree.learners import Decisions, History, Needs, Part, Problem, Start, Step, Stored, Update
 from eutree.learners.declared import TREE, TREE_AND_HISTORY, Declared, Found, part, prefixed
-from eutree.learners.episode_buffer import EpisodeBuffer, store, store_demonstrations
+from eutree.learners.episode_buffer import (
+    EpisodeBuffer,
+    store,
+    store_demonstrations,
+    transitions_of,
+)
 from eutree.learners.learner import Arrays, TrueModel
+from eutree.learners.looking import root_box
 from eutree.learners.partition import Partition, Plane, leaves_seen
-from eutree.learners.root_box import root_box
-from eutree.learners.transitions import transitions_of
 from eutree.policies import TreePolicy
 from eutree.trees import DecisionTree
 from eutree.validation import check_choice, check_integer, check_number

@@ -6,7 +6,7 @@ import pytest
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.learners import Start
 from eutree.learners.learner import Step
-from eutree.learners.restoring import checked_state
+from eutree.learners.registry import checked_state
 from eutree.learners.starts import STARTS, start_of
 from eutree_lab.history_u_tree.evidence import FEWEST
 from eutree_lab.history_u_tree.method import HistoryUTreeMethod

@@ -13,7 +13,7 @@ from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
 from eutree.learners.goals import goal_boxes, reached
 from eutree.learners.learner import Needs, Start, check_fits
-from eutree.learners.root_box import root_box
+from eutree.learners.looking import root_box
 from eutree.trees import DecisionTree
 from eutree_lab.parti_game.method import PartiGameMethod
 from eutree_lab.vrd.method import VariableResolutionMethod

@@ -8,7 +8,7 @@ import pytest
 
 from eutree.cli.main import run as run_cli
 from eutree.errors import InvalidArgumentError
-from eutree.evaluation.intervals import Estimate, Interval
+from eutree.evaluation.evaluation import Estimate, Interval
 from eutree.learners import METHODS
 from eutree_lab.framework import report as framework_report
 from eutree_lab.framework import runs as framework

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from eutree.evaluation.intervals import Estimate
+from eutree.evaluation.evaluation import Estimate
 from eutree_lab.paper.claims import judged
 from eutree_lab.paper.numbers import NUMBERS
 

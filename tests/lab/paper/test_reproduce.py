@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from eutree.cli.main import run as run_cli
-from eutree.evaluation.intervals import Estimate, Interval
+from eutree.evaluation.evaluation import Estimate, Interval
 from eutree_lab.paper import results as results_module
 from eutree_lab.paper.claims import FAILS, HOLDS, OPEN, SMOKE_RUN, close_to, judged
 from eutree_lab.paper.experiment import FULL, SMOKE

@@ -7,14 +7,22 @@ import numpy as np
 
 from eutree.arrays import Floats
 from eutree.learners.declared import part, prefixed
-from eutree.learners.distilled_dqn.choices import DistilledDQNChoices
-from eutree.learners.distilled_dqn.contender_races import ContenderRaces
-from eutree.learners.distilled_dqn.contenders import Contender, packed_trees, unpacked_trees
-from eutree.learners.distilled_dqn.dagger import DAgger
-from eutree.learners.distilled_dqn.experience import Experience
-from eutree.learners.distilled_dqn.imagined_rivals import PRUNED, ImaginedRivals
-from eutree.learners.distilled_dqn.students import Students
-from eutree.learners.distilled_dqn.teachers import GivenTeacher, NetworkTeacher
+from eutree.learners.distilled_dqn.races import (
+    PRUNED,
+    Contender,
+    ContenderRaces,
+    ImaginedRivals,
+    packed_trees,
+    unpacked_trees,
+)
+from eutree.learners.distilled_dqn.teaching import (
+    DAgger,
+    DistilledDQNChoices,
+    Experience,
+    GivenTeacher,
+    NetworkTeacher,
+    Students,
+)
 from eutree.learners.episode_buffer import EpisodeBuffer
 from eutree.learners.learner import (
     Arrays,
@@ -26,7 +34,7 @@ from eutree.learners.learner import (
     Update,
     ValuingPolicy,
 )
-from eutree.learners.model_trust import ModelTrust
+from eutree.policy_search.model_trust import ModelTrust
 from eutree.world_model.action_trees import from_decision_tree, n_leaves, to_decision_tree
 
 FEWEST_PRUNED = 2

@@ -18,7 +18,6 @@ from eutree.arrays import Floats, Int32s, Integers
 from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
 from eutree.learners.declared import (
-    LESSONS_PART,
     MOST,
     TREE,
     TREE_AND_HISTORY,
@@ -42,14 +41,16 @@ from eutree.learners.learner import (
     Step,
     Update,
 )
-from eutree.learners.statistics import leaf_statistics
-from eutree.learners.teaching import Lessons
-from eutree.learners.u_tree.discretizer import Discretizer
-from eutree.learners.u_tree.leaf_counts import counted, counted_again, uncount
-from eutree.learners.u_tree.leaf_steps import LeafSteps
-from eutree.learners.u_tree.leaf_tests import LeafTests
-from eutree.learners.u_tree.solving import Solving
-from eutree.learners.u_tree.targets import OneStep, Target
+from eutree.learners.u_tree.discretizer import Discretizer, OneStep, Target
+from eutree.learners.u_tree.leaves import (
+    LeafSteps,
+    LeafTests,
+    Solving,
+    counted,
+    counted_again,
+    uncount,
+)
+from eutree.policies.leaf_statistics import leaf_statistics
 from eutree.splitting import KolmogorovSmirnov, LeafSample, Naive, SignificanceTest, Split
 from eutree.trees import DecisionTree
 from eutree.validation import check_integer, check_number
@@ -147,7 +148,7 @@ def u_tree_parts(*, bounded: bool, solves_at: bool) -> tuple[Part, ...]:
     """
     forgetting = bounds_part("LA") if bounded else ()
     solving = {"solved_at": Stored("i8", "1", low=0, most="history_n_seen")} if solves_at else {}
-    return (*TREE_AND_HISTORY, *forgetting, LESSONS_PART, Part(_MDP | solving, _is_queue))
+    return (*TREE_AND_HISTORY, *forgetting, Part(_MDP | solving, _is_queue))
 
 
 _MDP = {
@@ -207,7 +208,6 @@ class UTree:
         self._prior = np.array(none if prior is None else prior)  # [L]
         self._tests = LeafTests(method, tree.n_leaves)
         self._locked = frozenset(locked)
-        self._lessons = Lessons(tree.n_features)
         self._steps = LeafSteps()
 
     @classmethod
@@ -267,10 +267,7 @@ class UTree:
             one.leaves,
             terminated=episode.terminated,
             generator=self._steps.generator,
-            demonstrated=episode.shown,
         )
-        if np.count_nonzero(episode.shown):  # hardly ever, so spare the rest
-            self._lessons.add(episode.observations[:-1][episode.shown])
         if self.method.max_transitions is not None:
             if not stored.all():
                 uncount(self.mdp, self._rewards_before, one, stored)
@@ -295,12 +292,6 @@ class UTree:
         """
         if len(self._steps):
             raise InvalidArgumentError("update must be called between episodes, not within one")
-        greedy = self.greedy_actions().astype(np.int64)
-        refined = self._lessons.refine(
-            self.tree, greedy, self.history, self.n_actions, self._locked
-        )
-        if refined is not None:
-            self._replace_tree(*refined)
         made = []
         for leaf in self._tests.due(self.history, self._locked):
             sample = self._sample(leaf)
@@ -391,7 +382,7 @@ class UTree:
         state |= {"tested_at": self._tests.tested_at, "prior": self._prior}
         if self._locked:
             state["locked"] = np.array(sorted(self._locked))
-        return state | self._lessons.state() | self._solving.state()
+        return state | self._solving.state()
 
     @classmethod
     def from_state(
@@ -407,7 +398,6 @@ class UTree:
         learner.mdp = counted(learner.history, tree.n_leaves, n_actions, method)
         learner.mdp.restore(part(state, "mdp_"))
         learner._tests.tested_at = np.array(state["tested_at"])
-        learner._lessons.restore(state)
         if "solved_at" in state:
             learner._solving.solved_at = int(state["solved_at"][0])
         return learner
@@ -419,14 +409,6 @@ class UTree:
             if value > best_value:
                 best, best_value = action, value
         return best if best >= 0 else int(self._prior[leaf])
-
-    def _replace_tree(self, tree: DecisionTree, prior: Integers) -> None:
-        """Take another state tree; label all transitions and count them (Eqs. 3, 4)."""
-        self.tree, self._prior = tree, prior
-        self._tests.reset(tree.n_leaves)
-        self.history.relabel(tree)
-        self.mdp = counted(self.history, tree.n_leaves, self.n_actions, self.method)
-        self._solving.solve(self.mdp, self.history)
 
 
 def reservoirs_of(method: Discretizer, n_leaves: int, n_actions: int) -> LeafReservoirs | None:

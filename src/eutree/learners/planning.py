@@ -14,12 +14,11 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from eutree.arrays import Floats, Int32s, Integers
+from eutree.arrays import Floats, Integers
 from eutree.c45 import C45Settings, grow
 from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
 from eutree.learners.declared import (
-    LESSONS_PART,
     MOST,
     TREE,
     TREE_AND_HISTORY,
@@ -31,20 +30,24 @@ from eutree.learners.declared import (
     part,
     prefixed,
 )
+from eutree.learners.episode_buffer import (
+    EpisodeBuffer,
+    store,
+    store_demonstrations,
+    transitions_of,
+)
 from eutree.learners.forgetting import RecentEpisodes
 from eutree.learners.history import History
 from eutree.learners.learner import Arrays, Decisions, Needs, Problem, Start, Step, Update
-from eutree.learners.statistics import returns_by_action
-from eutree.learners.teaching import Lessons
-from eutree.learners.transitions import transitions_of
 from eutree.policies import LeafStatistics
+from eutree.policies.leaf_statistics import returns_by_action
 from eutree.policy_search.planner import Plan, Planner
 from eutree.trees import DecisionTree
-from eutree.trees.grafting import graft
+from eutree.trees.edit import graft
 from eutree.validation import check_integer, check_number
 from eutree.world_model import ActionTree
 from eutree.world_model.action_trees import from_decision_tree, to_decision_tree
-from eutree.world_model.common_chance import Rollouts
+from eutree.world_model.rollouts import Rollouts
 
 _UNPRUNED = C45Settings(use_penalty=False, prune=False)
 _TREES = ("incumbent", "challenger", "explorer", "corrected")
@@ -102,7 +105,7 @@ class PlanningMethod:
     def declared(self, problem: Problem, start: Start) -> Declared:
         """Return what the arrays of a ``state()`` are."""
         forgetting = () if self.max_transitions is None else bounds_part("1")
-        return problem.declare(*TREE_AND_HISTORY, *forgetting, LESSONS_PART, *_PLAN)
+        return problem.declare(*TREE_AND_HISTORY, *forgetting, *_PLAN)
 
 
 _COUNT = Stored("i8", "1", low=0, most="history_n_episodes")
@@ -162,20 +165,12 @@ class ModelPlanning:
         self.history = History(tree.n_features, 1, _forgetting(method))
         self._informed = informed
         self._locked = frozenset(locked)
-        self._lessons = Lessons(tree.n_features)
-        self._steps: list[Step] = []
+        self._steps = EpisodeBuffer()
 
     def add_demonstrations(self, episodes: Iterable[Episode]) -> None:
         """Store the expert's episodes; they are taken for what the incumbent can do."""
         for episode in episodes:
-            self.history.append_episode(
-                episode.observations,
-                episode.actions,
-                episode.rewards,
-                _no_leaves(len(episode) + 1),
-                terminated=episode.terminated,
-                demonstrated=True,
-            )
+            store_demonstrations(self.history, [episode])
             self.history.forget()
         n_episodes = self.history.n_episodes
         self.plan = replace(
@@ -193,9 +188,7 @@ class ModelPlanning:
 
     def start_episode(self, observation: Floats, generator: np.random.Generator) -> None:
         """Begin an episode at its first observation, shape [d]; choose who acts in it."""
-        self._steps.clear()
-        self._generator = generator
-        self._first = self._present = observation
+        self._steps.start(observation, generator)
         plan = self.plan
         blind = plan.explorer is None and not self._informed
         self._explores = blind or generator.random() < self.method.planner.explorer_share
@@ -211,42 +204,22 @@ class ModelPlanning:
     def act(self) -> int:
         """Return the acting tree's action for the present observation; the explorer's may err."""
         if self._locked:
-            leaf = self.tree.leaf_of(self._present.tolist())
+            leaf = self.tree.leaf_of(self._steps.present.tolist())
             if leaf in self._locked:
                 return int(self.actions[leaf])
-        if self._exploration > 0.0 and self._generator.random() < self._exploration:
-            return int(self._generator.integers(self.n_actions))
-        return self._actor.act(self._present)
+        if self._exploration > 0.0 and self._steps.generator.random() < self._exploration:
+            return int(self._steps.generator.integers(self.n_actions))
+        return self._actor.act(self._steps.present)
 
     def observe(self, step: Step) -> None:
         """Take what came of an action."""
-        self._steps.append(step)
-        self._present = step.observation
+        self._steps.add(step)
 
     def end_episode(self) -> None:
-        """Store the episode; it is evidence on the tree that acted, unless somebody helped it."""
-        actions = np.array([step.action for step in self._steps], dtype=np.int64)
-        rewards = np.array([step.reward for step in self._steps])
-        shown = np.array([step.shown for step in self._steps], dtype=np.bool_)
-        observations = np.concatenate([self._first, *(step.observation for step in self._steps)])
-        observations = observations.reshape(len(actions) + 1, -1)
-        self.history.append_episode(
-            observations,
-            actions,
-            rewards,
-            _no_leaves(len(actions) + 1),
-            terminated=self._steps[-1].terminated,
-            generator=self._generator,
-            demonstrated=shown,
-        )
-        self._lessons.add(observations[:-1][shown])
-        self._steps.clear()
+        """Store the episode; it is evidence on the tree that acted."""
+        store(self.history, self._steps.finish(), generator=self._steps.generator)
         episode = self.history.n_episodes - 1
-        if shown.any():
-            self.plan = replace(
-                self.plan, assisted_episodes=(*self.plan.assisted_episodes, episode)
-            )
-        elif self._explores:
+        if self._explores:
             if self.plan.explorer is not None:
                 self.plan = self.plan.with_explored(episode)
         else:
@@ -261,9 +234,8 @@ class ModelPlanning:
 
     def update(self, generator: np.random.Generator) -> Update:
         """Plan if it is time: judge the challenger, and plan the next one and the explorer."""
-        if self._steps:
+        if len(self._steps):
             raise InvalidArgumentError("update must be called between episodes, not within one")
-        self._learn_from_lessons()
         history, planner = self.history, self.method.planner
         if not history.size or not planner.due(self.plan, history.n_seen):
             return Update()
@@ -303,7 +275,7 @@ class ModelPlanning:
         state["actions"] = self.actions
         if self._locked:
             state["locked"] = np.array(sorted(self._locked))
-        return state | self._lessons.state() | prefixed("plan_", self._plan_state())
+        return state | prefixed("plan_", self._plan_state())
 
     @classmethod
     def from_state(
@@ -323,17 +295,8 @@ class ModelPlanning:
         learner.history = History.from_state(
             part(state, "history_"), DecisionTree.single_leaf(n_features), _forgetting(method)
         )
-        learner._lessons.restore(state)
         learner.plan = _plan_of(part(state, "plan_"))
         return learner
-
-    def _learn_from_lessons(self) -> None:
-        """Plan from a tree that does what somebody has shown since the last time."""
-        refined = self._lessons.refine(
-            self.tree, self.actions, self.history, self.n_actions, self._locked
-        )
-        if refined is not None:
-            self.plan = replace(self.plan, corrected=from_decision_tree(*refined))
 
     def _adopt(self, tree: DecisionTree, actions: Integers) -> None:
         """Let another tree decide, but where leaves are locked in the present one."""
@@ -415,11 +378,6 @@ def _forgetting(method: PlanningMethod) -> RecentEpisodes | None:
     return None if method.max_transitions is None else RecentEpisodes(method.max_transitions)
 
 
-def _no_leaves(n: int) -> Int32s:
-    """Return the leaf of each of n observations where there is but one."""
-    return np.zeros(n, dtype=np.int32)
-
-
 def _plan_of(state: Mapping[str, NDArray[Any]]) -> Plan:
     """Return the plan of a ``_plan_state``."""
     trees = {
@@ -440,3 +398,6 @@ def _plan_of(state: Mapping[str, NDArray[Any]]) -> Plan:
         demonstrations=int(state["demonstrations"][0]),
         valid_from=int(state["valid_from"][0]),
     )
+
+
+DEFAULT = PlanningMethod()

@@ -1,29 +1,193 @@
-"""The policy, the trees of all rounds that wanted its place, and the race under way.
+"""Rivals of the policy: trees of CART, pruned by imagined returns, and their real races.
 
-A race is made of ordinary episodes, from starts that the learner numbers: all entrants run from
-the same ones. What another tree ran, deciding alike throughout, is known and not run again.
+The trees of all rounds that wanted the place of the policy are kept. A race is made of ordinary
+episodes, from starts that the learner numbers: all entrants run from the same ones. The episodes
+of another tree that decides alike throughout are known and not run again.
 """
 
-from collections.abc import Sequence
-from dataclasses import replace
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eutree.contests import Ahead, Table, new_table, next_episode
-from eutree.contests.ahead import Lead
+from eutree.contests.rules import Lead
 from eutree.contests.table import pairs
 from eutree.learners.declared import part, prefixed
-from eutree.learners.distilled_dqn.contenders import (
-    Contender,
-    packed_contenders,
-    unpacked_contenders,
-)
-from eutree.learners.distilled_dqn.experience import Experience
-from eutree.learners.distilled_dqn.students import Students
+from eutree.learners.distilled_dqn.teaching import Experience, Students
 from eutree.learners.learner import Arrays, Figures
-from eutree.learners.model_trust import ModelTrust
+from eutree.policy_search.model_trust import ModelTrust
 from eutree.world_model import ActionTree
 from eutree.world_model.action_trees import n_leaves
+from eutree.world_model.ensemble import Ensemble, EnsembleSettings, fit_ensemble
+from eutree.world_model.ensemble_rollouts import EnsembleRollouts, pruned_by_rollouts
+
+ORIGINS = ("start", "cart", "pruned", "pruned-weighted")
+UNKNOWN = float("nan")
+
+
+@dataclass
+class Contender:
+    """A tree that is, was or may become the policy.
+
+    Attributes:
+        tree: The tree.
+        origin: How it was made: the start, CART as it is, or pruned by imagined returns from a
+            plain or from a weighted CART.
+        imagined: Its score in the latest world model; NaN before the first.
+        returns: Its returns in all races so far.
+    """
+
+    tree: ActionTree
+    origin: str
+    imagined: float = UNKNOWN
+    returns: list[float] = field(default_factory=list)
+
+    @property
+    def mean_return(self) -> float:
+        """Mean of its returns; NaN where there is none."""
+        return float(np.mean(self.returns)) if self.returns else UNKNOWN
+
+    def worth(self, price: float) -> float:
+        """Return its mean return less what its leaves have to earn; NaN where there is none."""
+        return self.mean_return - price * n_leaves(self.tree)
+
+    def sure_worth(self, price: float) -> float:
+        """Return its worth less a standard error; -inf for fewer than two returns."""
+        n = len(self.returns)
+        if n < 2:
+            return -math.inf
+        return self.worth(price) - float(np.std(self.returns, ddof=1)) / math.sqrt(n)
+
+
+def packed_contenders(contenders: Sequence[Contender]) -> dict[str, NDArray[Any]]:
+    """Return contenders as arrays."""
+    trees = packed_trees([one.tree for one in contenders])
+    return trees | {
+        "origin": np.array([ORIGINS.index(one.origin) for one in contenders], dtype=np.int64),
+        "imagined": np.array([one.imagined for one in contenders]),
+        "n_returns": np.array([len(one.returns) for one in contenders], dtype=np.int64),
+        "returns": np.array([r for one in contenders for r in one.returns], dtype=np.float64),
+    }
+
+
+def unpacked_contenders(state: Mapping[str, NDArray[Any]]) -> list[Contender]:
+    """Return the contenders that ``packed_contenders`` made arrays of."""
+    ends = np.cumsum(state["n_returns"])[:-1]
+    returns = np.split(state["returns"], ends)
+    return [
+        Contender(tree, ORIGINS[origin], imagined, earned.tolist())
+        for tree, origin, imagined, earned in zip(
+            unpacked_trees(state),
+            state["origin"].tolist(),
+            state["imagined"].tolist(),
+            returns,
+            strict=True,
+        )
+    ]
+
+
+def packed_trees(trees: Sequence[ActionTree]) -> dict[str, NDArray[Any]]:
+    """Return trees as arrays, one after the other."""
+    columns = {
+        name: np.concatenate([getattr(tree, name) for tree in trees]) for name in ActionTree._fields
+    }
+    return columns | {"n_nodes": np.array([tree.feature.size for tree in trees], dtype=np.int64)}
+
+
+def unpacked_trees(state: Mapping[str, NDArray[Any]]) -> list[ActionTree]:
+    """Return the trees that ``packed_trees`` made arrays of."""
+    ends = np.cumsum(state["n_nodes"])[:-1]
+    columns = [np.split(np.array(state[name]), ends) for name in ActionTree._fields]
+    return [
+        ActionTree._make(np.ascontiguousarray(column) for column in columns_of_tree)
+        for columns_of_tree in zip(*columns, strict=True)
+    ]
+
+
+N_STARTS = 50  # first observations of imagined episodes
+# Several times the leaves allowed, and whether CART was weighted; the first are made first.
+PRUNED = ((3, True), (3, False), (2, False), (3, True), (3, False), (2, True))
+PARTS = (1, 2, 4)  # of the leaves allowed: what CART's own trees have that race
+FEW_RETURNS = 4  # below which a contender's mean says nothing
+
+
+class ImaginedRivals:
+    """A world model, and the trees that it speaks for.
+
+    Args:
+        settings: How the model is fitted.
+        students: The teacher's labels, and trees that copy them.
+        experience: What the model is fitted to.
+        n_actions: Number of actions.
+        max_leaves: Most leaves of a rival.
+
+    Attributes:
+        ensemble: The model; None before it is first fitted.
+    """
+
+    def __init__(
+        self,
+        settings: EnsembleSettings,
+        students: Students,
+        experience: Experience,
+        n_actions: int,
+        max_leaves: int,
+    ) -> None:
+        self._settings = settings
+        self._students = students
+        self._experience = experience
+        self._n_actions = n_actions
+        self._max_leaves = max_leaves
+        self.ensemble: Ensemble | None = None
+
+    def make(self, n: int, generator: np.random.Generator) -> list[Contender]:
+        """Fit the model to all that is known; return CART's trees and ``n`` pruned ones."""
+        data = self._experience.transitions(self._n_actions)
+        if self.ensemble is None:
+            self.ensemble = fit_ensemble(data, self._settings, generator)
+        else:
+            self.ensemble = self.ensemble.fitted_on(data, generator)
+        observations = self._experience.history.observations
+        sizes = sorted({max(self._max_leaves // part, 2) for part in PARTS}, reverse=True)
+        rivals = [Contender(self._students.fit(observations, n), "cart") for n in sizes]
+        for times, weighted in PRUNED[:n]:
+            leaves = times * self._max_leaves
+            large = self._students.fit(observations, leaves, weighted=weighted)
+            rollouts = EnsembleRollouts(self.ensemble, N_STARTS, generator)
+            tree, score = pruned_by_rollouts(large, rollouts, self._max_leaves, generator)
+            rivals.append(Contender(tree, "pruned-weighted" if weighted else "pruned", score))
+        return rivals
+
+    def imagine(
+        self, contenders: Sequence[Contender], policy: ActionTree, generator: np.random.Generator
+    ) -> None:
+        """Score all contenders in the same imagined episodes, which chose none of them."""
+        if self.ensemble is None:
+            return
+        rollouts = EnsembleRollouts(self.ensemble, N_STARTS, generator)
+        rollouts.run(policy)
+        for one in contenders:
+            one.imagined = rollouts.score(rollouts.returns_of(one.tree))
+
+    def trust(self, contenders: Sequence[Contender]) -> ModelTrust | None:
+        """Return how the model orders the trees that were really run; None without a model."""
+        if self.ensemble is None:
+            return None
+        met = [one for one in contenders if len(one.returns) >= FEW_RETURNS]
+        return ModelTrust(
+            np.array([one.imagined for one in met]),
+            np.array([one.mean_return for one in met]),
+            np.array([len(one.returns) for one in met], dtype=np.int64),
+        )
+
+    def take_back(self, state: Arrays) -> None:
+        """Go on from the model's ``state()``."""
+        self.ensemble = Ensemble.from_state(state, self._settings, self._n_actions)
+
 
 SURE = 2.0  # standard errors that end a race, and that win where its rivals cannot be trusted
 MANY_RETURNS = 12  # below which a contender's mean says little

@@ -1,0 +1,381 @@
+"""The choices of ``distilled-dqn``, its episodes, its teachers, and the trees that copy them.
+
+The teacher is a network that learns in the run, or one of the user. CART copies it on everything
+that it was asked about, which DAgger gathers (Ross, Gordon and Bagnell 2011).
+"""
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from eutree.arrays import Floats, Int32s, Integers
+from eutree.cart import grow_cart
+from eutree.data import Episode
+from eutree.learners.episode_buffer import (
+    FinishedEpisode,
+    store,
+    store_demonstrations,
+    transitions_of,
+)
+from eutree.learners.history import TERMINAL, History
+from eutree.learners.learner import Arrays, Problem, Start, ValuingPolicy
+from eutree.neural import DoubleDQN, DoubleDQNSettings, Scaling
+from eutree.neural.double_dqn import reward_scale_of
+from eutree.trees import DecisionTree
+from eutree.validation import check_integer, check_number
+from eutree.world_model import ActionTree, Transitions, leaf_node
+from eutree.world_model.action_trees import from_decision_tree
+from eutree.world_model.ensemble import EnsembleSettings
+
+
+@dataclass(frozen=True, kw_only=True)
+class DistilledDQNChoices:
+    """The choices of this method.
+
+    Attributes:
+        max_leaves: Most leaves of the policy.
+        leaf_price: Return that a leaf must earn, as a share of the mean size of a return shown.
+        steps: Environment steps to learn in, where the run has no budget of steps itself.
+        teacher_share: Share of the steps in which the teacher learns.
+        teacher_steps: Most steps in which it learns.
+        dagger_share: Share of the steps in which DAgger gathers.
+        last_share: Share of the steps that is kept for the last races.
+        exploration: Chance of a random action of the teacher at first.
+        last_exploration: The same from a fifth of its steps on.
+        demonstration_updates: Updates of the teacher before its first step; at most one for each
+            transition shown.
+        teacher: How the teacher learns.
+        world_model: How the world model is fitted.
+    """
+
+    max_leaves: int = 34
+    leaf_price: float = 0.002
+    steps: int = 500_000
+    teacher_share: float = 0.5
+    teacher_steps: int = 180_000
+    dagger_share: float = 0.08
+    last_share: float = 0.2
+    exploration: float = 0.3
+    last_exploration: float = 0.02
+    demonstration_updates: int = 2_000
+    teacher: DoubleDQNSettings = field(default_factory=DoubleDQNSettings)
+    world_model: EnsembleSettings = field(default_factory=EnsembleSettings)
+
+    def __post_init__(self) -> None:
+        check_integer("max_leaves", self.max_leaves, low=2)
+        check_number("leaf_price", self.leaf_price, low=0.0)
+        for name in ("steps", "teacher_steps", "demonstration_updates"):
+            check_integer(name, getattr(self, name), low=1)
+        for name in ("teacher_share", "dagger_share", "last_share", "exploration"):
+            check_number(name, getattr(self, name), low=0.0, high=1.0)
+        check_number("last_exploration", self.last_exploration, low=0.0, high=1.0)
+
+
+class Experience:
+    """All episodes of a learner, the demonstrations first.
+
+    Args:
+        n_features: Number of features of an observation.
+        demonstrations: What was shown.
+
+    Attributes:
+        history: Their transitions.
+        n_shown: How many of these are of demonstrations.
+    """
+
+    def __init__(self, n_features: int, demonstrations: Sequence[Episode]) -> None:
+        self._whole = DecisionTree.single_leaf(n_features)
+        self.history = History(n_features, 1)
+        store_demonstrations(self.history, demonstrations)
+        self.n_shown = self.history.size
+
+    def add(self, episode: FinishedEpisode) -> None:
+        """Store an episode of the learner's own."""
+        store(self.history, episode)
+
+    @property
+    def mean_length(self) -> float:
+        """Mean number of steps of an episode."""
+        return self.history.size / self.history.n_episodes
+
+    @property
+    def typical_return(self) -> float:
+        """Mean size of a return shown; 0 where nothing was."""
+        shown = self.history.rewards[: self.n_shown]
+        returns = np.bincount(self.history.episodes[: self.n_shown], shown)
+        return float(np.abs(returns).mean()) if shown.size else 0.0
+
+    @property
+    def longest(self) -> int:
+        """Steps of the longest episode; 1 before the first."""
+        return int(np.bincount(self.history.episodes).max(initial=1))
+
+    def last(self) -> slice:
+        """Return the rows of the last episode."""
+        first = int(np.searchsorted(self.history.episodes, self.history.n_episodes - 1))
+        return slice(first, self.history.size)
+
+    def episode_from(self, first: int) -> slice:
+        """Return the rows of the episode whose first row this is."""
+        episodes = self.history.episodes
+        return slice(first, int(np.searchsorted(episodes, episodes[first] + 1)))
+
+    def return_of(self, rows: slice) -> float:
+        """Return the sum of the rewards of some rows."""
+        return float(self.history.rewards[rows].sum())
+
+    def first_of_last(self, n_steps: int) -> int:
+        """Return the first row of the last episodes that have so many steps; no demonstration."""
+        row = max(self.history.size - n_steps, self.n_shown)
+        number = self.history.episodes[min(row, self.history.size - 1)]
+        return max(int(np.searchsorted(self.history.episodes, number)), self.n_shown)
+
+    def transitions(self, n_actions: int) -> Transitions:
+        """Return all of it as a world model is fitted to."""
+        return transitions_of(self.history, n_actions)
+
+    def take_back(self, state: Arrays) -> None:
+        """Go on from the history's ``state()``."""
+        self.history = History.from_state(state, self._whole)
+
+
+class Students:
+    """What a teacher says at observations, and trees that say the same.
+
+    Args:
+        action_values: The teacher's Q, from observations [N, d] to [N, A].
+        n_actions: Number of actions A.
+    """
+
+    def __init__(self, action_values: Callable[[Floats], Floats], n_actions: int) -> None:
+        self._action_values = action_values
+        self._n_actions = n_actions
+        self.begin(0)
+
+    def begin(self, first: int) -> None:
+        """Forget all labels; observations before row ``first`` of the store are left out."""
+        self._first = first
+        self._labels: Integers = np.empty(0, dtype=np.int64)
+        self._gaps: Floats = np.empty(0)
+
+    def fit(
+        self,
+        observations: Floats,
+        max_leaves: int,
+        *,
+        weighted: bool = False,
+        labels: Int32s | None = None,
+    ) -> ActionTree:
+        """Return a tree of at most so many leaves.
+
+        Args:
+            observations: All that are stored, shape [N, d]: those of before and new ones.
+            max_leaves: Most leaves.
+            weighted: Whether an observation counts by max_a Q - min_a Q there, as in VIPER
+                (Bastani, Pu and Solar-Lezama 2018).
+            labels: Actions to copy in place of the teacher's, shape [N].
+        """
+        rows, classes, weights = observations, labels, None
+        if classes is None:
+            self._label(observations)
+            rows, classes = observations[self._first :], self._labels.astype(np.int32)
+            weights = self._gaps if weighted and self._gaps.sum() > 0.0 else None
+        tree, actions = grow_cart(
+            rows,
+            classes.astype(np.int64),
+            n_classes=self._n_actions,
+            max_leaves=max_leaves,
+            weights=weights,
+        )
+        return from_decision_tree(tree, actions)
+
+    def act(self, tree: ActionTree, observation: Floats) -> int:
+        """Return what a tree does at an observation [d]."""
+        return int(tree.action[leaf_node(tree, 0, observation)])
+
+    def agree(self, tree: ActionTree, observations: Floats, actions: Int32s) -> bool:
+        """Return whether a tree does just this at observations [T, d]."""
+        return all(
+            self.act(tree, observation) == action
+            for observation, action in zip(observations, actions.tolist(), strict=True)
+        )
+
+    def _label(self, observations: Floats) -> None:
+        """Ask the teacher about the observations that it has not seen yet."""
+        values = self._action_values(observations[self._first + self._labels.size :])
+        self._labels = np.concatenate([self._labels, values.argmax(axis=1)])
+        self._gaps = np.concatenate([self._gaps, np.ptp(values, axis=1)])
+
+
+STUDENT_LEAVES = 400  # of DAgger's trees: they gather data, nobody reads them
+ROUNDS = 12
+LAST_OF_TEACHER = 4_000  # steps of the teacher's last episodes that it begins with, at most
+
+
+class DAgger:
+    """The rounds of one learner.
+
+    Args:
+        students: The teacher's labels, and trees that copy them.
+        experience: What the teacher and the trees lived through.
+        steps: Steps of all rounds together.
+        tree: Who acts before the first round.
+
+    Attributes:
+        tree: Who acts in the present round.
+        labelled_from: First row of the experience that is labelled.
+        round_from: The learner's steps at the beginning of the round.
+    """
+
+    def __init__(
+        self, students: Students, experience: Experience, steps: int, tree: ActionTree
+    ) -> None:
+        self._students = students
+        self._experience = experience
+        self._steps = steps
+        self.tree = tree
+        self.labelled_from = self.round_from = 0
+
+    def begin(self, steps: int) -> None:
+        """Begin the first round, after so many steps of the teacher's."""
+        self.labelled_from = self._experience.first_of_last(min(LAST_OF_TEACHER, self._steps))
+        self._students.begin(self.labelled_from)
+        self._begin_round(steps)
+
+    def round_is_over(self, steps: int) -> bool:
+        """Return whether the round has had its steps; the learner has taken so many in all."""
+        return steps - self.round_from >= self._steps / ROUNDS
+
+    def next_round(self, steps: int) -> int:
+        """Fit the next tree; return the number of observations that it was fitted to."""
+        self._begin_round(steps)
+        return self._experience.history.size - self.labelled_from
+
+    def take_back(self, tree: ActionTree, labelled_from: int, round_from: int) -> None:
+        """Go on from where these stood."""
+        self.tree, self.labelled_from, self.round_from = tree, labelled_from, round_from
+        self._students.begin(labelled_from)
+
+    def _begin_round(self, steps: int) -> None:
+        self.round_from = steps
+        self.tree = self._students.fit(self._experience.history.observations, STUDENT_LEAVES)
+
+
+class GivenTeacher:
+    """A teacher of the user's own, who has learned elsewhere.
+
+    Args:
+        policy: The teacher.
+
+    Attributes:
+        policy: The same.
+        updates: 0; it does not learn here.
+    """
+
+    updates = 0
+
+    def __init__(self, policy: ValuingPolicy) -> None:
+        self.policy = policy
+
+    def act(self, observation: Floats) -> int:
+        """Return its action at an observation [d]."""
+        return int(self.policy.action_values(observation[np.newaxis]).argmax())
+
+    def learn(self, history: History, generator: np.random.Generator) -> None:
+        """Do nothing."""
+
+    def state(self) -> Arrays:
+        """Return nothing: it is given anew to a run that goes on."""
+        return {}
+
+    def restore(self, state: Arrays, history: History, *, replay: bool) -> None:
+        """Do nothing."""
+
+
+class NetworkTeacher:
+    """A Double DQN that learns from a run's episodes, the demonstrations first.
+
+    Args:
+        method: How it learns, and how often before its first step.
+        problem: What is learned.
+        start: The demonstrations.
+        history: They, stored.
+        steps: Steps that it is going to learn in.
+        generator: Source of its first weights.
+
+    Attributes:
+        policy: The network; as a policy it decides by its averaged weights.
+    """
+
+    def __init__(
+        self,
+        method: DistilledDQNChoices,
+        problem: Problem,
+        start: Start,
+        history: History,
+        steps: int,
+        generator: np.random.Generator,
+    ) -> None:
+        settings = method.teacher
+        self._per_step = settings.updates_per_step
+        self._first_updates = min(method.demonstration_updates, history.size)
+        self._n_shown = self._known = history.n_episodes
+        self.policy = DoubleDQN(
+            settings,
+            Scaling.of(history.observations),
+            problem.n_actions,
+            reward_scale=reward_scale_of([e.rewards for e in start.episodes], settings.discount),
+            updates=max(self._first_updates + int(self._per_step * steps), 1),
+            generator=generator,
+        )
+        for episode in start.episodes:
+            self.policy.add(
+                episode.observations,
+                episode.actions,
+                episode.rewards,
+                terminated=episode.terminated,
+            )
+
+    @property
+    def updates(self) -> int:
+        """Updates so far."""
+        return self.policy.updates
+
+    def act(self, observation: Floats) -> int:
+        """Return its action at an observation [d], by its present weights."""
+        return self.policy.act(observation)
+
+    def learn(self, history: History, generator: np.random.Generator) -> None:
+        """Learn from the episodes that are new."""
+        if not self.updates:
+            self.policy.update(self._first_updates, generator)
+        first = int(np.searchsorted(history.episodes, self._known))
+        self._show(history, self._known, history.n_episodes)
+        self._known = history.n_episodes
+        self.policy.update(round(self._per_step * (history.size - first)), generator)
+
+    def state(self) -> Arrays:
+        """Return its weights, and how many episodes it has learned from."""
+        return {"known": np.array([self._known], dtype=np.int64), **self.policy.state()}
+
+    def restore(self, state: Arrays, history: History, *, replay: bool) -> None:
+        """Go on from a ``state()``; with ``replay`` it will learn more."""
+        self._known = int(state["known"][0])
+        self.policy.restore(state)
+        if replay:
+            self._show(history, self._n_shown, self._known)
+
+    def _show(self, history: History, first: int, last: int) -> None:
+        """Store the episodes ``first`` to ``last`` - 1 in the replay."""
+        bounds = np.searchsorted(history.episodes, np.arange(first, last + 1)).tolist()
+        for begin, end in itertools.pairwise(bounds):
+            rows = slice(begin, end)
+            ahead = history.next_observations[end - 1 : end]
+            self.policy.add(
+                np.concatenate([history.observations[rows], ahead]),
+                history.actions[rows].astype(np.int64),
+                history.rewards[rows],
+                terminated=bool(history.entered[end - 1] == TERMINAL),
+            )

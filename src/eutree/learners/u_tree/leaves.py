@@ -1,0 +1,214 @@
+"""The episode under way in the leaves of a tree: each step is one compiled call."""
+
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from eutree.arrays import Booleans, Floats, Int32s, Integers
+from eutree.compiled import machine_code
+from eutree.learners.episode_buffer import EpisodeBuffer, FinishedEpisode
+from eutree.learners.history import History
+from eutree.learners.learner import Step
+from eutree.learners.u_tree import _kernels_step
+from eutree.learners.u_tree._kernels_step import REFUSED, UNKNOWN
+from eutree.learners.u_tree.discretizer import Discretizer
+from eutree.mdp import TERMINAL, TabularMDP, TransitionCounts
+from eutree.trees import DecisionTree
+
+
+class LeafEpisode(NamedTuple):
+    """An episode with its leaves."""
+
+    steps: FinishedEpisode
+    leaves: Int32s  # [T + 1] L(o) of each observation
+    entered: Int32s  # [T] where each step led: a leaf, or TERMINAL
+
+
+class LeafSteps:
+    """Takes steps into the MDP over the leaves, and knows the present leaf and what to do there.
+
+    Attributes:
+        leaf: L(o) of the present observation.
+        generator: Source of all chance of the episode.
+    """
+
+    def __init__(self) -> None:
+        self._buffer = EpisodeBuffer()
+        self._leaves: list[int] = []
+        self._arrive, self._step = _kernels_step.arrive, _kernels_step.step
+        self._bound = False
+        self.leaf = 0
+        self._choice = UNKNOWN
+
+    def __len__(self) -> int:
+        """Return the number of steps so far."""
+        return len(self._buffer)
+
+    def start(
+        self,
+        tree: DecisionTree,
+        mdp: TabularMDP,
+        observation: Floats,
+        generator: np.random.Generator,
+    ) -> None:
+        """Begin an episode at its first observation, shape [d]; ``mdp`` is over the tree's leaves.
+
+        Neither may be another one before the episode has ended.
+        """
+        observation = np.ascontiguousarray(observation, dtype=np.float64)
+        self._buffer.start(observation, generator)
+        self.generator = generator
+        self._nodes, self._mdp, self._arrays = tree.nodes, mdp, mdp.arrays
+        place = (self._nodes, self._arrays, observation)
+        if not self._bound:
+            self._arrive = machine_code(_kernels_step.arrive, *place)
+            self._step = machine_code(_kernels_step.step, *place, 0, 0, 0.0, False, 0)
+            self._bound = True
+        self.leaf, self._choice = self._arrive(*place)
+        self._leaves = [self.leaf]
+
+    def greedy(self, prior: Integers) -> int:
+        """Return the greedy action of the present leaf (Eq. 1); where nothing was tried, its prior.
+
+        Args:
+            prior: Action of each leaf, shape [L].
+        """
+        return self._choice if self._choice != UNKNOWN else int(prior[self.leaf])
+
+    def add(self, step: Step, backups: int) -> None:
+        """Take a step: count it (Eqs. 3, 4), back up so many states, find the leaf it led to."""
+        observation = np.ascontiguousarray(step.observation, dtype=np.float64)
+        leaf, choice = self._step(
+            self._nodes, self._arrays, observation, self.leaf,
+            step.action, step.reward, step.terminated, backups,
+        )  # fmt: skip
+        if choice == REFUSED:
+            entered = TERMINAL if step.terminated else leaf
+            self._mdp.observe(self.leaf, step.action, step.reward, entered, backups)
+            self._arrays = self._mdp.arrays
+            choice = _kernels_step.greedy(self._arrays, leaf)
+        self._buffer.add(step)
+        self._leaves.append(leaf)
+        self.leaf, self._choice = leaf, choice
+
+    def finish(self) -> LeafEpisode:
+        """Return the episode, and forget it."""
+        leaves = np.array(self._leaves, dtype=np.int32)
+        entered = leaves[1:].copy()
+        episode = self._buffer.finish()
+        if episode.terminated:
+            entered[-1] = TERMINAL
+        return LeafEpisode(episode, leaves, entered)
+
+
+# A history that forgets takes transitions back from the counts; V, Q and the queue stay.
+
+
+def counted(history: History, n_leaves: int, n_actions: int, method: Discretizer) -> TabularMDP:
+    """Return the MDP of the stored transitions, not solved."""
+    rows = history.left, history.actions, history.rewards, history.entered
+    counts = TransitionCounts.of(*rows, n_states=n_leaves, n_actions=n_actions)
+    return TabularMDP(counts, method.discount, untried=method.untried_value)
+
+
+def counted_again(mdp: TabularMDP, history: History, method: Discretizer) -> TabularMDP:
+    """Return the MDP of the transitions that are stored now, with V, Q and the queue of ``mdp``."""
+    again = counted(history, mdp.n_states, mdp.counts.n_actions, method)
+    again.restore(mdp.state() | {"reward_sums": again.counts.reward_sums.copy()})
+    return again
+
+
+def uncount(
+    mdp: TabularMDP, rewards_before: Floats, episode: LeafEpisode, stored: Booleans
+) -> None:
+    """Take back the counts of those transitions of the last episode that were not stored.
+
+    Args:
+        mdp: The MDP, in which all are counted.
+        rewards_before: Its reward sums before the episode, shape [L, A].
+        episode: The episode.
+        stored: Which of its transitions are stored, shape [T].
+    """
+    left, actions, rewards = episode.leaves[:-1], episode.steps.actions, episode.steps.rewards
+    out = ~stored
+    mdp.counts.forget(left[out], actions[out], rewards[out], episode.entered[out])
+    state = mdp.state()
+    state["reward_sums"] = rewards_before  # to the bit: as if never added
+    np.add.at(state["reward_sums"], (left[stored], actions[stored]), rewards[stored])
+    mdp.restore(state)
+
+
+class LeafTests:
+    """Remembers what each leaf held when it was tested last.
+
+    Args:
+        method: How much a leaf must have grown to be tested again.
+        n_leaves: Number of leaves.
+
+    Attributes:
+        tested_at: Transitions seen to leave each leaf at its last test, shape [L].
+    """
+
+    def __init__(self, method: Discretizer, n_leaves: int) -> None:
+        self._method = method
+        self.tested_at: Integers = np.zeros(n_leaves, dtype=np.int64)
+
+    def due(self, history: History, locked: Iterable[int]) -> list[int]:
+        """Return the leaves to test now: those that have grown enough since they were tested."""
+        sizes = history.seen_leaving()[: self.tested_at.size]
+        growth = self._method.retest_growth
+        due = (sizes >= self.tested_at * growth) | (growth == 1.0)  # an estimate may fall
+        due[list(locked)] = False
+        self.tested_at[due] = sizes[due]
+        leaves: list[int] = np.flatnonzero(due).tolist()
+        return leaves
+
+    def split(self, leaf: int) -> None:
+        """Take note of a split of ``leaf``: both halves are new."""
+        self.tested_at = np.append(self.tested_at, 0)
+        self.tested_at[leaf] = 0
+
+
+BACKUPS_PER_LEAF = 20  # of prioritized sweeping for each leaf that a split has made or shrunk
+
+
+class Solving:
+    """The exact solutions of a learner's MDP.
+
+    Args:
+        growth: Solve again when the history has grown to so many times its size.
+
+    Attributes:
+        solved_at: Transitions ever seen when the MDP was solved last.
+    """
+
+    def __init__(self, growth: float) -> None:
+        self._growth = growth
+        self.solved_at = 0
+
+    def solve(self, mdp: TabularMDP, history: History) -> None:
+        """Solve exactly, whatever the history has grown."""
+        mdp.solve()
+        self.solved_at = history.n_seen
+
+    def after_splits(self, mdp: TabularMDP, history: History, leaves: Sequence[int]) -> None:
+        """Solve exactly if it is time; else sweep from these leaves, the halves of split ones."""
+        if self._due(history):
+            self.solve(mdp, history)
+        elif leaves:
+            mdp.queue(leaves)
+            mdp.sweep(BACKUPS_PER_LEAF * len(leaves))
+
+    def state(self) -> dict[str, Integers]:
+        """Return what a stored learner needs: nothing where every expansion solves."""
+        return {"solved_at": np.array([self.solved_at])} if self._growth > 1.0 else {}
+
+    def _due(self, history: History) -> bool:
+        """Return whether so many transitions have come that an exact solution pays.
+
+        A history that has not grown at all is being learned from again, as without an environment:
+        no step will come that sweeps.
+        """
+        new = history.n_seen - self.solved_at
+        return new == 0 or new >= (self._growth - 1.0) * (history.size - new)

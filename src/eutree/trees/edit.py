@@ -1,0 +1,199 @@
+"""Build a labelled tree node by node: what all that edits decision trees has in common."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from eutree.arrays import Floats, Integers
+from eutree.trees.boxes import node_boxes
+from eutree.trees.tree import DecisionTree
+
+
+class TreeBuilder:
+    """A labelled tree that grows, parents first; leaves are numbered in the order they come in.
+
+    Args:
+        n_features: Number of features of an observation.
+    """
+
+    def __init__(self, n_features: int) -> None:
+        self._n_features = n_features
+        self._feature: list[int] = []
+        self._threshold: list[float] = []
+        self._children: list[list[int]] = []
+        self._leaf: list[int] = []
+        self._labels: list[int] = []
+
+    def test(self, feature: int, threshold: float, *, parent: int, side: int) -> int:
+        """Append a test; return the number of its node.
+
+        Args:
+            feature: Attribute tested.
+            threshold: Threshold of the test.
+            parent: Node that it is a child of; negative for the root.
+            side: 0 for the left child, 1 for the right one.
+        """
+        return self._add(feature, threshold, DecisionTree.NO_LEAF, parent, side)
+
+    def leaf(self, label: int, *, parent: int, side: int) -> int:
+        """Append a leaf; return its number among the leaves."""
+        self._labels.append(label)
+        number = len(self._labels) - 1
+        self._add(DecisionTree.NO_FEATURE, np.nan, number, parent, side)
+        return number
+
+    def build(self) -> tuple[DecisionTree, Integers]:
+        """Return the tree, which must be whole, and the labels of its leaves, shape [L]."""
+        links = np.array(self._children, dtype=np.int32)
+        tree = DecisionTree(
+            n_features=self._n_features,
+            feature=np.array(self._feature, dtype=np.int32),
+            threshold=np.array(self._threshold),
+            left=links[:, 0],
+            right=links[:, 1],
+            leaf=np.array(self._leaf, dtype=np.int32),
+        )
+        return tree, np.array(self._labels, dtype=np.int64)
+
+    def _add(self, feature: int, threshold: float, leaf: int, parent: int, side: int) -> int:
+        number = len(self._feature)
+        self._feature.append(feature)
+        self._threshold.append(threshold)
+        self._children.append([DecisionTree.NO_NODE, DecisionTree.NO_NODE])
+        self._leaf.append(leaf)
+        if parent >= 0:
+            self._children[parent][side] = number
+        return number
+
+
+INNER = -1  # the label of a node that is no leaf
+
+
+def merge(tree: DecisionTree, labels: Integers) -> tuple[DecisionTree, Integers]:
+    """Join sibling leaves of equal label, repeatedly, and drop tests that decide nothing.
+
+    A test decides nothing where the tests above it already tell its answer. Below the left side
+    of a test a feature is a number, below the right side alone it may be NaN, which keeps going
+    right; so dropping such a test is exact for NaN too.
+
+    Args:
+        tree: The tree.
+        labels: Label of each leaf, shape [L].
+
+    Returns:
+        The smaller tree and the labels of its leaves.
+    """
+    low, high = node_boxes(tree)
+    source = np.arange(tree.n_nodes)  # the node that now stands in a node's place
+    label = np.full(tree.n_nodes, INNER, dtype=np.int64)  # of nodes that are leaves now
+    label[tree.node_of_leaf] = labels
+    for node in range(tree.n_nodes - 1, -1, -1):  # children have larger numbers
+        feature = tree.feature[node]
+        if feature == tree.NO_FEATURE:
+            continue
+        left, right = source[tree.left[node]], source[tree.right[node]]
+        if tree.threshold[node] >= high[node, feature]:
+            source[node] = left
+        elif tree.threshold[node] <= low[node, feature]:
+            source[node] = right
+        elif label[left] != INNER and label[left] == label[right]:
+            label[node] = label[left]
+    return rebuild(tree, source, label)
+
+
+def reachable(tree: DecisionTree, low: Floats, high: Floats) -> tuple[DecisionTree, Integers]:
+    """Return the tree without the tests that every observation in a box answers alike.
+
+    Args:
+        tree: The tree.
+        low: Smallest value of each feature, shape [d].
+        high: Largest value of each feature, shape [d].
+
+    Returns:
+        The smaller tree, and which leaf of ``tree`` each of its leaves is, shape [L].
+    """
+    source = np.arange(tree.n_nodes)  # the node that now stands in a node's place
+    label = np.full(tree.n_nodes, INNER, dtype=np.int64)
+    label[tree.node_of_leaf] = np.arange(tree.n_leaves)
+    for node in range(tree.n_nodes - 1, -1, -1):  # children have larger numbers
+        feature, threshold = tree.feature[node], tree.threshold[node]
+        if feature == tree.NO_FEATURE:
+            continue
+        if threshold >= high[feature]:
+            source[node] = source[tree.left[node]]
+        elif threshold < low[feature]:
+            source[node] = source[tree.right[node]]
+    return rebuild(tree, source, label)
+
+
+def rebuild(tree: DecisionTree, source: Integers, label: Integers) -> tuple[DecisionTree, Integers]:
+    """Return the tree of the nodes that still stand, in preorder, and the labels of its leaves.
+
+    Args:
+        tree: The tree.
+        source: The node that stands in each node's place: itself, or one below it, shape [M].
+        label: Label of each node that is a leaf now, ``INNER`` of the others, shape [M].
+    """
+    built = TreeBuilder(tree.n_features)
+    pending = [(int(source[0]), -1, 0)]
+    while pending:
+        node, parent, side = pending.pop()
+        if label[node] != INNER:
+            built.leaf(int(label[node]), parent=parent, side=side)
+            continue
+        feature, threshold = int(tree.feature[node]), float(tree.threshold[node])
+        number = built.test(feature, threshold, parent=parent, side=side)
+        pending.append((int(source[tree.right[node]]), number, 1))
+        pending.append((int(source[tree.left[node]]), number, 0))
+    return built.build()
+
+
+def graft(
+    stock: DecisionTree, kept: Mapping[int, int], scion: DecisionTree, labels: Integers
+) -> tuple[DecisionTree, Integers, frozenset[int]]:
+    """Return a tree that decides by ``stock`` in some of its leaves and by ``scion`` elsewhere.
+
+    Tests of the stock with no kept leaf below them are gone, and so are tests of the scion that
+    the tests above them answer already; each kept leaf has the box that it had.
+
+    Args:
+        stock: The tree with the leaves to keep.
+        kept: Label of each leaf to keep.
+        scion: The other tree.
+        labels: Label of each of its leaves, shape [L].
+
+    Returns:
+        The tree, the labels of its leaves, and which of them are the kept ones.
+    """
+    holds = np.zeros(stock.n_nodes, dtype=bool)  # whether a kept leaf is below
+    holds[stock.node_of_leaf[list(kept)]] = True
+    for node in range(stock.n_nodes - 1, 0, -1):
+        holds[stock.parent[node]] |= holds[node]
+    built, marked = TreeBuilder(stock.n_features), []
+    nowhere = (-1, 0)
+    everywhere = np.full(stock.n_features, -np.inf), np.full(stock.n_features, np.inf)
+    work = [(stock, 0, everywhere, nowhere)]
+    while work:
+        tree, node, (low, high), (parent, side) = work.pop()
+        if tree is stock and not holds[node]:
+            tree, node = scion, 0
+        feature, cut = int(tree.feature[node]), float(tree.threshold[node])
+        if feature != tree.NO_FEATURE and cut >= high[feature]:
+            work.append((tree, int(tree.left[node]), (low, high), (parent, side)))
+            continue
+        if feature != tree.NO_FEATURE and cut <= low[feature]:
+            work.append((tree, int(tree.right[node]), (low, high), (parent, side)))
+            continue
+        if feature == tree.NO_FEATURE:
+            leaf = int(tree.leaf[node])
+            label = kept[leaf] if tree is stock else int(labels[leaf])
+            number = built.leaf(label, parent=parent, side=side)
+            if tree is stock:
+                marked.append(number)
+            continue
+        number = built.test(feature, cut, parent=parent, side=side)
+        below, above = high.copy(), low.copy()
+        below[feature] = above[feature] = cut
+        work.append((tree, int(tree.right[node]), (above, high), (number, 1)))
+        work.append((tree, int(tree.left[node]), (low, below), (number, 0)))
+    return (*built.build(), frozenset(marked))
