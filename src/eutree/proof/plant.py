@@ -37,6 +37,9 @@ class Plant:
         reward: What each step earns, where all earn the same; None where they do not.
         grid: Lower bound, upper bound and number of cells of each number of a state, for what is
             to hold for ever; empty where that is not asked.
+        axes: Combinations of the state, [d, d], along which a step turns next to nothing, with an
+            exact inverse; empty where the starts are cut instead.
+        cells: Width of a cell along each axis: what is reached together in one is one box.
         measures: Names of the numbers that the conditions of properties are about; those of the
             state by default.
         question: The property that is asked for by default.
@@ -51,6 +54,8 @@ class Plant:
     limit: int | None = None
     reward: float | None = None
     grid: tuple[tuple[float, float, int], ...] = ()
+    axes: tuple[tuple[float, ...], ...] = ()
+    cells: tuple[float, ...] = ()
     measures: tuple[str, ...] = ()
     question: str = "arrives"
     by_chance: ClassVar[bool] = False

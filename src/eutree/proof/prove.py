@@ -11,6 +11,7 @@ from eutree.policies import TreePolicy
 from eutree.proof.certificate import NEVER, PROOF, PROVEN, REFUTED, UNDECIDED, Certificate, Pieces
 from eutree.proof.intervals import Intervals, Truth, middle
 from eutree.proof.invariant import Grid, largest_invariant
+from eutree.proof.layers import Layers, worst_starts
 from eutree.proof.picture import pictures_of_pieces
 from eutree.proof.plant import Plant, State
 from eutree.proof.properties import EVER, Property, parse
@@ -61,7 +62,8 @@ def prove(
     horizon = EVER if horizon is None else horizon
     proof = _Proof(policy, plant, asked, horizon, effort or Effort())
     if horizon != EVER:
-        return proof.certificate()
+        by_axes = bool(plant.axes) and asked.kind != "arrives"
+        return proof.by_layers() if by_axes else proof.certificate()
     if asked.kind == "arrives":
         raise InvalidArgumentError(
             f"property {asked.text!r} must be about a number of steps: add 'within N steps'"
@@ -116,6 +118,29 @@ class _Proof:
             work={"pieces": len(pieces.first), "box_steps": reach.box_steps},
         )
 
+    def by_layers(self) -> Certificate:
+        """Return whether the conditions hold for some steps, from boxes along the plant's axes."""
+        plant, name, asked = self._plant, self._plant.environment, self._asked.text
+        self._check_start()
+        steps = 0
+        for refine in self._effort.refinements:
+            layers = Layers(self._policy, plant, refine)
+            steps = max(steps, layers.keeps(self._broken, self._horizon, self._effort.box_steps))
+            if steps == self._horizon:
+                break
+        work = {"boxes": layers.most, "box_steps": layers.box_steps, "steps": steps}
+        every = f"from every start of {name} it {asked}"
+        if steps == self._horizon:
+            return Certificate(every, PROOF, PROVEN, work=work)
+        for start in worst_starts(Acting(self._policy, plant), plant, self._harm, self._horizon):
+            broken = self._breaks(start)
+            if broken is not None:
+                found = self._named(start, broken)
+                words = f"it is not true that {every}"
+                return Certificate(words, PROOF, REFUTED, counterexample=found, work=work)
+        words = f"whether {every} is open; it is proven for the first {steps} steps"
+        return Certificate(words, PROOF, UNDECIDED, undecided=1.0, work=work)
+
     def for_ever(self) -> Certificate:
         """Return whether the conditions hold at every step of an episode without an end."""
         plant = self._plant
@@ -153,11 +178,22 @@ class _Proof:
             return pieces.first == NEVER, (pieces.last == NEVER) & (pieces.first != NEVER)
         return pieces.last != NEVER, (pieces.first != NEVER) & (pieces.last == NEVER)
 
-    def _broken(self, state: State) -> Truth:
-        """Return whether states break what must hold at every step."""
+    @property
+    def _region(self) -> Region:
         region = self._asked.region
         assert region is not None  # noqa: S101 - the parser gives one to these kinds
-        inside = _inside(region, self._plant.measure(state))
+        return region
+
+    def _harm(self, seen: Floats) -> Floats:
+        """Return how far measures [m, N] are beyond the bounds of what must hold, shape [N]."""
+        low, high = (np.asarray(end)[:, None] for end in (self._region.low, self._region.high))
+        scale = np.where(np.isfinite(high - low), high - low, 1.0)
+        beyond: Floats = (np.maximum(low - seen, seen - high) / scale).max(axis=0)
+        return beyond if self._asked.kind == "stays" else -beyond
+
+    def _broken(self, state: State) -> Truth:
+        """Return whether states break what must hold at every step."""
+        inside = _inside(self._region, self._plant.measure(state))
         return ~inside if self._asked.kind == "stays" else inside
 
     def _check_start(self) -> None:

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 from eutree.proof.plant import Plant
+from eutree.proof.plants.cart_pole import CartPole
 from eutree.proof.plants.evasion import Evasion
 from eutree.proof.plants.mountain_car import MountainCar
 from eutree.proof.plants.two_tanks import TwoTanks
@@ -11,6 +12,7 @@ from eutree.schema import EnvironmentSpec
 Factory = Callable[[EnvironmentSpec], Plant]
 
 _PLANTS: dict[str, Factory] = {
+    "CartPole-v1": CartPole,
     "MountainCar-v0": MountainCar,
     "TwoTanks-v0": TwoTanks,
     "eutree/Evasion-v0": Evasion,
