@@ -1,4 +1,4 @@
-"""What a tree sees: the present observation and, if asked for, some of the past.
+"""What a tree sees: the present observation, what is derived of it, and some of the past.
 
     features of step t = o_t, o_{t-1}, ..., o_{t-H}, onehot(a_{t-1}), ..., onehot(a_{t-K})
 
@@ -15,7 +15,66 @@ from dataclasses import dataclass
 import numpy as np
 
 from eutree.arrays import Floats, Integers
+from eutree.formulas import Formula, parse
+from eutree.schema import Schema
 from eutree.validation import check_integer
+
+
+@dataclass(frozen=True)
+class Derivation:
+    """How the derived features of a schema are computed of those that are measured.
+
+    Attributes:
+        n_measured: Numbers that are measured at each step, m.
+        formulas: One for each derived feature, in their order.
+    """
+
+    n_measured: int
+    formulas: tuple[Formula, ...] = ()
+
+    @classmethod
+    def of(cls, schema: Schema) -> "Derivation":
+        """Return the derivation that a schema of single observations declares."""
+        names, first = schema.feature_names, schema.measured.n_features
+        formulas = (
+            parse(feature.formula, names[:j])
+            for j, feature in enumerate(schema.features)
+            if feature.formula
+        )
+        return cls(first, tuple(formulas))
+
+    @property
+    def remembered(self) -> tuple[int, ...]:
+        """The features whose last values are asked for, in order."""
+        asked = {one.index for formula in self.formulas for one in formula if one.kind == "last"}
+        return tuple(sorted(asked))
+
+    def rows(self, measured: Floats, before: Floats | None = None) -> Floats:
+        """Return observations with their derived features, shape [..., d].
+
+        Args:
+            measured: What is measured, shape [..., m].
+            before: What this returned one step before; None at the first step of an episode.
+        """
+        columns = [measured[..., j] for j in range(self.n_measured)]
+        for formula in self.formulas:
+            value = formula.compute(columns, lambda j: (columns[j] if before is None
+                                                        else before[..., j]))  # fmt: skip
+            columns.append(np.broadcast_to(value, measured.shape[:-1]))
+        return np.stack(columns, axis=-1)
+
+    def of_episode(self, measured: Floats) -> Floats:
+        """Return the observations of an episode with their derived features, shape [T + 1, d].
+
+        Args:
+            measured: Shape [T + 1, m].
+        """
+        columns = list(measured.T)
+        for formula in self.formulas:
+            value = formula.compute(columns, lambda j: columns[j][np.maximum(
+                np.arange(len(measured)) - 1, 0)])  # fmt: skip
+            columns.append(np.broadcast_to(value, len(measured)))
+        return np.stack(columns, axis=-1)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,6 +14,7 @@ from typing import Any
 
 from eutree.display import decimals_of, number, told_apart, usual_width
 from eutree.errors import InvalidArgumentError, UnknownNameError, shown
+from eutree.formulas import declared, in_formula, parse, renamed
 
 MAX_FEATURES = 10_000  # the past included
 MAX_ACTIONS = 1_000  # learners hold tables of leaves x actions, and C4.5 of actions x cuts
@@ -55,6 +56,7 @@ class Feature:
         categories: Names of its values ``low, low + 1, ..., high``, where these are codes.
         group: Name of the choice of which it is one category: 1 in exactly one of the features of
             that group, 0 in the others.
+        formula: How a derived feature is computed of those before it; empty where it is measured.
     """
 
     name: str
@@ -64,6 +66,7 @@ class Feature:
     is_integer: bool = False
     categories: tuple[str, ...] = ()
     group: str = ""
+    formula: str = ""
 
     @classmethod
     def from_label(cls, label: str) -> "Feature":
@@ -129,6 +132,12 @@ def _of_kind(feature: Feature, kind: str | Sequence[str]) -> Feature:
             )
     categories = () if isinstance(kind, str) else tuple(kind)
     return replace(feature, low=low, high=high, is_integer=True, categories=categories)
+
+
+def _derived(declaration: str) -> Feature:
+    """Return the derived feature of a declaration, with the unit that it names."""
+    label, formula = declared(declaration)
+    return replace(Feature.from_label(label), formula=formula)
 
 
 @dataclass(frozen=True)
@@ -212,6 +221,19 @@ class Schema:
                 raise InvalidArgumentError(f"schema must name at least one of {kind}, got none")
             if len(set(names)) != len(names):
                 raise InvalidArgumentError(f"schema must have distinct {kind}, got {list(names)}")
+        self._check_formulas()
+
+    def _check_formulas(self) -> None:
+        """Raise InvalidArgumentError unless derived features are made of those before them."""
+        derived = [j for j, feature in enumerate(self.features) if feature.formula]
+        if not derived:
+            return
+        if derived != list(range(derived[0], derived[0] + len(derived))) or not derived[0]:
+            raise InvalidArgumentError(
+                "schema must have its derived features together, after those that are measured"
+            )
+        for j in derived:
+            parse(self.features[j].formula, self.feature_names[:j])
 
     @property
     def feature_names(self) -> tuple[str, ...]:
@@ -231,6 +253,63 @@ class Schema:
             if feature.group:
                 members[feature.group] = (*members.get(feature.group, ()), place)
         return members
+
+    @property
+    def measured(self) -> "Schema":
+        """The schema of what is measured: up to the first derived feature."""
+        measured = itertools.takewhile(lambda feature: not feature.formula, self.features)
+        return replace(self, features=tuple(measured))
+
+    @property
+    def derived(self) -> tuple[Feature, ...]:
+        """The derived features."""
+        return tuple(feature for feature in self.features if feature.formula)
+
+    def derive(self, declarations: "Sequence[str | Feature]") -> "Schema":
+        """Return the schema with derived features behind the others.
+
+        Args:
+            declarations: ``"NAME = FORMULA"``, a unit behind the name in brackets; where there is
+                none, it follows from the formula (see ``eutree.formulas``). Or such features.
+
+        Raises:
+            InvalidArgumentError: A declaration is none, or its name is taken.
+            UnknownNameError: A formula names no feature before it.
+        """
+        if isinstance(declarations, str):
+            raise InvalidArgumentError(
+                f"derived features must be a list of declarations, got {shown(declarations)}"
+            )
+        schema = self
+        for declaration in declarations:
+            feature = declaration if isinstance(declaration, Feature) else _derived(declaration)
+            if feature.name in schema.feature_names:
+                raise InvalidArgumentError(
+                    f"a derived feature must have a name of its own, got {shown(feature.name)}"
+                )
+            formula = parse(feature.formula, schema.feature_names)
+            unit = feature.unit or formula.unit([known.unit for known in schema.features])
+            schema = replace(schema, features=(*schema.features, replace(feature, unit=unit)))
+        return schema
+
+    def renamed(self, features: Sequence[Feature], actions: tuple[str, ...]) -> "Schema":
+        """Return the schema with the names and units of others for what is measured.
+
+        Args:
+            features: A feature for each that is measured, or for each of all.
+            actions: Names of the actions.
+        """
+        names = [*(feature.name for feature in features), *self.feature_names[len(features) :]]
+        mine = (*features, *self.features[len(features) :])
+        return Schema(
+            tuple(
+                replace(was, name=new.name, unit=new.unit, formula=was.formula and renamed(
+                    was.formula, self.feature_names[:j], [in_formula(name) for name in names[:j]]))
+                for j, (was, new) in enumerate(zip(self.features, mine, strict=True))
+            ),
+            actions,
+            self.controls,
+        )  # fmt: skip
 
     @property
     def n_actions(self) -> int:
@@ -274,6 +353,7 @@ class Schema:
                 name=theirs.name,
                 unit=theirs.unit or mine.unit,
                 is_integer=mine.is_integer or theirs.is_integer,
+                formula=theirs.formula,
             )
             for mine, theirs in zip(self.features, other.features, strict=True)
         )
@@ -334,7 +414,11 @@ class Schema:
             return False
         return all(
             mine == theirs
-            or (len(mine) == len(theirs) and all(numbered.fullmatch(name) for name in mine))
+            or (
+                len(mine) == len(theirs)
+                and all(numbered.fullmatch(name) for name in mine)
+                and len(self.derived) == len(other.derived)
+            )
             for mine, theirs, numbered in (
                 (self.feature_names, other.feature_names, _NUMBERED),
                 (self.actions, other.actions, _NUMBERED_ACTION),
@@ -374,6 +458,7 @@ class Schema:
                 feature,
                 name=f"{feature.name}, {k} ago",
                 group=feature.group and f"{feature.group}, {k} ago",
+                formula="",
             )
             for k in range(1, steps + 1)
             for feature in self.features

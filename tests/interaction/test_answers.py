@@ -11,8 +11,9 @@ from eutree.distillation import DistillationSettings
 from eutree.errors import InvalidArgumentError, UnsupportedSpaceError
 from eutree.evaluation import evaluate_policy
 from eutree.interaction import GriddedAction, GuardedEnv, describe
-from eutree.interaction.action_grid import acting_as, grid_around
+from eutree.interaction.action_grid import grid_around
 from eutree.interaction.decoding import DecodedObservation
+from eutree.interaction.deriving import acting_as
 from eutree.interaction.making import make
 from eutree.interaction.replay import replay
 from eutree.interaction.spaces import spec_of

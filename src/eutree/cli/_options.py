@@ -6,7 +6,7 @@ import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -15,6 +15,9 @@ from eutree.errors import described, shown
 from eutree.files.schema_document import plain_json
 from eutree.schema import MAX_ACTIONS, EnvironmentSpec
 from eutree.validation import MAX_SEED
+
+if TYPE_CHECKING:
+    from eutree.interaction.names import Names
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 
@@ -91,8 +94,8 @@ def env_arg_option(command: _Command) -> _Command:
     """Add what every command that makes an environment takes.
 
     ``--env-arg key=value`` (repeatable) is passed on as a dict ``env_arguments``, with what
-    ``--decode`` and ``--action-grid`` ask for; ``--import`` and ``--names`` are obeyed before the
-    command begins.
+    ``--decode`` and ``--action-grid`` ask for; ``--import``, ``--names`` and ``--derive`` are
+    obeyed before the command begins.
     """
     argument = click.option(
         "--env-arg",
@@ -109,7 +112,16 @@ def env_arg_option(command: _Command) -> _Command:
         expose_value=False,
         callback=_use_names,
         help='Names for an environment without: {"features": ["room [°C]", "hour [h]"], '
-        '"actions": ["off", "on"]}.',
+        '"actions": ["off", "on"], "derived": ["warmth = room * hour"]}.',
+    )
+    derive = click.option(
+        "--derive",
+        multiple=True,
+        metavar="NAME=FORMULA",
+        expose_value=False,
+        callback=_derive,
+        help="A feature made of others: 'fall = level - last(level)'; or a file with one a line. "
+        "May be repeated.",
     )
     decode = click.option(
         "--decode",
@@ -129,7 +141,7 @@ def env_arg_option(command: _Command) -> _Command:
         help="For continuous actions: the levels to choose from, valve=0,50,100 or "
         "'valve [%]=0:100:5' (five from 0 to 100). One for each number of the action, in order.",
     )
-    return argument(decode(grid(import_option(names(command)))))
+    return argument(decode(grid(import_option(derive(names(command))))))
 
 
 def import_option(command: _Command) -> _Command:
@@ -185,9 +197,26 @@ def _use_names(context: click.Context, parameter: click.Parameter, path: Path | 
     """Give the names in a file to every environment that the command makes."""
     if path is None or context.resilient_parsing:
         return
-    from eutree.interaction.names import Names, named
+    from eutree.interaction.names import Names
 
-    context.with_resource(named(Names.load(path)))
+    _give(context, Names.load(path))
+
+
+def _derive(context: click.Context, parameter: click.Parameter, texts: tuple[str, ...]) -> None:
+    """Declare derived features for every environment that the command makes."""
+    if not texts or context.resilient_parsing:
+        return
+    from eutree.interaction.names import Names, declarations
+
+    declared = [line for text in texts for line in ([text] if "=" in text else declarations(text))]
+    _give(context, Names(derived=tuple(declared)))
+
+
+def _give(context: click.Context, names: "Names") -> None:
+    """Give names besides those that were given before."""
+    from eutree.interaction.names import given_names, named
+
+    context.with_resource(named(names.besides(given_names())))
 
 
 def _import_module(context: click.Context, parameter: click.Parameter, name: str | None) -> None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from eutree.errors import InvalidArgumentError
 
 if TYPE_CHECKING:
+    from eutree.data import Demonstrations
     from eutree.interaction.names import Names
     from eutree.policies import TreePolicy
     from eutree.schema import EnvironmentSpec
@@ -22,6 +23,21 @@ def load_policy(path: Path, *, hand_edited: bool = False) -> "TreePolicy":
 
     policy, names = TreePolicy.load(policy_file(path), hand_edited=hand_edited), given_names()
     return policy if names is None else renamed(policy, names)
+
+
+def load_demonstrations(path: Path, policy: "TreePolicy | None" = None) -> "Demonstrations":
+    """Return the demonstrations in a folder, with the features that are derived elsewhere.
+
+    These are what ``--derive`` declares, or else what the policy asks for.
+    """
+    from eutree.data import Demonstrations, derive
+    from eutree.interaction.names import given_names
+
+    demonstrations, names = Demonstrations.load(path), given_names()
+    declared = (names and names.derived) or (policy and policy.schema.derived)
+    if not declared or demonstrations.schema.derived:
+        return demonstrations
+    return derive(demonstrations, declared)
 
 
 def renamed(policy: "TreePolicy", names: "Names") -> "TreePolicy":
@@ -49,7 +65,7 @@ def policy_file(path: Path) -> Path:
 def check_fits(policy: "TreePolicy", path: Path, spec: "EnvironmentSpec") -> None:
     """Raise InvalidArgumentError unless the policy's features are those of the environment."""
     from eutree.interaction import describe
-    from eutree.interaction.action_grid import acting_as
+    from eutree.interaction.deriving import acting_as
     from eutree.interaction.making import make
 
     schema = describe(acting_as(make(spec), policy))

@@ -20,6 +20,7 @@ from eutree.cli._options import (
     seed_option,
 )
 from eutree.cli._output import Output, front_drawn
+from eutree.cli._policies import load_demonstrations
 from eutree.errors import EutreeError, InvalidArgumentError, shown
 from eutree.schema import EnvironmentSpec
 from eutree.wording import counted
@@ -201,14 +202,15 @@ def _observations(
     source: Path, demos: Path | None, policy: "TreePolicy", *, needed: bool
 ) -> "Floats":
     """Return the recorded observations; none where none were and the tree's own episodes do."""
-    from eutree.data import Demonstrations
     from eutree.training import stored_observations
     from eutree.training.many import folder_of_winner
 
     if source.is_dir():
         return stored_observations(folder_of_winner(source))
     if demos is not None:
-        recorded = Demonstrations.load(demos).with_history(policy.history, policy.past_actions)
+        recorded = load_demonstrations(demos, policy).with_history(
+            policy.history, policy.past_actions
+        )
         return recorded.observations
     if needed:
         raise InvalidArgumentError(
@@ -235,14 +237,13 @@ def _experience(
     source: Path, demos: Path | None, policy: "TreePolicy"
 ) -> "Transitions | Demonstrations":
     """Return what a world model is fitted to."""
-    from eutree.data import Demonstrations
     from eutree.training import stored_transitions
 
     if source.is_dir():
         return stored_transitions(source, policy.schema.n_actions)
     if demos is None:
         raise InvalidArgumentError("--imagined needs a run folder, or --demos")
-    return Demonstrations.load(demos)
+    return load_demonstrations(demos, policy)
 
 
 def _rounding(texts: tuple[str, ...]) -> "Rounding":

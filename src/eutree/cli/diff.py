@@ -8,7 +8,7 @@ import numpy as np
 
 from eutree.cli._options import json_option, path_option
 from eutree.cli._output import Output
-from eutree.cli._policies import load_policy
+from eutree.cli._policies import load_demonstrations, load_policy
 
 if TYPE_CHECKING:
     from eutree.arrays import Floats
@@ -23,11 +23,10 @@ if TYPE_CHECKING:
 @json_option
 def diff(first: Path, second: Path, demos: Path | None, as_json: bool) -> None:
     """Say where FIRST and SECOND, two policy files, decide differently, and how they are built."""
-    from eutree.data import Demonstrations
     from eutree.inspection import diff as compare
 
     one, two = load_policy(first), load_policy(second)
-    recorded = None if demos is None else Demonstrations.load(demos)
+    recorded = None if demos is None else load_demonstrations(demos, one)
     found = compare(one, two, observations=None if recorded is None else _seen(one, recorded))
     names = one.schema.actions
     Output(as_json=as_json).result(

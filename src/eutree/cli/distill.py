@@ -17,7 +17,7 @@ from eutree.cli._options import (
     seed_option,
 )
 from eutree.cli._output import Output
-from eutree.cli._policies import load_policy
+from eutree.cli._policies import load_demonstrations, load_policy
 from eutree.errors import InvalidArgumentError
 from eutree.schema import EnvironmentSpec
 from eutree.wording import counted
@@ -62,7 +62,6 @@ def distill(
     **settings: Any,
 ) -> None:
     """Make a small tree that decides in ENVIRONMENT as the teacher does."""
-    from eutree.data import Demonstrations
     from eutree.distillation import DistillationSettings
     from eutree.distillation.distill import distill as distill_teacher
     from eutree.files import check_writable
@@ -70,7 +69,7 @@ def distill(
     output = Output(as_json=as_json)
     spec = EnvironmentSpec(environment, env_arguments)
     teacher = _teacher(spec, expert, policy)
-    shown = None if demos is None else Demonstrations.load(demos)
+    shown = None if demos is None else load_demonstrations(demos)
     check_writable(out)
     with (
         cluster(backend, address),

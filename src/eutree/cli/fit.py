@@ -16,6 +16,7 @@ from eutree.cli._options import (
     seed_option,
 )
 from eutree.cli._output import Output
+from eutree.cli._policies import load_demonstrations
 
 if TYPE_CHECKING:
     from eutree.c45 import C45Settings
@@ -79,12 +80,11 @@ def fit(
     --confidence and --no-pruning fix how the one is made. What ails the result is said as
     warnings.
     """
-    from eutree.data import Demonstrations
     from eutree.files import check_writable
     from eutree.fitting.fit import fit as fit_tree
 
     output = Output(as_json=as_json)
-    demos = Demonstrations.load(demonstrations)
+    demos = load_demonstrations(demonstrations)
     check_writable(out)
     env = override(demos.environment, env_arguments) if demos.environment else None
     with _Stages(output) as stages:

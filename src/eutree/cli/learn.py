@@ -24,6 +24,7 @@ from eutree.cli._options import (
     starts_option,
 )
 from eutree.cli._output import Output
+from eutree.cli._policies import load_demonstrations
 from eutree.cli._settings import chosen_method, listed
 from eutree.errors import EnvironmentFault, InvalidArgumentError
 from eutree.schema import EnvironmentSpec
@@ -156,7 +157,6 @@ def learn(
 
     Without ENVIRONMENT it is the one that the demonstrations are of.
     """
-    from eutree.data import Demonstrations
     from eutree.interaction.making import make
     from eutree.policies import TreePolicy
     from eutree.proof import load_certificate
@@ -174,7 +174,7 @@ def learn(
         return
     if out is None:
         raise click.MissingParameter(param_type="option", param_hint="'--out'")
-    demonstrations = None if demos is None else Demonstrations.load(demos)
+    demonstrations = None if demos is None else load_demonstrations(demos)
     if offline and demonstrations is None:
         raise InvalidArgumentError("--offline learns from demonstrations alone; name them: --demos")
     if offline and against is not None:

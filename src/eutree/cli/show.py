@@ -16,7 +16,7 @@ from eutree.cli._options import (
     seed_option,
 )
 from eutree.cli._output import Output
-from eutree.cli._policies import load_policy
+from eutree.cli._policies import load_demonstrations, load_policy
 
 if TYPE_CHECKING:
     from eutree.policies import TreePolicy
@@ -53,7 +53,6 @@ def show(
     The page plays episodes of the policy with pictures where its environment can draw them.
     """
     from eutree.cli._tree import drawn
-    from eutree.data import Demonstrations
     from eutree.files import check_writable, write_text
     from eutree.proof import load_certificate
     from eutree.report import policy_page
@@ -77,7 +76,7 @@ def show(
     proven = None if certificate is None else load_certificate(certificate, loaded)
     spec = loaded.environment and override(loaded.environment, env_arguments)
     watched = _watched(output, loaded, spec, episodes=episodes, seed=seed)
-    demonstrations = None if demos is None else Demonstrations.load(demos)
+    demonstrations = None if demos is None else load_demonstrations(demos, loaded)
     content = policy_page(
         loaded,
         episodes=watched,

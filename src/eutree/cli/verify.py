@@ -7,7 +7,7 @@ import click
 
 from eutree.cli._options import json_option, path_option
 from eutree.cli._output import Output
-from eutree.cli._policies import load_policy
+from eutree.cli._policies import load_demonstrations, load_policy
 
 if TYPE_CHECKING:
     from eutree.arrays import Floats
@@ -84,12 +84,11 @@ def verify(
 def _observations(
     policy: "TreePolicy", demos: Path | None, run_folder: Path | None
 ) -> "Floats | None":
-    from eutree.data import Demonstrations
     from eutree.training import stored_observations
 
     if run_folder is not None:
         return stored_observations(run_folder)
     if demos is not None:
-        shown = Demonstrations.load(demos)
+        shown = load_demonstrations(demos, policy)
         return shown.with_history(policy.history, policy.past_actions).observations
     return None

@@ -6,7 +6,7 @@ import click
 
 from eutree.cli._options import json_option, path_option
 from eutree.cli._output import Output
-from eutree.cli._policies import load_policy
+from eutree.cli._policies import load_demonstrations, load_policy
 from eutree.errors import InvalidArgumentError
 
 
@@ -18,7 +18,6 @@ from eutree.errors import InvalidArgumentError
 @json_option
 def why(policy: Path, observation: str, demos: Path | None, as_json: bool) -> None:
     """Say why POLICY decides as it does for an observation, and what would change it."""
-    from eutree.data import Demonstrations
     from eutree.inspection import why as explain
 
     try:
@@ -28,7 +27,7 @@ def why(policy: Path, observation: str, demos: Path | None, as_json: bool) -> No
             f"--observation must be numbers with commas between, got {observation!r}"
         ) from None
     loaded = load_policy(policy)
-    shown = None if demos is None else Demonstrations.load(demos)
+    shown = None if demos is None else load_demonstrations(demos, loaded)
     found = explain(loaded, numbers, demonstrations=shown)
     names = loaded.schema.actions
     Output(as_json=as_json).result(

@@ -1,6 +1,6 @@
 """What was recorded: episodes, demonstrations, the learner's transition history."""
 
-from eutree.data.demonstrations import Demonstrations, check_rewards
+from eutree.data.demonstrations import Demonstrations, check_rewards, derive
 from eutree.data.episode import Episode
 from eutree.data.files import DemonstrationFolder, RunningEpisode
 from eutree.data.log_format import LogFormat
@@ -12,4 +12,5 @@ __all__ = [
     "LogFormat",
     "RunningEpisode",
     "check_rewards",
+    "derive",
 ]

@@ -1,7 +1,7 @@
 """Episodes recorded under an expert's control, with what is needed to read and replay them."""
 
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,9 +15,10 @@ from eutree.data.files import DemonstrationFolder, save_folder
 from eutree.data.rows import episodes_from_rows, schema_for
 from eutree.display import Displayed
 from eutree.errors import FormatError, InvalidArgumentError
-from eutree.features import FeatureMap
+from eutree.features import Derivation, FeatureMap
 from eutree.frames import data_frame
-from eutree.schema import EnvironmentSpec, Schema
+from eutree.schema import EnvironmentSpec, Feature, Schema
+from eutree.validation import check_finite
 from eutree.wording import counted
 
 if TYPE_CHECKING:
@@ -302,6 +303,28 @@ class Demonstrations(Displayed):
 
         content = MinariContent(self.episodes, self.schema, self.environment, self.expert)
         write_minari(dataset_id, content, env=env)
+
+
+def derive(demonstrations: Demonstrations, declarations: Sequence[str | Feature]) -> Demonstrations:
+    """Return demonstrations with derived features behind their observations.
+
+    Args:
+        demonstrations: What was recorded.
+        declarations: ``"time_to_crossing = distance / speed"`` and the like; see
+            ``eutree.formulas``.
+
+    Raises:
+        InvalidArgumentError: A declaration is none, or a value would not be finite.
+        UnknownNameError: A formula names no feature.
+    """
+    schema = demonstrations.schema.derive(declarations)
+    derivation = Derivation.of(schema)
+    seen = []
+    for episode in demonstrations.episodes:
+        rows = derivation.of_episode(episode.observations[:, : derivation.n_measured])
+        check_finite("derived features", rows)
+        seen.append(replace(episode, observations=rows))
+    return replace(demonstrations, episodes=tuple(seen), schema=schema)
 
 
 def check_rewards(demonstrations: Demonstrations, *, alone: bool = False) -> None:

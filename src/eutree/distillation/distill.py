@@ -31,8 +31,8 @@ from eutree.errors import InvalidArgumentError
 from eutree.evaluation import Evaluation, evaluate
 from eutree.interaction import GuardedEnv, episode_seed, record, run_episode
 from eutree.interaction.acting import Actor, Controller, as_policy, trained_steps
-from eutree.interaction.action_grid import acting_as
 from eutree.interaction.decoding import warn_of_codes
+from eutree.interaction.deriving import acting_as
 from eutree.interaction.recipe import Environment, Recipe, made
 from eutree.interaction.seeding import Stream
 from eutree.parallel import Workers

@@ -21,7 +21,7 @@ from eutree.errors import InvalidArgumentError, shown
 from eutree.evaluation.evaluation import Evaluation
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
 from eutree.interaction.acting import Actor, Controller, as_policy
-from eutree.interaction.action_grid import acting_as
+from eutree.interaction.deriving import acting_as
 from eutree.interaction.episode import ending_of, success_of
 from eutree.interaction.recipe import Environment, Recipe, made
 from eutree.parallel import Workers

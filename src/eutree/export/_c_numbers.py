@@ -58,6 +58,13 @@ class Numbers:
             return f"{x} < {hexadecimal(-_LARGEST_FLOAT)}F"
         return f"{x} <= {hexadecimal(below)}F"
 
+    def measured(self, feature: int) -> str:
+        """Return the observation that an entry stands for as a double of C."""
+        stored = f"(double)observation[{feature}]"
+        if self.number != "int32":
+            return stored
+        return f"{stored} / {hexadecimal(self.scales[feature])}"
+
     def value(self, stored: float, feature: int) -> float:
         """Return the observation that a stored number of this type stands for."""
         return stored / self.scales[feature] if self.number == "int32" else float(stored)
@@ -72,11 +79,12 @@ def numbers(policy: TreePolicy, number: Number, scale: Scale) -> Numbers:
                 f"scale must be left out unless number is int32, got {scale!r}"
             )
         return Numbers(number)
-    features = policy.schema.features
+    features = policy.schema.measured.features
     if isinstance(scale, Mapping):
         for name in scale:
-            if name not in policy.schema.feature_names:
-                raise UnknownNameError("feature in scale", name, policy.schema.feature_names)
+            known = policy.schema.measured.feature_names
+            if name not in known:
+                raise UnknownNameError("feature in scale", name, known)
         scales = [scale.get(feature.name, _scale_of(feature)) for feature in features]
     else:
         scales = [_scale_of(feature) if scale is None else scale for feature in features]

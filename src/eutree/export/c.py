@@ -4,6 +4,10 @@ A policy becomes up to three files: the source with the entry point ``int NAME(c
 *observation)``, a header with the names of the actions, and a program that tests the source on
 every threshold. Where actions set quantities there is a function for each, ``double
 NAME_CONTROL(const double *observation)``, and a table of what every action sets.
+
+Derived features are computed in doubles of what is measured, which alone is handed in. Of a last
+value the source keeps a static copy: ``NAME_reset()`` begins an episode, and the entry point is to
+be called once a step; what the action sets is then in the table alone.
 """
 
 import re
@@ -12,9 +16,24 @@ import numpy as np
 
 from eutree.export._blocks import action_identifiers, block_roots, control_identifiers
 from eutree.export._c_numbers import Number, Numbers, Scale, hexadecimal, in_integers, numbers
+from eutree.export._derived import (
+    c_functions,
+    called,
+    exported_features,
+    operations,
+    remembered_features,
+)
 from eutree.export._identifiers import C_WORDS, check_identifier, identifiers
 from eutree.policies import TreePolicy
-from eutree.trees.text import Syntax, condition, labelled, nested, printable
+from eutree.trees.text import (
+    Syntax,
+    condition,
+    definitions,
+    derived_features,
+    labelled,
+    nested,
+    printable,
+)
 from eutree.wording import counted
 
 _SAFE = re.compile(r"[A-Za-z0-9 _.,:;()\[\]{}<>=+*/%&|^~!#'@$-]")
@@ -47,15 +66,19 @@ def to_c(
     check_identifier("name", name, reserved=C_WORDS)
     kind = numbers(policy, number, scale)
     declarations = [f'#include "{name}.h"'] if header else _declarations(policy, name, kind)
-    guard = [] if number == "int32" else ["", *_NO_FAST_MATH]
+    computed = exported_features(policy)
+    guard = [] if number == "int32" and not computed else ["", *_NO_FAST_MATH]
     lines = [*_heading(policy, kind), *declarations, *guard]
     table = [f"    {_string(action)}" for action in policy.schema.actions]
     size = f"{policy.schema.n_actions}"
     lines += ["", f"const char *const {name}_actions[{size}] = {{", ",\n".join(table), "};"]
-    shown = in_integers(policy, kind.scales) if number == "int32" else policy
+    shown = in_integers(policy, kind.scales) if number == "int32" and not computed else policy
     roots = block_roots(shown.tree)
+    of_tree = Numbers("double") if computed else kind
     for root in roots:
-        lines += ["", *_function(shown, name, kind, root, frozenset(roots))]
+        lines += ["", *_function(shown, name, of_tree, root, frozenset(roots))]
+    if computed:
+        lines += _entry(policy, name, kind)
     return "\n".join([*lines, *_values(policy, name, kind)]) + "\n"
 
 
@@ -91,10 +114,11 @@ def _heading(policy: TreePolicy, kind: Numbers) -> list[str]:
         "",
         "Observation:",
     ]
-    for index, feature in enumerate(policy.schema.features):
+    for index, feature in enumerate(policy.schema.measured.features):
         bounds = f", {feature.low!r} to {feature.high!r}"
         scale = f", times {kind.scales[index]!r}, as an integer" if kind.scales else ""
         lines.append(f"  [{index}] {labelled(feature)}{bounds}{scale}")
+    lines += [f"  {line}" for line in definitions(policy.tree, policy.schema)]
     lines += ["", "Action:"]
     lines += [f"  {index} {printable(name)}" for index, name in enumerate(policy.schema.actions)]
     if kind.number == "int32":
@@ -118,6 +142,8 @@ def _declarations(
         f"extern const char *const {name}_actions[{policy.schema.n_actions}];",
         f"int {name}(const {kind.c_type} *observation);",
     ]
+    if remembered_features(policy):
+        lines.append(f"void {name}_reset(void); /* an episode begins */")
     if policy.schema.controls:
         titles = ", ".join(printable(control.label) for control in policy.schema.controls)
         lines += [
@@ -163,6 +189,8 @@ def _function(
         leaf=leaf,
     )
     title = f"int {name}" if root == 0 else f"static int {name}_block_{root}"
+    if root == 0 and derived_features(tree, policy.schema):
+        title = f"static int {name}_tree"
     unused = ["    (void)observation;"] if policy.n_leaves == 1 else []
     body = nested(tree, syntax, root=root, cut=cut)
     return [
@@ -173,6 +201,57 @@ def _function(
         *unused,
         *("    " * (level + 1) + line for level, line in body),
         "    return action;",
+        "}",
+    ]
+
+
+def _entry(policy: TreePolicy, name: str, kind: Numbers) -> list[str]:
+    """Return the entry point that computes the derived features, with the functions it needs."""
+    first, remembered = policy.derivation.n_measured, remembered_features(policy)
+    operators = operations(name, "({0} ? {1} : {2})", "&&", "||")
+    operators["*"] = f"{name}_times({{0}}, {{1}})"
+
+    def written(j: int) -> str:
+        return policy.derivation.formulas[j - first].written(
+            operators,
+            name=lambda index: f"features[{index}]",
+            last=lambda index: f"last[{index}]",
+            number=hexadecimal,
+        )
+
+    lines = [f"    features[{j}] = {kind.measured(j)};" for j in range(first)]
+    computed = [
+        f"    features[{j}] = {written(j)}; /* {printable(policy.schema.features[j].name)} */"
+        for j in exported_features(policy)
+    ]
+    functions = called(computed, c_functions(name))
+    size = policy.tree.n_features
+    title = f"int {name}(const {kind.c_type} *observation)"
+    if not remembered:
+        head = ["", title, "{", f"    double features[{size}];", ""]
+        return [*functions, *head, *lines, *computed, f"    return {name}_tree(features);", "}"]
+    kept = [f"    {name}_last[{j}] = features[{j}];" for j in remembered]
+    return [
+        *functions,
+        "",
+        f"static double {name}_last[{size}]; /* at the step before */",
+        f"static int {name}_goes_on = 0;",
+        "",
+        f"void {name}_reset(void)",
+        "{",
+        f"    {name}_goes_on = 0;",
+        "}",
+        "",
+        title,
+        "{",
+        f"    double features[{size}];",
+        f"    const double *last = ({name}_goes_on != 0) ? {name}_last : features;",
+        "",
+        *lines,
+        *computed,
+        *kept,
+        f"    {name}_goes_on = 1;",
+        f"    return {name}_tree(features);",
         "}",
     ]
 
@@ -203,11 +282,12 @@ def _table(policy: TreePolicy, name: str, kind: Numbers) -> str:
 
 
 def _value_titles(policy: TreePolicy, name: str, kind: Numbers) -> list[str]:
-    """Return the first line of the function of each control."""
+    """Return the first line of the function of each control; a step may be taken once only."""
+    if remembered_features(policy):
+        return []
     blocks = {f"block_{root}" for root in block_roots(policy.tree)}
-    names = control_identifiers(
-        policy.schema, reserved=frozenset({"actions", "values", "h", "test", *blocks})
-    )
+    own = {"actions", "values", "h", "test", "tree", *c_functions(name)}
+    names = control_identifiers(policy.schema, reserved=frozenset(own | blocks))
     argument = f"const {kind.c_type} *observation"
     return [f"{_level_type(kind)} {name}_{control}({argument})" for control in names]
 

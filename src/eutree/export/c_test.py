@@ -82,7 +82,7 @@ def to_c_test(
     check_identifier("name", name, reserved=C_WORDS)
     kind = numbers(policy, number, scale)
     stored = stored_probes(policy, kind, n_random=n_random, seed=seed)
-    actions = [policy.act(meant(kind, row)) for row in stored]
+    actions = _decided(policy, [meant(kind, row) for row in stored])
     rows = [f"    {{{', '.join(_constant(kind, value) for value in row)}}}" for row in stored]
     listing = ",\n".join(rows)
     size, width = stored.shape
@@ -116,17 +116,35 @@ int main(void)
 """
 
 
+def _decided(policy: TreePolicy, rows: list[list[float]]) -> list[int]:
+    """Return the actions at the steps of one episode."""
+    state, actions = None, []
+    for row in rows:
+        if policy.schema.derived:
+            action, state = policy.predict(row, state)
+            actions.append(int(action))
+        else:
+            actions.append(policy.act(row))
+    return actions
+
+
 def stored_probes(policy: TreePolicy, kind: Numbers, *, n_random: int = 0, seed: int = 0) -> Floats:
     """Return observations as the number type stores them, on and around each threshold."""
+    exact = probes(policy.tree, n_random=n_random, seed=seed)
+    if policy.schema.derived:
+        exact = exact[:, : policy.derivation.n_measured]
     if kind.number == "double":
-        return probes(policy.tree, n_random=n_random, seed=seed)
+        return exact
     if kind.number == "float":
-        exact = probes(policy.tree, n_random=n_random, seed=seed)
         with np.errstate(over="ignore"):
             near = exact.astype(np.float32)
         ulps = [np.nextafter(near, np.float32(side)) for side in (-np.inf, np.inf)]
         return np.unique(np.concatenate([near, *ulps]), axis=0).astype(np.float64)
-    exact = probes(in_integers(policy, kind.scales).tree, n_random=n_random, seed=seed)
+    if policy.schema.derived:
+        with np.errstate(over="ignore"):
+            exact = exact * np.array(kind.scales)
+    else:
+        exact = probes(in_integers(policy, kind.scales).tree, n_random=n_random, seed=seed)
     whole = np.nan_to_num(np.rint(exact), nan=0.0, posinf=_INT32.max, neginf=_INT32.min)
     sides = np.concatenate([whole - 1.0, whole, whole + 1.0]).clip(_INT32.min, _INT32.max)
     return np.unique(sides + 0.0, axis=0)

@@ -1,16 +1,33 @@
 """A Python module that decides like the tree and imports nothing."""
 
 from eutree.export._blocks import block_roots, control_identifiers
+from eutree.export._derived import (
+    called,
+    exported_features,
+    operations,
+    python_functions,
+    remembered_features,
+)
 from eutree.export._identifiers import PYTHON_WORDS, check_identifier
 from eutree.policies import TreePolicy
-from eutree.trees.text import Syntax, condition, labelled, nested, printable
+from eutree.trees.text import (
+    Syntax,
+    condition,
+    definitions,
+    derived_features,
+    labelled,
+    nested,
+    printable,
+)
 
 
 def to_python(policy: TreePolicy, *, name: str = "decide") -> str:
     """Return a Python module with one function: an observation in, the action's index out.
 
     Where actions set quantities there is a function for each, ``NAME_CONTROL(observation)``, and
-    ``VALUES``, what every action sets.
+    ``VALUES``, what every action sets. Derived features are computed of those measured, which alone
+    are handed in; where one is of a last value the function is to be called once a step, with
+    ``NAME_reset()`` before each episode, and what an action sets is in ``VALUES`` alone.
 
     Args:
         policy: The policy.
@@ -19,14 +36,15 @@ def to_python(policy: TreePolicy, *, name: str = "decide") -> str:
     check_identifier(
         "name", name, reserved=PYTHON_WORDS | {"features", "units", "actions", "controls", "values"}
     )
-    schema = policy.schema
+    schema, measured = policy.schema, policy.schema.measured
     lines = [
-        f"# {policy.n_leaves} rules for {schema.n_features} features"
+        f"# {policy.n_leaves} rules for {measured.n_features} features"
         + (f", for {printable(policy.environment.id)}." if policy.environment else "."),
         "# Thresholds are exact; NaN fails every test and so takes the last branch.",
         "",
-        *_table("FEATURES", [feature.name for feature in schema.features]),
-        *_table("UNITS", [feature.unit for feature in schema.features]),
+        *(f"# {line}" for line in definitions(policy.tree, schema)),
+        *_table("FEATURES", [feature.name for feature in measured.features]),
+        *_table("UNITS", [feature.unit for feature in measured.features]),
         *_table("ACTIONS", list(schema.actions)),
     ]
     if schema.controls:
@@ -36,6 +54,8 @@ def to_python(policy: TreePolicy, *, name: str = "decide") -> str:
     roots = block_roots(policy.tree)
     for root in roots:
         lines += ["", "", *_function(policy, name, root, frozenset(roots))]
+    if exported_features(policy):
+        lines += _entry(policy, name)
     return "\n".join([*lines, *_values(policy, name)]) + "\n"
 
 
@@ -67,17 +87,53 @@ def _function(policy: TreePolicy, name: str, root: int, cut: frozenset[int]) -> 
         closing="",
         leaf=leaf,
     )
-    heading = [f"def {name if root == 0 else f'_{name}_{root}'}(observation):"]
-    if root == 0:
+    is_entry = root == 0 and not derived_features(tree, schema)
+    heading = [f"def {name if is_entry else f'_{name}_{root}'}(observation):"]
+    if is_entry:
         words = "the features in order, newest first" if policy.history else "the features in order"
         heading.append(f'    """Return the index of the action; observation: {words}."""')
     rules = nested(tree, syntax, root=root, cut=cut)
     return heading + ["    " * (level + 1) + line for level, line in rules]
 
 
+def _entry(policy: TreePolicy, name: str) -> list[str]:
+    """Return the function that computes the derived features, with those that it needs."""
+    first, formulas = policy.derivation.n_measured, policy.derivation.formulas
+    remembers = bool(remembered_features(policy))
+    operators = operations(f"_{name}", "({1} if {0} else {2})", "and", "or")
+    size = policy.tree.n_features
+    computed = [
+        f"    features[{j}] = "
+        + formulas[j - first].written(
+            operators,
+            name=lambda index: f"features[{index}]",
+            last=lambda index: f"last[{index}]",
+            number=repr,
+        )
+        + f"  # {labelled(policy.schema.features[j])}"
+        for j in exported_features(policy)
+    ]
+    lines = called(computed, python_functions(f"_{name}"))
+    if remembers:
+        lines += ["", "", f"_{name}_last = []  # the features at the step before"]
+        lines += ["", "", f"def {name}_reset():", '    """Begin an episode."""']
+        lines += [f"    _{name}_last.clear()"]
+    lines += ["", "", f"def {name}(observation):"]
+    lines += ['    """Return the index of the action; observation: the features in order."""']
+    lines += [f"    features = [*observation[:{first}], *[0.0] * {size - first}]"]
+    if remembers:
+        lines += [f"    last = _{name}_last or features"]
+    lines += computed
+    if remembers:
+        lines += [f"    _{name}_last[:] = features"]
+    return [*lines, f"    return _{name}_0(features)"]
+
+
 def _values(policy: TreePolicy, name: str) -> list[str]:
-    """Return a function for each control."""
+    """Return a function for each control; where a step may be taken once only, none."""
     lines: list[str] = []
+    if remembered_features(policy):
+        return lines
     names = control_identifiers(policy.schema, reserved=frozenset())
     for number, (control, label) in enumerate(zip(names, policy.schema.controls, strict=True)):
         lines += [

@@ -15,7 +15,7 @@ from eutree.export.python import to_python
 from eutree.export.structured_text import to_structured_text
 from eutree.export.svg import to_svg
 from eutree.policies import TreePolicy
-from eutree.trees.text import printable, rules
+from eutree.trees.text import definitions, printable, rules
 from eutree.validation import check_choice
 
 
@@ -28,7 +28,8 @@ def to_text(policy: TreePolicy) -> str:
     """Return the policy as nested rules with names and units; thresholds are exact."""
     names = [printable(name) for name in policy.schema.actions]
     leaves = [names[action] for action in policy.actions]
-    return rules(policy.tree, policy.schema, leaves, exact=True) + "\n"
+    lines = [rules(policy.tree, policy.schema, leaves, exact=True)]
+    return "\n".join([*lines, *definitions(policy.tree, policy.schema)]) + "\n"
 
 
 def to_dot(policy: TreePolicy) -> str:

@@ -1,9 +1,24 @@
 """Structured Text (IEC 61131-3) for programmable logic controllers."""
 
 from eutree.export._blocks import block_roots, control_identifiers
+from eutree.export._derived import (
+    called,
+    exported_features,
+    operations,
+    remembered_features,
+    structured_text_functions,
+)
 from eutree.export._identifiers import STRUCTURED_TEXT_WORDS, check_identifier, identifiers
 from eutree.policies import TreePolicy
-from eutree.trees.text import Syntax, condition, labelled, nested, printable
+from eutree.trees.text import (
+    Syntax,
+    condition,
+    definitions,
+    derived_features,
+    labelled,
+    nested,
+    printable,
+)
 from eutree.wording import counted
 
 
@@ -13,7 +28,10 @@ def to_structured_text(policy: TreePolicy, *, name: str = "decide") -> str:
     Thresholds are LREAL constants with as many digits as it takes to read the same double back.
     Tests are ``x <= threshold``: where the controller compares NaN as IEEE 754 says, NaN fails
     every test and takes the ELSE branch, as in the tree. Where actions set quantities there is a
-    FUNCTION for each, ``NAME_CONTROL``, which returns an LREAL.
+    FUNCTION for each, ``NAME_CONTROL``, which returns an LREAL. Derived features are computed of
+    those measured, which alone are inputs. Where one is of a last value, ``NAME`` is a
+    FUNCTION_BLOCK with an output ``action``, to be called once a step, and an input ``restart``
+    that begins an episode; the functions of the controls then take the action.
 
     Args:
         policy: The policy.
@@ -22,17 +40,24 @@ def to_structured_text(policy: TreePolicy, *, name: str = "decide") -> str:
     check_identifier("name", name, reserved=STRUCTURED_TEXT_WORDS)
     schema = policy.schema
     reserved = STRUCTURED_TEXT_WORDS | {name.casefold()}
+    computed = exported_features(policy)
+    if computed:
+        reserved |= {"action", "restart", "goes_on"}
     inputs = identifiers(schema.feature_names, reserved=reserved)
     lines = [
         f"(* A decision tree with {counted(policy.n_leaves, 'leaf')}"
         + (f" for {printable(policy.environment.id)}" if policy.environment else "")
         + "; returns the index of the action:",
         *(f"   {index} {printable(action)}" for index, action in enumerate(schema.actions)),
+        *(f"   {line}" for line in definitions(policy.tree, schema)),
         "*)",
     ]
     roots = block_roots(policy.tree)
     for root in roots:
         lines += _function(policy, name, inputs, root, frozenset(roots))
+    if computed:
+        lines += _entry(policy, name, inputs)
+        inputs = inputs[: policy.derivation.n_measured]
     return "\n".join([*lines, *_values(policy, name, inputs)]) + "\n"
 
 
@@ -49,6 +74,8 @@ def _function(
     """Return the FUNCTION of one block of the tree."""
     tree, schema = policy.tree, policy.schema
     title = name if root == 0 else f"{name}_block{root}"
+    if root == 0 and derived_features(tree, schema):
+        title = f"{name}_tree"
 
     def test(node: int) -> str:
         feature, threshold = int(tree.feature[node]), float(tree.threshold[node])
@@ -79,15 +106,72 @@ def _inputs(policy: TreePolicy, inputs: list[str]) -> list[str]:
     """Return the declaration of the features."""
     variables = [
         f"    {variable} : LREAL; (* {labelled(feature)} *)"
-        for variable, feature in zip(inputs, policy.schema.features, strict=True)
+        for variable, feature in zip(inputs, policy.schema.features, strict=False)
     ]
     return ["VAR_INPUT", *variables, "END_VAR"]
+
+
+def _entry(policy: TreePolicy, name: str, inputs: list[str]) -> list[str]:
+    """Return the FUNCTION, or FUNCTION_BLOCK, that computes the derived features."""
+    first, computed = policy.derivation.n_measured, exported_features(policy)
+    remembered = remembered_features(policy)
+    kept = identifiers(
+        [f"last {inputs[j]}" for j in remembered],
+        reserved=[*STRUCTURED_TEXT_WORDS, name, *inputs, "action", "restart", "goes_on"],
+    )
+    last = dict(zip(remembered, kept, strict=True))
+    operators = operations(name, "SEL({0}, {2}, {1})", "AND", "OR")
+
+    def keep(j: int, when: str) -> list[str]:
+        return [f"IF {when} THEN", f"    {last[j]} := {inputs[j]};", "END_IF;"] if j in last else []
+
+    body = [line for j in range(first) for line in keep(j, "NOT goes_on")]
+    for j in computed:
+        formula = policy.derivation.formulas[j - first].written(
+            operators, name=lambda index: inputs[index], last=last.__getitem__, number=literal
+        )
+        body += [f"{inputs[j]} := {formula};", *keep(j, "NOT goes_on")]
+    arguments = ", ".join(
+        one if j < first or j in computed else "0.0" for j, one in enumerate(inputs)
+    )
+    own = [
+        f"    {inputs[j]} : LREAL; (* {labelled(policy.schema.features[j])} *)" for j in computed
+    ]
+    functions = called(body, structured_text_functions(name))
+    declared = _inputs(policy, inputs[:first])
+    if not remembered:
+        head = [f"FUNCTION {name} : INT", *declared, "VAR", *own, "END_VAR"]
+        return [*functions, *head, *body, f"{name} := {name}_tree({arguments});", "END_FUNCTION"]
+    return [
+        *functions,
+        f"FUNCTION_BLOCK {name}",
+        *declared[:-1],
+        "    restart : BOOL; (* an episode begins *)",
+        "END_VAR",
+        "VAR_OUTPUT",
+        "    action : INT;",
+        "END_VAR",
+        "VAR",
+        *own,
+        *(f"    {variable} : LREAL; (* at the step before *)" for variable in kept),
+        "    goes_on : BOOL;",
+        "END_VAR",
+        "IF restart THEN",
+        "    goes_on := FALSE;",
+        "END_IF;",
+        *body,
+        *(f"{last[j]} := {inputs[j]};" for j in remembered),
+        "goes_on := TRUE;",
+        f"action := {name}_tree({arguments});",
+        "END_FUNCTION_BLOCK",
+    ]
 
 
 def _values(policy: TreePolicy, name: str, inputs: list[str]) -> list[str]:
     """Return the FUNCTION of each control."""
     schema = policy.schema
     blocks = {f"block{root}" for root in block_roots(policy.tree)}
+    blocks |= {"tree", *structured_text_functions(name)}
     names = control_identifiers(schema, reserved=frozenset(blocks))
     # A FUNCTION and a variable in it must not have the same name.
     taken = {variable.casefold() for variable in inputs}
@@ -96,10 +180,13 @@ def _values(policy: TreePolicy, name: str, inputs: list[str]) -> list[str]:
         title = f"{name}_{own}"
         while title.casefold() in taken:
             title += "1"
+        taking, chosen = _inputs(policy, inputs), f"{name}({', '.join(inputs)})"
+        if remembered_features(policy):
+            taking, chosen = ["VAR_INPUT", "    action : INT;", "END_VAR"], "action"
         lines += [
             f"FUNCTION {title} : LREAL (* {printable(control.label)} *)",
-            *_inputs(policy, inputs),
-            f"CASE {name}({', '.join(inputs)}) OF",
+            *taking,
+            f"CASE {chosen} OF",
             *(
                 f"    {index}: {title} := {literal(levels[number])};"
                 for index, levels in enumerate(schema.action_values)

@@ -21,6 +21,7 @@ class FeatureDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True, o
 
     ``categories`` name its values from ``low`` on; ``group`` is the choice of which it is one
     category, 1 in exactly one of the features of that group.
+    A derived feature has a ``formula``.
     """
 
     name: str
@@ -30,6 +31,7 @@ class FeatureDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True, o
     integer: bool = False
     categories: list[str] | None = None
     group: str = ""
+    formula: str = ""
 
 
 class ControlDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -66,6 +68,7 @@ def schema_to_document(schema: Schema) -> SchemaDocument:
             integer=feature.is_integer,
             categories=list(feature.categories) or None,
             group=feature.group,
+            formula=feature.formula,
         )
         for feature in schema.features
     ]
@@ -88,6 +91,7 @@ def schema_from_document(document: SchemaDocument, path: str | Path) -> Schema:
                 feature.integer,
                 tuple(feature.categories or ()),
                 feature.group,
+                feature.formula,
             )
             for feature in document.features
         )

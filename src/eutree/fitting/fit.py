@@ -25,7 +25,7 @@ from eutree.fitting.practice import practise as learn_on
 from eutree.fitting.repair import blame, repairs
 from eutree.fitting.report import FitReport, Person
 from eutree.interaction import describe
-from eutree.interaction.action_grid import acting_as
+from eutree.interaction.deriving import acting_as
 from eutree.interaction.making import make
 from eutree.interaction.recipe import Environment, opened
 from eutree.learners.starts import SETTINGS, Candidate, best_left_out, candidates, promising

@@ -122,12 +122,16 @@ def why(
 
     Args:
         policy: The policy.
-        observation: The features of the tree, shape [d] (history included).
+        observation: The features of the tree, shape [d] (history included); or what is measured of
+            them, as at the first step of an episode.
         demonstrations: Whose steps in the same leaf to name.
         scale: Of each feature, shape [d]; by default the width between its bounds, 1 where they
             are infinite or equal.
     """
     tree, schema = policy.tree, policy.schema
+    derivation = policy.derivation
+    if derivation.formulas and np.shape(observation) == (derivation.n_measured,):
+        observation = derivation.rows(check_vector("observation", observation))
     point = check_vector("observation", observation, size=tree.n_features)
     leaf = tree.leaf_of(point.tolist())
     action = int(policy.actions[leaf])

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 from eutree.interaction.action_grid import GriddedAction
 from eutree.interaction.decoding import DecodedObservation
+from eutree.interaction.deriving import DerivedObservation
 from eutree.interaction.episode import run_episode
 from eutree.interaction.guard import GuardedEnv
 from eutree.interaction.record import record
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "DecodedObservation",
+    "DerivedObservation",
     "GriddedAction",
     "GuardedEnv",
     "KeyMap",

@@ -16,7 +16,9 @@ import numpy as np
 from eutree.arrays import Floats
 from eutree.errors import EutreeError, InvalidArgumentError, shown
 from eutree.interaction.guard import GuardedEnv
+from eutree.interaction.spaces import derived_around
 from eutree.policies import Policy
+from eutree.schema import Schema
 
 # What acts: a policy, a function that makes one for an environment, or a function from an
 # observation to an action.
@@ -39,6 +41,9 @@ class Actor:
         self._deterministic = deterministic
         self._own = not getattr(policy, "reads_features", False)
         self._env = env
+        schema = getattr(policy, "schema", None)
+        derives = isinstance(schema, Schema) and bool(schema.derived)
+        self._size = None if derives or not env.schema.derived else env.own_size
         self.start()
 
     def start(self) -> None:
@@ -57,7 +62,7 @@ class Actor:
         Raises:
             InvalidArgumentError: The policy's answer means no action.
         """
-        seen = self._env.own_observation(observation) if self._own else observation
+        seen = self._env.own_observation(observation) if self._own else observation[: self._size]
         chosen, self._state = self._policy.predict(
             seen, self._state, np.array(self._first), self._deterministic
         )
@@ -136,6 +141,8 @@ def as_policy(controller: Controller, env: gymnasium.Env[Any, Any]) -> Policy:
             "a controller must have a method predict, be a function that makes such a thing for "
             f"an environment, or one from an observation to an action, got {shown(controller)}"
         )
+    derived = derived_around(env)
+    env = env if derived is None else derived.env
     try:
         of_nothing = isinstance(controller, type) and not _wants_something(controller)
         policy = controller(*(() if of_nothing else (env,)))

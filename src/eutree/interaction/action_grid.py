@@ -151,20 +151,13 @@ def counts_from_zero(space: spaces.Space[Any]) -> bool:
     return isinstance(space, spaces.Discrete) and space.start == 0
 
 
-def acting_as(env: gymnasium.Env[Any, Any], known: object) -> gymnasium.Env[Any, Any]:
-    """Return ``env`` with a grid that is known, where it takes quantities and has no grid.
-
-    So a tree that chooses among levels can act where nobody has named any.
-
-    Args:
-        env: The environment.
-        known: A policy or demonstrations, whose schema says what the actions set; or anything.
+def with_grid_of(env: gymnasium.Env[Any, Any], schema: Schema) -> gymnasium.Env[Any, Any]:
+    """Return ``env`` with the grid of a schema, where it takes quantities and has no grid.
 
     Raises:
         InvalidArgumentError: The environment has a grid of other levels.
     """
-    schema = getattr(known, "schema", None)
-    if not isinstance(schema, Schema) or not schema.controls:
+    if not schema.controls:
         return env
     grid = grid_around(env)
     if grid is None:

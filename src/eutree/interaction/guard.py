@@ -16,7 +16,7 @@ from eutree.errors import EnvironmentFault, InvalidArgumentError, described, sho
 from eutree.features import FeatureMap
 from eutree.interaction.action_grid import counts_from_zero, grid_around, numbered
 from eutree.interaction.own_folder import OwnFolder
-from eutree.interaction.spaces import decoder, describe, encoder, spec_of
+from eutree.interaction.spaces import decoder, derived_around, describe, encoder, spec_of
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.validation import check_integer
 
@@ -47,6 +47,7 @@ class GuardedEnv:
         schema: Names, units and bounds of its observations, history included; names of its
             actions.
         features: How observations and the past become what ``reset`` and ``step`` return.
+        own_size: Numbers that the environment itself observes: what is derived is left out.
         spec: How to make it again, if known.
         episode: Number of the present episode; -1 before the first.
         step_number: Number of steps taken in the present episode.
@@ -86,7 +87,9 @@ class GuardedEnv:
         self._grid = grid_around(self._numbered)
         self._counts_itself = not counts_from_zero(env.action_space)
         self._encode = encoder(env.observation_space)
-        self._decode = decoder(env.observation_space)
+        derived = derived_around(env)
+        self.own_size = own.measured.n_features
+        self._decode = decoder((env if derived is None else derived.env).observation_space)
         self._strict = strict
         self._warned = False
         self._limit = check_integer("max_episode_steps", max_episode_steps, low=1)
@@ -182,9 +185,10 @@ class GuardedEnv:
         """Return the environment's own observation, an element of its space.
 
         Args:
-            features: What ``reset`` or ``step`` returned, shape [d]; the past is left out.
+            features: What ``reset`` or ``step`` returned, shape [d]; the past is left out, and what
+                is derived.
         """
-        return self._decode(features[: len(self._bounds)])
+        return self._decode(features[: self.own_size])
 
     @property
     def history(self) -> int:

@@ -77,9 +77,7 @@ def make(spec: EnvironmentSpec | str, *, render_mode: str | None = None) -> gymn
     except BaseException as error:  # whatever an environment's author lets happen
         raise InvalidArgumentError(f"cannot make {spec}: {_reason(error)}") from error
     names = given_names()
-    if names is not None:
-        names.give(env)
-    return env
+    return env if names is None else names.give(env)
 
 
 def _check_chosen_by_file(spec: EnvironmentSpec) -> None:

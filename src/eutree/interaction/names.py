@@ -1,10 +1,12 @@
 """Names for an environment that has none: what its numbers mean, in a file that a person writes.
 
-    {"features": ["room [°C]", "outside [°C]", "hour [h]"], "actions": ["off", "on"]}
+    {"features": ["room [°C]", "outside [°C]", "hour [h]"], "actions": ["off", "on"],
+     "derived": ["difference = room - outside"]}
 
 A unit stands in brackets. What is recorded, learned and exported then says ``room <= 20.5 °C``; the
-names travel with demonstrations and policies and need not be given again. ``"kinds"`` says which
-features are no quantities, see ``Schema.with_kinds``:
+names travel with demonstrations and policies and need not be given again. Of derived features
+(:mod:`eutree.formulas`) the unit follows. ``"kinds"`` says which features are no quantities, see
+``Schema.with_kinds``:
 
     {"kinds": {"tariff": "integer", "open": "flag", "mode": ["off", "on", "auto"],
                "green": ["green north", "green south"]}}
@@ -13,15 +15,16 @@ features are no quantities, see ``Schema.with_kinds``:
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import gymnasium
 import msgspec
 
-from eutree.errors import InvalidArgumentError
+from eutree.errors import FormatError, InvalidArgumentError
+from eutree.files import read_bytes
 from eutree.files.documents import read_plain
+from eutree.interaction.deriving import DerivedObservation
 from eutree.interaction.spaces import describe
 from eutree.schema import Feature, Schema
 
@@ -31,12 +34,14 @@ MAX_FILE = 2**20
 class Names(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Names of the features, with units in brackets, and of the actions; empty: as they are.
 
-    ``kinds`` are those of features by their names.
+    ``kinds`` are those of features by their names. Derived features are declared under the names of
+    the others.
     """
 
     features: tuple[str, ...] = ()
     actions: tuple[str, ...] = ()
     kinds: dict[str, str | tuple[str, ...]] = {}
+    derived: tuple[str, ...] = ()
 
     @classmethod
     def load(cls, path: str | Path) -> "Names":
@@ -48,8 +53,20 @@ class Names(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         """
         return read_plain(path, cls, limit=MAX_FILE)
 
-    def give(self, env: gymnasium.Env[Any, Any]) -> None:
-        """Name the features and actions of ``env``, whatever it called them itself.
+    def besides(self, other: "Names | None") -> "Names":
+        """Return these names, and of others what these do not say."""
+        if other is None:
+            return self
+        derived = (*other.derived, *self.derived)
+        return Names(
+            features=self.features or other.features,
+            actions=self.actions or other.actions,
+            kinds={**other.kinds, **self.kinds},
+            derived=derived,
+        )
+
+    def give(self, env: gymnasium.Env[Any, Any]) -> gymnasium.Env[Any, Any]:
+        """Name the features and actions of ``env``, whatever it called them; return it derived.
 
         Raises:
             InvalidArgumentError: There are not as many names as features or actions.
@@ -62,17 +79,21 @@ class Names(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         inner.feature_kinds = schema.kinds
         if self.actions:
             inner.action_names = self.actions
+        return DerivedObservation(env, self.derived) if self.derived else env
 
     def of(self, schema: Schema) -> Schema:
         """Return a schema with these names, units and kinds, whatever it called them itself.
+
+        Derived features that it has keep their names.
 
         Raises:
             InvalidArgumentError: There are not as many names as features or actions, or a kind is
                 none, or not that of the feature.
             UnknownNameError: A kind is that of no feature.
         """
+        measured = schema.measured.feature_names
         for kind, mine, theirs in (
-            ("features", self.features, schema.feature_names),
+            ("features", self.features, measured),
             ("actions", self.actions, schema.actions),
         ):
             if mine and len(mine) != len(theirs):
@@ -80,15 +101,23 @@ class Names(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
                     f"names must have one for each of the {len(theirs)} {kind}, "
                     f"{', '.join(theirs)}, got {len(mine)}"
                 )
-        features = schema.features
-        if self.features:
-            labels = map(Feature.from_label, self.features)
-            features = tuple(
-                replace(was, name=mine.name, unit=mine.unit)
-                for mine, was in zip(labels, features, strict=True)
-            )
-        named = Schema(features, self.actions or schema.actions, schema.controls)
-        return named.with_kinds(self.kinds)
+        features = tuple(map(Feature.from_label, self.features)) or schema.measured.features
+        renamed = schema.renamed(features, self.actions or schema.actions)
+        return renamed.with_kinds(self.kinds)
+
+
+def declarations(path: str | Path) -> list[str]:
+    """Return the derived features that a text file declares: one a line, ``#`` for a remark.
+
+    Raises:
+        FormatError: It is no text.
+        FileError: It is missing or cannot be read.
+    """
+    try:
+        lines = read_bytes(path, limit=MAX_FILE).decode().splitlines()
+    except UnicodeDecodeError:
+        raise FormatError(path, "", "must be text in UTF-8") from None
+    return [line.strip() for line in lines if line.strip() and not line.lstrip().startswith("#")]
 
 
 _given: ContextVar[Names | None] = ContextVar("names", default=None)

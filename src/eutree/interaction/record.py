@@ -6,7 +6,7 @@ from pathlib import Path
 from eutree.data import DemonstrationFolder, Demonstrations, Episode
 from eutree.files import check_new_folder
 from eutree.interaction.acting import Controller, as_policy
-from eutree.interaction.action_grid import acting_as
+from eutree.interaction.deriving import acting_as
 from eutree.interaction.episode import run_episode
 from eutree.interaction.first_look import look_at
 from eutree.interaction.guard import GuardedEnv

@@ -9,7 +9,7 @@ import numpy as np
 from eutree.arrays import Floats
 from eutree.data import Demonstrations, Episode
 from eutree.errors import EnvironmentFault, InvalidArgumentError
-from eutree.interaction.action_grid import acting_as
+from eutree.interaction.deriving import acting_as
 from eutree.interaction.guard import GuardedEnv
 from eutree.interaction.making import make
 

@@ -7,7 +7,7 @@ their entries, Dict and Tuple are laid end to end with names such as ``"lidar.fr
 """
 
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, Protocol, cast
 
 import gymnasium
 import numpy as np
@@ -100,12 +100,25 @@ def describe(env: gymnasium.Env[Any, Any]) -> Schema:
         UnsupportedSpaceError: The observations are not flat, or the actions cannot be numbered.
     """
     env = numbered(env)
+    derived, family = derived_around(env), name_of(env).split("/")[-1].split("-v")[0]
+    features = _features(env, family) if derived is None else derived.schema.features
+    grid = grid_around(env)
+    controls = () if grid is None else grid.controls
+    schema = Schema(features, _action_names(env, family, controls), controls)
+    if derived is not None:
+        return schema
+    known = schema.feature_names if family in _KNOWN_FEATURES else ()
+    flags = {name: "flag" for name in _KNOWN_FLAGS if name in known}
+    return schema.with_kinds(getattr(env.unwrapped, "feature_kinds", flags))
+
+
+def _features(env: gymnasium.Env[Any, Any], family: str) -> tuple[Feature, ...]:
+    """Return the features of what the environment observes itself."""
     low, high, names = _bounds(env.observation_space, name_of(env))
     if not 1 <= len(names) <= MAX_FEATURES:
         raise UnsupportedSpaceError(
             f"{name_of(env)} must observe from 1 to {MAX_FEATURES:,} numbers, got {len(names):,}"
         )
-    family = name_of(env).split("/")[-1].split("-v")[0]
     known = _KNOWN_FEATURES.get(family, ())
     units = [""] * len(names)
     if len(known) == len(names):
@@ -116,15 +129,28 @@ def describe(env: gymnasium.Env[Any, Any]) -> Schema:
     own_units = getattr(env.unwrapped, "feature_units", None)
     if own_units is not None and len(own_units) == len(names):
         units = [str(unit) for unit in own_units]
-    features = tuple(
+    return tuple(
         Feature(*parts)
         for parts in zip(names, units, low, high, _are_whole(env.observation_space), strict=True)
     )
-    grid = grid_around(env)
-    controls = () if grid is None else grid.controls
-    schema = Schema(features, _action_names(env, family, controls), controls)
-    flags = {name: "flag" for name in _KNOWN_FLAGS if name in names and known}
-    return schema.with_kinds(getattr(env.unwrapped, "feature_kinds", flags))
+
+
+class DerivingEnv(Protocol):
+    """An environment that observes derived features behind those of the one within it."""
+
+    env: gymnasium.Env[Any, Any]
+    schema: Schema
+    observation_space: spaces.Space[Any]
+
+
+def derived_around(env: gymnasium.Env[Any, Any]) -> DerivingEnv | None:
+    """Return the wrapper that derives features of what ``env`` observes; None if there is none."""
+    observed = env.observation_space
+    while isinstance(env, gymnasium.Wrapper):
+        if "_derivation" in vars(env):
+            return cast(DerivingEnv, env) if env.observation_space is observed else None
+        env = env.env
+    return None
 
 
 def spec_of(env: gymnasium.Env[Any, Any]) -> EnvironmentSpec | None:

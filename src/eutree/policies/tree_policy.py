@@ -1,7 +1,7 @@
 """A frozen tree with one action a leaf: what learning produces and everything else consumes."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
 
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from eutree.arrays import Floats, Integers, frozen
 from eutree.display import Displayed
 from eutree.errors import FormatError, InvalidArgumentError
-from eutree.features import FeatureMap
+from eutree.features import Derivation, FeatureMap
 from eutree.files import read_bytes, write_bytes
 from eutree.files.documents import MAX_DOCUMENT
 from eutree.policies.document import (
@@ -26,7 +26,7 @@ from eutree.policies.observed import rows_of
 from eutree.policies.sklearn_tree import parts_of
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.trees import DecisionTree
-from eutree.trees.text import printable, rules
+from eutree.trees.text import definitions, printable, rules
 from eutree.wording import counted
 
 
@@ -109,8 +109,13 @@ class TreePolicy(Displayed):
             observations=self.history,
             actions=self.past_actions,
         )
+        observed = replace(self.schema, features=self.schema.features[: features.n_observed])
+        derivation = Derivation.of(observed)
+        if derivation.n_measured + len(derivation.formulas) != features.n_observed:
+            derivation = Derivation(features.n_observed)  # whoever hands in the past has derived it
         object.__setattr__(self, "_feature_map", features)
-        object.__setattr__(self, "_observed", self.schema.feature_names[: features.n_observed])
+        object.__setattr__(self, "_derivation", derivation)
+        object.__setattr__(self, "_observed", observed.feature_names)
         if list(self.locked) != sorted(set(self.locked) & set(range(self.n_leaves))):
             raise InvalidArgumentError(
                 f"locked must be leaves from 0 to {self.n_leaves - 1} in order, got {self.locked}"
@@ -132,6 +137,12 @@ class TreePolicy(Displayed):
         """How observations and the past become the tree's features."""
         features: FeatureMap = self._feature_map  # type: ignore[attr-defined]  # set when frozen
         return features
+
+    @property
+    def derivation(self) -> Derivation:
+        """How the derived features of an observation are computed of those measured."""
+        derivation: Derivation = self._derivation  # type: ignore[attr-defined]  # set when frozen
+        return derivation
 
     def save(self, path: str | Path) -> None:
         """Write the policy to a file that ``load`` reads; see docs/formats.
@@ -219,9 +230,10 @@ class TreePolicy(Displayed):
 
         Args:
             observation: One observation, shape [d], or a batch, shape [E, d]; or the environment's
-                own, a dict or a tuple, if its entries have the names of the policy's schema.
-            state: What the last call returned, for a policy that sees the past; None at the start
-                of an episode. Others ignore it.
+                own, a dict or a tuple, if its entries have the names of the policy's schema. Where
+                features are derived, the m that are measured are enough, shape [m] or [E, m].
+            state: What the last call returned, for a policy that sees the past or derives a
+                feature of ``last`` values; None at the start of an episode. Others ignore it.
             episode_start: Whether each observation is the first of its episode, shape [E].
             deterministic: Ignored: a tree always decides the same.
 
@@ -229,7 +241,14 @@ class TreePolicy(Displayed):
             An int for one observation, an int64 array of shape [E] for a batch; and the state.
         """
         names: tuple[str, ...] = self._observed  # type: ignore[attr-defined]  # set when frozen
-        array = rows_of(observation, names)
+        derivation = self.derivation
+        if not derivation.formulas or np.shape(observation)[-1:] == (len(names),):
+            array = rows_of(observation, names)
+        else:
+            measured = rows_of(observation, names[: derivation.n_measured])
+            array = self._derive(measured, state, episode_start)
+            if self.features.is_identity and derivation.remembered:
+                state = array
         if self.features.is_identity:
             return self._decide(array), state
         state = self._remember(array, state, episode_start)
@@ -273,6 +292,17 @@ class TreePolicy(Displayed):
             return self.act(features.tolist())
         return self.actions[self.tree.leaf_index(features)]
 
+    def _derive(
+        self, measured: Floats, state: Floats | None, episode_start: ArrayLike | None
+    ) -> Floats:
+        """Return observations [..., d] of what is measured, after what the state remembers."""
+        fresh = self.derivation.rows(measured)
+        if state is None or not self.derivation.remembered:
+            return fresh
+        after = self.derivation.rows(measured, state[..., : self.observation_size])
+        starts = np.asarray(False if episode_start is None else episode_start, dtype=bool)
+        return np.where(starts[..., np.newaxis], fresh, after)
+
     def _remember(
         self, observation: Floats, state: Floats | None, episode_start: ArrayLike | None
     ) -> Floats:
@@ -297,7 +327,8 @@ class TreePolicy(Displayed):
     def __str__(self) -> str:
         """Return the policy as nested rules, with the names and units of its schema."""
         names = [printable(name) for name in self.schema.actions]
-        return rules(self.tree, self.schema, [names[action] for action in self.actions])
+        words = rules(self.tree, self.schema, [names[action] for action in self.actions])
+        return "\n".join([words, *definitions(self.tree, self.schema)])
 
     def __eq__(self, other: object) -> bool:
         """Return whether both decide by the same tree with the same names and statistics."""

@@ -15,7 +15,7 @@ from eutree.evaluation import Against, against, evaluate
 from eutree.evaluation.evaluate import evaluate_starts
 from eutree.evaluation.off_policy import OffPolicyComparison
 from eutree.interaction import GuardedEnv, episode_seed
-from eutree.interaction.action_grid import acting_as
+from eutree.interaction.deriving import acting_as
 from eutree.interaction.first_look import look_at
 from eutree.interaction.recipe import Environment, opened
 from eutree.interaction.return_range import return_range as known_range

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from eutree.display import SAME, told_apart, usual_width
+from eutree.formulas import parse, renamed
 from eutree.schema import Feature, Schema
 from eutree.trees.tree import DecisionTree
 
@@ -271,6 +272,35 @@ def rules(tree: DecisionTree, schema: Schema, leaves: Sequence[str], *, exact: b
     )
     lines = nested(tree, syntax, is_reversed=is_other)
     return "\n".join("    " * level + line for level, line in lines)
+
+
+def definitions(tree: DecisionTree, schema: Schema) -> list[str]:
+    """Return a line for each derived feature that the tree asks for, and those these are made of.
+
+    >>> from eutree.schema import Feature, Schema
+    >>> tree = DecisionTree.single_leaf(2).split(0, 1, 3.0)
+    >>> definitions(tree, Schema((Feature("x", "m"),), ("go",)).derive(["double = 2 * x"]))
+    ['where double [m] = 2 * x']
+    """
+    names = schema.feature_names
+    printed = [printable(name) for name in names]
+    return [
+        f"where {labelled(schema.features[j])} = "
+        + renamed(schema.features[j].formula, names[:j], printed)
+        for j in derived_features(tree, schema)
+    ]
+
+
+def derived_features(tree: DecisionTree, schema: Schema) -> list[int]:
+    """Return the derived features that the tree asks for, and those these are made of, in order."""
+    names, wanted = schema.feature_names, set(tree.feature.tolist())
+    found = []
+    for j in range(schema.n_features - 1, -1, -1):  # each is made of those before it
+        formula = schema.features[j].formula
+        if formula and j in wanted:
+            wanted |= {one.index for one in parse(formula, names[:j])}
+            found.append(j)
+    return found[::-1]
 
 
 def _is_end(tree: DecisionTree, node: int, root: int, cut: frozenset[int]) -> bool:

@@ -1,0 +1,330 @@
+"""Formulas of derived features: ``time_to_crossing = distance / speed``.
+
+A formula is a number of one step, made of the features that stand before it::
+
+    formula   = sum ["if" condition "else" formula]
+    sum       = product {("+" | "-") product}
+    product   = factor {("*" | "/") factor}
+    factor    = "-" factor | NUMBER | FEATURE | "(" formula ")" | "abs" "(" formula ")"
+              | ("min" | "max") "(" formula {"," formula} ")" | "last" "(" FEATURE ")"
+    condition = test {("and" | "or") test}            ("and" binds more closely)
+    test      = sum ("<" | "<=" | ">" | ">=") sum
+
+Names with other signs than letters, digits, ``_`` and ``.`` stand in double quotes, as JSON
+strings. The parser is our own: Python's compiles, which nothing read from a file may.
+
+The meaning is exact, so that exported code computes the same doubles. Each operation is that of
+IEEE 754; ``last`` is the value at the step before, and at an episode's first step the value itself;
+``min(a, b)`` is b if b < a, else a; a quotient is kept within ``LARGEST_RATIO`` of 0, ``x / 0`` is
+that bound with the sign of x, and ``0 / 0`` is 0.
+"""
+
+import json
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NoReturn
+
+import numpy as np
+
+from eutree.arrays import Floats
+from eutree.errors import InvalidArgumentError, UnknownNameError, shown
+
+LARGEST_RATIO = 1e9
+MAX_FORMULA = 2_000  # characters
+_MAX_TOKENS = 300  # names, numbers and signs
+_MAX_NESTING = 30
+_TOKEN = re.compile(
+    r'\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)|(?P<name>[^\W\d][\w.]*|"(?:[^"\\]|\\.)*")'
+    r"|(?P<sign><=|>=|[-+*/(),<>])|(?P<wrong>\S))"
+)
+_WORDS = frozenset({"min", "max", "abs", "last", "if", "else", "and", "or"})
+_TESTS: Mapping[str, Callable[[Any, Any], Any]] = {
+    "<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_equal,
+    "and": np.logical_and, "or": np.logical_or,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Formula:
+    """A number, a feature, or an operation with formulas as its parts.
+
+    Attributes:
+        kind: ``"number"``, ``"feature"``, ``"last"``, ``"negative"``, or the operation's own sign
+            or word; ``"if"`` has the condition, the formula if it holds, and the other one.
+        parts: What the operation is of.
+        value: The number.
+        index: Which feature it is, or is the last value of.
+    """
+
+    kind: str
+    parts: "tuple[Formula, ...]" = ()
+    value: float = 0.0
+    index: int = -1
+
+    def __iter__(self) -> "Iterator[Formula]":
+        """Yield the formula and all its parts."""
+        yield self
+        for part in self.parts:
+            yield from part
+
+    def compute(self, now: Sequence[Floats], last: Callable[[int], Floats]) -> Any:
+        """Return the formula's values.
+
+        Args:
+            now: The features before it, each of shape [...].
+            last: Gives the same of a feature, one step before.
+        """
+        if self.kind == "number":
+            return np.float64(self.value)
+        if self.kind == "feature":
+            return now[self.index]
+        if self.kind == "last":
+            return last(self.index)
+        with np.errstate(all="ignore"):
+            return _OPERATIONS[self.kind](*(part.compute(now, last) for part in self.parts))
+
+    def written(self, write: Mapping[str, str], name: Callable[[int], str],
+                last: Callable[[int], str], number: Callable[[float], str]) -> str:  # fmt: skip
+        """Return the formula in a language.
+
+        Args:
+            write: A template for each operation, its parts as ``{0}``, ``{1}``, ``{2}``.
+            name: How a feature is written.
+            last: How the last value of a feature is written.
+            number: How a number is written.
+        """
+        if self.kind == "number":
+            return number(self.value)
+        if not self.parts:
+            return (name if self.kind == "feature" else last)(self.index)
+        parts = [part.written(write, name, last, number) for part in self.parts]
+        return write[self.kind].format(*parts)
+
+    def unit(self, units: Sequence[str]) -> str:
+        """Return the unit that follows from those of the features; empty where none does."""
+        return _in_words(self._powers(units) or {})
+
+    def _powers(self, units: Sequence[str]) -> "dict[str, int] | None":
+        """Return the power of each unit in it; None for a mere number, which fits any."""
+        if self.kind == "number":
+            return None
+        if not self.parts:
+            return _powers_of(units[self.index])
+        parts = self.parts[1:] if self.kind == "if" else self.parts
+        found = [part._powers(units) for part in parts]
+        if self.kind in "*/":
+            sign = 1 if self.kind == "*" else -1
+            powers = dict(found[0] or {})
+            for symbol, power in (found[1] or {}).items():
+                powers[symbol] = powers.get(symbol, 0) + sign * power
+            return {symbol: power for symbol, power in powers.items() if power}
+        known = [powers for powers in found if powers is not None]
+        return known[0] if known and all(powers == known[0] for powers in known) else {}
+
+
+def _least(a: Any, b: Any) -> Any:
+    return np.where(b < a, b, a)
+
+
+def _ratio(a: Any, b: Any) -> Any:
+    bound = np.where(a > 0.0, LARGEST_RATIO, np.where(a < 0.0, -LARGEST_RATIO, a))
+    quotient = np.divide(a, b)
+    quotient = np.where(quotient > LARGEST_RATIO, LARGEST_RATIO, quotient)
+    quotient = np.where(quotient < -LARGEST_RATIO, -LARGEST_RATIO, quotient)
+    return np.where(b == 0.0, bound, quotient)
+
+
+_OPERATIONS: Mapping[str, Callable[..., Any]] = {
+    **_TESTS,
+    "+": np.add, "-": np.subtract, "*": np.multiply, "/": _ratio, "negative": np.negative,
+    "min": _least, "max": lambda a, b: np.where(b > a, b, a),
+    "abs": lambda a: np.where(a < 0.0, -a, a), "if": np.where,
+}  # fmt: skip
+
+
+def declared(text: str) -> tuple[str, str]:
+    """Return the label and the formula of a declaration, ``"gap [m] = b - a"``.
+
+    Raises:
+        InvalidArgumentError: It is none.
+    """
+    label, equals, formula = text.partition("=")
+    if not equals or not label.strip() or not formula.strip() or label.rstrip()[-1] in "<>":
+        raise InvalidArgumentError(
+            f"a derived feature must be declared as NAME = FORMULA, got {shown(text)}"
+        )
+    return label.strip(), formula.strip()
+
+
+def parse(text: str, names: Sequence[str]) -> Formula:
+    """Return the formula that a text describes, of features with these names.
+
+    Raises:
+        InvalidArgumentError: The text is no formula; says where.
+        UnknownNameError: It names no feature; names the nearest.
+    """
+    if len(text) > MAX_FORMULA:
+        raise InvalidArgumentError(
+            f"a formula must have at most {MAX_FORMULA:,} characters, got {len(text):,}"
+        )
+    return _Parser(text, names).whole()
+
+
+def in_formula(name: str) -> str:
+    """Return a feature's name as it stands in a formula."""
+    plain = re.fullmatch(r"[^\W\d][\w.]*", name) and name not in _WORDS
+    return name if plain else json.dumps(name, ensure_ascii=False)
+
+
+def renamed(text: str, names: Sequence[str], others: Sequence[str]) -> str:
+    """Return a formula with other names for the features, written as they stand here."""
+    formula, templates = parse(text, names), {sign: f"({{0}} {sign} {{1}})" for sign in "+-*/"}
+    templates |= {sign: f"{{0}} {sign} {{1}}" for sign in _TESTS}
+    templates |= {word: f"{word}({{0}}, {{1}})" for word in ("min", "max")}
+    templates |= {"if": "({1} if {0} else {2})", "abs": "abs({0})", "negative": "-{0}"}
+    words = formula.written(
+        templates,
+        name=lambda index: others[index],
+        last=lambda index: f"last({others[index]})",
+        number=lambda value: f"{value:g}" if float(f"{value:g}") == value else repr(value),
+    )
+    return words[1:-1] if formula.kind in {*"+-*/", "if"} else words
+
+
+class _Parser:
+    def __init__(self, text: str, names: Sequence[str]) -> None:
+        self.text, self.names = text, names
+        self.tokens = [(str(match.lastgroup), match[match.lastgroup or 0])
+                       for match in _TOKEN.finditer(text)]  # fmt: skip
+        self.at = self.depth = 0
+
+    def whole(self) -> Formula:
+        if len(self.tokens) > _MAX_TOKENS:
+            self._fail(f"at most {_MAX_TOKENS} names, numbers and signs")
+        found = self.formula()
+        if self.at < len(self.tokens):
+            self._fail("its end")
+        return found
+
+    def formula(self) -> Formula:
+        self.depth += 1
+        if self.depth > _MAX_NESTING:
+            self._fail(f"at most {_MAX_NESTING} formulas inside one another")
+        found = self.chain("+-", lambda: self.chain("*/", self.factor))
+        if self.taken("if"):
+            condition = self.chain(("or",), lambda: self.chain(("and",), self.test))
+            self.expect("else")
+            found = Formula("if", (condition, found, self.formula()))
+        self.depth -= 1
+        return found
+
+    def chain(self, signs: Sequence[str], part: Callable[[], Formula]) -> Formula:
+        found = part()
+        while self.peek() in set(signs):
+            found = Formula(self.next(), (found, part()))
+        return found
+
+    def test(self) -> Formula:
+        left = self.chain("+-", lambda: self.chain("*/", self.factor))
+        if self.peek() not in {"<", "<=", ">", ">="}:
+            self._fail("a comparison")
+        return Formula(self.next(), (left, self.chain("+-", lambda: self.chain("*/", self.factor))))
+
+    def factor(self) -> Formula:
+        kind, word = self.tokens[self.at] if self.at < len(self.tokens) else ("", "")
+        if kind == "number":
+            self.at += 1
+            if not math.isfinite(float(word)):
+                self._fail("finite numbers")
+            return Formula("number", value=float(word))
+        if self.taken("-"):
+            self.depth += 1
+            if self.depth > _MAX_NESTING:
+                self._fail(f"at most {_MAX_NESTING} formulas inside one another")
+            found = Formula("negative", (self.factor(),))
+            self.depth -= 1
+            return found
+        if self.taken("("):
+            parts = [self.formula()]
+        elif word in {"min", "max", "abs"}:
+            self.at += 1
+            self.expect("(")
+            parts = [self.formula()]
+            while word != "abs" and self.taken(","):
+                parts.append(self.formula())
+        elif word == "last":
+            self.at += 1
+            self.expect("(")
+            parts = [Formula("last", index=self.feature())]
+        else:
+            return Formula("feature", index=self.feature())
+        self.expect(")")
+        if word == "abs":
+            return Formula("abs", (parts[0],))
+        found = parts[0]
+        for part in parts[1:]:
+            found = Formula(word, (found, part))
+        return found
+
+    def feature(self) -> int:
+        kind, word = self.tokens[self.at] if self.at < len(self.tokens) else ("", "")
+        if kind != "name" or word in _WORDS:
+            self._fail("a number or a feature")
+        self.at += 1
+        if word.startswith('"'):
+            try:
+                word = json.loads(word)
+            except ValueError:
+                self._fail("a JSON string")
+        if word not in self.names:
+            raise UnknownNameError("feature", word, self.names, hint=f"In {shown(self.text)}.")
+        return self.names.index(word)
+
+    def peek(self) -> str:
+        return self.tokens[self.at][1] if self.at < len(self.tokens) else ""
+
+    def next(self) -> str:
+        self.at += 1
+        return self.tokens[self.at - 1][1]
+
+    def taken(self, word: str) -> bool:
+        found = self.peek() == word
+        self.at += found
+        return found
+
+    def expect(self, word: str) -> None:
+        if not self.taken(word):
+            self._fail(f"{word!r}")
+
+    def _fail(self, wanted: str) -> NoReturn:
+        place = f"got {self.peek()!r}" if self.peek() else "got its end"
+        raise InvalidArgumentError(f"formula {shown(self.text)} must have {wanted}, {place}")
+
+
+_UNIT = re.compile(r"([*·/]?)\s*([^\d\s*·/^²³]+)(\^?-?\d{1,2}(?!\d)|²|³)?")
+_POWERS = {2: "²", 3: "³"}
+
+
+def _powers_of(unit: str) -> dict[str, int]:
+    """Return the power of each symbol of a unit: m/s² is {"m": 1, "s": -2}."""
+    found: dict[str, int] = {}
+    for sign, symbol, power in _UNIT.findall(unit):
+        exponent = {"": 1, "²": 2, "³": 3}.get(power) or int(power.lstrip("^"))
+        found[symbol] = found.get(symbol, 0) + (-exponent if sign == "/" else exponent)
+    return found
+
+
+def _in_words(powers: Mapping[str, int]) -> str:
+    """Return a unit: m/s² of {"m": 1, "s": -2}."""
+
+    def product(sign: int) -> list[str]:
+        return [
+            symbol + ("" if sign * power == 1 else _POWERS.get(sign * power, f"^{sign * power}"))
+            for symbol, power in powers.items()
+            if sign * power > 0
+        ]
+
+    above, below = "·".join(product(1)), "/".join(product(-1))
+    return f"{above or 1}/{below}" if below else above

@@ -1,0 +1,102 @@
+"""Derived features: what an environment's numbers say together, ``distance / speed``.
+
+A tree asks for one number at a test; a ratio, a difference or a minimum takes it a staircase of
+tests. A person who knows the task declares such a number once (:mod:`eutree.formulas`). The
+declaration goes with the schema into demonstrations and policies, so that a policy derives its
+features itself where an environment does not, and exports compute them.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from eutree.arrays import Floats
+from eutree.features import Derivation
+from eutree.interaction.action_grid import with_grid_of
+from eutree.interaction.spaces import describe, encoder
+from eutree.schema import Feature, Schema
+
+
+class DerivedObservation(
+    gymnasium.Wrapper[Any, Any, Any, Any], gymnasium.utils.RecordConstructorArgs
+):
+    """An environment that observes derived features behind its own.
+
+    Args:
+        env: Any environment with a flat observation.
+        declarations: ``"time_to_crossing = distance / speed"`` and the like.
+        names: A schema whose names the declarations use, where the environment has none.
+
+    Attributes:
+        schema: What it observes, and its actions.
+
+    Raises:
+        InvalidArgumentError: A declaration is none, or its name is taken.
+        UnknownNameError: A formula names no feature before it.
+    """
+
+    def __init__(
+        self,
+        env: gymnasium.Env[Any, Any],
+        declarations: Sequence[str | Feature],
+        *,
+        names: Schema | None = None,
+    ) -> None:
+        gymnasium.utils.RecordConstructorArgs.__init__(
+            self, declarations=list(declarations), names=names
+        )
+        super().__init__(env)
+        measured = describe(env)
+        self.schema = (measured if names is None else measured.with_names_of(names)).derive(
+            declarations
+        )
+        self._encode = encoder(env.observation_space)
+        self._derivation = Derivation.of(self.schema)
+        self._before: Floats | None = None
+        bounds = [(feature.low, feature.high) for feature in self.schema.features]
+        low, high = np.array(bounds, dtype=np.float64).T
+        self.observation_space = gymnasium.spaces.Box(low, high, dtype=np.float64)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Floats, dict[str, Any]]:
+        """Begin an episode; ``last`` values are those of its first observation."""
+        observation, info = self.env.reset(seed=seed, options=options)
+        self._before = None
+        return self._derived(observation), info
+
+    def step(self, action: Any) -> tuple[Floats, Any, bool, bool, dict[str, Any]]:
+        """Take one step."""
+        observation, reward, terminated, truncated, info = self.env.step(action)
+        return self._derived(observation), reward, terminated, truncated, info
+
+    def _derived(self, observation: Any) -> Floats:
+        self._before = self._derivation.rows(self._encode(observation), self._before)
+        return self._before
+
+
+def acting_as(env: gymnasium.Env[Any, Any], known: object) -> gymnasium.Env[Any, Any]:
+    """Return ``env`` with the grid and the derived features that are known, where it has none.
+
+    So a tree that chooses among levels can act where nobody has named any, and one that asks for a
+    derived feature where nobody has declared it.
+
+    Args:
+        env: The environment.
+        known: A policy or demonstrations, whose schema says what the actions set and what is
+            derived; or anything.
+
+    Raises:
+        InvalidArgumentError: The environment has a grid of other levels.
+        UnknownNameError: A formula names no feature of the environment.
+    """
+    schema = getattr(known, "schema", None)
+    if not isinstance(schema, Schema):
+        return env
+    env = with_grid_of(env, schema)
+    measured = schema.measured
+    if not schema.derived or describe(env).n_features != measured.n_features:
+        return env  # whoever compares the names says what is wrong, if anything
+    return DerivedObservation(env, schema.derived, names=measured)

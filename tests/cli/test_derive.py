@@ -1,0 +1,48 @@
+"""Derived features from the shell: declared once, they go with all that follows."""
+
+import shlex
+from pathlib import Path
+
+from eutree.policies import TreePolicy
+
+
+def test_from_the_shell(eutree):
+    Path("d.txt").write_text("# two\nlean = angle / position\nturn = angle - last(angle)\n")
+    for line in (
+        "record CartPole-v1 --expert fall --episodes 4 --out raw --seed 1",
+        "fit raw --derive d.txt --out p.json --episodes 5",
+        "evaluate p.json --episodes 3",
+        "evaluate p.json CartPole-v1 --episodes 3",
+        "why p.json --observation 0,1,2,3 --demos raw",
+        "show p.json --html p.html --episodes 1",
+        "verify p.json --property 'no dead leaves' --demos raw",
+    ):
+        answer = eutree(*shlex.split(line))
+        assert answer.code in (0, 1), answer.err
+    policy = TreePolicy.load("p.json")
+    assert [feature.name for feature in policy.schema.derived] == ["lean", "turn"]
+
+
+def test_a_run_goes_on_with_them(eutree):
+    assert (
+        eutree("record", "CartPole-v1", "--expert", "fall", "--episodes", 4, "--out", "raw").code
+        == 0
+    )
+    line = ["learn", "CartPole-v1", "--demos", "raw", "--derive", "lean = angle / position",
+            "--episodes", 2, "--judge-episodes", 0, "--method", "u-tree",
+            "--out", "run"]  # fmt: skip
+    assert eutree(*line).code == 0
+    learned = TreePolicy.load("run/policy.json")
+    assert learned.schema.derived[0].formula == "angle / position"
+    assert eutree("learn", "--out", "run", "--resume", "--episodes", 4).code == 0
+    assert TreePolicy.load("run/policy.json").schema == learned.schema
+
+
+def test_a_mistake_is_one_line(eutree):
+    line = ["record", "CartPole-v1", "--expert", "fall", "--out", "raw"]
+    answer = eutree(*line, "--derive", "lean = angel / position")
+    assert answer.code == 2
+    assert "unknown feature 'angel'. Did you mean 'angle'?" in answer.err
+    answer = eutree(*line, "--derive", "missing.txt")
+    assert answer.code == 2
+    assert "missing.txt" in answer.err
