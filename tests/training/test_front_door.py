@@ -135,7 +135,8 @@ WRONG = [
     ),
     ({"out": 3}, InvalidArgumentError, "out must be the path of a folder, got 3"),
     ({"listeners": 3}, InvalidArgumentError, "callback must be a function"),
-    ({"handover": Handover(prefer_proven="")}, InvalidArgumentError, "among several runs"),
+    ({"prefer_proven": "", "front_steps": 0}, InvalidArgumentError, "several trees to choose"),
+    ({"handover": Handover(prefer_proven="flies")}, InvalidArgumentError, "property must be"),
 ]
 
 
@@ -172,6 +173,4 @@ def test_every_word_has_one_home():
     assert [word for word in homes if f"{word}" not in told] == []
     named = set(inspect.signature(eutree.learn).parameters)
     assert not named & set(ShortForms.__annotations__)
-    assert set(RunsForms.__annotations__) - set(ShortForms.__annotations__) - named == {
-        "prefer_proven"
-    }
+    assert not set(RunsForms.__annotations__) - set(ShortForms.__annotations__) - named

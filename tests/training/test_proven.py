@@ -7,9 +7,13 @@ import pytest
 
 import eutree
 from eutree.cli.main import run
+from eutree.compression.front import Front
+from eutree.compression.playing import Outcome
+from eutree.compression.report import FrontEntry
 from eutree.errors import InvalidArgumentError
 from eutree.schema import EnvironmentSpec
-from eutree.training.many import ProvenFirst
+from eutree.training import evaluations
+from eutree.training.evaluations import ProvenFirst
 from tests.proof.policies import BAD, GOOD, SWITCH, policy_of
 
 CAR = EnvironmentSpec("MountainCar-v0")
@@ -72,5 +76,51 @@ def test_on_the_command_line(tmp_path, capsys):
     several = [*line, str(tmp_path / "many"), "--runs", "2", "--n-jobs", "1"]
     assert run([*several, "--prefer-proven", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["certificate"]["proven"]
-    assert run([*line, str(tmp_path / "one"), "--prefer-proven"]) == 2
-    assert "chooses among several runs" in capsys.readouterr().err
+    assert run([*line, str(tmp_path / "one"), "--prefer-proven", "--front-steps", "0"]) == 2
+    assert "needs several trees to choose among" in capsys.readouterr().err
+
+
+def entry(policy, mean_return):
+    outcome = Outcome(np.full(4, mean_return), None)
+    return FrontEntry.of(policy, outcome)
+
+
+def of_one_run(tmp_path, monkeypatch, start, **options):
+    """A run whose front has the tree that is refuted in front of one that is proven."""
+    refuted, proven = policy_of(BAD), policy_of(GOOD)
+
+    def front(*_, **__):
+        entries = (entry(refuted, -98.0), entry(proven, -99.0), entry(refuted, -98.0))
+        return Front(refuted, entries, None, 0)
+
+    monkeypatch.setattr(evaluations, "front_of_run", front)
+    return eutree.learn(
+        CAR, out=tmp_path / "run", expert=policy_of(start), start="tree", episodes=2,
+        evaluate_every=2, evaluation_episodes=1, front_steps=100_000, judge_episodes=8, **options,
+    )  # fmt: skip
+
+
+def test_the_pick_of_a_front_is_the_best_that_is_proven(tmp_path, monkeypatch):
+    found = of_one_run(tmp_path, monkeypatch, SWITCH, prefer_proven="arrives within 110 steps")
+    assert found.picked.to_bytes() == policy_of(GOOD).to_bytes() == found.policy.to_bytes()
+    assert "within 108 steps" in found.certificate.sentence
+    assert found.against_start.why == "it alone is proven"
+
+
+def test_a_pick_that_none_is_proven_of_stays(tmp_path, monkeypatch):
+    found = of_one_run(tmp_path, monkeypatch, SWITCH, prefer_proven="arrives within 90 steps")
+    assert found.picked.to_bytes() == policy_of(BAD).to_bytes()
+    assert found.certificate is None
+
+
+def test_a_start_that_alone_is_proven_is_handed_over(tmp_path, monkeypatch):
+    found = of_one_run(tmp_path, monkeypatch, GOOD, prefer_proven="", max_leaves=5)
+    assert found.picked.to_bytes() == policy_of(BAD).to_bytes()  # the other one is too large
+    assert found.handed_over == "start"
+    assert found.certificate.proven
+
+
+def test_without_the_wish_nothing_changes(tmp_path, monkeypatch):
+    found = of_one_run(tmp_path, monkeypatch, SWITCH)
+    assert found.picked.to_bytes() == policy_of(BAD).to_bytes()
+    assert found.certificate is None

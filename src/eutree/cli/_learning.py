@@ -113,6 +113,7 @@ def as_values(
         "why": "" if judgement is None else judgement.why,
         "against_start": None if judgement is None else judgement.facts(),
         "front": _front(result, out),
+        "certificate": None if result.certificate is None else result.certificate.figures(),
         "against_fit": None if result.against_fit is None else result.against_fit.facts(),
         "against": None if rivalry is None else rivalry.facts(),
         "model_trust": None if result.model_trust is None else result.model_trust.figures(),
@@ -161,7 +162,8 @@ def in_words(
     verdict = "" if judgement is None else judgement.verdict()
     picked = None if result.picked is None else result.picked.n_leaves
     front = front_drawn(result.front, "learned", picked).rstrip()
-    rest = [front, verdict, "" if rivalry is None else rivalry.all_lines()]
+    proven = "" if result.certificate is None else str(result.certificate)
+    rest = [front, verdict, proven, "" if rivalry is None else rivalry.all_lines()]
     return "\n".join([f"{words}; written to {out}", *filter(None, rest)])
 
 

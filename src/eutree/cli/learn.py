@@ -118,8 +118,8 @@ if TYPE_CHECKING:
 @against_option
 @count_option("--runs", 1, "Runs, with seeds from --seed on; the best is chosen and judged.")
 @click.option("--prefer-proven", metavar="[PROPERTY]", is_flag=False, flag_value="",
-              help="Choose among those of --runs that are proven, as prove does; without "
-              "PROPERTY that of the environment's plant.")  # fmt: skip
+              help="Hand over a tree that is proven, as prove does, if any of the front or of "
+              "--runs is; without PROPERTY that of the environment's plant.")  # fmt: skip
 @workers_options("--runs")
 @env_arg_option
 @seed_option
@@ -194,8 +194,6 @@ def learn(
     }
     if partition is not None and (offline or runs > 1):
         raise InvalidArgumentError("--partition follows one run that acts: no --offline, no --runs")
-    if runs == 1 and options.pop("prefer_proven") is not None:
-        raise InvalidArgumentError("--prefer-proven chooses among several runs; add --runs")
     if runs > 1:
         if spec is None or options.pop("tensorboard") is not None:
             raise InvalidArgumentError("--runs takes no --offline and no --tensorboard")

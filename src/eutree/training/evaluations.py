@@ -1,8 +1,9 @@
-"""Where a run acts, and its evaluations: the curve, whose success is kept, and the judgement."""
+"""Where a run acts, and its evaluations: the curve, the front, the judgement; what is proven."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
+from eutree.compression.front import Front
 from eutree.compression.playing import Ground
 from eutree.compression.report import FrontEntry
 from eutree.errors import InvalidArgumentError
@@ -11,6 +12,9 @@ from eutree.interaction import GuardedEnv, episode_seed
 from eutree.interaction.seeding import Stream
 from eutree.learners import Learner
 from eutree.policies import TreePolicy
+from eutree.proof import Certificate, plant_of, prove
+from eutree.proof.properties import Property, parse
+from eutree.schema import EnvironmentSpec
 from eutree.training.front import EARLIER, Extent, front_of_run
 from eutree.training.handover import Duel, judge
 from eutree.training.judging import Judgement, judged
@@ -38,6 +42,43 @@ class Arena:
     play: Player
     ground: Callable[[int], Ground]
     return_range: tuple[float, float] | None = None
+
+
+class ProvenFirst:
+    """Which of several policies is proven to have a property.
+
+    Args:
+        environment: Where they act.
+        question: The property (see :mod:`eutree.proof.properties`); the plant's own for ``""``.
+
+    Raises:
+        InvalidArgumentError: No plant is known for the environment, or the text is no property.
+    """
+
+    def __init__(self, environment: EnvironmentSpec | None, question: str) -> None:
+        plant = plant_of(environment)
+        if plant is None:
+            raise InvalidArgumentError(
+                f"prefer_proven needs a plant, which says how states move; none is known for "
+                f"{environment}"
+            )
+        self._plant = plant
+        self._asked: Property = parse(question or plant.question, plant.schema)
+
+    def certificate(self, policy: TreePolicy) -> Certificate | None:
+        """Return the proof of a policy; None where it is not proven, or cannot be."""
+        if not policy.features.is_identity:
+            return None
+        found = prove(policy, self._plant, self._asked)
+        return found if found.proven else None
+
+    def first(self, policies: Iterable[TreePolicy]) -> tuple[int, Certificate] | None:
+        """Return the number of the first policy that is proven, and its proof; None if none is."""
+        for number, policy in enumerate(policies):
+            found = self.certificate(policy)
+            if found is not None:
+                return number, found
+        return None
 
 
 class Evaluations:
@@ -108,12 +149,30 @@ class Evaluations:
                 max_leaves=plan.handover.max_leaves,
                 generator=generator_of(plan.seed, Stream.FRONT, 0),
             )
-            self.front, self.picked = found.entries, found.picked
+            self.front, self.picked = found.entries, self._preferred(found, arena)
         state.whole = False
         state.move(fronted=True, front_steps=ground.steps)
         if self.front and self.picked is not None:
             entries = [one.facts() for one in self.front]
             state.note("front", {"front": entries, "picked": self.picked.n_leaves})
+
+    def _proven(self, arena: Arena) -> ProvenFirst | None:
+        """Return what tells proven trees from others, where they are preferred."""
+        handover = self._plan.handover
+        question = None if handover is None else handover.prefer_proven
+        return None if question is None else ProvenFirst(arena.env.spec, question)
+
+    def _preferred(self, found: Front, arena: Arena) -> TreePolicy | None:
+        """Return the pick or, where proven trees are preferred, the best of those, if any is."""
+        proven, picked = self._proven(arena), found.picked
+        if proven is None or picked is None or self._plan.handover is None:
+            return picked
+        others = sorted(found.entries[1:], key=lambda one: -one.mean_return)
+        most = self._plan.handover.max_leaves
+        fit = [one.policy for one in others if most is None or one.policy.n_leaves <= most]
+        trees = [picked, *fit]
+        first = proven.first(trees)
+        return picked if first is None else trees[first[0]]
 
     def _remember(self, policy: TreePolicy) -> None:
         """Keep the last few trees that differ: smaller ones are made of them at the end."""
@@ -145,6 +204,10 @@ class Evaluations:
             sizes = first.n_leaves, policy.n_leaves
             known = arena.return_range
             judgement = judge(handover, duel, sizes, known=known, challengers=challengers)
+            proven = self._proven(arena)
+            if proven is not None:
+                sure = tuple(proven.certificate(one) is not None for one in (first, policy))
+                judgement = judgement.of_proven(*sure)
         self._state.whole = False
         self.judgement = judgement
         self._state.move(judged=True)

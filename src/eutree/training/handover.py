@@ -59,9 +59,10 @@ class Handover:
         return_range: Lowest and highest return that an episode can have, where the environment does
             not say so itself (``eutree.interaction.return_range``); what is said of the learned
             tree then holds without a condition, also offline.
-        prefer_proven: A property, or ``""`` for that of the environment's plant: of several runs
-            the best is chosen among those whose policies are proven to have it, and a start that is
-            not proven does not take the place of one that is. For ``learn_runs``.
+        prefer_proven: A property, or ``""`` for that of the environment's plant: of the front the
+            best that is proven to have it is picked, if any is, and between the pick and the start
+            the only one that is proven is handed over; of several runs the best is chosen among
+            those whose policies are proven.
         against: Who else plays the episodes of the policy that is handed over, as ``evaluate``
             takes it: fresh ones, which have chosen nothing.
     """

@@ -1,6 +1,6 @@
 """What a run gained against its start: both policies on the same fresh episodes."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 from eutree.evaluation import Evaluation, Interval, against
@@ -101,6 +101,12 @@ class Judgement:
     def is_start(self) -> bool:
         """Whether the result decides as the start does."""
         return self.episodes == 0
+
+    def of_proven(self, start: bool, learned: bool) -> "Judgement":
+        """Return the same, but that of the two trees the only one that is proven is handed over."""
+        if start == learned:
+            return self
+        return replace(self, handed_over=LEARNED if learned else START, why="it alone is proven")
 
     def facts(self) -> dict[str, Any]:
         """Return the judgement in JSON's types."""

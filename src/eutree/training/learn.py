@@ -24,9 +24,9 @@ from eutree.learners import Method, Problem, Start, start_of
 from eutree.learners.learner import check_fits
 from eutree.learners.registry import checked_document
 from eutree.policies import TreePolicy
-from eutree.proof import BeginningThere
+from eutree.proof import BeginningThere, Certificate
 from eutree.proof.starts import SHARE, digest_of
-from eutree.training.evaluations import Arena
+from eutree.training.evaluations import Arena, ProvenFirst
 from eutree.training.handover import Handover
 from eutree.training.listeners import Listeners
 from eutree.training.log import DISCOUNT, Log
@@ -135,6 +135,7 @@ def learn(
             result_of(run, policy, asked.teacher, recorded),
             against_fit=against_fit,
             against=None if acting is None else _against(run, policy, acting, asked.handover),
+            certificate=_certificate(place, policy, asked.handover),
         )
 
 
@@ -218,6 +219,13 @@ def _carried_out(
         policy, against_fit = _result(run, log)
         folder.save_result(policy, run.learned(), run.evaluations.front, run.evaluations.picked)
     return policy, against_fit
+
+
+def _certificate(place: _Place, policy: TreePolicy, asked: Handover) -> Certificate | None:
+    """Return the proof of what is handed over, where proven trees are preferred and it is one."""
+    if asked.prefer_proven is None or place.env is None:
+        return None
+    return ProvenFirst(place.env.spec, asked.prefer_proven).certificate(policy)
 
 
 def _against(

@@ -8,7 +8,7 @@ has to deserve to take the place of the start, by the rule of a single run
 that are proven, if any is.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Unpack
@@ -33,9 +33,9 @@ from eutree.interaction.seeding import Stream
 from eutree.learners import Method
 from eutree.parallel import Workers
 from eutree.policies import TreePolicy
-from eutree.proof import Certificate, plant_of, prove
-from eutree.proof.properties import Property, parse
+from eutree.proof import Certificate
 from eutree.schema import EnvironmentSpec
+from eutree.training.evaluations import ProvenFirst
 from eutree.training.handover import Duel, Handover, handover_for, judge
 from eutree.training.judging import START, Judgement
 from eutree.training.learn import RIVAL_EPISODES, learn
@@ -49,43 +49,6 @@ COLUMNS = (
     "seed", "mean_return", "return_low", "return_high", "success_rate", "success_low",
     "success_high", "n_leaves", "environment_steps", "winner",
 )  # fmt: skip
-
-
-class ProvenFirst:
-    """Which of several policies is proven to have a property.
-
-    Args:
-        environment: Where they act.
-        question: The property (see :mod:`eutree.proof.properties`); the plant's own for ``""``.
-
-    Raises:
-        InvalidArgumentError: No plant is known for the environment, or the text is no property.
-    """
-
-    def __init__(self, environment: EnvironmentSpec, question: str) -> None:
-        plant = plant_of(environment)
-        if plant is None:
-            raise InvalidArgumentError(
-                f"prefer_proven needs a plant, which says how states move; none is known for "
-                f"{environment}"
-            )
-        self._plant = plant
-        self._asked: Property = parse(question or plant.question, plant.schema)
-
-    def certificate(self, policy: TreePolicy) -> Certificate | None:
-        """Return the proof of a policy; None where it is not proven, or cannot be."""
-        if not policy.features.is_identity:
-            return None
-        found = prove(policy, self._plant, self._asked)
-        return found if found.proven else None
-
-    def first(self, policies: Iterable[TreePolicy]) -> tuple[int, Certificate] | None:
-        """Return the number of the first policy that is proven, and its proof; None if none is."""
-        for number, policy in enumerate(policies):
-            found = self.certificate(policy)
-            if found is not None:
-                return number, found
-        return None
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +132,6 @@ class RunsForms(ShortForms, total=False):
     budget: Budget | None
     evaluation: Schedule | None
     handover: Handover | None
-    prefer_proven: str | None
 
 
 def learn_runs(
@@ -197,8 +159,7 @@ def learn_runs(
             of the best.
         judging_episodes: Episodes by which it is judged.
         on_run: Called with the number of finished runs and the last of them.
-        **options: As ``learn`` takes them, but for listeners; ``prefer_proven`` is short for that
-            of ``Handover``.
+        **options: As ``learn`` takes them, but for listeners.
 
     Raises:
         InvalidArgumentError: An argument is not as described.
@@ -266,11 +227,7 @@ def _asked(
     words = dict(options)
     given = {name: words.pop(name) for name in _GIVEN if name in words}
     values = {name: words.pop(name, None) for name in ("budget", "evaluation", "handover")}
-    proven = words.pop("prefer_proven", None)
-    asked = Asked.of(values | {"folder": folder}, (), words)
-    if proven is not None:
-        asked = replace(asked, handover=replace(asked.handover, prefer_proven=proven))
-    return asked, given
+    return Asked.of(values | {"folder": folder}, (), words), given
 
 
 def _opened(folder: Folder | None) -> Folder:

@@ -7,10 +7,12 @@ import gymnasium
 
 from eutree.data import Demonstrations
 from eutree.errors import InvalidArgumentError
+from eutree.interaction.spaces import spec_of
 from eutree.learners import Method, Start
 from eutree.learners import method as method_of
 from eutree.learners.default_choice import Choice, Evidence, default_for, say
 from eutree.learners.registry import checked_method
+from eutree.training.evaluations import ProvenFirst
 from eutree.training.handover import handover_for
 from eutree.training.phases import MANY, Plan
 from eutree.training.proposals import SearchSettings
@@ -31,8 +33,6 @@ def planned(
 ) -> tuple[Choice, Plan]:
     """Return how is learned and how long, once all that is asked is known to be possible."""
     check_integer("evaluation_episodes", asked.evaluation.episodes, low=1)
-    if asked.handover.prefer_proven is not None:
-        raise InvalidArgumentError("prefer_proven chooses among several runs: see learn_runs")
     budget, handover = asked.budget, asked.handover
     if env is None:
         _check_acts_nowhere(asked)
@@ -59,6 +59,13 @@ def planned(
         handover=handover_for(chosen, handover),
         seed=seed,
     )
+    if handover.prefer_proven is not None:
+        if env is None or plan.handover is None or not plan.handover.has_front:
+            raise InvalidArgumentError(
+                "prefer_proven needs several trees to choose among: a front or, with learn_runs, "
+                "several runs"
+            )
+        ProvenFirst(spec_of(env), handover.prefer_proven)
     return replace(choice, method=chosen), plan
 
 

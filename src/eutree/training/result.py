@@ -12,6 +12,7 @@ from eutree.learners import History, Method
 from eutree.learners.learner import HasTeacher, ValuingPolicy
 from eutree.policies import TreePolicy
 from eutree.policy_search.model_trust import ModelTrust
+from eutree.proof import Certificate
 from eutree.training.judging import LEARNED, START, Judgement
 from eutree.training.run import Run
 from eutree.training.teaching import Teacher
@@ -74,6 +75,7 @@ class LearningResult(Displayed):
             first, all in the same episodes, which chose none of them; empty without a front.
         picked: The tree of the front that met the start; None without a front.
         against: What the policy did against the rival that ``Handover`` names.
+        certificate: The proof of the policy, where proven trees are preferred and it is one.
         against_fit: Offline, what held-out episodes say against the tree of ``fit``, which is the
             policy unless the learned tree is believed to beat it.
         teacher: Who taught, where the method has a teacher: a policy with ``action_values``, for
@@ -99,6 +101,7 @@ class LearningResult(Displayed):
     front: tuple[FrontEntry, ...] = ()
     picked: TreePolicy | None = None
     against: Against | None = None
+    certificate: Certificate | None = None
     against_fit: OffPolicyComparison | None = None
     teacher: ValuingPolicy | None = None
     model_trust: ModelTrust | None = None

@@ -91,7 +91,7 @@ class ShortForms(TypedDict, total=False):
         episodes: Of ``Budget``; also ``steps``, ``minutes`` and ``race_steps``.
         evaluate_every: ``every`` of ``Schedule``; ``evaluation_episodes`` is its ``episodes``.
         judge_episodes: ``episodes`` of ``Handover``; also its ``max_leaves``, ``front_steps``,
-            ``keep_success`` and ``return_range``.
+            ``keep_success``, ``return_range`` and ``prefer_proven``.
         out: ``path`` of ``Folder``; also its ``resume`` and ``checkpoint_seconds``.
         on_progress: The function of a listener ``Progress``; likewise ``tensorboard``, ``stop``
             (``StopWhen``), and ``callback``, as Stable-Baselines3 has it.
@@ -118,6 +118,7 @@ class ShortForms(TypedDict, total=False):
     front_steps: int | None
     keep_success: bool
     return_range: tuple[float, float] | None
+    prefer_proven: str | None
     out: str | Path | None
     resume: bool
     checkpoint_seconds: float | None
@@ -136,7 +137,10 @@ _PARTS = {
     "budget": {name: name for name in ("episodes", "steps", "minutes", "race_steps")},
     "evaluation": {"evaluate_every": "every", "evaluation_episodes": "episodes"},
     "handover": {"judge_episodes": "episodes"}
-    | {name: name for name in ("max_leaves", "front_steps", "keep_success", "return_range")},
+    | {
+        name: name
+        for name in ("max_leaves", "front_steps", "keep_success", "return_range", "prefer_proven")
+    },
     "folder": {"out": "path", "resume": "resume", "checkpoint_seconds": "checkpoint_seconds"},
 }
 _LISTENERS: dict[str, Callable[[Any], Listener]] = {
