@@ -5,22 +5,38 @@ import shlex
 from dataclasses import replace
 
 import gymnasium
+import numpy as np
 import pytest
 
 import eutree
 from eutree.cli import _tree_making
 from eutree.cli._tree_making import PageTree
 from eutree.cli.main import run
+from eutree.data import DemonstrationFolder
+from eutree.interaction import GuardedEnv, run_episode
 from eutree.schema import EnvironmentSpec
 from tests.interaction.people import Corridor
 
 EVASION = EnvironmentSpec("eutree/Evasion2-v0")
 
 
+class Views(list):
+    """What the page was shown; ``programmes`` is what there was to watch."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.programmes = []
+
+    def show(self, view, programme=None) -> None:
+        self.append(view)
+        if programme is not None:
+            self.programmes.append(programme)
+
+
 def made(folder, *, episodes, make=lambda: gymnasium.make("eutree/Evasion2-v0"), spec=EVASION):
-    views = []
+    views = Views()
     maker = PageTree(folder, spec, make)
-    maker.make(views.append, lambda: False)
+    maker.make(views.show, lambda: False)
     return maker, views
 
 
@@ -54,15 +70,49 @@ def test_a_tree_is_fitted_and_plays_and_its_verdict_is_true(folder) -> None:
     assert views[-1].rules == str(tree)
     assert views[-1].svg.startswith("<svg")
     assert views[-1].commands[0] == f"eutree show {folder}-tree.json"
+    # What is to be watched are the failures that were counted, if there are any.
+    (programme,) = views.programmes
+    world = GuardedEnv(gymnasium.make("eutree/Evasion2-v0"))
+    seen = [run_episode(world, tree, scene.seed).is_success for scene in programme.scenes]
+    assert seen.count(False) == min(200 - wins, 6)
+    assert seen == sorted(seen)
+    assert [bool(scene.why) for scene in programme.scenes] == [not success for success in seen]
     # Learning goes on from the tree on the page, and not from another one of the demonstrations.
     assert f"eutree learn --demos {folder} --expert {folder}-tree.json" in views[-1].commands[2]
+
+
+def test_what_is_corrected_is_fitted_at_once_and_shown(folder) -> None:
+    _, views = made(folder, episodes=3)
+    before = eutree.Demonstrations.load(folder)
+    stops = before.episodes[0]
+    driven = replace(
+        stops,
+        actions=np.zeros(len(stops), dtype=np.int64),
+        steps={"by_hand": np.ones(len(stops), dtype=bool)},
+    )
+    place = DemonstrationFolder(folder)
+    place.write(7, driven)
+    tree = views.programmes[0].refit()
+    assert tree == eutree.fit_expert_tree(eutree.Demonstrations.load(folder))
+    assert tree != eutree.fit_expert_tree(before)
+    assert views[-1].message == "Fitted to 3 episodes of yours and 1 that a tree drove"
+    assert eutree.TreePolicy.load(folder.with_name("demos-driving.json")) == tree
+
+
+def test_a_tree_of_another_task_is_not_let_drive(folder, tmp_path, capsys) -> None:
+    made(folder, episodes=3)
+    tree, out = folder.with_name("demos-tree.json"), tmp_path / "other"
+    line = ["record", "CartPole-v1", "--web", "--drive", str(tree), "--out", str(out)]
+    assert run(line) == 2
+    said = capsys.readouterr().err
+    assert f"--drive {tree} must have the features and actions of the environment" in said
 
 
 def test_practice_keeps_the_better_tree_and_shows_its_curve(folder, monkeypatch) -> None:
     monkeypatch.setattr(_tree_making, "PRACTICE", 20)
     maker, views = made(folder, episodes=3)
     fitted = wins_of(views[-1])
-    maker.practise(views.append, lambda: False)
+    maker.practise(views.show, lambda: False)
     last = views[-1]
     assert [episode for episode, _ in last.curve] == [10, 20]
     assert last.yours == 1.0
@@ -106,7 +156,7 @@ def test_the_next_commands_go_on_from_the_tree_that_is_shown(folder, capsys) -> 
 def test_whoever_leaves_stops_it(folder) -> None:
     maker, views = made(folder, episodes=3)
     count = len(views)
-    maker.practise(views.append, lambda: True)
+    maker.practise(views.show, lambda: True)
     assert views[-1].phase == "practising"
     assert len(views) - count <= 2
 

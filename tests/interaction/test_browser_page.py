@@ -529,6 +529,35 @@ def test_the_tree_drives_as_soon_as_it_is_made(chromium, tmp_path) -> None:
     assert len(Demonstrations.load(tmp_path / "demos").episodes) == 1
 
 
+@pytest.mark.parametrize("touch", [False, True])
+def test_a_person_takes_over_from_the_tree_and_hands_back(chromium, tmp_path, touch) -> None:
+    env = evasion()
+    maker = goes_on_and_on(env)
+    tree = replace(maker.programme, refit=lambda: maker.programme.policy)
+    with serving(tmp_path, env, fps=5.0, maker=maker) as served:
+        served.session.driving.offer(replace(tree, scenes=()))
+        options = {"has_touch": True, "is_mobile": True} if touch else {}
+        person = Person(chromium, served, **options).until(state="opening")
+        person.page.get_by_role("button", name="Let it drive").click()
+        person.until(state="driving", acting="tree: go")
+        if touch:
+            person.page.locator(".pad[data-action=''][data-key=down]").hover()
+            person.page.mouse.down()
+            person.until(acting="you: stop")
+            person.page.mouse.up()
+        else:
+            person.down("ArrowDown").until(acting="you: stop").up("ArrowDown")
+        person.until(acting="tree: go").until(seen="over 1")
+        assert "You acted in" in person.page.locator("#text").inner_text()
+        person.tap("Escape").until(state="opening")
+        assert "driven by the tree" in person.page.locator("#episodes").inner_text()
+        assert person.data("saved") == "0"
+        assert person.messages == []
+    (episode,) = (e for e in Demonstrations.load(tmp_path / "demos").episodes if e.kept)
+    assert 0 < episode.by_hand.sum() < len(episode)
+    assert set(episode.actions[episode.by_hand]) == {0}
+
+
 @pytest.mark.parametrize("width", [1920, 390])
 def test_a_large_tree_and_its_commands_can_be_read(chromium, tmp_path, width) -> None:
     maker = ScriptedMaker()

@@ -7,9 +7,12 @@ import numpy as np
 import pytest
 
 import eutree
-from eutree.interaction import episode_seed
-from eutree.interaction.events import Away
+from eutree.data import Demonstrations, Episode
+from eutree.fitting import Person as Judged
+from eutree.interaction import Recorder, SessionSettings, episode_seed
+from eutree.interaction.events import Away, EpisodeEnded
 from eutree.interaction.guard import GuardedEnv
+from eutree.interaction.replay import replay
 from eutree.interaction.scenes import Course, Programme, Scene, explained, scenes, worst_first
 from eutree.trees import DecisionTree
 from tests.interaction.people import Corridor, Person
@@ -85,6 +88,125 @@ def test_a_tree_that_remembers_shows_the_way_of_what_it_remembers() -> None:
     course = Course(past)
     assert [course.decide(np.array([p, p])) for p in (0.0, 1.0)] == [RIGHT, RIGHT]
     assert course.nodes == (0,)
+
+
+SEEN = np.column_stack([np.arange(9.0), np.arange(9.0)])
+
+
+@pytest.mark.parametrize(
+    ("by_hand", "success", "weights"),
+    [
+        ("00000000", True, "11111111"),
+        ("00000000", None, "11111111"),
+        ("00000000", False, "11111100"),
+        ("00011000", True, "10011111"),
+        ("01011000", True, "01011111"),  # one step in between: shown ones stay
+        ("10000111", False, "10000111".replace("0000", "1100")),
+    ],
+)
+def test_what_was_let_pass_is_approved_but_for_the_steps_before(by_hand, success, weights) -> None:
+    hands = np.array([int(one) for one in by_hand], dtype=bool)
+    episode = Episode(SEEN, np.ones(8), np.zeros(8), True, False, is_success=success)
+    assert episode.by_hand is None
+    assert episode.weights.tolist() == [1.0] * 8
+    driven = replace(episode, steps={"by_hand": hands})
+    assert driven.by_hand.tolist() == hands.tolist()
+    assert driven.weights.astype(int).tolist() == [int(one) for one in weights]
+
+
+def test_a_driven_episode_teaches_by_its_weights_and_is_no_evidence_on_the_person() -> None:
+    shown = Episode(SEEN, np.full(8, STAY), np.zeros(8), True, False, is_success=True)
+    hands = np.array([0, 0, 0, 0, 0, 0, 1, 1], dtype=bool)
+    driven = replace(shown, actions=np.array([2, 2, 2, 2, 0, 0, 2, 2]), steps={"by_hand": hands})
+    demos = Demonstrations((shown, driven), SCHEMA)
+    assert LEFT not in eutree.fit_expert_tree(Demonstrations((driven,), SCHEMA)).actions
+    all_alike = eutree.fit_expert_tree(Demonstrations((driven,), SCHEMA), weights=np.ones(8))
+    assert LEFT in all_alike.actions  # or the test above could not fail
+    assert Judged.of(demos).episodes == 1
+
+
+def correcting(person, tree, refit=None):
+    """Let a tree drive that may be corrected."""
+    person.session.driving.offer(Programme(tree, refit=refit or (lambda: tree)))
+    return person.do("correct").until("driving")
+
+
+def stored(person):
+    return [output.episode for output in person.outputs if isinstance(output, EpisodeEnded)]
+
+
+def test_a_held_key_acts_and_letting_go_hands_back(person) -> None:
+    correcting(person, always(STAY)).wait(0.35)
+    person.press("right").wait(0.3).release("right").wait(0.2)
+    assert not person.view.driving.by_hand
+    person.press("down").wait(0.2).release("down")  # the action that has no key
+    until_over(person)
+    (episode,) = stored(person)
+    assert episode.by_hand.sum() in (4, 5, 6)
+    assert set(episode.actions[~episode.by_hand]) == {STAY}
+    assert set(episode.actions[episode.by_hand]) == {RIGHT, STAY}
+    assert person.view.driving.n_by_hand == episode.by_hand.sum()
+
+
+def test_the_tree_of_all_that_is_stored_drives_on(person) -> None:
+    trees = iter([always(RIGHT), always(LEFT)])
+    correcting(person, always(STAY), lambda: next(trees))
+    until_over(person)
+    person.until("driving").wait(2.0)
+    assert person.view.driving.number == 2
+    assert until_over(person).success
+    person.wait(2.0)
+    first, second = stored(person)
+    assert (set(first.actions), set(second.actions)) == ({STAY}, {RIGHT})
+    assert first.seed != second.seed
+
+
+def test_driven_episodes_are_not_counted_as_shown_and_may_be_discarded(person) -> None:
+    correcting(person, always(STAY)).wait(0.5).tap("delete")
+    assert (stored(person)[0].kept, stored(person)[0].comment) == (False, "discarded")
+    until_over(person)
+    person.tap("delete")
+    assert not person.session.episodes[1].kept
+    until_over(person)
+    person.tap("escape")
+    assert person.view.state == "opening"
+    assert person.view.saved == 0
+    assert [episode.by_hand for episode in person.view.episodes] == [0, 0, 0]
+    assert person.session.episodes[2].kept
+
+
+def test_who_leaves_in_the_middle_pauses_it_and_the_keys_go_up(person) -> None:
+    correcting(person, always(STAY)).press("right").wait(0.3)
+    step = person.view.step
+    person.tick(Away("gone"))
+    assert person.view.driving.is_paused
+    assert person.view.held == []
+    assert person.wait(2.0).view.step == step
+    person.tap("enter").wait(0.5)
+    assert not person.view.driving.by_hand
+    person.tap("escape")
+    assert stored(person)[0].comment == "left early"
+
+
+def test_without_a_way_to_fit_nothing_can_be_corrected(person) -> None:
+    person.session.driving.offer(Programme(always(STAY), (Scene(0),)))
+    person.do("correct").until("watching")
+    assert not person.view.can_correct
+
+
+def test_corrections_survive_in_the_folder(tmp_path) -> None:
+    env = Corridor()
+    recorder = Recorder(env, tmp_path / "demos", settings=SessionSettings(countdown=0.0))
+    person = Person(session=recorder.session, tick=recorder.tick)
+    correcting(person, always(STAY)).press("right").wait(0.3).release("right")
+    until_over(person)
+    recorder.close()
+    (episode,) = Demonstrations.load(tmp_path / "demos").episodes
+    assert episode.by_hand.dtype == bool
+    assert 1 <= episode.by_hand.sum() < len(episode)
+    assert all(result.is_equal for result in replay(Demonstrations.load(tmp_path / "demos"), env))
+    again = Recorder(env, tmp_path / "demos")
+    assert again.session.recording.n_kept == 0  # none was shown by the person alone
 
 
 @pytest.fixture

@@ -76,7 +76,7 @@ class PageTree:
         played = self._play(tree, show, stop)
         if played is not None:
             self._fitted, self._best, self._presses = fitted, (tree, played, path), 0
-            show(self._verdict(Person.of(demonstrations), note=""), self._programme())
+            show(self._verdict(Person.of(demonstrations), note=""), self._programme(show))
 
     def _fit(
         self, demonstrations: "Demonstrations", show: "Show", stop: Callable[[], bool]
@@ -149,9 +149,38 @@ class PageTree:
             found = result_in_words(played)
             note = f"{episodes} episodes of practice found nothing better, only {found}."
         ready = replace(self._verdict(person, note=note), curve=curve.points, of=episodes)
-        show(ready, self._programme())
+        show(ready, self._programme(show))
 
-    def _programme(self) -> "Programme":
+    def driving(self, tree: "TreePolicy", show: "Show") -> "Programme":
+        """Return how the person may correct a tree: it is fitted again after each episode."""
+        from eutree.interaction.scenes import Programme
+
+        return Programme(tree, refit=lambda: self._refitted(show))
+
+    def _refitted(self, show: "Show") -> "TreePolicy":
+        """Return the tree of all that is stored by now, corrections included; the page shows it."""
+        from eutree.data import Demonstrations
+        from eutree.interaction.tree_making import READY, TreeView
+        from eutree.learners import fit_expert_tree
+
+        known = Demonstrations.load(self._folder)
+        tree = fit_expert_tree(known)
+        driven = sum(episode.by_hand is not None for episode in known)
+        path = self._folder.with_name(f"{self._folder.name}-driving.json")
+        tree.save(path)
+        show(
+            TreeView(
+                phase=READY,
+                message=f"Fitted to {len(known) - driven} episodes of yours and {driven} that a "
+                "tree drove",
+                note="Make it again to have it chosen by playing, and judged.",
+                commands=self._commands(path, tree),
+                **_drawn(tree),
+            )
+        )
+        return tree
+
+    def _programme(self, show: "Show") -> "Programme":
         """Return what to watch of the best tree: the episodes that judged it, worst first."""
         from eutree.interaction import GuardedEnv, episode_seed
         from eutree.interaction.scenes import scenes
@@ -163,7 +192,8 @@ class PageTree:
         known = None if played.successes is None else played.successes.tolist()
         env = self._make()
         try:
-            return scenes(tree, seeds, played.returns, known, GuardedEnv(env))
+            watched = scenes(tree, seeds, played.returns, known, GuardedEnv(env))
+            return replace(watched, refit=self.driving(tree, show).refit)
         finally:
             env.close()
 

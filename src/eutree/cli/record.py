@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 @click.argument("environment")
 @output_option("--out", text="Folder to write; a person continues one that exists.", required=True)
 @count_option("--episodes", 15, "How many episodes.")
+@click.option("--drive", type=click.Path(path_type=Path), metavar="TREE",
+              help="Let this tree drive, and take over from it where it is wrong.")  # fmt: skip
 @click.option("--web", is_flag=True, help="A person records in a browser, as without --expert.")
 @click.option("--keys", help="What the keys mean: left=0,right=1,none=0 (numbers or names).")
 @click.option("--hud", is_flag=True, help="Show the person the numbers that the agent senses.")
@@ -156,14 +158,12 @@ def _record_person(
     spec: EnvironmentSpec,
     recorder: "Recorder",
     out: Path,
-    *,
-    host: str,
-    port: int | None,
+    **page: Any,
 ) -> None:
     if recorder.recovered:
         numbers = ", ".join(map(str, recorder.recovered))
         output.say(f"recovered interrupted episode {numbers} from a recorder that died")
-    _record_in_browser(output, recorder, spec, out, host=host, port=port)
+    _record_in_browser(output, recorder, spec, out, **page)
     kept = [episode for episode in recorder.session.episodes if episode.kept]
     steps = sum(map(len, kept))
     output.result(
@@ -180,14 +180,25 @@ def _record_in_browser(
     *,
     host: str,
     port: int | None,
+    drive: Path | None,
 ) -> None:
     from eutree.cli._browser import opened_by
+    from eutree.cli._policies import load_policy
     from eutree.cli._tree_making import PageTree
     from eutree.interaction.browser import record_in_browser
     from eutree.interaction.browser.gate import is_loopback
     from eutree.interaction.making import make
 
+    maker = PageTree(out, spec, lambda: make(spec), seed=recorder.session.settings.seed)
+    tree = None if drive is None else load_policy(drive)
+    if tree is not None:
+        recorder.session.env.schema.check_same(
+            tree.schema, f"--drive {drive}", of="the environment"
+        )
+
     def ready(server: "PageServer") -> None:
+        if tree is not None:
+            recorder.session.driving.offer(maker.driving(tree, server.show_tree))
         if not is_loopback(host):
             output.say(
                 f"warning: other machines can reach this page at {host}, unencrypted; whoever has "
@@ -209,6 +220,6 @@ def _record_in_browser(
             host=host,
             port=port,
             details={"commands": [f"eutree {step}" for step in steps]},
-            maker=PageTree(out, spec, lambda: make(spec), seed=recorder.session.settings.seed),
+            maker=maker,
             on_ready=ready,
         )

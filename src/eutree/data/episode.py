@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eutree.arrays import Floats, Integers, frozen
+from eutree.arrays import Booleans, Floats, Integers, frozen
 from eutree.errors import InvalidArgumentError
 from eutree.features import FeatureMap
 from eutree.wording import counted
+
+SPOILT = 2  # steps before a person stepped in, or before a failure, that nobody approved
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +35,7 @@ class Episode:
         comment: What the person wrote about it.
         steps: Further arrays with one row for each action, by name: of a recording its
             ``time``, ``frame`` (the last one seen) and ``keys`` (held). NaN means not measured.
+            ``by_hand`` says where a person took over from a tree that drove.
         extras: Further facts about the episode in JSON's types, for example the names of the
             keys.
     """
@@ -92,6 +95,31 @@ class Episode:
     def __len__(self) -> int:
         """Return the number of steps T."""
         return len(self.actions)
+
+    @property
+    def by_hand(self) -> Booleans | None:
+        """In which steps a person acted in place of the tree that drove, [T]; None where none did.
+
+        Such an episode says nothing of how well person or tree do alone.
+        """
+        steps = self.steps.get("by_hand")
+        return None if steps is None else np.asarray(steps, dtype=bool)
+
+    @property
+    def weights(self) -> Floats:
+        """Weight of each step for whoever imitates the episode, [T]: 1, or 0.
+
+        What a tree did and a person let pass is approved, but for the ``SPOILT`` steps before the
+        person stepped in, or before a failure.
+        """
+        weights, by_hand = np.ones(len(self)), self.by_hand
+        if by_hand is None:
+            return weights
+        ends = [] if self.is_success is not False else [len(self)]
+        for end in [*(np.flatnonzero(by_hand[1:] & ~by_hand[:-1]) + 1).tolist(), *ends]:
+            weights[max(end - SPOILT, 0) : end] = 0.0
+        weights[by_hand] = 1.0
+        return weights
 
     @property
     def undiscounted_return(self) -> float:

@@ -140,6 +140,7 @@ class EpisodeView:
     total: float
     kept: bool
     comment: str
+    by_hand: int | None  # steps in which the person took over; None where no tree drove
 
 
 @dataclass(frozen=True)
@@ -147,7 +148,10 @@ class DrivingView:
     """What is to be seen while a tree drives."""
 
     number: int  # of the episode, from 1
-    of: int
+    of: int  # 0 where it goes on until the person has enough
+    action: int  # the tree's
+    by_hand: bool  # the person acts in its place
+    n_by_hand: int  # steps in which the person acted
     note: str  # what these episodes are
     is_over: bool
     is_paused: bool
@@ -187,6 +191,7 @@ class View:
     task: str
     makes: bool
     can_watch: bool
+    can_correct: bool
     driving: DrivingView | None
     numbers: list[tuple[str, str]] | None
     size: tuple[int, int]

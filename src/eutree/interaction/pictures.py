@@ -70,6 +70,10 @@ class Pictures:
         if self.drawn < number <= self.given:
             self.drawn, self._drawn_time = number, now
 
+    def facts(self) -> dict[str, int]:
+        """Return what is stored with a step: the picture drawn last, and the one given out."""
+        return {"frame": self.drawn, "picture": self.given}
+
     def are_seen(self, now: float) -> bool:
         """Return whether the viewer has drawn all that was given out, or has had the time to."""
         return self.given == self.drawn or now > self._given_time + LAST_SECONDS

@@ -17,6 +17,7 @@ from eutree.interaction.trial import Trial
 OPENING, COUNTDOWN, PLAYING = "opening", "countdown", "playing"
 PAUSED, REVIEW, FINISHED, FAILED = "paused", "review", "finished", "failed"
 WATCHING = "watching"  # a tree drives
+DRIVING = "driving"  # a tree drives, and the person may take over
 
 REVIEW_SECONDS = 0.7  # a key pressed this soon after the end was meant for the episode
 _TOLERANCE = 1e-9
@@ -51,8 +52,8 @@ class Play:
 
     @property
     def is_on(self) -> bool:
-        """Whether the episode is counted down to, or played."""
-        return self.state in (COUNTDOWN, PLAYING)
+        """Whether the episode is counted down to, or played: action keys act."""
+        return self.state in (COUNTDOWN, PLAYING, DRIVING)
 
     @property
     def is_running(self) -> bool:
@@ -96,7 +97,7 @@ class Play:
         """Let all keys go, because nobody is there, and pause the episode."""
         self._let_go(now)
         self.controls.hands.release()
-        if self.is_on:
+        if self.state in (COUNTDOWN, PLAYING):
             if not self.trial.is_over:
                 self.pause(now)
             self.message = reason
@@ -157,7 +158,7 @@ class Play:
         if self.state == COUNTDOWN:
             left = self._countdown_end - now
             return now + (left % 1.0 or min(left, 1.0)) if left > 0.0 else now
-        if self.state not in (PLAYING, WATCHING):
+        if self.state not in (PLAYING, WATCHING, DRIVING):
             return now + 1.0
         if self._awaits_key and self.state == PLAYING and self.pictures.is_complete:
             return now + 1.0

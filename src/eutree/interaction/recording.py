@@ -49,8 +49,8 @@ class Recording:
 
     @property
     def n_kept(self) -> int:
-        """Number of kept episodes."""
-        return sum(episode.kept for episode in self.episodes)
+        """Number of kept episodes that the person played alone."""
+        return sum(episode.kept and episode.by_hand is None for episode in self.episodes)
 
     @property
     def is_enough(self) -> bool:

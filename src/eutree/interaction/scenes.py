@@ -5,7 +5,7 @@ a failure that is seen. Failures come first. Why an episode failed is found by p
 decision, taken otherwise for a few steps, would have led to a better end.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -44,13 +44,15 @@ class Programme:
 
     Attributes:
         policy: The tree.
-        scenes: The episodes, failures first; at least one.
-        note: What they are: ``"the 4 failures of 200 episodes"``.
+        scenes: The episodes, failures first; none where there is nothing to watch.
+        note: What they are: ``"4 of 200 episodes failed"``.
+        refit: Makes the tree of all that is stored by now; None where nobody may take over.
     """
 
     policy: TreePolicy
-    scenes: tuple[Scene, ...]
+    scenes: tuple[Scene, ...] = ()
     note: str = ""
+    refit: Callable[[], TreePolicy] | None = None
 
 
 def worst_first(returns: Floats, successes: Sequence[bool] | None) -> tuple[list[int], int]:
@@ -90,6 +92,7 @@ class Course:
         self.policy = policy
         self._digits = Digits(policy.schema, policy.tree)
         self._state: Floats | None = None
+        self.action = 0
         self.nodes: tuple[int, ...] = ()
         self.tests: tuple[str, ...] = ()
 
@@ -101,7 +104,8 @@ class Course:
         self.nodes = policy.tree.path(policy.tree.leaf_of(seen.tolist()))
         self.tests = tuple(self._test(node, float(seen[policy.tree.feature[node]]))
                            for node in self.nodes[:-1])  # fmt: skip
-        return int(action)
+        self.action = int(action)
+        return self.action
 
     def _test(self, node: int, value: float) -> str:
         """Return one test of the way, with what was sensed: ``"position 6.2 m ≤ 7.1"``."""

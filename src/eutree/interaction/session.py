@@ -20,8 +20,8 @@ States::
                    ^           |         |
                    +-------- paused      +--> finished
 
-While a tree drives (:mod:`eutree.interaction.driving`) the state is ``"watching"``; then it is what
-it was, opening or review.
+While a tree drives (:mod:`eutree.interaction.driving`) the state is ``"watching"``, or
+``"driving"`` where the person may take over; then it is what it was, opening or review.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -47,6 +47,7 @@ from eutree.interaction.keys import KeyMap, keys_of_environment
 from eutree.interaction.pace import QUICK, SPEEDS, Pace
 from eutree.interaction.pictures import Pictures
 from eutree.interaction.play import (
+    DRIVING,
     FAILED,
     FINISHED,
     OPENING,
@@ -87,7 +88,7 @@ class Session:
     COMMANDS: ClassVar[tuple[str, ...]] = (
         "start", "pause", "end", "redo", "discard", "finish", "slower", "faster", "wait", "mode",
         "speed", "toggle", "turn_based", "keep", "drop", "bind", "make", "practise", "stay",
-        "watch",
+        "watch", "correct",
     )  # fmt: skip
 
     def __init__(
@@ -115,7 +116,7 @@ class Session:
         self.play = Play(controls, Pictures(env), self.settings.countdown)
         self.recording = Recording(env, self.settings, recorded, free_start)
         self.wishes = Wishes(self.settings.makes)
-        self.driving = Driving(env, self.play)
+        self.driving = Driving(env, self.play, self.recording)
         self.task = task_description(env.env)
         self.fault: EnvironmentFault | None = None
         self._is_prepared = False
@@ -167,7 +168,8 @@ class Session:
             return
         if isinstance(event, KeyDown):
             free = self.play.key_down(event.key, event.frame, now)
-            command = self.play.controls.command(event.key, playing=self.play.is_on)
+            playing = self.play.is_on and not self.driving.waits
+            command = self.play.controls.command(event.key, playing=playing)
             if free and command is not None:
                 self._obey(command, now)
         elif isinstance(event, KeyUp):
@@ -175,8 +177,8 @@ class Session:
         elif isinstance(event, Seen):
             self.play.pictures.saw(event.frame, now)
         elif isinstance(event, Away):
-            self.play.leave(event.reason, now)
             self.driving.leave(now)
+            self.play.leave(event.reason, now)
         elif not isinstance(event, Present):
             self._obey(event, now)
 
@@ -187,7 +189,8 @@ class Session:
         if name in ("start", "pause", "end", "redo", "discard", "finish"):
             getattr(self, f"_obey_{name}")(now)
         elif name in ("make", "practise"):
-            if self.recording.n_kept and self.state in (OPENING, REVIEW, WATCHING):
+            known = any(episode.kept for episode in self.episodes)
+            if known and self.state in (OPENING, REVIEW, WATCHING):
                 self.wishes.express(name)
         elif name in ("slower", "faster", "speed"):
             play.controls.set_speed(command, now)
@@ -205,7 +208,9 @@ class Session:
             play.message = refused or play.message
 
     def _obey_start(self, now: float) -> None:
-        if self.state == OPENING or self.play.was_reviewed(now):
+        if self.state == OPENING and self.driving.can_correct and not self.recording.n_kept:
+            self.driving.obey(Command("correct"), now)
+        elif self.state == OPENING or self.play.was_reviewed(now):
             if self.recording.is_enough and self.wishes.are_offered:
                 self.wishes.express_first()
             elif self.recording.is_enough and self.state == REVIEW:
@@ -277,7 +282,7 @@ class Session:
         action = play.decision(now)
         if action is not None:
             speed = play.controls.pace.speed
-            measured = {"frame": pictures.drawn, "picture": pictures.given, "speed": speed}
+            measured = {**pictures.facts(), "speed": speed}
             play.controls.hands.action = action
             self.recording.step(play.trial, action, now, measured)
             play.controls.pace.begin(now)
@@ -286,18 +291,19 @@ class Session:
     def _view(self, now: float) -> View:
         controls, schema = self.play.controls, self.env.schema
         episodes = self.recording.views()
-        if self.state == PLAYING and self.play.trial.is_over:
+        if self.state in (PLAYING, DRIVING) and self.play.trial.is_over:
             # Nothing is said of an end that is still to be seen.
             episodes = episodes[: self.recording.last]
         return View(
             environment=self.env.name,
-            saved=sum(episode.kept for episode in episodes),
+            saved=sum(episode.kept and episode.by_hand is None for episode in episodes),
             target=self.settings.target,
             episodes=episodes,
             leaving=self.wishes.is_leaving,
             task=self.task,
             makes=self.settings.makes,
-            can_watch=self.driving.is_offered,
+            can_watch=self.driving.can_watch,
+            can_correct=self.driving.can_correct,
             driving=self.driving.view(),
             numbers=sensed(schema, self.play.trial) if self.settings.hud else None,
             **self.play.view_fields(now),

@@ -58,6 +58,7 @@ def episode_views(numbers: Iterable[int], episodes: Iterable[Episode]) -> list[E
             total=episode.undiscounted_return,
             kept=episode.kept,
             comment=episode.comment,
+            by_hand=None if episode.by_hand is None else int(episode.by_hand.sum()),
         )
         for number, episode in zip(numbers, episodes, strict=True)
     ]

@@ -40,7 +40,8 @@ def fit_expert_tree(
     Args:
         demonstrations: Episodes recorded under the expert, at least one step in all.
         settings: The choices of C4.5; release 8 by default.
-        weights: Weight of each transition, in the order of ``demonstrations.observations``.
+        weights: Weight of each transition, in the order of ``demonstrations.observations``; None
+            takes ``Episode.weights``.
 
     Raises:
         InvalidArgumentError: If there is no transition, or weights do not fit.
@@ -50,6 +51,8 @@ def fit_expert_tree(
             "demonstrations must hold at least one transition, got "
             f"{len(demonstrations)} episodes without a step"
         )
+    if weights is None:
+        weights = np.concatenate([episode.weights for episode in demonstrations])
     grown = grow(
         demonstrations.observations,
         demonstrations.actions,

@@ -170,9 +170,10 @@ async function draw() {
 // ---- keys and pads
 
 function acts() { return body.dataset.role === "acting"; }
-function runs() { return view.state === "playing" || view.state === "countdown"; }
+function runs() { return ["playing", "countdown", "driving"].includes(view.state); }
 function actionKeys() { return (view.actions || []).flatMap((a) => a.keys.flatMap((k) => k.split("+"))); }
 function watches() { return view.state === "watching"; }
+function drives() { return view.state === "driving"; } // a tree that may be corrected
 function goesOn() { return ["opening", "paused", "review", "watching"].includes(view.state); }
 function used(key) {
   return actionKeys().includes(key) || Object.values(view.controls || {}).includes(key)
@@ -317,14 +318,14 @@ function show() {
   document.title = `${view.saved} of ${view.target} – eutree recorder`;
   rebuild("keys", [view.actions, view.state === "opening", binding, view.keys_chosen, view.role], showKeys);
   rebuild("controls", [view.controls, view.turn_based], showControls);
-  rebuild("pads", [view.actions, view.turn_based, view.controls], showPads);
+  rebuild("pads", [view.actions, view.turn_based || drives(), view.controls], showPads);
   rebuild("buttons", [view.state, watching, asksToLeave(), view.saved >= view.target, view.saved > 0, view.controls,
-    lastKept(), view.makes, phase(), view.can_watch, scene()], showButtons);
+    lastKept(), view.makes, phase(), view.can_watch, view.can_correct, scene()], showButtons);
   rebuild("practise", [view.state, watching, phase(), view.tree?.may_gain], showPractise);
   rebuild("episodes", [view.episodes, watching, isOver()], showEpisodes);
   rebuild("numbers", view.numbers, showNumbers);
   rebuild("tree", view.tree || null, showTree);
-  rebuild("way", [view.driving?.nodes, view.driving?.tests, view.action, view.tree?.svg], showWay);
+  rebuild("way", [view.driving?.nodes, view.driving?.tests, view.driving?.action, view.tree?.svg], showWay);
   rebuild("commands", commandsNow(), showCommands);
   showPace(watching);
   showCard();
@@ -336,14 +337,14 @@ function show() {
   if (begins || ends) $("announce").textContent = [view.tree.message, view.tree.note].filter(Boolean).join(". ");
   if (asksToLeave() && body.dataset.leaving !== "true") $("announce").textContent = $("title").textContent;
   body.dataset.leaving = asksToLeave();
-  const seen = watches() && view.driving.is_over ? `over ${view.driving.number}` : "";
+  const seen = view.driving && view.driving.is_over ? `over ${view.driving.number}` : "";
   if (seen && seen !== body.dataset.seen) $("announce").textContent = [$("title").textContent, $("text").textContent].join(". ");
   body.dataset.seen = seen;
   if (before !== view.state) {
     if (runs() && !body.contains(document.activeElement?.closest?.("select"))) $("picture").focus();
     if (runs() && document.activeElement?.tagName === "SELECT") $("picture").focus();
     $("announce").textContent = [$("title").textContent, $("text").textContent].join(". ");
-    if (watches()) scrollTo(0, 0); // the picture is what matters now
+    if (view.driving) scrollTo(0, 0); // the picture is what matters now
     if (view.state === "review" && before === "playing") deaf = performance.now() + DEAF;
   }
 }
@@ -398,7 +399,7 @@ function showPads() {
   const pads = view.actions.filter((a) => a.keys.length)
     .map((a) => pad(a.name, a.keys[0].split("+")[0], a.name));
   const idle = view.actions.find((a) => a.is_idle);
-  if (view.turn_based && idle && keyFor("wait")) pads.push(pad("", keyFor("wait"), idle.name));
+  if ((view.turn_based || drives()) && idle && keyFor("wait")) pads.push(pad("", keyFor("wait"), idle.name));
   words($("pads"), ...pads);
 }
 
@@ -423,6 +424,11 @@ function scene() {
 
 function watchingButtons() {
   const { number, of, is_over, is_paused } = view.driving;
+  if (drives()) {
+    const end = ["finish", "That is enough"], drop = ["discard", "Discard"];
+    if (is_over) return [["start", "Drive on", "enter"], drop, end];
+    return [is_paused ? ["start", "Go on", "enter"] : ["pause", "Pause"], drop, end];
+  }
   const next = number < of ? "Next one" : "That was the last", back = ["finish", "Back"];
   if (is_over) return [["start", next, "enter"], ["redo", "Show it again"], back];
   return [is_paused ? ["start", "Go on", "enter"] : ["pause", "Pause"], ["end", next], ["redo", "From its start"], back];
@@ -437,10 +443,12 @@ function recordingButtons() {
   const more = ["end", "One more"], same = ["redo", "Same start again"], drop = ["discard", "Discard"];
   const make = ["make", view.tree ? "Make it again" : "Make my tree", enough && !view.tree ? "enter" : ""];
   if (asksToLeave()) return [["stay", "Wait for it", "enter"], ["finish", "Finish without it"]];
-  if (watches()) return watchingButtons();
-  const watch = view.can_watch && !works() ? [["watch", "Watch it"]] : [];
-  const trees = [...watch, ...(!view.makes || !view.saved || works() ? [] : [make])];
+  if (view.driving) return watchingButtons();
+  const watch = works() ? [] : [...(view.can_correct ? [["correct", "Correct it"]] : []),
+    ...(view.can_watch ? [["watch", "Watch it"]] : [])];
+  const trees = [...watch, ...(!view.makes || !view.episodes.some((e) => e.kept) || works() ? [] : [make])];
   if (view.state === "opening") {
+    if (view.can_correct && !view.saved) return [["correct", "Let it drive", "enter"], ...trees.filter(([name]) => name === "make"), ["finish", "Leave"]];
     return enough && view.makes ? [...trees.reverse(), more, ["finish", "Leave"]]
       : [["start", "Start", "enter"], ...trees, ["finish", "Leave"]];
   }
@@ -463,9 +471,9 @@ function showButtons() {
     const button = document.createElement("button");
     button.type = "button";
     button.dataset.command = name;
-    if (place === 0 && !runs() && (!watches() || text !== "Pause") && (!works() || asksToLeave())) button.className = "first";
+    if (place === 0 && (!runs() || view.driving) && text !== "Pause" && (!works() || asksToLeave())) button.className = "first";
     button.append(text);
-    const shown = key || (["make", "practise", "watch"].includes(name) ? "" : keyFor(name));
+    const shown = key || (["make", "practise", "watch", "correct"].includes(name) ? "" : keyFor(name));
     if (shown) {
       button.append(kbd(shown));
       button.setAttribute("aria-keyshortcuts", shown[0].toUpperCase() + shown.slice(1));
@@ -489,7 +497,7 @@ function mark(episode) {
 const MARKS = { [GOOD]: "✓", [BAD]: "✕" };
 
 function showPractise() {
-  const offered = phase() === "ready" && view.tree.may_gain && ["opening", "review", "watching"].includes(view.state);
+  const offered = phase() === "ready" && view.tree.may_gain && ["opening", "review", "watching"].includes(view.state) && view.tree.svg;
   const button = document.createElement("button");
   button.type = "button";
   button.className = "first";
@@ -510,8 +518,9 @@ function showEpisodes() {
     sign.setAttribute("aria-hidden", "true");
     sign.textContent = MARKS[mark(episode)] || "–";
     const result = cell(sign);
-    result.append(episode.kept || !["redone", "discarded"].includes(episode.comment)
-      ? episode.result : `${episode.result}, ${episode.comment}`);
+    const corrected = episode.by_hand === null ? "" : `, driven by the tree, ${episode.by_hand} by you`;
+    result.append((episode.kept || !["redone", "discarded"].includes(episode.comment)
+      ? episode.result : `${episode.result}, ${episode.comment}`) + corrected);
     const use = document.createElement("button");
     use.type = "button";
     use.textContent = episode.kept ? "Discard" : "Keep";
@@ -597,6 +606,7 @@ function recordingCard() {
     playing: () => [view.awaits_key ? `Press a ${KEY} to begin`
       : `Episode ${view.saved + 1}${enough ? "" : ` of ${view.target}`}`, keySentence(), ""],
     watching: watchingCard,
+    driving: drivingCard,
     paused: () => ["Paused", view.message || "All keys are released. Go on when you are ready.", ""],
     review: () => [last ? sentence(last) : "Nothing was recorded", enough ? `${view.saved} of ${view.target} done.`
       : `${so_far}, ${view.target - view.saved} to go.`,
@@ -614,6 +624,20 @@ function watchingCard() {
   return [is_paused ? "Paused" : "Your tree drives", is_paused ? "It waits for you." : "Its way through the tree is marked.", place];
 }
 
+function drivingCard() {
+  const { is_over, is_paused, ending, n_by_hand, number } = view.driving;
+  const acted = n_by_hand ? `You acted in ${n_by_hand} of ${view.step} steps; the rest you let pass.`
+    : "You let all of it pass: that counts as approval.";
+  if (is_over) return [sentence({ result: ending, kept: true }), `${acted} The tree is fitted again and drives on.`, ""];
+  const idle = view.actions.find((a) => a.is_idle);
+  const waits = idle && !fingers && keyFor("wait") ? ` ${GLYPHS[keyFor("wait")] || keyFor("wait")}: ${idle.name}.` : "";
+  const how = fingers ? "Hold a button below to act, let go to hand back."
+    : `${keySentence().replace(/; (no|without).*/, ".")}${waits} Let go to hand back.`;
+  if (is_paused) return ["Paused", "All keys are released. Go on when you are ready.", how];
+  return [view.driving.by_hand ? "You drive" : "The tree drives: take over where it is wrong", how,
+    `Episode ${number}; what you let pass counts as approval, but for the two steps before you step in or it fails.`];
+}
+
 function showCard() {
   const last = (view.episodes || []).at(-1);
   const [title, text, how] = recordingCard();
@@ -626,7 +650,7 @@ function showCard() {
   }
   reachCard();
   body.dataset.result = view.state === "review" && last ? mark(last)
-    : watches() ? (view.driving.is_over ? mark({ success: view.driving.success, result: view.driving.ending }) : "")
+    : view.driving ? (view.driving.is_over ? mark({ success: view.driving.success, result: view.driving.ending }) : "")
     : view.state === "finished" && view.saved >= view.target ? GOOD : view.state === "failed" ? BAD : "";
 }
 
@@ -646,12 +670,12 @@ function awaitsKey() {
 
 function showPill() {
   const action = (view.actions || [])[view.action];
-  $("pill").hidden = !(runs() || watches()) || !action || awaitsKey() || (watches() && !view.step);
+  $("pill").hidden = !(runs() || watches()) || !action || awaitsKey() || (view.driving && !view.step);
   if ($("pill").hidden) return;
-  if (watches()) {
-    $("acting").textContent = action.name;
+  if (view.driving) {
+    $("acting").textContent = drives() ? `${view.driving.by_hand ? "you" : "tree"}: ${action.name}` : action.name;
     $("coming").hidden = true;
-    $("pill").classList.toggle("on", !action.is_idle);
+    $("pill").classList.toggle("on", drives() ? view.driving.by_hand : !action.is_idle);
     return;
   }
   const coming = view.actions[view.coming];
@@ -666,8 +690,8 @@ const SHORTEST_BEAT = 0.15; // seconds; below that a line would only flicker
 let beat = null;
 
 function showBeat() {
-  const drives = watches() && !view.driving.is_over && !view.driving.is_paused;
-  const plays = (drives || view.state === "playing") && !view.awaits_key && !view.turn_based && view.interval >= SHORTEST_BEAT;
+  const moves = view.driving && !view.driving.is_over && !view.driving.is_paused;
+  const plays = (moves || view.state === "playing") && !view.awaits_key && !view.turn_based && view.interval >= SHORTEST_BEAT;
   rebuild("beat", [plays, view.step, view.beat, view.interval], () => {
     beat?.cancel();
     beat = null;
@@ -732,7 +756,7 @@ function showWay() {
   });
   for (const node of tree.querySelectorAll("[data-node]")) node.classList.toggle("lit", nodes.has(node.dataset.node));
   if (!nodes.size) return;
-  const lines = [...view.driving.tests, `so: ${view.actions[view.action].name}`];
+  const lines = [...view.driving.tests, `so: ${view.actions[view.driving.action].name}`];
   words($("way"), ...lines.map((line) => {
     const item = document.createElement("li");
     item.textContent = line;

@@ -356,7 +356,7 @@ class PageServer:
 
         def show(view: TreeView, programme: Programme | None = None) -> None:
             with suppress(RuntimeError):  # the loop is closed: nobody looks any more
-                loop.call_soon_threadsafe(self._show_tree, view, programme)
+                loop.call_soon_threadsafe(self.show_tree, view, programme)
 
         def run() -> None:
             try:
@@ -369,11 +369,12 @@ class PageServer:
                 wishes.is_busy = False
 
         wishes.is_busy = True
-        self._show_tree(TreeView(phase=FITTING, message="Making your tree"))
+        self.show_tree(TreeView(phase=FITTING, message="Making your tree"))
         self._work = threading.Thread(target=run, name="eutree tree", daemon=True)
         self._work.start()
 
-    def _show_tree(self, view: TreeView, programme: Programme | None = None) -> None:
+    def show_tree(self, view: TreeView, programme: Programme | None = None) -> None:
+        """Let every page show a tree, and the tree drive if there is a programme."""
         if programme is not None:
             self.recorder.session.driving.offer(programme)
         self._details["tree"] = msgspec.to_builtins(view)
