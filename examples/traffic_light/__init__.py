@@ -35,6 +35,19 @@ INGOLSTADT = Junction(
 )
 
 
+# No arm is red for more than a minute and a half, whatever is learned; amber comes on top.
+RULES = {
+    "Cologne1-v0": (
+        "always north-south when red for north-south >= 90",
+        "always east-west when red for east-west >= 90 and red for north-south < 90",
+    ),
+    "Ingolstadt1-v0": (
+        "always north-south when red for north-south >= 90",
+        "always west when red for west >= 90 and red for north-south < 90",
+    ),
+}
+
+
 def cologne(**options: Any) -> TrafficLight:
     """Return the light of Cologne, from seven in the morning on."""
     return TrafficLight(COLOGNE, Sumo(), **options)

@@ -1,6 +1,6 @@
 """Controllers that a tree of the light has to beat. Each sees what the tree sees.
 
-With K phases an observation is waiting [K], coming [K], green [K], red for [K], green for.
+With K phases an observation is waiting [K], coming [K], green [K], red for [K], unchanged for.
 """
 
 from typing import Any
@@ -26,7 +26,7 @@ def max_pressure(observation: Any) -> int:
 
 
 def max_wave(observation: Any) -> int:
-    """Serve the phase for which most wait or come, every ten seconds: RESCO's MAXWAVE."""
+    """Serve the phase with most vehicles, every ten seconds: RESCO's MAXWAVE."""
     waiting, coming, green, since = _parts(observation)
     return _largest(waiting + coming, green) if since >= PERIOD else int(np.argmax(green))
 

@@ -14,7 +14,7 @@ import numpy as np
 
 DECISION = 5  # seconds
 LEAST_GREEN = 5  # seconds: minDur in the plan of cologne1
-WAITING, COMING = 60, 120  # vehicles: more are counted as so many
+MOST = 120  # vehicles: more are counted as so many
 LONGEST = 3600  # seconds
 
 
@@ -65,9 +65,9 @@ class Episode:
 class Traffic(Protocol):
     """What moves the vehicles.
 
-    ``start`` and ``show`` give the counts of all lanes: ``waiting`` and ``coming``. ``start`` gives
-    the plan's green phases, too, as ``signals``, and its ``amber`` in seconds; ``show`` the vehicle
-    seconds of ``standing``; ``finish`` the figures of the episode.
+    ``start`` and ``show`` give the counts of all lanes: vehicles ``waiting`` and ``coming``.
+    ``start`` gives the plan's green phases, too, as ``signals``, and its ``amber`` in seconds;
+    ``show`` the vehicle seconds of ``standing``; ``finish`` the figures of the episode.
     """
 
     def start(self, episode: Episode) -> dict[str, Any]:
@@ -91,14 +91,14 @@ def amber(before: str, after: str) -> str:
 
 def feature_names(phases: Sequence[str]) -> tuple[str, ...]:
     """Return the names of what is observed."""
-    each = ("waiting for {}", "coming for {}", "green is {}", "red for {}")
-    return (*(text.format(phase) for text in each for phase in phases), "green for")
+    each = ("waiting for {}", "coming for {}", "green {}", "red for {}")
+    return (*(text.format(phase) for text in each for phase in phases), "unchanged for")
 
 
 class TrafficLight(gymnasium.Env[Any, Any]):
     """The light of a junction.
 
-    Observation, for each phase: vehicles that wait in the lanes it serves, vehicles that come
+    Observation, for each phase: vehicles that wait in the lanes it serves, vehicles that drive
     there, whether it is green, for how many seconds it has been red; then for how many seconds the
     green one has been so. Reward: minus the vehicles that stand anywhere (those that find no room
     to enter included), so that a return is minus their mean number.
@@ -116,8 +116,10 @@ class TrafficLight(gymnasium.Env[Any, Any]):
         self.action_names = junction.phases
         self.feature_names = feature_names(junction.phases)
         self.feature_units = (*["vehicles"] * (2 * n), *[""] * n, *["s"] * (n + 1))
+        numbers = [name for name in self.feature_names if not name.startswith("green ")]
+        self.feature_kinds = {**dict.fromkeys(numbers, "integer"), "green": junction.phases}
         self.max_steps = seconds // DECISION
-        high = [WAITING] * n + [COMING] * n + [1] * n + [LONGEST] * (n + 1)
+        high = [MOST] * (2 * n) + [1] * n + [LONGEST] * (n + 1)
         self.observation_space = gymnasium.spaces.Box(
             np.zeros(4 * n + 1), np.array(high, dtype=np.float64), dtype=np.float64
         )
@@ -166,14 +168,13 @@ class TrafficLight(gymnasium.Env[Any, Any]):
     def _observation(self, counts: dict[str, Any]) -> Any:
         order = {lane: k for k, lane in enumerate(self._junction.all_lanes)}
         served = [[order[lane] for lane in lanes] for lanes in self._junction.lanes]
-        waiting, coming = (np.array(counts[kind]) for kind in ("waiting", "coming"))
+        counted = [np.array(counts[kind]) for kind in ("waiting", "coming")]
         green = np.eye(len(served))[self._phase]
         red = [self._clock - last for last in self._last_green]
         red[self._phase] = 0
         return np.array(
             [
-                *(min(waiting[lanes].sum(), WAITING) for lanes in served),
-                *(min(coming[lanes].sum(), COMING) for lanes in served),
+                *(min(each[lanes].sum(), MOST) for each in counted for lanes in served),
                 *green,
                 *red,
                 max(self._clock - self._since, 0),
