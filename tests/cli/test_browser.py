@@ -8,7 +8,7 @@ from urllib.parse import urlparse
 
 import pytest
 
-from eutree.cli._browser import opened_by
+from eutree.cli.record import opened_by
 
 URL = "http://127.0.0.1:8765/#secret&token"
 

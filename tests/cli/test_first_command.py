@@ -39,7 +39,7 @@ def test_a_small_fit_compiles_nothing_and_gives_the_same_bytes(demonstrations, t
 PROGRAM = """
 import sys, time
 from eutree import compiled
-from eutree.cli._compiling import said_what_is_compiled
+from eutree.cli._output import said_what_is_compiled
 compiled.PATIENCE, compiled.LARGE = float(sys.argv[1]), int(sys.argv[2])
 import numpy as np
 from eutree.trees import DecisionTree

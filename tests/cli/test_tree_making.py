@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import eutree
-from eutree.cli import _tree_making
-from eutree.cli._tree_making import PageTree
 from eutree.cli.main import run
 from eutree.data import DemonstrationFolder
+from eutree.fitting import page_tree
+from eutree.fitting.page_tree import PageTree
 from eutree.interaction import GuardedEnv, run_episode
 from eutree.schema import EnvironmentSpec
 from tests.interaction.people import Corridor
@@ -109,7 +109,7 @@ def test_a_tree_of_another_task_is_not_let_drive(folder, tmp_path, capsys) -> No
 
 
 def test_practice_keeps_the_better_tree_and_shows_its_curve(folder, monkeypatch) -> None:
-    monkeypatch.setattr(_tree_making, "PRACTICE", 20)
+    monkeypatch.setattr(page_tree, "PRACTICE", 20)
     maker, views = made(folder, episodes=3)
     fitted = wins_of(views[-1])
     maker.practise(views.show, lambda: False)

@@ -38,7 +38,7 @@ BY_NAME = {
     "eutree": {"module", "'eutree.report.notebook'"},
     "eutree.lazy": {"home", "package"},
     "eutree.cli.main": {"f'eutree.cli.{module}'"},
-    "eutree.cli._controllers": {"module"},
+    "eutree.cli._policies": {"module"},
     "eutree.cli._options": {"name"},
     "eutree.data.minari_files": {
         "'gymnasium'",

@@ -4,14 +4,14 @@ import logging
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eutree.cli._going_on import keep
+from eutree.cli._given import keep
 from eutree.cli._output import Output, ProgressLine, front_drawn
 from eutree.wording import counted
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from eutree.cli._controllers import Rivalry
+    from eutree.cli._policies import Rivalry
     from eutree.schema import EnvironmentSpec
     from eutree.training import LearningResult, Run
     from eutree.training.many import FinishedRun, LearningRuns

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from eutree.cli._paths import Written
+from eutree.cli._commands import Written
 from eutree.errors import described, shown
 from eutree.files.schema_document import plain_json
 from eutree.schema import MAX_ACTIONS, EnvironmentSpec

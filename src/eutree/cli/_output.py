@@ -1,23 +1,34 @@
-"""Where a command's words go: results to standard output, everything else to standard error."""
+"""Where a command's words go: results to standard output, everything else to standard error.
 
+Environments print, in Python and from libraries in C, and whoever reads the JSON must not see it:
+standard output is kept for the one JSON object.
+"""
+
+import ctypes
+import io
 import json
+import logging
 import math
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+import os
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, redirect_stdout, suppress
+from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 import numpy as np
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.text import Text
-
-from eutree.cli._standard_output import results
 
 if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.progress import Progress
+
     from eutree.compression.report import FrontEntry
 
 _HEADER = "leaves  return [95 %]                 success"
 _WIDTH = 20
+_SECONDS = 2.0  # between two lines on what is compiled
+_results: TextIO | None = None
 
 
 class Output:
@@ -28,6 +39,8 @@ class Output:
     """
 
     def __init__(self, *, as_json: bool) -> None:
+        from rich.console import Console
+
         self.as_json = as_json
         self.messages = Console(stderr=True, highlight=False)
 
@@ -40,6 +53,9 @@ class Output:
         if self.as_json:
             click.echo(json.dumps(_plain(values), allow_nan=False), file=results())
         else:
+            from rich.console import Console
+            from rich.text import Text
+
             Console(highlight=False, soft_wrap=isinstance(text, str | Text)).print(
                 text, markup=not isinstance(text, str)
             )
@@ -52,12 +68,20 @@ class Output:
 class ProgressLine:
     """A rich progress bar on a terminal; in a pipe, a line for each tenth of the work."""
 
-    def __init__(self, console: Console, label: str, total: int) -> None:
+    def __init__(self, console: "Console", label: str, total: int) -> None:
         self._console, self._label, self._total, self._count = console, label, total, 0
         self._bar: Progress | None = None
 
     def __enter__(self) -> "ProgressLine":
         if self._console.is_terminal:
+            from rich.progress import (
+                BarColumn,
+                MofNCompleteColumn,
+                Progress,
+                TextColumn,
+                TimeElapsedColumn,
+            )
+
             self._bar = Progress(
                 TextColumn("{task.description}"),
                 BarColumn(),
@@ -132,3 +156,90 @@ def front_drawn(front: "Sequence[FrontEntry]", first: str, picked: int | None = 
             f"{one.policy.n_leaves:>6}  {earned:<28}  {success:>6}  {'#' * width}{mark}".rstrip()
         )
     return "\n".join(lines) + "\n"
+
+
+def results() -> TextIO:
+    """Return where a result is written."""
+    return _results or sys.stdout
+
+
+@contextmanager
+def kept_for_results() -> Iterator[None]:
+    """Send to standard error what is printed inside; ``results()`` is standard output still."""
+    global _results
+    stream = sys.stdout
+    own = _own_descriptor(stream)
+    _results = stream if own is None else os.fdopen(own, "w", encoding=stream.encoding)
+    try:
+        with redirect_stdout(sys.stderr):
+            yield
+    finally:
+        if own is not None:
+            with suppress(OSError):  # a pipe that nobody reads any more has been reported
+                _results.flush()
+                _flush_c()
+                os.dup2(own, 1)
+                _results.close()
+        _results = None
+
+
+def _own_descriptor(stream: TextIO) -> int | None:
+    """Point descriptor 1 to standard error; return another one for where it pointed before.
+
+    None where standard output is not the process's own, as in tests, or there is no other.
+    """
+    try:
+        if stream.fileno() != 1:
+            return None
+        stream.flush()
+        own = os.dup(1)
+        os.dup2(2, 1)
+    except (OSError, ValueError, io.UnsupportedOperation):
+        return None
+    return own
+
+
+def _flush_c() -> None:
+    """Write out what C libraries have printed: at the end of the process it would come late."""
+    with suppress(OSError, AttributeError, TypeError):
+        ctypes.CDLL(None).fflush(None)
+
+
+class _Saying(logging.Handler):
+    """A line when it begins, and one every few seconds with how far it is."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.INFO)
+        self._count, self._said = 0, 0.0
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Count a kernel whose compilation begins."""
+        self._count += 1
+        now = time.monotonic()
+        if self._count == 1:
+            click.echo(
+                "compiling for this computer, which is kept: the first time takes up to half a "
+                "minute (eutree warm-up does it beforehand)",
+                err=True,
+            )
+        elif now - self._said >= _SECONDS:
+            name = str(record.args[0]) if isinstance(record.args, tuple) else ""
+            part = name.removeprefix("eutree.").partition("._kernels")[0]
+            click.echo(f"compiling {self._count}: {part}", err=True)
+        else:
+            return
+        self._said = now
+
+
+@contextmanager
+def said_what_is_compiled() -> Iterator[None]:
+    """Say what is compiled while the context lasts."""
+    logger, saying = logging.getLogger("eutree.compiled"), _Saying()
+    level = logger.level
+    logger.addHandler(saying)
+    logger.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
+        logger.removeHandler(saying)

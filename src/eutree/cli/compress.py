@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
-from eutree.cli._cluster import cluster, workers_options
-from eutree.cli._controllers import Rival, against_option
-from eutree.cli._help import Helped
+from eutree.cli._commands import Helped
 from eutree.cli._options import (
     count_option,
     env_arg_option,
@@ -20,7 +18,8 @@ from eutree.cli._options import (
     seed_option,
 )
 from eutree.cli._output import Output, front_drawn
-from eutree.cli._policies import load_demonstrations
+from eutree.cli._policies import Rival, against_option, load_demonstrations
+from eutree.cli.parts import cluster, workers_options
 from eutree.errors import EutreeError, InvalidArgumentError, shown
 from eutree.schema import EnvironmentSpec
 from eutree.wording import counted

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from eutree.cli._commands import Written
 from eutree.cli._options import (
     env_arg_option,
     import_option,
@@ -14,7 +15,6 @@ from eutree.cli._options import (
     output_option,
 )
 from eutree.cli._output import Output
-from eutree.cli._paths import Written
 from eutree.errors import InvalidArgumentError
 from eutree.trees.text import labelled
 from eutree.wording import counted
@@ -227,11 +227,24 @@ def merge(folders: tuple[Path, ...], out: Path, as_json: bool) -> None:
 @json_option
 def stats(folder: Path, html: Path | None, as_json: bool) -> None:
     """Say what FOLDER covers, where it contradicts itself, and whether more would help."""
-    from eutree.cli import _stats
+    from eutree.files import check_writable, write_text
+    from eutree.report import demonstration_figures, demonstrations_page
+    from eutree.report.demonstration_figures import figures_as_values, figures_in_words
 
     opened = _open(folder)
     episodes = _some(opened)
-    _stats.show(folder, _demonstrations(opened, episodes), list(episodes), html, as_json)
+    if html is not None:
+        check_writable(html)
+    shown, numbers = _demonstrations(opened, episodes), list(episodes)
+    figures = demonstration_figures(shown)
+    values = figures_as_values(shown, figures, numbers)
+    lines = figures_in_words(shown, figures, values)
+    if html is not None:
+        title = f"Demonstrations in {folder}"
+        write_text(html, demonstrations_page(shown, title=title, numbers=numbers, figures=figures))
+        values["path"] = str(html)
+        lines.append(f"written to {html}")
+    Output(as_json=as_json).result(values, "\n".join(lines))
 
 
 @demos.command(

@@ -5,9 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from eutree.cli._cluster import cluster, workers_options
-from eutree.cli._controllers import OWN, controller
-from eutree.cli._help import Helped
+from eutree.cli._commands import Helped
 from eutree.cli._options import (
     count_option,
     env_arg_option,
@@ -17,7 +15,8 @@ from eutree.cli._options import (
     seed_option,
 )
 from eutree.cli._output import Output
-from eutree.cli._policies import load_demonstrations, load_policy
+from eutree.cli._policies import OWN, controller, load_demonstrations, load_policy
+from eutree.cli.parts import cluster, workers_options
 from eutree.errors import InvalidArgumentError
 from eutree.schema import EnvironmentSpec
 from eutree.wording import counted

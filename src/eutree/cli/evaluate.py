@@ -5,12 +5,11 @@ from typing import Any
 
 import click
 
-from eutree.cli._cluster import cluster, workers_options
-from eutree.cli._controllers import Rival, against_option
-from eutree.cli._help import Helped
+from eutree.cli._commands import Helped
 from eutree.cli._options import count_option, env_arg_option, json_option, override, seed_option
 from eutree.cli._output import Output
-from eutree.cli._policies import check_fits, load_policy
+from eutree.cli._policies import Rival, against_option, check_fits, load_policy
+from eutree.cli.parts import cluster, workers_options
 from eutree.errors import InvalidArgumentError
 from eutree.schema import EnvironmentSpec
 

@@ -6,10 +6,9 @@ from typing import Any
 
 import click
 
-from eutree.cli._certificates import with_certificate
 from eutree.cli._options import json_option, output_option, path_option
 from eutree.cli._output import Output
-from eutree.cli._policies import load_policy
+from eutree.cli._policies import load_policy, with_certificate
 from eutree.errors import InvalidArgumentError
 from eutree.export import FORMATS, to_c_header, to_c_test
 from eutree.export import export as make

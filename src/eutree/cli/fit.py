@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from eutree.cli._help import Helped
+from eutree.cli._commands import Helped
 from eutree.cli._options import (
     count_option,
     env_arg_option,

@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from eutree.cli._cluster import cluster, workers_options
-from eutree.cli._controllers import OWN, Rival, against_option, controller
-from eutree.cli._going_on import GoesOn, chosen_by_file, keep, line_to_go_on
+from eutree.cli._given import GoesOn, chosen_by_file, chosen_method, keep, line_to_go_on, listed
 from eutree.cli._learning import Following, as_values, in_words, many_results, run_many
 from eutree.cli._options import (
     count_option,
@@ -24,13 +22,13 @@ from eutree.cli._options import (
     starts_option,
 )
 from eutree.cli._output import Output
-from eutree.cli._policies import load_demonstrations
-from eutree.cli._settings import chosen_method, listed
+from eutree.cli._policies import OWN, Rival, against_option, controller, load_demonstrations
+from eutree.cli.parts import cluster, workers_options
 from eutree.errors import EnvironmentFault, InvalidArgumentError
 from eutree.schema import EnvironmentSpec
 
 if TYPE_CHECKING:
-    from eutree.cli._controllers import Rivalry
+    from eutree.cli._policies import Rivalry
     from eutree.data import Demonstrations
     from eutree.policies import TreePolicy
     from eutree.report import PartitionCallback

@@ -10,9 +10,8 @@ from importlib.metadata import entry_points
 
 import click
 
-from eutree.cli._compiling import said_what_is_compiled
-from eutree.cli._paths import check_outputs
-from eutree.cli._standard_output import kept_for_results
+from eutree.cli._commands import check_outputs
+from eutree.cli._output import kept_for_results, said_what_is_compiled
 from eutree.errors import EutreeError, InvalidArgumentError, UnknownNameError, described
 
 # Loaded when called, so that `eutree --help` does not import what it does not need.

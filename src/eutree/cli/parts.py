@@ -1,8 +1,23 @@
-"""What the commands of other distributions are made of; see ``eutree.commands`` in ``main``."""
+"""What commands are made of, also those of other distributions (``eutree.commands`` in ``main``).
 
-from eutree.cli._cluster import cluster, workers_options
+Independent work of a command runs in processes here, or on a Dask or Ray cluster that the user has
+started and names. None is started here: its scheduler would obey any process of this machine, and
+its dashboard would listen to the network, for the sake of work that the processes of joblib do as
+well.
+"""
+
+import socket
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
 from eutree.cli._options import count_option, json_option, output_option, seed_option
 from eutree.cli._output import Output, ProgressLine
+from eutree.errors import InvalidArgumentError, MissingExtraError
 
 __all__ = [
     "Output",
@@ -14,3 +29,126 @@ __all__ = [
     "seed_option",
     "workers_options",
 ]
+
+_Command = TypeVar("_Command", bound=Callable[..., Any])
+
+PATIENCE = 10.0  # s, for a scheduler that does not answer
+WORKERS_START = 60  # s, for the first worker to be there
+
+
+def workers_options(of_what: str) -> Callable[[_Command], _Command]:
+    """Return what adds ``--n-jobs``, ``--backend`` and ``--address``.
+
+    Args:
+        of_what: What is divided among the processes, for the help.
+    """
+
+    def add(command: _Command) -> _Command:
+        jobs = click.option(
+            "--n-jobs",
+            type=int,
+            default=-1,
+            show_default=True,
+            help=f"Processes for {of_what}; -1 for all cores. The result does not depend on it.",
+        )
+        backend = click.option(
+            "--backend",
+            type=click.Choice(["loky", "dask", "ray"]),
+            default="loky",
+            show_default=True,
+            help="What runs the processes: this machine (loky), or the cluster at --address.",
+        )
+        address = click.option(
+            "--address",
+            help="Scheduler of the cluster, or the file that --scheduler-file of dask wrote; "
+            "auto for Ray on this machine. Without, this machine does the work.",
+        )
+        return jobs(backend(address(command)))
+
+    return add
+
+
+@contextmanager
+def cluster(backend: str, address: str | None) -> Iterator[None]:
+    """Send joblib's tasks to a cluster while the context lasts; without an address, nowhere.
+
+    Raises:
+        InvalidArgumentError: There is no such cluster.
+        MissingExtraError: Dask or Ray is not installed.
+    """
+    if backend == "loky" and address is not None:
+        raise InvalidArgumentError("--address is of a cluster: --backend dask or ray")
+    if address is None:
+        yield
+        return
+    import joblib
+
+    if backend == "dask":
+        options = {"backend": "dask", "wait_for_workers_timeout": WORKERS_START}
+        with _dask_client(address), joblib.parallel_config(**options):
+            yield
+    else:
+        _join_ray(address)
+        with joblib.parallel_config(backend="ray"):
+            yield
+
+
+def _dask_client(address: str) -> Any:
+    try:
+        from distributed import Client
+    except ImportError:
+        raise MissingExtraError("dask.distributed", "cluster") from None
+    where = {"address": address}
+    if address.endswith(".json"):
+        where = {"scheduler_file": address}
+    try:
+        if "scheduler_file" in where:
+            _wait_for(Path(address))
+        return Client(**where, timeout=PATIENCE)
+    except (OSError, ValueError) as error:
+        raise InvalidArgumentError(
+            "--address must be that of a running scheduler, such as tcp://10.0.0.1:8786, or the "
+            f"file that it wrote, got {address!r}: {error}"
+        ) from error
+
+
+def _wait_for(path: Path) -> None:
+    """Wait until a scheduler that has just been started has written where it is.
+
+    Raises:
+        TimeoutError: It has not.
+    """
+    end = time.monotonic() + PATIENCE
+    while not path.exists():
+        if time.monotonic() > end:
+            raise TimeoutError("there is no such file")
+        time.sleep(0.05)
+
+
+def _check_answers(address: str) -> None:
+    """Raise InvalidArgumentError if nobody answers at HOST:PORT; Ray itself would wait minutes."""
+    host, _, port = address.removeprefix("ray://").rpartition(":")
+    if not port.isdecimal():
+        return  # auto
+    try:
+        socket.create_connection((host, int(port)), timeout=PATIENCE).close()
+    except (OSError, OverflowError) as error:
+        raise InvalidArgumentError(
+            f"--address must be that of a running Ray cluster, or auto, got {address!r}: {error}"
+        ) from None
+
+
+def _join_ray(address: str) -> None:
+    _check_answers(address)
+    try:
+        import ray
+        from ray.util.joblib import register_ray
+    except ImportError:
+        raise MissingExtraError("ray", "") from None
+    try:
+        ray.init(address=address, ignore_reinit_error=True, log_to_driver=False)
+    except (ConnectionError, ValueError) as error:
+        raise InvalidArgumentError(
+            f"--address must be that of a running Ray cluster, or auto, got {address!r}: {error}"
+        ) from error
+    register_ray()

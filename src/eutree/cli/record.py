@@ -1,14 +1,19 @@
 """``eutree record``: demonstrations by a person or a scripted expert."""
 
+import html
 import os
 import shlex
+import sys
+import webbrowser
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from eutree.cli._controllers import OWN, controller
-from eutree.cli._help import Helped
+from eutree.cli._commands import Helped
 from eutree.cli._options import (
     count_option,
     env_arg_option,
@@ -18,7 +23,9 @@ from eutree.cli._options import (
     starts_option,
 )
 from eutree.cli._output import Output
+from eutree.cli._policies import OWN, controller, load_policy
 from eutree.errors import EutreeError, InvalidArgumentError
+from eutree.files import write_text
 from eutree.schema import EnvironmentSpec
 from eutree.wording import counted
 
@@ -28,6 +35,8 @@ if TYPE_CHECKING:
     from eutree.data import Episode
     from eutree.interaction import Recorder
     from eutree.interaction.browser import PageServer
+
+_REDIRECT = '<!doctype html><meta http-equiv="refresh" content="0;url={}">\n'
 
 
 @click.command(cls=Helped, epilog="Example: eutree record eutree/Evasion2-v0 --out demos/")
@@ -182,9 +191,7 @@ def _record_in_browser(
     port: int | None,
     drive: Path | None,
 ) -> None:
-    from eutree.cli._browser import opened_by
-    from eutree.cli._policies import load_policy
-    from eutree.cli._tree_making import PageTree
+    from eutree.fitting.page_tree import PageTree
     from eutree.interaction.browser import record_in_browser
     from eutree.interaction.browser.gate import is_loopback
     from eutree.interaction.making import make
@@ -223,3 +230,47 @@ def _record_in_browser(
             maker=maker,
             on_ready=ready,
         )
+
+
+@contextmanager
+def opened_by() -> Iterator["Opener"]:
+    """Yield what opens pages; what it has written is deleted at the end."""
+    with TemporaryDirectory(prefix="eutree-") as folder:
+        yield Opener(Path(folder))
+
+
+class Opener:
+    """Opens addresses where a person sits at this machine's own desktop.
+
+    An address with a token is no argument for another program: every user of the machine could
+    read it. So the browser is handed a file that only this user can read, and that leads there.
+
+    Args:
+        folder: A folder that only this user can read.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def open(self, url: str) -> bool:
+        """Open an address in a browser; return False where there is none, or nobody to see it."""
+        if not has_desktop():
+            return False
+        page = self._folder / "open.html"
+        write_text(page, _REDIRECT.format(html.escape(url)))
+        try:
+            browser = webbrowser.get()
+        except webbrowser.Error:
+            return False
+        if type(browser) is webbrowser.GenericBrowser:
+            return False  # one that lives in the terminal: it would wait to be left
+        return browser.open(page.as_uri())
+
+
+def has_desktop() -> bool:
+    """Return whether somebody sits at a terminal on the desktop of this machine."""
+    if not sys.stderr.isatty() or "SSH_CONNECTION" in os.environ:
+        return False
+    if sys.platform in ("win32", "darwin"):
+        return True
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))

@@ -1,10 +1,7 @@
 """Self-contained HTML pages: the report of a run, a policy watched while it decides."""
 
-from eutree.report.demonstrations_page import (
-    DemonstrationFigures,
-    demonstration_figures,
-    demonstrations_page,
-)
+from eutree.report.demonstration_figures import DemonstrationFigures, demonstration_figures
+from eutree.report.demonstrations_page import demonstrations_page
 from eutree.report.importances import FeatureImportancesDisplay
 from eutree.report.partitions import PartitionCallback, drawings, partition_chart
 from eutree.report.policy_page import policy_page

@@ -1,16 +1,15 @@
 """The page of demonstrations: whether more would help, and a picture of each episode."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from html import escape
 
 import numpy as np
 
 from eutree.arrays import Floats
 from eutree.data import Demonstrations, Episode
-from eutree.data.summary import Summary, drawn_bounds, summarize
-from eutree.evaluation.expert_curve import ExpertCurve, expert_curve
+from eutree.data.summary import drawn_bounds
 from eutree.report.chart import ticks
+from eutree.report.demonstration_figures import DemonstrationFigures, demonstration_figures
 from eutree.report.html import asset, head, page
 from eutree.schema import Schema
 
@@ -144,31 +143,6 @@ def _x(step: float, length: int) -> float:
 
 
 MAX_EPISODES = 100
-
-
-@dataclass(frozen=True, eq=False)
-class DemonstrationFigures:
-    """The figures of a summary.
-
-    Attributes:
-        summary: Results, coverage and groups of near-equal observations with several actions.
-        curve: The learning curve of the expert tree; None with too few episodes.
-    """
-
-    summary: Summary
-    curve: ExpertCurve | None
-
-    @property
-    def advice(self) -> str:
-        """One or two sentences for the person who demonstrates."""
-        if self.curve is None:
-            return "Four episodes are needed to say whether more would help."
-        return self.curve.advice
-
-
-def demonstration_figures(demonstrations: Demonstrations) -> DemonstrationFigures:
-    """Return all figures of a summary; the same demonstrations give the same figures."""
-    return DemonstrationFigures(summarize(demonstrations), expert_curve(demonstrations))
 
 
 def demonstrations_page(

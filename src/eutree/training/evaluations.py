@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from eutree.compression.front import Front
 from eutree.compression.playing import Ground
@@ -12,14 +13,15 @@ from eutree.interaction import GuardedEnv, episode_seed
 from eutree.interaction.seeding import Stream
 from eutree.learners import Learner
 from eutree.policies import TreePolicy
-from eutree.proof import Certificate, plant_of, prove
-from eutree.proof.properties import Property, parse
 from eutree.schema import EnvironmentSpec
 from eutree.training.front import EARLIER, Extent, front_of_run
 from eutree.training.handover import Duel, judge
 from eutree.training.judging import Judgement, judged
 from eutree.training.phases import Plan, RunState, generator_of
 from eutree.training.proposals import key
+
+if TYPE_CHECKING:
+    from eutree.proof import Certificate
 
 Evaluator = Callable[[TreePolicy, int], Evaluation]  # (policy, seed) -> evaluation
 Player = Callable[[TreePolicy, Sequence[int], int], Evaluation]  # (policy, starts, seed)
@@ -56,6 +58,9 @@ class ProvenFirst:
     """
 
     def __init__(self, environment: EnvironmentSpec | None, question: str) -> None:
+        from eutree.proof import plant_of
+        from eutree.proof.properties import parse
+
         plant = plant_of(environment)
         if plant is None:
             raise InvalidArgumentError(
@@ -63,16 +68,18 @@ class ProvenFirst:
                 f"{environment}"
             )
         self._plant = plant
-        self._asked: Property = parse(question or plant.question, plant.schema)
+        self._asked = parse(question or plant.question, plant.schema)
 
-    def certificate(self, policy: TreePolicy) -> Certificate | None:
+    def certificate(self, policy: TreePolicy) -> "Certificate | None":
         """Return the proof of a policy; None where it is not proven, or cannot be."""
+        from eutree.proof import prove
+
         if not policy.features.is_identity:
             return None
         found = prove(policy, self._plant, self._asked)
         return found if found.proven else None
 
-    def first(self, policies: Iterable[TreePolicy]) -> tuple[int, Certificate] | None:
+    def first(self, policies: Iterable[TreePolicy]) -> "tuple[int, Certificate] | None":
         """Return the number of the first policy that is proven, and its proof; None if none is."""
         for number, policy in enumerate(policies):
             found = self.certificate(policy)

@@ -1,10 +1,11 @@
 """Learn a tree policy: from demonstrations or from nothing, in an environment."""
 
 import hashlib
+from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 import gymnasium
 
@@ -13,7 +14,6 @@ from eutree.data import Demonstrations, check_rewards
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import Against, against, evaluate
 from eutree.evaluation.evaluate import evaluate_starts
-from eutree.evaluation.off_policy import OffPolicyComparison
 from eutree.interaction import GuardedEnv, episode_seed
 from eutree.interaction.deriving import acting_as
 from eutree.interaction.first_look import look_at
@@ -24,12 +24,9 @@ from eutree.learners import Method, Problem, Start, start_of
 from eutree.learners.learner import check_fits
 from eutree.learners.registry import checked_document
 from eutree.policies import TreePolicy
-from eutree.proof import BeginningThere, Certificate
-from eutree.proof.starts import SHARE, digest_of
 from eutree.training.evaluations import Arena, ProvenFirst
 from eutree.training.handover import Handover
 from eutree.training.listeners import Listeners
-from eutree.training.log import DISCOUNT, Log
 from eutree.training.phases import Plan, generator_of
 from eutree.training.planned import check_races, planned
 from eutree.training.result import LearningResult, result_of
@@ -37,6 +34,11 @@ from eutree.training.run import Beginning, Run
 from eutree.training.run_folder import ConfigDocument, RunFolder, SavingClock
 from eutree.training.teaching import Teacher, as_teacher
 from eutree.training.values import Asked, Budget, Folder, Schedule, ShortForms
+
+if TYPE_CHECKING:
+    from eutree.evaluation.off_policy import OffPolicyComparison
+    from eutree.proof import Certificate
+    from eutree.training.log import Log
 
 RIVAL_EPISODES = 100  # that the policy and a rival both play
 
@@ -57,7 +59,7 @@ class _Place:
     name: str
     env: GuardedEnv | None = None
     arena: Arena | None = None
-    log: Log | None = None
+    log: "Log | None" = None
 
 
 def learn(
@@ -113,8 +115,8 @@ def learn(
     asked = Asked.of(values, listeners, short).going_on()
     with nullcontext() if env is None else opened(env) as made:
         acting = None if made is None else acting_as(made, expert or demonstrations)
-        if acting is not None and asked.starts:
-            acting = BeginningThere(acting, asked.starts, share=SHARE)
+        if acting is not None:
+            acting = _beginning_there(acting, asked.starts)
         choice, plan = planned(asked, method, start, demonstrations, acting, seed=seed)
         if demonstrations is not None and asked.history:
             demonstrations = demonstrations.with_history(asked.history)
@@ -139,10 +141,33 @@ def learn(
         )
 
 
+def _beginning_there(
+    env: gymnasium.Env[Any, Any], starts: "Sequence[Certificate]"
+) -> gymnasium.Env[Any, Any]:
+    """Return an environment, half of whose episodes begin where proofs failed, if any did."""
+    if not starts:
+        return env
+    from eutree.proof import BeginningThere
+    from eutree.proof.starts import SHARE
+
+    return BeginningThere(env, starts, share=SHARE)
+
+
+def _digests(starts: "Sequence[Certificate]") -> str:
+    """Return what tells certificates from others, in a run's configuration."""
+    if not starts:
+        return ""
+    from eutree.proof.starts import digest_of
+
+    return " ".join(map(digest_of, starts))
+
+
 def _recorded(
     recorded: Demonstrations, expert: TreePolicy | None, asked: Asked, seed: int
 ) -> _Place:
     """Return where is learned without an environment: a log of recorded episodes."""
+    from eutree.training.log import Log
+
     log = Log.of(recorded, expert, asked.handover.return_range, seed=seed)
     problem = Problem(recorded.schema, recorded.environment, asked.history)
     return _Place(problem, f"offline: {recorded.environment}", log=log)
@@ -197,13 +222,13 @@ def _config(
         judge_episodes=handover.episodes,
         return_range=handover.return_range,
         front_steps=handover.front_steps,
-        starts=" ".join(map(digest_of, asked.starts)),
+        starts=_digests(asked.starts),
     )
 
 
 def _carried_out(
-    run: Run, log: Log | None, config: ConfigDocument, asked: Asked
-) -> tuple[TreePolicy, OffPolicyComparison | None]:
+    run: Run, log: "Log | None", config: ConfigDocument, asked: Asked
+) -> "tuple[TreePolicy, OffPolicyComparison | None]":
     """Let a run go to its end, in its folder if it has one, and return its policy."""
     where = asked.folder
     if where is None:
@@ -221,7 +246,7 @@ def _carried_out(
     return policy, against_fit
 
 
-def _certificate(place: _Place, policy: TreePolicy, asked: Handover) -> Certificate | None:
+def _certificate(place: _Place, policy: TreePolicy, asked: Handover) -> "Certificate | None":
     """Return the proof of what is handed over, where proven trees are preferred and it is one."""
     if asked.prefer_proven is None or place.env is None:
         return None
@@ -242,12 +267,12 @@ def _against(
     return against(one, other, known=handover.return_range or known_range(env))
 
 
-def _result(run: Run, log: Log | None) -> tuple[TreePolicy, OffPolicyComparison | None]:
+def _result(run: Run, log: "Log | None") -> "tuple[TreePolicy, OffPolicyComparison | None]":
     """Return the policy; offline the learned tree only where it is believed to be the better."""
     if log is None or run.state.stopped:
         return run.policy(), None
     method = run.beginning.method
-    return log.chosen(run.policy(), discount=getattr(method, "discount", DISCOUNT))
+    return log.chosen(run.policy(), discount=getattr(method, "discount", None))
 
 
 def _as_document(

@@ -55,7 +55,7 @@ class Log:
         return cls(recorded, learned_from, held_out, expert, return_range, seed)
 
     def chosen(
-        self, learned: TreePolicy, *, discount: float
+        self, learned: TreePolicy, *, discount: float | None
     ) -> tuple[TreePolicy, OffPolicyComparison]:
         """Return the learned tree, cut, if it is believed to be the better; else the other one."""
         rival = self.expert or self._fitted(learned)
@@ -70,7 +70,7 @@ class Log:
             other=rival,
             known=known,
             held_out=held_out,
-            discount=discount,
+            discount=DISCOUNT if discount is None else discount,
             generator=generator_of(self.seed, Stream.HOLD_OUT, 1),
             return_range=self.return_range,
         )

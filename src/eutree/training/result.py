@@ -1,22 +1,24 @@
 """What a learning run gives back."""
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from eutree.compression.report import FrontEntry
 from eutree.display import Displayed
 from eutree.evaluation import Against, CurvePoint
 from eutree.evaluation.curves import curve_to_pandas
-from eutree.evaluation.off_policy import OffPolicyComparison
 from eutree.learners import History, Method
 from eutree.learners.learner import HasTeacher, ValuingPolicy
 from eutree.policies import TreePolicy
 from eutree.policy_search.model_trust import ModelTrust
-from eutree.proof import Certificate
 from eutree.training.judging import LEARNED, START, Judgement
 from eutree.training.run import Run
 from eutree.training.teaching import Teacher
 from eutree.wording import counted
+
+if TYPE_CHECKING:
+    from eutree.evaluation.off_policy import OffPolicyComparison
+    from eutree.proof import Certificate
 
 
 @dataclass(frozen=True)
@@ -101,8 +103,8 @@ class LearningResult(Displayed):
     front: tuple[FrontEntry, ...] = ()
     picked: TreePolicy | None = None
     against: Against | None = None
-    certificate: Certificate | None = None
-    against_fit: OffPolicyComparison | None = None
+    certificate: "Certificate | None" = None
+    against_fit: "OffPolicyComparison | None" = None
     teacher: ValuingPolicy | None = None
     model_trust: ModelTrust | None = None
     reason: str = ""

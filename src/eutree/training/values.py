@@ -7,10 +7,9 @@ out="runs/a")`` ask for the same: each word builds the value that it is a part o
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Self, TypedDict
+from typing import TYPE_CHECKING, Any, Self, TypedDict
 
 from eutree.errors import InvalidArgumentError, UnknownNameError, shown
-from eutree.proof import Certificate
 from eutree.training.callback import CallbackLike, Callbacks
 from eutree.training.handover import Handover
 from eutree.training.listeners import Listener, Listeners, Progress, StopWhen, TensorBoard
@@ -18,6 +17,9 @@ from eutree.training.run import Run
 from eutree.training.run_folder import length_of_run
 from eutree.training.teaching import Teacher
 from eutree.validation import check_number
+
+if TYPE_CHECKING:
+    from eutree.proof import Certificate
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,7 +132,7 @@ class ShortForms(TypedDict, total=False):
     history: int
     max_transitions: int | None
     strict: bool
-    starts: Sequence[Certificate]
+    starts: "Sequence[Certificate]"
 
 
 _PARTS = {
@@ -167,7 +169,7 @@ class Asked:
     history: int = 0
     max_transitions: int | None = None
     strict: bool = False
-    starts: Sequence[Certificate] = ()
+    starts: "Sequence[Certificate]" = ()
 
     @classmethod
     def of(cls, values: Mapping[str, Any], listeners: object, short: Mapping[str, Any]) -> Self:

@@ -137,7 +137,7 @@ def test_all_that_is_divided_is_the_same_on_a_dask_cluster(tmp_path, dask_cluste
 
 
 def test_a_cluster_that_is_not_there_is_a_clear_error(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("eutree.cli._cluster.PATIENCE", 0.5)
+    monkeypatch.setattr("eutree.cli.parts.PATIENCE", 0.5)
     line = ["distill", "CartPole-v1", "--expert", "balance", "--out", str(tmp_path / "a.json")]
     assert run([*line, "--address", "tcp://127.0.0.1:9"]) == 2
     assert "--backend dask or ray" in capsys.readouterr().err
@@ -218,7 +218,7 @@ def test_what_listens_is_heard():
 @pytest.mark.slow
 def test_a_ray_instance_gives_the_same_bytes(tmp_path):
     ray = pytest.importorskip("ray", reason="ray is not installed")
-    from eutree.cli._cluster import cluster
+    from eutree.cli.parts import cluster
 
     alone = everything(tmp_path / "alone")
     own = ray.init(num_cpus=2, include_dashboard=False, _node_ip_address="127.0.0.1")

@@ -1,51 +1,47 @@
-"""What ``eutree demos stats`` says: the figures of the summary as JSON, as text and as a page."""
+"""The figures of demonstrations: as a value, for ``--json``, and in words."""
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
-from eutree.cli._output import Output
-
-if TYPE_CHECKING:
-    from eutree.data import Demonstrations
-    from eutree.evaluation.expert_curve import ExpertCurve
-    from eutree.report import DemonstrationFigures
+from eutree.data import Demonstrations
+from eutree.data.summary import Summary, summarize
+from eutree.evaluation.expert_curve import ExpertCurve, expert_curve
+from eutree.fitting import Person
+from eutree.fitting.report import result_in_words
 
 _Place = tuple[int, int]
 
 
-def show(
-    folder: Path,
-    demonstrations: "Demonstrations",
-    numbers: list[int],
-    html: Path | None,
-    json: bool,
-) -> None:
-    """Print the statistics of the demonstrations in ``folder``; write the page if asked for.
+@dataclass(frozen=True, eq=False)
+class DemonstrationFigures:
+    """The figures of a summary.
 
-    ``numbers`` are those of the episodes in the folder.
+    Attributes:
+        summary: Results, coverage and groups of near-equal observations with several actions.
+        curve: The learning curve of the expert tree; None with too few episodes.
     """
-    from eutree.files import check_writable, write_text
-    from eutree.report import demonstration_figures, demonstrations_page
 
-    if html is not None:
-        check_writable(html)
-    figures = demonstration_figures(demonstrations)
-    values = _values(demonstrations, figures, numbers)
-    lines = _text(demonstrations, figures, values)
-    if html is not None:
-        title = f"Demonstrations in {folder}"
-        page = demonstrations_page(demonstrations, title=title, numbers=numbers, figures=figures)
-        write_text(html, page)
-        values["path"] = str(html)
-        lines.append(f"written to {html}")
-    Output(as_json=json).result(values, "\n".join(lines))
+    summary: Summary
+    curve: ExpertCurve | None
+
+    @property
+    def advice(self) -> str:
+        """One or two sentences for the person who demonstrates."""
+        if self.curve is None:
+            return "Four episodes are needed to say whether more would help."
+        return self.curve.advice
 
 
-def _values(
-    demonstrations: "Demonstrations", figures: "DemonstrationFigures", numbers: list[int]
+def demonstration_figures(demonstrations: Demonstrations) -> DemonstrationFigures:
+    """Return all figures of a summary; the same demonstrations give the same figures."""
+    return DemonstrationFigures(summarize(demonstrations), expert_curve(demonstrations))
+
+
+def figures_as_values(
+    demonstrations: Demonstrations, figures: DemonstrationFigures, numbers: Sequence[int]
 ) -> dict[str, Any]:
-    from eutree.fitting import Person
-
+    """Return the figures for ``--json``; ``numbers`` are those of the episodes in their folder."""
     schema, summary = demonstrations.schema, figures.summary
     names, actions = schema.feature_names, schema.actions
     person = Person.of(demonstrations)
@@ -79,26 +75,10 @@ def _values(
     }
 
 
-def _curve(curve: "ExpertCurve") -> dict[str, Any]:
-    return {
-        "points": [
-            {"episodes": p.k, "accuracy": p.accuracy, "interval": list(p.interval)}
-            for p in curve.points
-        ],
-        "most_frequent": curve.most_frequent,
-        "law": vars(curve.law),
-        "more": curve.more,
-        "gain": curve.gain,
-        "gain_interval": list(curve.gain_interval),
-    }
-
-
-def _text(
-    demonstrations: "Demonstrations", figures: "DemonstrationFigures", values: dict[str, Any]
+def figures_in_words(
+    demonstrations: Demonstrations, figures: DemonstrationFigures, values: dict[str, Any]
 ) -> list[str]:
-    from eutree.fitting import Person
-    from eutree.fitting.report import result_in_words
-
+    """Return the figures as lines; ``values`` are what ``figures_as_values`` says of them."""
     summary = figures.summary
     lines = [
         f"{values['episodes']} episodes ({values['discarded']} discarded), "
@@ -120,6 +100,20 @@ def _text(
         )
         lines.append(f"  at {where}: {counts} ({_said(conflict['places'])})")
     return [*lines, figures.advice]
+
+
+def _curve(curve: ExpertCurve) -> dict[str, Any]:
+    return {
+        "points": [
+            {"episodes": p.k, "accuracy": p.accuracy, "interval": list(p.interval)}
+            for p in curve.points
+        ],
+        "most_frequent": curve.most_frequent,
+        "law": vars(curve.law),
+        "more": curve.more,
+        "gain": curve.gain,
+        "gain_interval": list(curve.gain_interval),
+    }
 
 
 def _said(places: list[list[int]]) -> str:

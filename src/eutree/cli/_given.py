@@ -1,22 +1,28 @@
-"""A run goes on from its folder alone: what its command was given is kept there, and given again.
+"""What ``eutree learn`` is given: the method with its choices, and the same again when it goes on.
 
-A module to import, an address to work at and a folder elsewhere to write are the user's own choice
+A run goes on from its folder alone: what its command was given is kept there, and given again. A
+module to import, an address to work at and a folder elsewhere to write are the user's own choice
 each time, and of an environment's arguments those that no file may choose; the line that is printed
 when a run is interrupted has them.
 """
 
+import json
 import os
 import shlex
+import tomllib
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import click
 
-from eutree.cli._controllers import is_own
-from eutree.cli._help import Helped
-from eutree.cli._paths import Written
+from eutree.cli._commands import Helped, Written
+from eutree.cli._options import look_in_this_folder
+from eutree.cli._policies import is_own
 from eutree.errors import FormatError, InvalidArgumentError
-from eutree.files import Document, read_document, write_document
+from eutree.files import Document, read_bytes, read_document, write_document
+
+if TYPE_CHECKING:
+    from eutree.learners import Method
 
 KEPT = "command.json"
 # Asked for each time: none changes what a run learns.
@@ -29,6 +35,12 @@ _ENV_ARG = "env_arguments"
 _GIVEN, _FROM_FILE = "eutree.given", "eutree.from_file"
 
 Arguments = dict[str, list[str]]  # what was given for each parameter, by its name
+# What to turn first, by method; the order is that of what was found to matter most.
+FIRST = {
+    "planning": ("planner.improvement.price", "planner.explorer_share", "gathering_episodes"),
+    "u-tree": ("significance.alpha", "splitter.min_leaf", "discount"),
+}
+_MOST = 2**20  # bytes of a file of settings
 
 
 class CommandDocument(Document, frozen=True, kw_only=True):
@@ -176,3 +188,84 @@ def _absolute(parameter: click.Parameter, text: str) -> str:
     if parameter.name in _NAMED:
         is_path = os.path.exists(text)
     return os.path.abspath(text) if is_path else text
+
+
+def chosen_method(
+    name: str | None,
+    *,
+    offline: bool,
+    settings: Path | None,
+    changes: tuple[str, ...],
+    discount: float | None,
+) -> "Method | str | None":
+    """Return the method of a name, with what a file and ``--set`` choose otherwise."""
+    from eutree.learners import method as method_of
+    from eutree.learners.registry import with_choices
+
+    if name == "auto":
+        name = None
+    elif name is not None and ":" in name:
+        look_in_this_folder()
+    if settings is None and not changes and discount is None:
+        return name
+    document = {} if settings is None else dict(_read(settings))
+    stored = document.pop("method", document.pop("name", None))
+    if isinstance(stored, dict):  # the configuration of a run
+        document, stored = dict(stored), stored.get("name")
+        document.pop("name", None)
+    if name is not None and stored is not None and stored != method_of(name).name:
+        raise InvalidArgumentError(f"{settings}: method must be {name!r} as asked, got {stored!r}")
+    method = method_of(name or stored or ("corrected" if offline else "default"))
+    method = with_choices(method, document)
+    method = with_choices(method, dict(_pair(text) for text in changes))
+    return method if discount is None else with_choices(method, {"discount": discount})
+
+
+def listed(method: "Method | str | None", *, offline: bool) -> tuple[dict[str, Any], str]:
+    """Return all choices of a method, for ``--json`` and as a text: what to turn first on top."""
+    from eutree.learners import method as method_of
+    from eutree.learners.registry import choices_of
+
+    if method is None or isinstance(method, str):
+        method = method_of(method or ("corrected" if offline else "default"))
+    first = FIRST.get(method.name, ())
+    known = choices_of(method)
+    order = sorted(
+        known, key=lambda one: first.index(one.name) if one.name in first else len(first)
+    )
+    lines = [f"{method.name}: --set NAME=VALUE; turn first what is marked with *"]
+    for choice in order:
+        mark = "*" if choice.name in first else " "
+        lines.append(f"{mark} {choice.name} = {json.dumps(choice.value)}\n      {choice.text}")
+    values = {
+        "method": method.name,
+        "first": list(first),
+        "settings": {choice.name: choice.value for choice in known},
+    }
+    return values, "\n".join(lines)
+
+
+def _pair(text: str) -> tuple[str, Any]:
+    name, separator, value = text.partition("=")
+    if not separator or not name:
+        raise InvalidArgumentError(f"--set must be KEY=VALUE, got {text!r}")
+    try:
+        return name, json.loads(value)
+    except (ValueError, RecursionError):
+        return name, value
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """Return the content of a TOML file, or of the JSON file of a run's configuration."""
+    data = read_bytes(path, limit=_MOST)
+    try:
+        if path.suffix == ".json":
+            found = json.loads(data)
+            if not isinstance(found, dict) or not isinstance(found.get("method"), dict):
+                raise FormatError(path, "method", "must be there: the configuration of a run")
+            return {"method": found["method"]}
+        return tomllib.loads(data.decode())
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, FormatError):
+            raise
+        raise FormatError(path, "document", str(error)) from None
