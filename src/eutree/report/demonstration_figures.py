@@ -7,8 +7,6 @@ from typing import Any
 from eutree.data import Demonstrations
 from eutree.data.summary import Summary, summarize
 from eutree.evaluation.expert_curve import ExpertCurve, expert_curve
-from eutree.fitting import Person
-from eutree.fitting.report import result_in_words
 
 _Place = tuple[int, int]
 
@@ -42,6 +40,8 @@ def figures_as_values(
     demonstrations: Demonstrations, figures: DemonstrationFigures, numbers: Sequence[int]
 ) -> dict[str, Any]:
     """Return the figures for ``--json``; ``numbers`` are those of the episodes in their folder."""
+    from eutree.fitting import Person
+
     schema, summary = demonstrations.schema, figures.summary
     names, actions = schema.feature_names, schema.actions
     person = Person.of(demonstrations)
@@ -79,6 +79,9 @@ def figures_in_words(
     demonstrations: Demonstrations, figures: DemonstrationFigures, values: dict[str, Any]
 ) -> list[str]:
     """Return the figures as lines; ``values`` are what ``figures_as_values`` says of them."""
+    from eutree.fitting import Person
+    from eutree.fitting.report import result_in_words
+
     summary = figures.summary
     lines = [
         f"{values['episodes']} episodes ({values['discarded']} discarded), "

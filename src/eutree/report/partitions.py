@@ -5,7 +5,7 @@ import re
 from collections.abc import Sequence
 from html import escape, unescape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,8 +17,10 @@ from eutree.learners.partition import Partition, Plane, Region
 from eutree.report.chart import ticks
 from eutree.report.html import asset
 from eutree.schema import Feature, Schema
-from eutree.training.callback import TrainingModel
 from eutree.wording import counted
+
+if TYPE_CHECKING:
+    from eutree.training.callback import TrainingModel
 
 _STYLES = 5
 _SIDE, _LEFT, _RIGHT, _TOP, _BOTTOM = 420.0, 52.0, 10.0, 10.0, 44.0
@@ -205,7 +207,7 @@ class PartitionCallback:
         self.x, self.y = x, y
         self.folder = Path(folder)
 
-    def init_callback(self, model: TrainingModel) -> None:
+    def init_callback(self, model: "TrainingModel") -> None:
         """Take the run."""
         self._run = model.run
 

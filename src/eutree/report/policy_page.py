@@ -3,18 +3,20 @@
 from collections import Counter
 from collections.abc import Sequence
 from string import Template
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from eutree.data import Demonstrations, Episode
 from eutree.display import told_apart
 from eutree.policies import TreePolicy
-from eutree.proof import Certificate
 from eutree.report.html import Pointer, Verdict, as_json, asset, base_style, head, page
-from eutree.report.proof_page import certificate_section
 from eutree.report.tree_data import SIZE_LIMIT, add_pictures, policy_features, tree_data
 from eutree.report.watching import WatchedEpisode
 from eutree.wording import counted
+
+if TYPE_CHECKING:
+    from eutree.proof import Certificate
 
 _SCRIPTS = ("model", "tree", "player", "details", "rules", "slices", "search", "start")
 
@@ -24,7 +26,7 @@ def policy_page(
     *,
     episodes: Sequence[WatchedEpisode] = (),
     demonstrations: Demonstrations | None = None,
-    certificate: Certificate | None = None,
+    certificate: "Certificate | None" = None,
     title: str = "",
     file: str = "policy.json",
     size_limit: int = SIZE_LIMIT,
@@ -52,7 +54,7 @@ def policy_page(
         tree=asset("tree.html"),
         player=asset("player.html"),
         details=asset("details.html"),
-        certificate="" if certificate is None else certificate_section(certificate),
+        certificate=_proven(certificate),
     )
     data = tree_data(policy, episodes, demonstrations) | {"file": file}
     scripts = "".join(asset(f"{name}.js") for name in _SCRIPTS)
@@ -132,3 +134,12 @@ def _pointer(policy: TreePolicy, leaf: int) -> Pointer:
     """Return the name of a leaf and its action, pointing at its node."""
     action = policy.schema.actions[policy.actions[leaf]]
     return Pointer(f"leaf {leaf} ({action})", f"node-{int(policy.tree.node_of_leaf[leaf])}")
+
+
+def _proven(certificate: "Certificate | None") -> str:
+    """Return the part of the page that says what is proven, if anything is."""
+    if certificate is None:
+        return ""
+    from eutree.report.proof_page import certificate_section
+
+    return certificate_section(certificate)
