@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from eutree.cli._given import keep
-from eutree.cli._output import Output, ProgressLine, front_drawn
+from eutree.cli._output import Output, ProgressLine, figures_of, front_drawn
 from eutree.wording import counted
 
 if TYPE_CHECKING:
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from eutree.training import LearningResult, Run
     from eutree.training.many import FinishedRun, LearningRuns
 
+_EARNED = "mean_return return_interval success_rate success_interval"
 STARTS = {"nothing": "a single leaf"}  # others began with a tree
 
 
@@ -97,16 +98,7 @@ def as_values(
         "start": result.start,
         "episodes": result.episodes,
         "steps": result.steps,
-        "environment_steps": {
-            "demonstrations": steps.demonstrations,
-            "teacher": steps.teacher,
-            "learning": steps.learning,
-            "racing": steps.racing,
-            "front": steps.front,
-            "judging": steps.judging,
-            "total": steps.total,
-            "declared": steps.declared,
-        },
+        "environment_steps": vars(steps) | {"total": steps.total},
         "n_leaves": result.policy.n_leaves,
         "challengers": result.challengers,
         "handed_over": "learned" if judgement is None else judgement.handed_over,
@@ -119,13 +111,7 @@ def as_values(
         "model_trust": None if result.model_trust is None else result.model_trust.figures(),
         "path": str(out / "policy.json"),
         "curve": [
-            {
-                "episode": point.episode,
-                "success_rate": point.success_rate,
-                "mean_return": point.mean_return,
-                "n_leaves": point.n_leaves,
-            }
-            for point in result.curve
+            figures_of(point, "episode success_rate mean_return n_leaves") for point in result.curve
         ],
     }
 
@@ -219,10 +205,7 @@ def many_results(
         "runs": [
             {
                 "seed": run.seed,
-                "mean_return": run.selection.mean_return,
-                "return_interval": run.selection.return_interval,
-                "success_rate": run.selection.success_rate,
-                "success_interval": run.selection.success_interval,
+                **figures_of(run.selection, _EARNED),
                 "n_leaves": run.n_leaves,
                 "environment_steps": run.environment_steps,
                 "path": str(run.path),
@@ -231,13 +214,7 @@ def many_results(
             for number, run in enumerate(learned.runs)
         ],
         "certificate": None if learned.certificate is None else learned.certificate.figures(),
-        "judged": {
-            "episodes": judged.episodes,
-            "mean_return": judged.mean_return,
-            "return_interval": judged.return_interval,
-            "success_rate": judged.success_rate,
-            "success_interval": judged.success_interval,
-        },
+        "judged": {"episodes": judged.episodes, **figures_of(judged, _EARNED)},
     }
     best = learned.runs[learned.winner]
     table = Table(

@@ -131,6 +131,11 @@ def _plain(value: Any) -> Any:
     return value
 
 
+def figures_of(result: object, names: str) -> dict[str, Any]:
+    """Return some of a result's attributes for ``--json``, by their names, in words apart."""
+    return {name: getattr(result, name) for name in names.split()}
+
+
 def front_drawn(front: "Sequence[FrontEntry]", first: str, picked: int | None = None) -> str:
     """Return a front as lines, the longer the more it returns; "" if there is none.
 

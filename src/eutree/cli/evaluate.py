@@ -7,7 +7,7 @@ import click
 
 from eutree.cli._commands import Helped
 from eutree.cli._options import count_option, env_arg_option, json_option, override, seed_option
-from eutree.cli._output import Output
+from eutree.cli._output import Output, figures_of
 from eutree.cli._policies import Rival, against_option, check_fits, load_policy
 from eutree.cli.parts import cluster, workers_options
 from eutree.errors import InvalidArgumentError
@@ -57,17 +57,10 @@ def evaluate(
     with cluster(backend, address):
         result = evaluate_policy(loaded, spec, episodes=episodes, seed=seed, n_jobs=n_jobs)
         rivalry = None if rival is None else rival.follows(result, seed=seed, n_jobs=n_jobs)
-    low, high = result.return_interval
     output.result(
         {
-            "episodes": result.episodes,
-            "success_rate": result.success_rate,
-            "success_interval": result.success_interval,
-            "mean_return": result.mean_return,
-            "return_interval": [low, high],
-            "worst_return": result.worst_return,
-            "return_quantile_05": result.return_quantile_05,
-            "warning": result.warning,
+            **figures_of(result, "episodes success_rate success_interval mean_return"),
+            **figures_of(result, "return_interval worst_return return_quantile_05 warning"),
             "n_leaves": loaded.n_leaves,
             "mean_length": result.mean_length,
             "environment": str(spec),

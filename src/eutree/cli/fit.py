@@ -15,7 +15,7 @@ from eutree.cli._options import (
     override,
     seed_option,
 )
-from eutree.cli._output import Output
+from eutree.cli._output import Output, figures_of
 from eutree.cli._policies import load_demonstrations
 
 if TYPE_CHECKING:
@@ -149,21 +149,14 @@ def _values(report: "FitReport", out: Path) -> dict[str, Any]:
         "training_accuracy": report.training_accuracy,
         "path": str(out),
         "person": {
-            "success_rate": person.success_rate,
             "interval": person.success_interval,
-            "mean_return": person.mean_return,
-            "return_interval": person.return_interval,
-            "episodes": person.episodes,
+            **figures_of(person, "success_rate mean_return return_interval episodes"),
         },
         "played": played
         and {
-            "success_rate": played.success_rate,
             "interval": played.success_interval,
-            "mean_return": played.mean_return,
-            "return_interval": played.return_interval,
-            "worst_return": played.worst_return,
-            "return_quantile_05": played.return_quantile_05,
-            "episodes": played.episodes,
+            **figures_of(played, "success_rate mean_return return_interval worst_return"),
+            **figures_of(played, "return_quantile_05 episodes"),
         },
         "verdict": found and found.word,
         "difference": found
