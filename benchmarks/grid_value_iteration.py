@@ -26,7 +26,7 @@ from eutree.envs._dynamics import EvasionParameters
 from eutree.envs.vector import EvasionVectorEnv
 from eutree.evaluation import Evaluation
 from eutree.mdp import TabularMDP, TransitionCounts
-from eutree.mdp.problem import NO_ACTION, TERMINAL
+from eutree.mdp.solver import NO_ACTION, TERMINAL
 from eutree_lab.paper.experiment import FULL
 
 ENVIRONMENT = "eutree/Evasion2-v0"

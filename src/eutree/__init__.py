@@ -9,7 +9,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 from eutree import display as _display
-from eutree.envs.registration import register as _register
+from eutree.envs import register as _register
 from eutree.version import __version__ as __version__
 
 if TYPE_CHECKING:

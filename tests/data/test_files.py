@@ -15,7 +15,7 @@ import pytest
 from hypothesis import given, settings
 
 from eutree.data import DemonstrationFolder, Demonstrations, Episode
-from eutree.data.episode_file import episode_from_bytes, episode_to_bytes
+from eutree.data.files import episode_from_bytes, episode_to_bytes
 from eutree.data.journal import EpisodeJournal, recover_episode
 from eutree.errors import FileError, FormatError, InvalidArgumentError
 from eutree.files import atomic
@@ -153,7 +153,7 @@ def test_create_goes_on_only_with_the_same_environment(tmp_path):
 
 def bad_archives():
     good = three_episodes().episodes[0]
-    from eutree.data.episode_file import EpisodeDocument
+    from eutree.data.files import EpisodeDocument
     from eutree.files.arrays import decode_archive
 
     document, arrays = decode_archive(episode_to_bytes(good), EpisodeDocument, "x")
@@ -186,7 +186,7 @@ def bad_archives():
 @pytest.mark.promise(2)
 @pytest.mark.parametrize("case", list(bad_archives()))
 def test_an_episode_that_breaks_a_rule_is_refused(case):
-    from eutree.data.episode_file import EpisodeDocument
+    from eutree.data.files import EpisodeDocument
     from eutree.files.arrays import decode_archive
 
     content, message = case

@@ -8,7 +8,7 @@ import pytest
 
 import eutree
 from eutree import experts
-from eutree.envs.registration import IDS
+from eutree.envs import IDS
 from eutree.errors import InvalidArgumentError, UnknownNameError
 
 

@@ -11,7 +11,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import eutree  # noqa: F401 - registers
-from eutree.envs.registration import IDS, register
+from eutree.envs import IDS, register
 
 SOURCE = str(Path(__file__).parents[2] / "src")
 

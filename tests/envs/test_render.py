@@ -7,7 +7,7 @@ import gymnasium
 import numpy as np
 import pytest
 
-from eutree.envs import _render as render
+from eutree.envs import painting as render
 from eutree.envs._dynamics import EvasionParameters, EvasionState
 from eutree.envs.evasion import EvasionEnv, text_picture
 from eutree.envs.painting import PAPER

@@ -5,7 +5,7 @@ import struct
 import zipfile
 import zlib
 
-from eutree.files.journal import MAGIC
+from eutree.data.journal import MAGIC
 
 
 def mutate(data, rng):

@@ -19,10 +19,10 @@ from eutree.data.journal import recover_episode
 from eutree.errors import FormatError
 from eutree.files.arrays import MAX_ARCHIVE
 from eutree.files.documents import MAX_DOCUMENT
-from eutree.files.journal import MAGIC, MAX_JOURNAL
+from eutree.data.journal import MAGIC, MAX_JOURNAL
 from eutree.policies import TreePolicy
 from tests.files.loaders import GOLDEN
-import eutree.data.csv_files, eutree.data.npz_files
+import eutree.data.csv_files, eutree.data.rows
 path = Path(sys.argv[1])
 """
 

@@ -12,12 +12,10 @@ from eutree.c45 import C45Settings
 from eutree.data import Demonstrations, Episode
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import Evaluation
-from eutree.fitting import Person, practice
+from eutree.fitting import Person, playing
 from eutree.fitting.diagnosis import about_doubt, about_result, harms, in_words
 from eutree.fitting.fit import mend, race
-from eutree.fitting.playing import Played, Player
-from eutree.fitting.practice import practise
-from eutree.fitting.repair import blame, repairs, shown_in
+from eutree.fitting.playing import Played, Player, blame, practise, repairs, shown_in
 from eutree.learners.starts import RELEASE_8, SETTINGS, Candidate, candidates, promising
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec, Schema
@@ -461,8 +459,8 @@ class TestPractice:
         assert challenger.environment == policy.environment
 
     def test_only_the_last_steps_of_long_plays_are_known(self, corridor, shown, monkeypatch):
-        monkeypatch.setattr(practice, "MOST_KNOWN", 20)
+        monkeypatch.setattr(playing, "MOST_KNOWN", 20)
         played = Player(corridor, 0).play(by_hand(shown.schema, door=(0, 1)), 50, 0).episodes
-        kept = practice._recent(played)
+        kept = playing._recent(played)
         assert sum(map(len, kept)) <= 20 < sum(map(len, kept)) + len(played[-len(kept) - 1])
         assert kept == played[-len(kept) :]

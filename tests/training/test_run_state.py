@@ -3,7 +3,7 @@
 from eutree.learners import Step
 from eutree.training.phases import RunState
 
-STEP = Step(0, 0.0, [0.0], False, False, {}, False)
+STEP = Step(0, 0.0, [0.0], False, False, {})
 
 
 class Recorder:

@@ -14,8 +14,7 @@ import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from eutree.data.csv_reader import CsvReader
-from eutree.data.csv_table import KNOWN
+from eutree.data.csv_reader import KNOWN, CsvReader
 from eutree.data.episode import Episode
 from eutree.data.log_format import LogFormat
 from eutree.errors import InvalidArgumentError

@@ -19,8 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eutree.data.episode import Episode
-from eutree.data.episode_file import EpisodeDocument, episode_document, episode_from_document
-from eutree.data.files import DemonstrationsDocument, demonstrations_document
+from eutree.data.files import (
+    DemonstrationsDocument,
+    EpisodeDocument,
+    demonstrations_document,
+    episode_document,
+    episode_from_document,
+)
 from eutree.errors import (
     EutreeError,
     FileError,

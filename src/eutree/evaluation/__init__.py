@@ -1,12 +1,13 @@
 """How good a policy is: frozen evaluations, learning curves, intervals."""
 
-from eutree.evaluation.against import Against, against
 from eutree.evaluation.curves import CurvePoint, curve_from_csv, curve_to_csv
 from eutree.evaluation.evaluate import evaluate, evaluate_policy
 from eutree.evaluation.evaluation import (
+    Against,
     Estimate,
     Evaluation,
     Interval,
+    against,
     mean_interval,
     wilson_interval,
 )

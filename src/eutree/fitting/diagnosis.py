@@ -7,8 +7,7 @@ import numpy as np
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.data import Demonstrations
 from eutree.evaluation import Evaluation
-from eutree.fitting.playing import Played
-from eutree.fitting.repair import blame, shown_in
+from eutree.fitting.playing import Played, blame, shown_in
 from eutree.fitting.report import Person, result_in_words, verdict
 from eutree.inspection import Region
 from eutree.inspection.regions import domain

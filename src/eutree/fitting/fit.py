@@ -20,9 +20,8 @@ from eutree.fitting.diagnosis import (
     harms,
     in_words,
 )
-from eutree.fitting.playing import Played, Player, Progress
-from eutree.fitting.practice import practise as learn_on
-from eutree.fitting.repair import blame, repairs
+from eutree.fitting.playing import Played, Player, Progress, blame, repairs
+from eutree.fitting.playing import practise as learn_on
 from eutree.fitting.report import FitReport, Person
 from eutree.interaction import describe
 from eutree.interaction.deriving import acting_as

@@ -104,7 +104,7 @@ class PageTree:
         """Let the tree learn for a while, and keep the better one."""
         from eutree.data import Demonstrations
         from eutree.fitting import Person
-        from eutree.fitting.practice import practise
+        from eutree.fitting.playing import practise
         from eutree.fitting.report import result_in_words
 
         if self._best is None:

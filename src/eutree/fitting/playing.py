@@ -1,6 +1,6 @@
 """Play trees: every episode is counted and kept, with the leaves that decided in it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -8,12 +8,18 @@ import gymnasium
 import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
+from eutree.c45 import C45Settings, grow
 from eutree.contests import Halving, hold, new_table
-from eutree.data import Episode
+from eutree.data import Demonstrations, Episode
 from eutree.evaluation import Evaluation
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
 from eutree.interaction.seeding import Stream
+from eutree.learners import ModelPlanning, PlanningMethod
 from eutree.policies import TreePolicy
+from eutree.policy_search.planner import Planner
+from eutree.training import Run, learn
+from eutree.training.callback import CallbackLike
+from eutree.trees.edit import graft, merge
 
 TIE = 1e-9  # of a success: what a unit of return is worth beside it
 Progress = Callable[[str, int, int], None]  # what for, episodes played for it, at most so many
@@ -127,3 +133,173 @@ class Player:
 
         winner = hold(rule, new_table(len(rivals), rule.most), run).winner
         return winner, plays[winner]
+
+
+# C4.5 takes the most frequent action of a leaf. Whoever waits shows the waiting many times and
+# the going on once: where no test tells them apart, the leaf waits for ever. Three changes of
+# such a leaf stay within what was shown: another action that was shown there; the cuts that C4.5
+# finds in the leaf's own steps when neither penalty nor pruning forbids them; and the most
+# frequent action below the test above it, which gives that test up. Which of them is right, if
+# any, playing says.
+
+
+_FREE = C45Settings(use_penalty=False, prune=False, collapse=False, use_min_split=False)
+
+
+def shown_in(policy: TreePolicy, demonstrations: Demonstrations) -> Integers:
+    """Return how often each action was shown in each leaf, shape [L, A]."""
+    known = demonstrations.with_history(policy.history)
+    counts = np.zeros((policy.n_leaves, policy.schema.n_actions), dtype=np.int64)
+    np.add.at(counts, (policy.tree.leaf_index(known.observations), known.actions), 1)
+    return counts
+
+
+def blame(played: Played, failed: Booleans) -> Floats:
+    """Return how much each leaf has to do with failing, shape [L].
+
+    The share of the failed episodes in which it decided last, and by how much more of them than of
+    the others it decided in at all.
+
+    Args:
+        played: What the tree has played.
+        failed: Which of the episodes failed, shape [E].
+    """
+    n_leaves = played.policy.n_leaves
+    leaves = played.leaves()
+    if not failed.any():
+        return np.zeros(n_leaves)
+    last = np.array([path[-1] for path in leaves])
+    visited = np.array([np.bincount(path, minlength=n_leaves) > 0 for path in leaves])
+    ends = np.bincount(last[failed], minlength=n_leaves) / failed.sum()
+    elsewhere = visited[~failed].mean(axis=0) if not failed.all() else np.zeros(n_leaves)
+    more = np.maximum(visited[failed].mean(axis=0) - elsewhere, 0.0)
+    guilt: Floats = ends + more
+    return guilt
+
+
+def repairs(
+    policy: TreePolicy, demonstrations: Demonstrations, leaf: int
+) -> Iterator[tuple[TreePolicy, str]]:
+    """Yield trees in which one leaf is changed, and what was changed, in words."""
+    shown = shown_in(policy, demonstrations)
+    taken, names = int(policy.actions[leaf]), policy.schema.actions
+    for action in np.argsort(-shown[leaf], kind="stable").tolist():
+        if action != taken and shown[leaf, action]:
+            labels = policy.actions.copy()
+            labels[leaf] = action
+            words = f"{names[action]} in place of {names[taken]} where both were shown"
+            yield _labelled(policy, labels), words
+    if np.count_nonzero(shown[leaf]) > 1:
+        yield _cut(policy, demonstrations, leaf), "a leaf cut further"
+    parent = int(policy.tree.parent[policy.tree.node_of_leaf[leaf]])
+    if parent >= 0:
+        below = [n for n in range(policy.n_leaves) if parent in policy.tree.path(n)]
+        labels = policy.actions.copy()
+        labels[below] = shown[below].sum(axis=0).argmax()
+        yield _labelled(policy, labels), "a test dropped"
+
+
+def _labelled(policy: TreePolicy, labels: Integers) -> TreePolicy:
+    tree, actions = merge(policy.tree, labels)
+    return replace(policy, tree=tree, actions=actions)
+
+
+def _cut(policy: TreePolicy, demonstrations: Demonstrations, leaf: int) -> TreePolicy:
+    known = demonstrations.with_history(policy.history)
+    rows = policy.tree.leaf_index(known.observations) == leaf
+    scion, labels = grow(
+        known.observations[rows],
+        known.actions[rows],
+        n_classes=policy.schema.n_actions,
+        settings=_FREE,
+    ).to_decision_tree()
+    kept = {n: action for n, action in enumerate(policy.actions.tolist()) if n != leaf}
+    if kept:
+        scion, labels, _ = graft(policy.tree, kept, scion, labels)
+    return _labelled(replace(policy, tree=scion, actions=labels), labels)
+
+
+MOST_KNOWN = 20_000  # steps of what a tree has played that practice begins with
+
+# Hundreds of episodes are known to begin with, so it is planned early and often: waiting until they
+# have grown by 6 % would leave a hundred episodes of practice one or two challengers. Nearly all of
+# them were played by the tree itself, so they say what it can do.
+METHOD = PlanningMethod(
+    gathering_episodes=10,
+    planner=Planner(growth=1.02, trust_demonstrations=True),
+    unpruned_start=False,
+)
+
+
+def practise(
+    tree: TreePolicy,
+    demonstrations: Demonstrations,
+    played: tuple[Episode, ...],
+    env: gymnasium.Env[Any, Any],
+    *,
+    episodes: int,
+    seed: int = 0,
+    on_progress: Callable[[Run], None] | None = None,
+    callback: CallbackLike | None = None,
+    stop: Callable[[], bool] = lambda: False,
+) -> tuple[TreePolicy, ...]:
+    """Return what learning makes of a tree in ``episodes`` episodes: one tree, or two.
+
+    The first is the policy. The second is the challenger whose evaluation the end of the practice
+    has cut short, if there is one: mostly the better of both. Let them play, and take the better.
+
+    Learning begins with what the tree has played, besides what was shown: the model of the world in
+    which it plans is better by that, for nothing.
+
+    Args:
+        tree: The tree to go on from.
+        demonstrations: What was shown.
+        played: What the tree has played since; the last ``MOST_KNOWN`` steps are used.
+        env: Where to practise.
+        episodes: How long.
+        seed: The same seed gives the same tree.
+        on_progress: Called after each episode, as by ``eutree.learn``.
+        callback: Follows the run, as in ``eutree.learn``.
+        stop: Asked before every step; True ends the practice at its last finished episode.
+    """
+    known = (*demonstrations.episodes, *_recent(played))
+    runs: list[Run] = []
+
+    def follow(run: Run) -> None:
+        runs[:] = [run]
+        if on_progress is not None:
+            on_progress(run)
+
+    policy = learn(
+        env,
+        demonstrations=replace(demonstrations, episodes=known),
+        expert=tree,
+        method=METHOD,
+        history=tree.history,
+        episodes=episodes,
+        evaluate_every=max(episodes, 1),
+        evaluation_episodes=1,
+        judge_episodes=0,
+        seed=seed,
+        callback=callback,
+        stop=stop,
+        on_progress=follow,
+    ).policy
+    return (policy, *(tree for run in runs for tree in _on_trial(run)))
+
+
+def _on_trial(run: Run) -> list[TreePolicy]:
+    learner = run.learner
+    found = learner.on_trial() if isinstance(learner, ModelPlanning) else None
+    return [] if found is None else [found.policy(run.beginning.problem)]
+
+
+def _recent(episodes: tuple[Episode, ...]) -> tuple[Episode, ...]:
+    """Return the last episodes, of ``MOST_KNOWN`` steps at most."""
+    steps, kept = 0, []
+    for episode in reversed(episodes):
+        steps += len(episode)
+        if steps > MOST_KNOWN:
+            break
+        kept.append(episode)
+    return tuple(reversed(kept))

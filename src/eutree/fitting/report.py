@@ -222,7 +222,7 @@ class FitReport(Displayed):
         n_candidates: Trees that were compared.
         episodes_played: Episodes played in all: to choose, to repair, to judge, to practise.
         before_practice: The report of the tree that practice began with; None without practice.
-        plays: What the tree has played so far: ``eutree.fitting.practice`` goes on from it.
+        plays: What the tree has played so far: ``eutree.fitting.playing`` goes on from it.
     """
 
     policy: TreePolicy

@@ -4,8 +4,7 @@ from eutree.mdp._kernels import DONE as DONE  # these three for the loops of oth
 from eutree.mdp._kernels_sweeping import MDPArrays as MDPArrays
 from eutree.mdp._kernels_sweeping import observe as observe
 from eutree.mdp.counts import TransitionCounts
-from eutree.mdp.problem import NO_ACTION, TERMINAL, Model, Solution
-from eutree.mdp.solver import solve
+from eutree.mdp.solver import NO_ACTION, TERMINAL, Model, Solution, solve
 from eutree.mdp.tabular import Sweeping, TabularMDP
 
 __all__ = [

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from eutree.arrays import Floats, Int32s, Integers
 from eutree.errors import InvalidArgumentError
 from eutree.mdp import _kernels
-from eutree.mdp.problem import TERMINAL, Model
+from eutree.mdp.solver import TERMINAL, Model
 from eutree.validation import check_finite, check_integer
 
 

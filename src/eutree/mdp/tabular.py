@@ -22,8 +22,7 @@ from eutree.errors import InvalidArgumentError
 from eutree.mdp import _kernels
 from eutree.mdp import _kernels_sweeping as _sweeping
 from eutree.mdp.counts import TransitionCounts, grown, read_only
-from eutree.mdp.problem import Solution
-from eutree.mdp.solver import solve
+from eutree.mdp.solver import Solution, solve
 from eutree.validation import check_integer, check_number
 
 # After every real step the state it left goes on top of a queue. Then, as often as the budget
