@@ -225,6 +225,35 @@ def test_a_policy_that_looks_at_directions():
     assert high - low < 0.06
 
 
+def test_the_picture_is_below_what_real_episodes_show():
+    """Of episodes without a stop so far, success is at least the mean of the picture's cells."""
+    policy = policy_of(GATES, SPEC.id)
+    pictures = prove(policy, plant_of(SPEC), effort=COARSE).pictures
+    env = gymnasium.make(SPEC.id)
+    seen = {}
+    for seed in range(400):
+        observation, _ = env.reset(seed=seed)
+        path, stopped, over = [], False, False
+        while not over:
+            if not stopped:
+                path.append(observation[1:3])
+            action = policy.act(observation.tolist())
+            stopped = stopped or action == STOP
+            observation, _, ended, cut, info = env.step(action)
+            over = ended or cut
+        for k, places in enumerate(path):
+            seen.setdefault(k, []).append((places, info["is_success"]))
+    for opponent, picture in enumerate(pictures):
+        low, high = picture.low[1], picture.high[1]
+        assert picture.values.shape[1] == 64
+        for k in range(8):
+            places = np.array([one[opponent] for one, _ in seen[k]])
+            cells = np.minimum((places - low) / (high - low) * 64, 63).astype(int)
+            success = np.mean([good for _, good in seen[k]])
+            assert picture.values[k, cells].mean() <= success + 3 * 0.5 / np.sqrt(len(cells))
+        assert np.ptp(picture.values) > 0.3
+
+
 def test_payoffs_of_one_are_a_certainty():
     one = Payoffs(goal=1.0, collision=1.0, late=1.0, stop=0.0, low=0.0, high=1.0)
     assert chain(110).bounds(one) == pytest.approx((1.0, 1.0), abs=1e-5)

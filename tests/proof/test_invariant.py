@@ -7,6 +7,7 @@ from examples.thermostat import Room, RoomPlant
 
 from eutree.errors import InvalidArgumentError
 from eutree.proof import Effort, check_plant, plant_of, prove, replay
+from eutree.proof.certificate import KNOWN, OPEN
 from eutree.proof.invariant import Grid, largest_invariant
 from eutree.proof.reach import Acting
 from eutree.schema import EnvironmentSpec
@@ -54,6 +55,17 @@ def test_a_thermostat_keeps_its_room_warm_for_ever():
     assert found.proven
     assert "for ever" in found.sentence
     assert found.work["safe_cells"] > 0
+    assert found.starts is None
+    assert found.pictures[0].marks.shape == (320, 1)
+    assert (found.pictures[0].marks == KNOWN).mean() > 0.2
+
+
+def test_cells_with_starts_that_may_be_left_are_black():
+    """A switch at 20.9 degrees heats beyond what is allowed."""
+    found = prove(policy_of((0, 20.9, ON, OFF), "Room-v0"), PLANT)
+    assert not found.proven
+    assert (found.pictures[0].marks == OPEN).any()
+    assert ((found.starts.low >= 18.9) & (found.starts.high <= 21.1)).all()
 
 
 def test_no_real_episode_leaves_a_set_that_is_proven():

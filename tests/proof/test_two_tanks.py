@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from eutree.errors import InvalidArgumentError
-from eutree.proof import check_plant, plant_of, prove
+from eutree.proof import BeginningThere, check_plant, plant_of, prove
+from eutree.proof.certificate import EMPTY, FAILS, OPEN
 from eutree.proof.plants import _kernels as kernels
 from eutree.proof.plants.two_tanks import DEMAND, LAG, PUMP, TARGET, VALVE, Flood, rerun
 from eutree.schema import EnvironmentSpec
@@ -13,10 +14,10 @@ from examples import two_tanks
 from tests.proof.policies import policy_of
 
 UPPER, LOWER, DEVIATION = 0, 1, 7
-OFF, OPEN, FILL, BOTH = range(4)
+OFF, DOWN, FILL, BOTH = range(4)
 SPEC = EnvironmentSpec("TwoTanks-v0")
 PLANT = plant_of(SPEC)
-SAFE = (LOWER, 0.8, (UPPER, 0.9, BOTH, OPEN), OFF)
+SAFE = (LOWER, 0.8, (UPPER, 0.9, BOTH, DOWN), OFF)
 """Fills a tank that is not full, and lets water down below 0.8 m only."""
 LIMITS = np.nextafter([2.0, 2.0], 0.0)
 
@@ -55,6 +56,16 @@ def test_a_careful_tree_never_runs_over(flood, monkeypatch):
     found = prove(policy_of(SAFE, "TwoTanks-v0"), PLANT)
     assert found.proven
     assert found.sentence.endswith("for ever")
+    assert found.starts is None
+    (picture,) = found.pictures
+    reached = picture.marks != EMPTY
+    assert 0.1 < reached.mean() < 0.9
+    for seed in range(20):
+        start = np.random.default_rng(seed).uniform([0.6, 0.4, 0.6], [1.4, 1.2, 1.4])
+        run = rerun(PLANT, policy_of(SAFE, "TwoTanks-v0"), start, scripts(seed, 60))
+        for state, _ in run:
+            cell = np.minimum(state[:2] / 2.0 * np.array(reached.shape), 63).astype(int)
+            assert reached[tuple(cell)]
 
 
 def test_real_runs_stay_in_the_boxes(flood):
@@ -169,3 +180,25 @@ def test_the_plant_is_true_and_the_same_constants():
 def test_other_conditions_are_refused(question, message):
     with pytest.raises(InvalidArgumentError, match=message):
         prove(policy_of(SAFE, "TwoTanks-v0"), PLANT, question)
+
+
+def test_the_run_that_breaks_it_is_drawn_and_is_where_episodes_begin():
+    policy = policy_of((LOWER, 1.2, FILL, OFF), "TwoTanks-v0")
+    found = prove(policy, PLANT)
+    assert found.verdict == "refuted"
+    assert "states" not in found.counterexample
+    assert len(found.starts.low) == found.counterexample["steps"] + 1
+    assert (found.pictures[0].marks == FAILS).sum() > 5
+    env = BeginningThere(PLANT.make(), [found])
+    for seed in range(5):
+        env.reset(seed=seed)
+        state = PLANT.state_of(env)
+        assert np.abs(found.starts.low - state).sum(axis=1).min() == 0
+
+
+def test_the_box_that_is_open_is_drawn(monkeypatch):
+    monkeypatch.setattr("eutree.proof.plants.two_tanks._played", lambda *_: None)
+    found = prove(policy_of((LOWER, 1.2, FILL, OFF), "TwoTanks-v0"), PLANT)
+    assert found.verdict == "undecided"
+    assert (found.pictures[0].marks == OPEN).any()
+    assert (found.starts.low <= found.starts.high).all()

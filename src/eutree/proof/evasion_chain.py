@@ -141,6 +141,7 @@ class EvasionChain:
                 "too many opponents at once"
             )
         self.n_cells = needed
+        self._unstopped: list[Floats] = []
         self._levels = [self._level(*one) for one in zip(edges, shapes, strict=True)]
         self._lines = [
             line_moves(edges[k], edges[k + 1], k, self._agent) for k in range(len(edges) - 1)
@@ -150,11 +151,35 @@ class EvasionChain:
         """Return bounds of what an episode is worth on average, over all starts and all noise."""
         steps = self._parameters.max_steps
         values = [self._at_the_end(level, payoffs) for level in self._levels]
+        self._unstopped = [np.empty((0, 0))] * min(steps, len(values) - 1)
         for step in range(steps - 1, -1, -1):
             # After so many steps the agent has moved so many times at most.
             self._step_back(values[: step + 2], payoffs, judged=step > 0)
+            if step < len(self._unstopped):
+                self._unstopped[step] = self._by_place(step, values[step].low_mean)
         first = values[0]
         return float(first.low_mean.mean()), float(first.high_mean.mean())
+
+    def least_by_place(self, opponent: int) -> Floats:
+        """Return what is worth at least an agent that has not stopped, of the last ``bounds``.
+
+        A row for each number of steps, a column for each part of the opponent's path, whichever way
+        it goes there: shape [K, cells / 2].
+        """
+        return np.array([rows[opponent] for rows in self._unstopped])
+
+    def _by_place(self, k: int, field: Floats) -> Floats:
+        """Return means over the agent's places, at each place of one opponent [n, cells / 2]."""
+        edges = self._levels[k].edges
+        weight = np.ones(1) if k == 0 else np.diff(self._agent.after(k).below(edges))
+        mean = field @ (weight / weight.sum())
+        found = []
+        for axis, n in enumerate(mean.shape):
+            others = tuple(i for i in range(mean.ndim) if i != axis)
+            around = np.broadcast_to(mean.mean(axis=others), (self._cells,) if n == 1 else (n,))
+            rising, falling = np.split(around, 2)
+            found.append(np.minimum(rising, falling[::-1]))
+        return np.array(found)
 
     def _all_edges(self) -> list[Floats]:
         """Return the edges of the cells of each level, up to one that is behind the goal."""

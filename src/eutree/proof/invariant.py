@@ -100,9 +100,14 @@ class Invariant:
     sweeps: int
 
     @property
+    def open_cells(self) -> Booleans:
+        """Which cells hold a start and are not safe, shape [C]."""
+        return self.starts & ~self.safe
+
+    @property
     def undecided(self) -> float:
         """Share of the cells with starts that are not safe."""
-        return float((self.starts & ~self.safe).sum() / self.starts.sum())
+        return float(self.open_cells.sum() / self.starts.sum())
 
 
 def largest_invariant(acting: Acting, plant: Plant, keeps: Booleans, grid: Grid) -> Invariant:

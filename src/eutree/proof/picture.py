@@ -4,6 +4,8 @@ import numpy as np
 
 from eutree.arrays import Booleans, Integers
 from eutree.proof.certificate import EMPTY, FAILS, KNOWN, NEVER, OPEN, Picture, Pieces
+from eutree.proof.invariant import Invariant
+from eutree.proof.plant import Plant
 
 COLUMNS, CELLS = 320, 64  # along one number, and along each of two
 BREAKS = "Black: not decided; red: it fails."
@@ -47,3 +49,21 @@ def pictures_of_pieces(pieces: Pieces, fails: Booleans, open_: Booleans) -> tupl
     marks = np.select([fails, open_], [FAILS, OPEN], KNOWN)
     found = picture_of(pieces, steps, marks, legend) if pieces.low.size else None
     return () if found is None else (found,)
+
+
+def pictures_of_grid(plant: Plant, found: Invariant) -> tuple[Picture, ...]:
+    """Return which cells are never left, along the first two numbers of a grid."""
+    grid = found.grid
+    rank = np.select([found.starts & ~found.safe, found.starts, found.safe], [3, 2, 1])
+    worst = rank.reshape(*(*grid.shape, 1)[:2], -1).max(axis=2)
+    for axis, most in enumerate((COLUMNS, 1) if worst.shape[1] == 1 else (CELLS, CELLS)):
+        n = worst.shape[axis]
+        begins = np.unique(np.linspace(0, n, min(n, most), endpoint=False).astype(int))
+        worst = np.maximum.reduceat(worst, begins, axis=axis)
+    ends = [(float(edges[0]), float(edges[-1])) for edges in grid.edges[:2]]
+    low, high = zip(*ends, strict=True)
+    legend = "Dark: cells with starts; light: others that are never left. Black: a start in a cell "
+    legend += "that may be left."
+    marks = np.array([EMPTY, KNOWN, KNOWN, OPEN])[worst]
+    values = np.where(worst == 2, 1.0, 0.5)
+    return (Picture("The cells", plant.state[:2], low, high, values, marks, legend),)

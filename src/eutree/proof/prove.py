@@ -8,16 +8,25 @@ from eutree.arrays import Booleans, Floats, Integers
 from eutree.errors import InvalidArgumentError
 from eutree.inspection import Region
 from eutree.policies import TreePolicy
-from eutree.proof.certificate import NEVER, PROOF, PROVEN, REFUTED, UNDECIDED, Certificate, Pieces
+from eutree.proof.certificate import (
+    NEVER,
+    PROOF,
+    PROVEN,
+    REFUTED,
+    UNDECIDED,
+    Certificate,
+    Pieces,
+    Starts,
+)
 from eutree.proof.intervals import Intervals, Truth, middle
 from eutree.proof.invariant import Grid, largest_invariant
 from eutree.proof.layers import Layers, worst_starts
-from eutree.proof.picture import pictures_of_pieces
+from eutree.proof.picture import pictures_of_grid, pictures_of_pieces
 from eutree.proof.plant import Plant, State
 from eutree.proof.properties import EVER, Property, parse
 from eutree.proof.reach import Acting, Effort, Reach
 from eutree.proof.replay import breaking_seed, replay
-from eutree.proof.starts import starts_among
+from eutree.proof.starts import MOST_BOXES, starts_among
 
 _TRIES = 20  # starts of undecided pieces that are replayed
 _SUMMED = 1e-9  # of the steps: what adding up shares may be off
@@ -154,9 +163,12 @@ class _Proof:
             if not found.undecided:
                 break
         work = {"cells": grid.n_cells, "safe_cells": int(found.safe.sum()), "sweeps": found.sweeps}
+        pictures = pictures_of_grid(plant, found)
         if not found.undecided:
             words = f"from every start of {plant.environment} it {self._asked.text}"
-            return Certificate(words, PROOF, PROVEN, work=work)
+            return Certificate(words, PROOF, PROVEN, pictures=pictures, work=work)
+        box = [(one.low, one.high) for one in grid.boxes(np.flatnonzero(found.open_cells))]
+        starts = Starts(plant.state, *np.array(box).transpose(1, 2, 0)[:, :MOST_BOXES])
         seed = breaking_seed(plant, self._policy, self._broken)
         if seed is not None:
             words = (
@@ -164,13 +176,17 @@ class _Proof:
                 f"{self._asked.text}: the episode of seed {seed['seed']} does not"
             )
             return Certificate(
-                words, PROOF, REFUTED, undecided=found.undecided, counterexample=seed, work=work
-            )
+                words, PROOF, REFUTED, undecided=found.undecided, counterexample=seed,
+                starts=starts, pictures=pictures, work=work,
+            )  # fmt: skip
         words = (
             f"whether from every start of {plant.environment} it {self._asked.text} is open for a "
             f"share of {found.undecided:.3g} of the cells with starts"
         )
-        return Certificate(words, PROOF, UNDECIDED, undecided=found.undecided, work=work)
+        return Certificate(
+            words, PROOF, UNDECIDED, undecided=found.undecided, starts=starts, pictures=pictures,
+            work=work,
+        )  # fmt: skip
 
     def _failing(self, pieces: Pieces) -> tuple[Booleans, Booleans]:
         """Return which pieces break the property surely, and which perhaps."""

@@ -61,10 +61,11 @@ def drawn(picture: Picture, heading: str) -> str:
     axes = " and ".join(f"{name} from {low:.4g} to {high:.4g}" for name, low, high in ends)
     across = ", to the right and upwards" if rows > 1 else ""
     said = escape(f"{axes}{across}. {picture.legend}")
+    frame = '<rect class="axis" fill="none" width="100%" height="100%"/>' if rows > 1 else ""
     return (
         f"<{heading}>{escape(picture.title)}</{heading}><p>{said}</p>"
         f'<svg class="chart" viewBox="0 0 {_WIDTH:.0f} {tall:.0f}" role="img" aria-label="{said}">'
-        f"{''.join(_rectangles(picture, tall))}</svg>"
+        f"{''.join(_rectangles(picture, tall))}{frame}</svg>"
     )
 
 

@@ -396,3 +396,34 @@ def flood(
             return int(node)
         spread(leaves, cells, flow, reached, room, box, seen, False)
     return -1
+
+
+@compiled
+def shadow(
+    cells: Cells,
+    hull: NDArray[np.uint16],  # [nodes, d, 2]
+    out: Booleans,  # [I, J] of the upper and the lower level, from 0 to HEIGHT
+) -> None:
+    """Mark where the levels are in some box that is reached."""
+    n, d, _ = hull.shape
+    box, seen = np.empty(2 * d), np.empty(2 * N_FEATURES)
+    rows, columns = out.shape
+    for node in range(n):
+        if hull[node, 0, 1] == 0:
+            continue
+        place = node // N_ACTIONS
+        for j in range(d - 1, -1, -1):
+            begin = place % cells.counts[j] * cells.parts[j]
+            place //= cells.counts[j]
+            box[2 * j] = cells.edges[j, begin + hull[node, j, 0]]
+            box[2 * j + 1] = cells.edges[j, begin + hull[node, j, 1]]
+        seen[0::2], seen[1::2] = -99.0, 99.0
+        if agree(box, seen):
+            for i in range(
+                int(seen[0] / HEIGHT * rows), min(int(seen[1] / HEIGHT * rows) + 1, rows)
+            ):
+                for j in range(
+                    int(seen[2] / HEIGHT * columns),
+                    min(int(seen[3] / HEIGHT * columns) + 1, columns),
+                ):
+                    out[i, j] = True

@@ -1,13 +1,24 @@
 """The plant of N-Evasion: how often a policy succeeds, and what it earns, over all chance."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+
+import numpy as np
 
 from eutree.envs.evasion import EvasionParameters
 from eutree.errors import InvalidArgumentError
 from eutree.policies import TreePolicy
-from eutree.proof.certificate import PROOF, PROVEN, REFUTED, UNDECIDED, Certificate
+from eutree.proof.certificate import (
+    KNOWN,
+    PROOF,
+    PROVEN,
+    REFUTED,
+    UNDECIDED,
+    Certificate,
+    Picture,
+)
 from eutree.proof.evasion_chain import SUCCESS, EvasionChain, Payoffs
+from eutree.proof.picture import CELLS
 from eutree.proof.plant import Plant
 from eutree.proof.properties import Property
 from eutree.schema import EnvironmentSpec
@@ -63,7 +74,7 @@ class Evasion(Plant):
         name, payoffs, least = "success", SUCCESS, asked.chance
         if asked.kind == "returns":
             name, payoffs, least = "mean_return", self._rewards, asked.least
-        bounds, cells = self._bounds(policy, payoffs, least, refinements)
+        bounds, chain = self._bounds(policy, payoffs, least, refinements)
         best = self._best(payoffs)
         verdict = UNDECIDED
         if least is None or bounds[0] >= least:
@@ -76,23 +87,44 @@ class Evasion(Plant):
             verdict=verdict,
             bounds={name: bounds, f"best_{name}": (bounds[0], best)},
             undecided=1.0 if verdict == UNDECIDED else 0.0,
-            work={"cells": cells, "steps": self._parameters.max_steps},
+            pictures=tuple(self._pictures(chain, name.replace("_", " "))),
+            work={"cells": chain.n_cells, "steps": self._parameters.max_steps},
         )
 
     def _bounds(
         self, policy: TreePolicy, payoffs: Payoffs, least: float | None, refinements: Sequence[int]
-    ) -> tuple[tuple[float, float], int]:
-        """Return bounds of the policy and on how many cells; finer ones until they decide."""
-        low, high, cells = payoffs.low, payoffs.high, 0
+    ) -> tuple[tuple[float, float], EvasionChain]:
+        """Return bounds of the policy and the finest chain; finer ones until they decide."""
+        low, high, used = payoffs.low, payoffs.high, None
         for refine in refinements:
             chain = self._chain(policy, refine)
-            if chain.n_cells <= cells:
+            if used is not None and chain.n_cells <= used.n_cells:
                 break  # as fine as it may be
-            found = chain.bounds(payoffs)
-            low, high, cells = max(low, found[0]), min(high, found[1]), chain.n_cells
+            found, used = chain.bounds(payoffs), chain
+            low, high = max(low, found[0]), min(high, found[1])
             if least is not None and not low < least <= high:
                 break
-        return (low, high), cells
+        assert used is not None  # noqa: S101 - there is a refinement
+        return (low, high), used
+
+    def _pictures(self, chain: EvasionChain, what: str) -> Iterator[Picture]:
+        """Yield what is proven of an agent that has not stopped yet, for each opponent."""
+        p = self._parameters
+        half = p.path_length / 2
+        for i in range(p.n_opponents):
+            least = chain.least_by_place(i)
+            parts = np.array_split(least, min(CELLS, least.shape[1]), axis=1)
+            values = np.stack([part.mean(axis=1) for part in parts], axis=1)
+            yield Picture(
+                title=f"{what.capitalize()} at least, from where {self.state[1 + i]} is",
+                names=(self.state[0], self.state[1 + i]),
+                low=(0.0, -half),
+                high=(len(values) * p.agent_step, half),
+                values=values,
+                marks=np.full(values.shape, KNOWN),
+                legend=f"The agent has not stopped yet. Light: {values.min():.4g}; dark: "
+                f"{values.max():.4g}.",
+            )
 
     def _chain(self, policy: TreePolicy, refine: int) -> EvasionChain:
         """Return the finest chain that fits."""

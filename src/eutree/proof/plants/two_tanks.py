@@ -18,8 +18,21 @@ from eutree.arrays import Floats, Integers
 from eutree.errors import InvalidArgumentError
 from eutree.inspection import Region
 from eutree.policies import TreePolicy
-from eutree.proof.certificate import PROOF, PROVEN, REFUTED, UNDECIDED, Certificate
+from eutree.proof.certificate import (
+    EMPTY,
+    FAILS,
+    KNOWN,
+    OPEN,
+    PROOF,
+    PROVEN,
+    REFUTED,
+    UNDECIDED,
+    Certificate,
+    Picture,
+    Starts,
+)
 from eutree.proof.intervals import Intervals, clip, minimum, sqrt
+from eutree.proof.picture import CELLS
 from eutree.proof.plant import Plant, State, own_arguments
 from eutree.proof.plants import _kernels as kernels
 from eutree.proof.properties import EVER, Property
@@ -32,6 +45,11 @@ DEMAND, TARGET = (0.002, 0.008), (0.6, 1.4)
 _NUMBERS = ("upper_level", "lower_level", "pump", "valve", "deviation")
 _STORED, _LAG, _PUMPS, _PARTS = 0.15, 0.05, 3, 32  # width of cells, number of the pump's, parts
 _MOST = 600_000  # steps of boxes
+_SAID = {
+    KNOWN: "White: never reached.",
+    OPEN: "White: not reached so far; black: the box in which it may break.",
+    FAILS: "White: not reached so far; red: the run that breaks it.",
+}
 
 
 class TwoTanks(Plant):
@@ -87,17 +105,28 @@ class TwoTanks(Plant):
         flood = Flood(policy, limits)
         every = f"from every start of {self.environment} it {asked.text}"
         if flood.is_closed:
-            return Certificate(every, PROOF, PROVEN, work=flood.work)
+            pictures = (flood.picture(None, KNOWN),)
+            return Certificate(every, PROOF, PROVEN, pictures=pictures, work=flood.work)
         found = _played(self, policy, limits)
         if found is not None:
+            run = found.pop("states")
+            starts = Starts(_NUMBERS, run, run)
             words = f"it is not true that {every}: after {found['steps']} steps of the demands "
             words += f"and set points that are given, {found['runs_over']} is too high"
-            return Certificate(words, PROOF, REFUTED, counterexample=found, work=flood.work)
+            return Certificate(
+                words, PROOF, REFUTED, counterexample=found, starts=starts,
+                pictures=(flood.picture(starts, FAILS),), work=flood.work,
+            )  # fmt: skip
         box = ", ".join(
             f"{name} from {low:.4g} to {high:.4g}" for name, (low, high) in flood.open_box.items()
         )
         words = f"whether {every} is open: it may break in the box of {box}"
-        return Certificate(words, PROOF, UNDECIDED, undecided=1.0, work=flood.work)
+        ends = np.array(list(flood.open_box.values()))
+        starts = Starts(_NUMBERS, ends[None, :, 0], ends[None, :, 1])
+        return Certificate(
+            words, PROOF, UNDECIDED, undecided=1.0, starts=starts,
+            pictures=(flood.picture(starts, OPEN),), work=flood.work,
+        )  # fmt: skip
 
 
 class Flood:
@@ -163,6 +192,28 @@ class Flood:
             if (hull[:, 0] <= part).all() and (part < hull[:, 1]).all():
                 return True
         return False
+
+    def picture(self, starts: Starts | None, mark: int) -> Picture:
+        """Return the levels that are reached, those at the start dark, and some states marked."""
+        reached = np.zeros((CELLS, CELLS), dtype=bool)
+        kernels.shadow(self._cells, self._reached.hull, reached)
+        values, marks = np.zeros(reached.shape), np.where(reached, KNOWN, EMPTY)
+        rooms = [(np.array(TwoTanks.start)[None, :2], KNOWN)]
+        if starts is not None:
+            rooms.append((np.stack([starts.low, starts.high], axis=2)[:, :2], mark))
+        for boxes, kind in rooms:
+            for box in (boxes / HEIGHT * CELLS).astype(int):
+                room = tuple(slice(low, high + 1) for low, high in box.tolist())
+                values[room], marks[room] = 1.0, kind
+        return Picture(
+            "Both levels",
+            _NUMBERS[:2],
+            (0.0, 0.0),
+            (HEIGHT, HEIGHT),
+            values,
+            marks,
+            f"Dark: the starts; light: what may be reached. {_SAID[mark]}",
+        )
 
     def _next(self) -> int:
         return int(self._reached.queue[self._reached.ends[0] % self._reached.queue.size])
@@ -306,6 +357,7 @@ def _played(plant: TwoTanks, policy: TreePolicy, limits: Floats) -> dict[str, An
             return {
                 **dict(named), "steps": steps, "runs_over": _NUMBERS[tank],
                 "set_points": script[:steps, 0].tolist(), "demands": script[:steps, 1].tolist(),
+                "states": states[: steps + 1],
             }  # fmt: skip
     return None
 
