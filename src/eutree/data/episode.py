@@ -1,6 +1,6 @@
 """One episode (the paper's *trial*): T+1 observations, T actions and rewards, how it ended."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -13,6 +13,20 @@ from eutree.features import FeatureMap
 from eutree.wording import counted
 
 SPOILT = 2  # steps before a person stepped in, or before a failure, that nobody approved
+ALLOWED = "allowed"  # of ``steps``: which actions were allowed, [T, A]
+
+
+def allowed_in(episodes: "Iterable[Episode]") -> Booleans | None:
+    """Return which actions were allowed at each transition of some episodes, shape [N, A].
+
+    None where nothing was masked.
+    """
+    masks = [(episode.allowed, len(episode)) for episode in episodes]
+    known = next((rows for rows, _ in masks if rows is not None), None)
+    if known is None:
+        return None
+    every = np.ones((1, known.shape[1]), dtype=np.bool_)
+    return np.concatenate([every.repeat(n, 0) if rows is None else rows for rows, n in masks])
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +49,8 @@ class Episode:
         comment: What the person wrote about it.
         steps: Further arrays with one row for each action, by name: of a recording its
             ``time``, ``frame`` (the last one seen) and ``keys`` (held). NaN means not measured.
-            ``by_hand`` says where a person took over from a tree that drove.
+            ``by_hand`` says where a person took over from a tree that drove, ``allowed``, where
+            actions are masked, which were not.
         extras: Further facts about the episode in JSON's types, for example the names of the
             keys.
     """
@@ -125,6 +140,11 @@ class Episode:
     def undiscounted_return(self) -> float:
         """Sum of the rewards; 0 where none are known."""
         return float(self.rewards.sum())
+
+    @property
+    def allowed(self) -> Booleans | None:
+        """Which actions were allowed at each step, shape [T, A]; None where nothing is masked."""
+        return self.steps.get(ALLOWED)
 
     def equals(self, other: "Episode") -> bool:
         """Return whether both are the same, arrays bit for bit."""

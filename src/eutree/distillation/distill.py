@@ -9,13 +9,14 @@ nothing else.
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from eutree.arrays import Integers
 from eutree.contests import best
 from eutree.data import Demonstrations, Episode
+from eutree.data.episode import allowed_in
 from eutree.distillation.rounds import (
     ActionValues,
     DistillationReport,
@@ -113,7 +114,8 @@ def distill(
     validated = np.stack([result.returns for result in results])
     chosen = best(validated, [made.n_leaves for made in rounds])
     validation_steps = sum(result.steps for result in results)
-    return trees[chosen], DistillationReport(
+    policy = replace(trees[chosen], masked=allowed_in(shown) is not None)
+    return policy, DistillationReport(
         method=settings.method,
         learner=settings.learner,
         rounds=tuple(rounds),
@@ -210,7 +212,9 @@ def actions_on(teacher: Policy, episode: Episode, env: GuardedEnv) -> Integers:
     It is asked step by step, so that a teacher with a memory has the one it would have.
     """
     actor = Actor(teacher, env)
-    return np.array([actor.act(row) for row in episode.observations[:-1]], dtype=np.int64)
+    masks = [None] * len(episode) if episode.allowed is None else episode.allowed
+    steps = zip(episode.observations[:-1], masks, strict=True)
+    return np.array([actor.act(row, allowed) for row, allowed in steps], dtype=np.int64)
 
 
 def _round(data: Labelled, tree: TreePolicy, result: Evaluation) -> Round:

@@ -308,7 +308,7 @@ def evaluate_policy(
         actor.start()
         total, length, ended = 0.0, 0, False
         while not ended:
-            action = actor.act(observation)
+            action = actor.act(observation, guarded.allowed)
             observation, reward, terminated, truncated, info = guarded.step(action)
             total, length = total + reward, length + 1
             ended = terminated or truncated

@@ -3,7 +3,9 @@
 A policy becomes up to three files: the source with the entry point ``int NAME(const double
 *observation)``, a header with the names of the actions, and a program that tests the source on
 every threshold. Where actions set quantities there is a function for each, ``double
-NAME_CONTROL(const double *observation)``, and a table of what every action sets.
+NAME_CONTROL(const double *observation)``, and a table of what every action sets. Where actions may
+be masked, ``int NAME_allowed(const double *observation, const unsigned char *allowed)`` takes the
+first one that is allowed in the order of the leaf.
 
 Derived features are computed in doubles of what is measured, which alone is handed in. Of a last
 value the source keeps a static copy: ``NAME_reset()`` begins an episode, and the entry point is to
@@ -79,7 +81,7 @@ def to_c(
         lines += ["", *_function(shown, name, of_tree, root, frozenset(roots))]
     if computed:
         lines += _entry(policy, name, kind)
-    return "\n".join([*lines, *_values(policy, name, kind)]) + "\n"
+    return "\n".join([*lines, *_masked(policy, name, kind), *_values(policy, name, kind)]) + "\n"
 
 
 def to_c_header(
@@ -121,6 +123,11 @@ def _heading(policy: TreePolicy, kind: Numbers) -> list[str]:
     lines += [f"  {line}" for line in definitions(policy.tree, policy.schema)]
     lines += ["", "Action:"]
     lines += [f"  {index} {printable(name)}" for index, name in enumerate(policy.schema.actions)]
+    if policy.masked:
+        lines += [
+            "",
+            "Where actions are masked ask NAME_allowed, with a 1 for each that is allowed.",
+        ]
     if kind.number == "int32":
         lines += ["", "Saturate what does not fit into 32 bits; do not let it wrap around."]
     else:
@@ -144,6 +151,8 @@ def _declarations(
     ]
     if remembered_features(policy):
         lines.append(f"void {name}_reset(void); /* an episode begins */")
+    if policy.masked:
+        lines.append(f"{_allowed_title(name, kind)};")
     if policy.schema.controls:
         titles = ", ".join(printable(control.label) for control in policy.schema.controls)
         lines += [
@@ -179,6 +188,8 @@ def _function(
     def leaf(node: int) -> str:
         if tree.leaf[node] == tree.NO_LEAF:
             return f"action = {name}_block_{node}(observation);"
+        if policy.masked:
+            return f"action = {tree.leaf[node]};"
         return f"action = {constants[policy.actions[tree.leaf[node]]]};"
 
     syntax = Syntax(
@@ -191,6 +202,8 @@ def _function(
     title = f"int {name}" if root == 0 else f"static int {name}_block_{root}"
     if root == 0 and derived_features(tree, policy.schema):
         title = f"static int {name}_tree"
+    elif policy.masked and root == 0:
+        title = f"static int {name}_leaf"
     unused = ["    (void)observation;"] if policy.n_leaves == 1 else []
     body = nested(tree, syntax, root=root, cut=cut)
     return [
@@ -226,7 +239,8 @@ def _entry(policy: TreePolicy, name: str, kind: Numbers) -> list[str]:
     ]
     functions = called(computed, c_functions(name))
     size = policy.tree.n_features
-    title = f"int {name}(const {kind.c_type} *observation)"
+    entry = f"static int {name}_leaf" if policy.masked else f"int {name}"
+    title = f"{entry}(const {kind.c_type} *observation)"
     if not remembered:
         head = ["", title, "{", f"    double features[{size}];", ""]
         return [*functions, *head, *lines, *computed, f"    return {name}_tree(features);", "}"]
@@ -252,6 +266,42 @@ def _entry(policy: TreePolicy, name: str, kind: Numbers) -> list[str]:
         *kept,
         f"    {name}_goes_on = 1;",
         f"    return {name}_tree(features);",
+        "}",
+    ]
+
+
+def _allowed_title(name: str, kind: Numbers) -> str:
+    return f"int {name}_allowed(const {kind.c_type} *observation, const unsigned char *allowed)"
+
+
+def _masked(policy: TreePolicy, name: str, kind: Numbers) -> list[str]:
+    """Return the order of the actions in each leaf, and the functions that go by it."""
+    if not policy.masked:
+        return []
+    n_actions = policy.schema.n_actions
+    rows = [f"    {{{', '.join(map(str, order))}}}" for order in policy.orders.tolist()]
+    order = f"{name}_orders[{name}_leaf(observation)]"
+    return [
+        "",
+        "/* The actions in the order in which each leaf prefers them. */",
+        f"static const unsigned short {name}_orders[{policy.n_leaves}][{n_actions}] = {{",
+        ",\n".join(rows),
+        "};",
+        "",
+        f"int {name}(const {kind.c_type} *observation)",
+        "{",
+        f"    return (int){order}[0];",
+        "}",
+        "",
+        _allowed_title(name, kind),
+        "{",
+        f"    const unsigned short *order = {order};",
+        "    int place = 0;",
+        "",
+        f"    while ((place < {n_actions - 1}) && (allowed[order[place]] == 0)) {{",
+        "        place++;",
+        "    }",
+        "    return (int)order[place];",
         "}",
     ]
 
@@ -286,8 +336,10 @@ def _value_titles(policy: TreePolicy, name: str, kind: Numbers) -> list[str]:
     if remembered_features(policy):
         return []
     blocks = {f"block_{root}" for root in block_roots(policy.tree)}
-    own = {"actions", "values", "h", "test", "tree", *c_functions(name)}
-    names = control_identifiers(policy.schema, reserved=frozenset(own | blocks))
+    own = {"actions", "values", "h", "test", "tree", "leaf", "orders", "allowed"}
+    names = control_identifiers(
+        policy.schema, reserved=frozenset(own | blocks | {*c_functions(name)})
+    )
     argument = f"const {kind.c_type} *observation"
     return [f"{_level_type(kind)} {name}_{control}({argument})" for control in names]
 

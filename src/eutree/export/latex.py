@@ -1,5 +1,6 @@
 """LaTeX pictures with TikZ and nothing else."""
 
+from eutree.export._masks import ASSUMPTION
 from eutree.export.drawing import (
     branches,
     column_lefts,
@@ -76,6 +77,8 @@ def to_latex(policy: TreePolicy, *, document: bool = False) -> str:
         edge = rf"(n{parent}.east) -- node[answer] {{{answer}}} (n{child}.west)"
         lines.append(rf"  \draw[black!40] {edge};")
     lines.append(r"\end{tikzpicture}")
+    if policy.masked:
+        lines.insert(0, f"% {ASSUMPTION}")
     if document:
         opening = [r"\documentclass[border=4pt]{standalone}", r"\usepackage[T1]{fontenc}"]
         lines = [*opening, r"\usepackage{tikz}", r"\begin{document}", *lines, r"\end{document}"]

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from eutree.errors import MissingExtraError
+from eutree.export._masks import ASSUMPTION
 from eutree.policies import TreePolicy
 
 _LESS_OR_EQUAL, _SUM, _NO_TRANSFORM = 0, 1, 0
@@ -93,11 +94,13 @@ def _metadata(policy: TreePolicy) -> dict[str, str]:
     """Return names and units as JSON texts."""
     features, controls = policy.schema.features, policy.schema.controls
     set_by = {"controls": json.dumps([control.label for control in controls])} if controls else {}
+    assumed = {"assumption": ASSUMPTION} if policy.masked else {}
     return {
         "features": json.dumps([feature.name for feature in features]),
         "units": json.dumps([feature.unit for feature in features]),
         "actions": json.dumps(list(policy.schema.actions)),
         **set_by,
+        **assumed,
     }
 
 

@@ -27,14 +27,18 @@ def to_python(policy: TreePolicy, *, name: str = "decide") -> str:
     Where actions set quantities there is a function for each, ``NAME_CONTROL(observation)``, and
     ``VALUES``, what every action sets. Derived features are computed of those measured, which alone
     are handed in; where one is of a last value the function is to be called once a step, with
-    ``NAME_reset()`` before each episode, and what an action sets is in ``VALUES`` alone.
+    ``NAME_reset()`` before each episode, and what an action sets is in ``VALUES`` alone. Where
+    actions may be masked, ``NAME_allowed(observation, allowed)`` takes the first one that is
+    allowed in the order of the leaf, ``ORDERS``.
 
     Args:
         policy: The policy.
         name: Name of the function.
     """
     check_identifier(
-        "name", name, reserved=PYTHON_WORDS | {"features", "units", "actions", "controls", "values"}
+        "name",
+        name,
+        reserved=PYTHON_WORDS | {"features", "units", "actions", "controls", "values", "orders"},
     )
     schema, measured = policy.schema, policy.schema.measured
     lines = [
@@ -51,12 +55,16 @@ def to_python(policy: TreePolicy, *, name: str = "decide") -> str:
         rows = (f"    {levels!r}," for levels in schema.action_values)
         lines += [*_table("CONTROLS", [control.label for control in schema.controls])]
         lines += ["VALUES = (  # of the controls, for each action", *rows, ")"]
+    tree_name = f"_{name}_leaf" if policy.masked else name
+    if policy.masked:
+        orders = (f"    {tuple(order)!r}," for order in policy.orders.tolist())
+        lines += ["ORDERS = (  # of the actions, for each leaf", *orders, ")"]
     roots = block_roots(policy.tree)
     for root in roots:
-        lines += ["", "", *_function(policy, name, root, frozenset(roots))]
+        lines += ["", "", *_function(policy, tree_name, root, frozenset(roots))]
     if exported_features(policy):
-        lines += _entry(policy, name)
-    return "\n".join([*lines, *_values(policy, name)]) + "\n"
+        lines += _entry(policy, tree_name)
+    return "\n".join([*lines, *_masked(policy, name), *_values(policy, name)]) + "\n"
 
 
 def _table(title: str, names: list[str]) -> list[str]:
@@ -77,8 +85,9 @@ def _function(policy: TreePolicy, name: str, root: int, cut: frozenset[int]) -> 
     def leaf(node: int) -> str:
         if tree.leaf[node] == tree.NO_LEAF:
             return f"return _{name}_{node}(observation)"
-        action = int(policy.actions[tree.leaf[node]])
-        return f"return {action}  # {printable(schema.actions[action])}"
+        leaf = int(tree.leaf[node])
+        action = int(policy.actions[leaf])
+        return f"return {leaf if policy.masked else action}  # {printable(schema.actions[action])}"
 
     syntax = Syntax(
         opening=lambda node: f"if {test(node)}",
@@ -91,7 +100,8 @@ def _function(policy: TreePolicy, name: str, root: int, cut: frozenset[int]) -> 
     heading = [f"def {name if is_entry else f'_{name}_{root}'}(observation):"]
     if is_entry:
         words = "the features in order, newest first" if policy.history else "the features in order"
-        heading.append(f'    """Return the index of the action; observation: {words}."""')
+        result = "number of the leaf" if policy.masked else "index of the action"
+        heading.append(f'    """Return the {result}; observation: {words}."""')
     rules = nested(tree, syntax, root=root, cut=cut)
     return heading + ["    " * (level + 1) + line for level, line in rules]
 
@@ -129,12 +139,30 @@ def _entry(policy: TreePolicy, name: str) -> list[str]:
     return [*lines, f"    return _{name}_0(features)"]
 
 
+def _masked(policy: TreePolicy, name: str) -> list[str]:
+    """Return the functions that go by the order of a leaf."""
+    if not policy.masked:
+        return []
+    return [
+        "",
+        "",
+        f"def {name}(observation):",
+        '    """Return the index of the action where all are allowed."""',
+        f"    return ORDERS[_{name}_leaf(observation)][0]",
+        "",
+        "",
+        f"def {name}_allowed(observation, allowed):",
+        '    """Return the index of the action; allowed: for each action whether it is."""',
+        f"    return next(a for a in ORDERS[_{name}_leaf(observation)] if allowed[a])",
+    ]
+
+
 def _values(policy: TreePolicy, name: str) -> list[str]:
     """Return a function for each control; where a step may be taken once only, none."""
     lines: list[str] = []
     if remembered_features(policy):
         return lines
-    names = control_identifiers(policy.schema, reserved=frozenset())
+    names = control_identifiers(policy.schema, reserved=frozenset({"allowed"}))
     for number, (control, label) in enumerate(zip(names, policy.schema.controls, strict=True)):
         lines += [
             "",

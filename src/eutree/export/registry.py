@@ -7,6 +7,7 @@ from types import MappingProxyType
 from typing import Any
 
 from eutree.errors import UnknownNameError
+from eutree.export._masks import ASSUMPTION
 from eutree.export.c import to_c
 from eutree.export.drawing import branches, fills, words_of_leaf, words_of_test
 from eutree.export.latex import to_latex
@@ -28,7 +29,8 @@ def to_text(policy: TreePolicy) -> str:
     """Return the policy as nested rules with names and units; thresholds are exact."""
     names = [printable(name) for name in policy.schema.actions]
     leaves = [names[action] for action in policy.actions]
-    lines = [rules(policy.tree, policy.schema, leaves, exact=True)]
+    remark = [f"# {ASSUMPTION}"] if policy.masked else []
+    lines = [*remark, rules(policy.tree, policy.schema, leaves, exact=True)]
     return "\n".join([*lines, *definitions(policy.tree, policy.schema)]) + "\n"
 
 
@@ -36,6 +38,7 @@ def to_dot(policy: TreePolicy) -> str:
     """Return the tree as a Graphviz digraph, root at the left, leaves coloured by action."""
     tree, colours = policy.tree, fills(policy.schema)
     lines = [
+        *([f"// {ASSUMPTION}"] if policy.masked else []),
         "digraph policy {",
         '    graph [rankdir="LR", ordering="out", nodesep="0.15"];',
         '    node [fontname="Helvetica", fontsize="11", shape="box", '

@@ -9,6 +9,7 @@ from eutree.export._derived import (
     structured_text_functions,
 )
 from eutree.export._identifiers import STRUCTURED_TEXT_WORDS, check_identifier, identifiers
+from eutree.export._masks import ASSUMPTION
 from eutree.policies import TreePolicy
 from eutree.trees.text import (
     Syntax,
@@ -50,6 +51,7 @@ def to_structured_text(policy: TreePolicy, *, name: str = "decide") -> str:
         + "; returns the index of the action:",
         *(f"   {index} {printable(action)}" for index, action in enumerate(schema.actions)),
         *(f"   {line}" for line in definitions(policy.tree, schema)),
+        *([f"   {ASSUMPTION}"] if policy.masked else []),
         "*)",
     ]
     roots = block_roots(policy.tree)

@@ -5,6 +5,7 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from eutree.arrays import Floats
+from eutree.export._masks import ASSUMPTION
 from eutree.export.drawing import (
     branches,
     column_lefts,
@@ -64,6 +65,7 @@ def to_svg(policy: TreePolicy, *, standalone: bool = True) -> str:
         f'<svg xmlns="http://www.w3.org/2000/svg" class="eutree" role="img" '
         f'viewBox="0 0 {width:.1f} {height:.1f}" width="{width:.0f}" height="{height:.0f}">',
         f"<title>{escape(title)}</title>",
+        *([f"<desc>{ASSUMPTION}</desc>"] if policy.masked else []),
     ]
     if standalone:
         lines.append(f"<style>{STYLE}</style>")

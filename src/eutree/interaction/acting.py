@@ -13,7 +13,7 @@ from typing import Any, cast
 import gymnasium
 import numpy as np
 
-from eutree.arrays import Floats
+from eutree.arrays import Booleans, Floats
 from eutree.errors import EutreeError, InvalidArgumentError, shown
 from eutree.interaction.guard import GuardedEnv
 from eutree.interaction.spaces import derived_around
@@ -23,7 +23,8 @@ from eutree.schema import Schema
 # What acts: a policy, a function that makes one for an environment, or a function from an
 # observation to an action.
 Controller = Policy | Callable[[Any], Any]
-_KEYWORDS = ("state", "episode_start", "deterministic")
+_KEYWORDS = ("state", "episode_start", "deterministic", "action_masks")
+_OF_SB3 = frozenset(_KEYWORDS[:3])  # what its every policy takes
 
 
 class Actor:
@@ -56,18 +57,29 @@ class Actor:
         """Whether the policy carries something from one step to the next."""
         return self._state is not None
 
-    def act(self, observation: Floats) -> int:
+    def act(self, observation: Floats, allowed: Booleans | None = None) -> int:
         """Return the action at an observation as ``GuardedEnv`` gives it, shape [d].
+
+        Where it is not allowed, and the policy knows of no masks, the one of the highest value if
+        it has ``action_values``, else the first.
+
+        Args:
+            observation: The observation.
+            allowed: Which actions are allowed, shape [A]; None for all.
 
         Raises:
             InvalidArgumentError: The policy's answer means no action.
         """
         seen = self._env.own_observation(observation) if self._own else observation[: self._size]
         chosen, self._state = self._policy.predict(
-            seen, self._state, np.array(self._first), self._deterministic
+            seen, self._state, np.array(self._first), self._deterministic, allowed
         )
         self._first = False
-        return self._env.number_of(chosen, "the answer of policy.predict", own=self._own)
+        number = self._env.number_of(chosen, "the answer of policy.predict", own=self._own)
+        if allowed is None or allowed[number]:
+            return number
+        values = self._policy.values(observation)
+        return int(np.where(allowed, 0.0 if values is None else values, -np.inf).argmax())
 
 
 class FullPolicy:
@@ -88,12 +100,22 @@ class FullPolicy:
         state: Any = None,
         episode_start: Any = None,
         deterministic: bool = True,
+        action_masks: Booleans | None = None,
     ) -> tuple[Any, Any]:
         """Return the action, and what the policy carries to the next step."""
-        known = zip(_KEYWORDS, (state, episode_start, deterministic), strict=True)
-        taken = {key: value for key, value in known if key in self._keywords}
+        known = zip(_KEYWORDS, (state, episode_start, deterministic, action_masks), strict=True)
+        masks = {"action_masks"} if action_masks is None else set()
+        taken = {key: value for key, value in known if key in self._keywords - masks}
         chosen: Any = self._policy.predict(observation, **taken)
         return chosen if isinstance(chosen, tuple) and len(chosen) == 2 else (chosen, state)
+
+    def values(self, features: Floats) -> Floats | None:
+        """Return the value of each action at features [d], shape [A], if the policy has any."""
+        values = getattr(self._policy, "action_values", None)
+        if values is None or not self.reads_features:
+            return None
+        found: Floats = np.asarray(values(features[np.newaxis]), dtype=np.float64)[0]
+        return found
 
 
 class FunctionPolicy:
@@ -191,7 +213,7 @@ def _taken(predict: Callable[..., Any]) -> frozenset[str]:
     try:
         parameters = inspect.signature(predict).parameters.values()
     except (TypeError, ValueError):
-        return frozenset(_KEYWORDS)
+        return _OF_SB3
     if any(one.kind is one.VAR_KEYWORD for one in parameters):
-        return frozenset(_KEYWORDS)
+        return _OF_SB3
     return frozenset(_KEYWORDS) & {one.name for one in parameters}

@@ -1,13 +1,14 @@
 """One episode of a policy in an environment."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from eutree.arrays import Floats
+from eutree.arrays import Booleans, Floats
 from eutree.data import Episode
+from eutree.data.episode import ALLOWED
 from eutree.interaction.acting import Actor
 from eutree.interaction.guard import GuardedEnv
 from eutree.policies import Policy
@@ -22,8 +23,10 @@ def run_episode(env: GuardedEnv, policy: Policy, seed: int | None = None) -> Epi
     observation = env.reset(seed)
     observations, actions, rewards = [observation], [], []
     actor = Actor(policy, env)
+    masks = Masks()
     while True:
-        action = actor.act(observation)
+        masks.add(env.allowed)
+        action = actor.act(observation, env.allowed)
         observation, reward, terminated, truncated, info = env.step(action)
         observations.append(observation)
         actions.append(action)
@@ -31,7 +34,27 @@ def run_episode(env: GuardedEnv, policy: Policy, seed: int | None = None) -> Epi
         if terminated or truncated:
             break
     end = End(terminated, truncated, info)
-    return ended_episode(observations, actions, rewards, end, seed=seed)
+    return masks.given_to(ended_episode(observations, actions, rewards, end, seed=seed))
+
+
+class Masks:
+    """Which actions were allowed at each step of an episode."""
+
+    def __init__(self) -> None:
+        self._rows: list[Booleans | None] = []
+
+    def add(self, allowed: Booleans | None) -> None:
+        """Take those of the next step, shape [A]; None where all are."""
+        self._rows.append(allowed)
+
+    def given_to(self, episode: Episode) -> Episode:
+        """Return the episode with them, as ``steps["allowed"]``; as it is where there are none."""
+        known = next((row for row in self._rows if row is not None), None)
+        if known is None:
+            return episode
+        every = np.ones_like(known)
+        rows = [every if row is None else row for row in self._rows[: len(episode)]]
+        return replace(episode, steps={**episode.steps, ALLOWED: np.array(rows)})
 
 
 @dataclass(frozen=True)

@@ -6,16 +6,18 @@ import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from copy import deepcopy
-from typing import Any
+from typing import Any, cast
 
 import gymnasium
 import numpy as np
 from gymnasium.wrappers import TimeLimit
 
 from eutree.errors import EutreeError
+from eutree.interaction.action_grid import GriddedAction, numbered
 from eutree.interaction.decoding import warn_of_codes
 from eutree.interaction.guard import MAX_EPISODE_STEPS
 from eutree.interaction.making import make
+from eutree.interaction.masks import ActionMasks
 from eutree.interaction.own_folder import made_here
 from eutree.interaction.spaces import encoder, spec_of
 
@@ -79,11 +81,17 @@ def _played(
     env: gymnasium.Env[Any, Any], seed: int, actions: Iterable[Any] | None = None
 ) -> tuple[list[Answer], list[Any]]:
     """Play an episode, or its beginning; return the answers and the actions taken."""
-    encode = encoder(env.observation_space)
-    answers = [(encode(env.reset(seed=seed)[0]).tobytes(), 0.0, False, False)]
+    encode, masks = encoder(env.observation_space), ActionMasks(env)
+    observation, info = env.reset(seed=seed)
+    answers = [(encode(observation).tobytes(), 0.0, False, False)]
     taken: list[Any] = []
+    generator = np.random.default_rng(seed)
     for action in _random_actions(env, seed) if actions is None else actions:
-        observation, reward, terminated, truncated, _ = env.step(action)
+        allowed = masks.now(info) if actions is None else None
+        if allowed is not None:
+            number = int(generator.choice(np.flatnonzero(allowed)))
+            action = _own_action(env, number)
+        observation, reward, terminated, truncated, info = env.step(action)
         taken.append(action)
         answers.append(
             (encode(observation).tobytes(), float(reward), bool(terminated), bool(truncated))
@@ -91,6 +99,12 @@ def _played(
         if terminated or truncated:
             break
     return answers, taken
+
+
+def _own_action(env: gymnasium.Env[Any, Any], number: int) -> Any:
+    """Return the action of a number as the environment takes it."""
+    inner = numbered(env)
+    return number if inner is env else cast(GriddedAction, inner).action(number)
 
 
 def _random_actions(env: gymnasium.Env[Any, Any], seed: int) -> Iterator[Any]:

@@ -11,10 +11,11 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from eutree.arrays import Floats
+from eutree.arrays import Booleans, Floats
 from eutree.errors import EnvironmentFault, InvalidArgumentError, described, shown
 from eutree.features import FeatureMap
 from eutree.interaction.action_grid import counts_from_zero, grid_around, numbered
+from eutree.interaction.masks import ActionMasks
 from eutree.interaction.own_folder import OwnFolder
 from eutree.interaction.spaces import decoder, derived_around, describe, encoder, spec_of
 from eutree.schema import EnvironmentSpec, Schema
@@ -51,6 +52,8 @@ class GuardedEnv:
         spec: How to make it again, if known.
         episode: Number of the present episode; -1 before the first.
         step_number: Number of steps taken in the present episode.
+        allowed: Which actions are allowed now, shape [A], where the environment says so by
+            ``info["action_mask"]`` or a method ``action_masks``; None where all are.
 
     Raises:
         UnsupportedSpaceError: A tree cannot act in its spaces.
@@ -94,6 +97,8 @@ class GuardedEnv:
         self._warned = False
         self._limit = check_integer("max_episode_steps", max_episode_steps, low=1)
         self._own_features = own.features
+        self.allowed: Booleans | None = None
+        self._masks = ActionMasks(env)
         self._bounds = [(feature.low, feature.high) for feature in own.features]
 
     def reset(self, seed: int | None = None) -> Floats:
@@ -114,6 +119,7 @@ class GuardedEnv:
             )
         self._check_info(answer[1])
         observation = self._observation(answer[0])
+        self.allowed = self._allowed(answer[1])
         self.step_number = 0
         if self.features.is_identity:
             return observation
@@ -125,6 +131,12 @@ class GuardedEnv:
         if not 0 <= action < self.schema.n_actions:
             raise InvalidArgumentError(
                 f"action must be in 0..{self.schema.n_actions - 1}, got {action!r}"
+            )
+        if self.allowed is not None and not self.allowed[action]:
+            raise InvalidArgumentError(
+                f"action must be one that the environment allows, "
+                f"{', '.join(np.array(self.schema.actions)[self.allowed])}, got "
+                f"{self.schema.actions[action]}"
             )
         try:
             with self._folder:
@@ -144,6 +156,7 @@ class GuardedEnv:
         terminated = self._flag("terminated", answer[2])
         truncated = self._flag("truncated", answer[3])
         self._check_info(answer[4])
+        self.allowed = None if terminated or truncated else self._allowed(answer[4])
         self.step_number += 1
         if self.step_number >= self._limit and not (terminated or truncated):
             raise self._fault(
@@ -266,6 +279,13 @@ class GuardedEnv:
             raise self._fault(
                 f"info['is_success'] must be True or False (or 1 or 0), got {_brief(success)}"
             )
+
+    def _allowed(self, info: dict[str, Any]) -> Booleans | None:
+        """Return which actions are allowed, shape [A]; None where nothing is said of it."""
+        try:
+            return self._masks.now(info)
+        except InvalidArgumentError as error:
+            raise self._fault(str(error)) from None
 
     def _fault(self, reason: str) -> EnvironmentFault:
         return EnvironmentFault(self.name, self.episode, self.step_number, reason)

@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 from eutree.data import Episode
+from eutree.data.episode import ALLOWED
 from eutree.interaction.events import EpisodeChanged, EpisodeView, Output
 from eutree.interaction.guard import GuardedEnv
 from eutree.interaction.seeding import Stream, episode_seed
@@ -88,7 +89,14 @@ class Recording:
         return trial
 
     def step(self, trial: Trial, action: int, now: float, measured: dict[str, Any]) -> None:
-        """Take a step in the environment; store the episode if it ends there."""
+        """Take a step in the environment; store the episode if it ends there.
+
+        In place of an action that is masked the first that is allowed is taken.
+        """
+        allowed = self._env.allowed
+        if allowed is not None:
+            action = action if allowed[action] else int(allowed.argmax())
+            measured = {**measured, ALLOWED: allowed.tolist()}
         output = trial.step(action, self._env.step(action), now, measured)
         self._outputs.append(output)
         if output.terminated or output.truncated:

@@ -244,6 +244,7 @@ HISTORY_PART = Part(
     _is_history,
 )
 SHOWN_PART = Part({"history_demonstrated": Stored("b1", "N")}, optional=True)
+MASKS_PART = Part({"history_allowed": Stored("b1", "NA")}, optional=True)
 LOCKED_PART = Part({"locked": Stored("i8", "K", low=0, below="L")}, optional=True)
 
 
@@ -253,7 +254,7 @@ def bounds_part(axes: str) -> tuple[Part]:
     return (Part({"history_ranks": ranks, "history_bounds": bounds}),)
 
 
-TREE_AND_HISTORY = (TREE_PART, HISTORY_PART, SHOWN_PART, LOCKED_PART)
+TREE_AND_HISTORY = (TREE_PART, HISTORY_PART, SHOWN_PART, MASKS_PART, LOCKED_PART)
 
 
 def action_tree_part(prefix: str, *, optional: bool = False) -> Part:

@@ -1,6 +1,6 @@
 """The episode under way: what a learner keeps of it until it has ended."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -20,12 +20,14 @@ class FinishedEpisode(NamedTuple):
         actions: Actions.
         rewards: Their rewards.
         terminated: Whether the task ended it.
+        allowed: Which actions were allowed at each step; None where all were.
     """
 
     observations: Floats  # [T + 1, d]
     actions: Integers  # [T]
     rewards: Floats  # [T]
     terminated: bool
+    allowed: Booleans | None = None  # [T, A]
 
 
 class EpisodeBuffer:
@@ -67,9 +69,26 @@ class EpisodeBuffer:
             actions=np.array(columns.action, dtype=np.int64),
             rewards=np.array(columns.reward),
             terminated=self._steps[-1].terminated,
+            allowed=masks_of(self._steps),
         )
         self._steps.clear()
         return episode
+
+
+def masks_of(steps: Sequence[Step]) -> Booleans | None:
+    """Return which actions were allowed at some steps, shape [T, A]; None where all were."""
+    known = next((step.allowed for step in steps if step.allowed is not None), None)
+    if known is None:
+        return None
+    every = np.ones_like(known)
+    return np.array([every if step.allowed is None else step.allowed for step in steps])
+
+
+def random_action(generator: np.random.Generator, n_actions: int, allowed: Booleans | None) -> int:
+    """Return a random action, of those that are allowed, shape [A]."""
+    if allowed is None:
+        return int(generator.integers(n_actions))
+    return int(generator.choice(np.flatnonzero(allowed)))
 
 
 def store(
@@ -92,6 +111,7 @@ def store(
         terminated=episode.terminated,
         demonstrated=demonstrated,
         generator=generator,
+        allowed=episode.allowed,
     )
 
 

@@ -44,6 +44,14 @@ class Columns:
         """Return a column, shape [N, ...]; a view."""
         return self.whole[name][: self.size]
 
+    def get(self, name: str) -> NDArray[Any] | None:
+        """Return a column, shape [N, ...], a view; None if there is none."""
+        return self[name] if name in self.whole else None
+
+    def begin(self, name: str, entry: NDArray[Any]) -> None:
+        """Add a column, with this entry for all items so far."""
+        self.whole[name] = np.tile(entry, (self._room, *([1] * entry.ndim)))
+
     def reserve(self, size: int, most: int | None = None) -> bool:
         """Make room for so many items and some more, ``most`` in all; return if there was none."""
         if size <= self._room:
@@ -158,7 +166,7 @@ class History:
         forgetting: What is left out when there is too much; None stores everything.
 
     Attributes:
-        columns: What is stored of each transition.
+        columns: What is stored of each transition; once actions were masked ``allowed``, too.
         leaving: The rows that left each leaf.
         entering: The rows that entered each leaf.
         n_seen: Number of transitions ever appended, with those that were left out.
@@ -253,6 +261,8 @@ class History:
         }
         if self.demonstrated.any():
             state["demonstrated"] = self.demonstrated
+        if "allowed" in self.columns.whole:
+            state["allowed"] = self.columns["allowed"]
         if self._forgetting is not None:
             state |= {"ranks": self.columns["ranks"], "bounds": self._forgetting.bounds}
         return state
@@ -277,6 +287,9 @@ class History:
             forgetting.bounds = np.array(state["bounds"])
         history.entered[:] = np.where(state["terminal"], TERMINAL, 0)
         history.demonstrated[:] = state.get("demonstrated", False)
+        if "allowed" in state:
+            history.columns.begin("allowed", np.ones(state["allowed"].shape[1], np.bool_))
+            history.columns["allowed"][:] = state["allowed"]
         history._label(tree)
         return history
 
@@ -290,6 +303,7 @@ class History:
         terminated: bool,
         demonstrated: Booleans | bool = False,  # [T]
         generator: np.random.Generator | None = None,
+        allowed: Booleans | None = None,  # [T, A]
     ) -> Booleans:
         """Store the transitions of one episode, with the leaves of its observations.
 
@@ -325,6 +339,10 @@ class History:
             self._stored = _stored_rows(columns)
         if rule is not None:
             columns.whole["ranks"][first:last] = ranks[stored]
+        if allowed is not None and "allowed" not in columns.whole:
+            columns.begin("allowed", np.ones(allowed.shape[1], dtype=np.bool_))
+        if "allowed" in columns.whole:
+            columns.whole["allowed"][first:last] = True if allowed is None else allowed[stored]
         lists = self.leaving.lists, self.entering.lists
         call = (self._stored, *lists, episode, stored, first, self.n_episodes, terminated)
         if self._append is None:

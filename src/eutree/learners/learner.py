@@ -75,6 +75,7 @@ class Step(NamedTuple):
         terminated: Whether the task ended the episode; value 0 follows.
         truncated: Whether a limit outside the task cut it short.
         info: The environment's further words.
+        allowed: Which actions were allowed where it was taken, shape [A]; None for all.
     """
 
     action: int
@@ -83,6 +84,7 @@ class Step(NamedTuple):
     terminated: bool
     truncated: bool
     info: Mapping[str, Any] = MappingProxyType({})
+    allowed: Booleans | None = None  # [A]
 
 
 @dataclass(frozen=True)
@@ -294,7 +296,7 @@ class Learner(Protocol):
         ...
 
     def act(self) -> int:
-        """Return the action for the present observation."""
+        """Return the action for the present observation; see ``ActsAmongAllowed``."""
         ...
 
     def observe(self, step: Step) -> None:
@@ -319,6 +321,14 @@ class Learner(Protocol):
 
     def state(self) -> Arrays:
         """Return all that is known between two episodes; ``Method.restore`` takes it back."""
+        ...
+
+
+class ActsAmongAllowed(Protocol):
+    """A learner that knows of masks. Of others a masked action is replaced by a random one."""
+
+    def act(self, allowed: Booleans | None = None) -> int:
+        """Return the action for the present observation, among those that are allowed, [A]."""
         ...
 
 

@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from eutree.arrays import Floats, Integers
+from eutree.arrays import Booleans, Floats, Integers
 from eutree.c45 import C45Settings, grow
 from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
@@ -32,6 +32,7 @@ from eutree.learners.declared import (
 )
 from eutree.learners.episode_buffer import (
     EpisodeBuffer,
+    random_action,
     store,
     store_demonstrations,
     transitions_of,
@@ -41,6 +42,7 @@ from eutree.learners.history import History
 from eutree.learners.learner import Arrays, Decisions, Needs, Problem, Start, Step, Update
 from eutree.policies import LeafStatistics
 from eutree.policies.leaf_statistics import returns_by_action
+from eutree.policies.order import orders_of
 from eutree.policy_search.planner import Plan, Planner
 from eutree.trees import DecisionTree
 from eutree.trees.edit import graft
@@ -201,15 +203,15 @@ class ModelPlanning:
         tree, actions = to_decision_tree(actor, self.tree.n_features)
         self._actor = _Actor(tree, actions, self.history, self.n_actions)
 
-    def act(self) -> int:
+    def act(self, allowed: Booleans | None = None) -> int:
         """Return the acting tree's action for the present observation; the explorer's may err."""
         if self._locked:
             leaf = self.tree.leaf_of(self._steps.present.tolist())
-            if leaf in self._locked:
+            if leaf in self._locked and (allowed is None or allowed[self.actions[leaf]]):
                 return int(self.actions[leaf])
         if self._exploration > 0.0 and self._steps.generator.random() < self._exploration:
-            return int(self._steps.generator.integers(self.n_actions))
-        return self._actor.act(self._steps.present)
+            return random_action(self._steps.generator, self.n_actions, allowed)
+        return self._actor.act(self._steps.present, allowed)
 
     def observe(self, step: Step) -> None:
         """Take what came of an action."""
@@ -349,15 +351,24 @@ class _Actor:
         self._tree, self._actions = tree, actions.tolist()
         self._history, self._n_actions = history, n_actions
 
-    def act(self, observation: Floats) -> int:
-        """Return the action at an observation, shape [d]."""
-        action: int = self._actions[self._tree.leaf_of(observation.tolist())]
-        return action
+    def act(self, observation: Floats, allowed: Booleans | None = None) -> int:
+        """Return the action at an observation, shape [d], among those that are allowed, [A]."""
+        leaf = self._tree.leaf_of(observation.tolist())
+        action: int = self._actions[leaf]
+        if allowed is None or allowed[action]:
+            return action
+        order = self._orders[leaf]
+        return int(order[allowed[order].argmax()])
 
     def experience(self, observation: Floats) -> tuple[int, Integers]:
         """Return the action at an observation, and the stored transitions of its leaf, [n]."""
         leaf = self._tree.leaf_of(observation.tolist())
         return self._actions[leaf], self._rows[leaf]
+
+    @cached_property
+    def _orders(self) -> Integers:
+        """The order of the actions in each leaf, shape [L, A]."""
+        return orders_of(self._tree, np.array(self._actions), self._n_actions, None)
 
     @cached_property
     def returns_to_go(self) -> Floats:

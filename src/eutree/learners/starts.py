@@ -19,9 +19,11 @@ from numpy.typing import ArrayLike
 from eutree.arrays import Floats
 from eutree.c45 import C45Settings, grow
 from eutree.data import Demonstrations, Episode
+from eutree.data.episode import allowed_in
 from eutree.errors import InvalidArgumentError
 from eutree.learners.learner import Problem, Start, StartName
 from eutree.policies import TreePolicy
+from eutree.policies.reach import among_allowed
 from eutree.trees import DecisionTree
 from eutree.validation import check_choice
 from eutree.wording import counted
@@ -61,12 +63,16 @@ def fit_expert_tree(
         settings=settings,
     )
     tree, actions = grown.to_decision_tree()
-    return TreePolicy(
+    policy = TreePolicy(
         tree=tree,
         actions=actions,
         schema=demonstrations.schema,
         environment=demonstrations.environment,
     )
+    allowed = allowed_in(demonstrations)
+    if allowed is None:
+        return policy
+    return among_allowed(policy, demonstrations.observations, allowed)
 
 
 # The expert trees of release 8 are the first candidates. Its penalty for cuts of continuous

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from eutree.arrays import Float32s, Floats, Integers
+from eutree.arrays import Booleans, Float32s, Floats, Integers
 from eutree.compiled import compiled
 
 DECAY_OF_MEAN, DECAY_OF_SQUARE = 0.9, 0.999  # Adam's beta_1, beta_2
@@ -229,6 +229,7 @@ class Experience(NamedTuple):
     earned: Float32s  # [N] discounted sum of the rewards of the stretch
     later: Float32s  # [N, d] observation at its end, scaled
     discounts: Float32s  # [N] what the value there counts: gamma^n, or 0 where the task ended
+    allowed: Booleans  # [N, A] which actions are allowed there
 
 
 class Learning(NamedTuple):
@@ -261,11 +262,11 @@ def take_batch(experience: Experience, rows: Integers, x: Float32s, later: Float
 
 
 @compiled
-def best(values: Float32s) -> int:
-    """Return the first of the largest values."""
-    chosen = 0
-    for a in range(1, values.size):
-        if values[a] > values[chosen]:
+def best(values: Float32s, allowed: Booleans) -> int:
+    """Return the first of the largest values of actions that are allowed, at least one."""
+    chosen = -1
+    for a in range(values.size):
+        if allowed[a] and (chosen < 0 or values[a] > values[chosen]):
             chosen = a
     return chosen
 
@@ -299,7 +300,7 @@ def update(
         # Chosen by one network and valued by the other: no action is valued by the noise that chose
         # it. Where the task ended the discount is 0.
         for i in range(n):
-            chosen[i] = best(at.out[i])
+            chosen[i] = best(at.out[i], experience.allowed[rows[u, i]])
         forward(learning.target, later, at_target)
         for i in range(n):
             row = rows[u, i]
@@ -328,8 +329,8 @@ def update(
 
 
 @compiled
-def greedy_action(network: Network, x: Float32s) -> int:
-    """Return the action of the largest value at one observation, scaled, shape [1, d]."""
+def greedy_action(network: Network, x: Float32s, allowed: Booleans) -> int:
+    """Return the allowed action of the largest value at one observation, scaled, shape [1, d]."""
     at = room(network, 1)
     forward(network, x, at)
-    return best(at.out[0])
+    return best(at.out[0], allowed)

@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from eutree.arrays import Float32s, Floats, Integers, frozen
+from eutree.arrays import Booleans, Float32s, Floats, Integers, frozen
 from eutree.errors import InvalidArgumentError
 from eutree.neural import _kernels
 from eutree.neural._kernels import Experience, Learning, Network, Rates
@@ -186,7 +186,8 @@ class DoubleDQN:
         )
         self._rates = Rates(settings.target, settings.average, settings.error, settings.norm)
         self._n_rows = 0
-        self._experience = _empty(0, scaling.mean.size)
+        self._all = np.ones(n_actions, dtype=np.bool_)
+        self._experience = _empty(0, scaling.mean.size, n_actions)
 
     @property
     def n_rows(self) -> int:
@@ -194,7 +195,13 @@ class DoubleDQN:
         return self._n_rows
 
     def add(
-        self, observations: Floats, actions: Integers, rewards: Floats, *, terminated: bool
+        self,
+        observations: Floats,
+        actions: Integers,
+        rewards: Floats,
+        *,
+        terminated: bool,
+        allowed: Booleans | None = None,
     ) -> None:
         """Store the steps of an episode.
 
@@ -203,18 +210,24 @@ class DoubleDQN:
             actions: Shape [T].
             rewards: Shape [T].
             terminated: Whether the task ended it; else its last observation has a value.
+            allowed: Which actions were allowed at each step, shape [T, A]; None for all. At the
+                last observation all count.
         """
         if not actions.size:
             return
         settings, scale = self._settings, self._reward_scale
         new = stretches(rewards, settings.discount, settings.n_steps, terminated=terminated)
         scaled = self._scaling(observations)
+        masks = np.tile(self._all, (len(observations), 1))
+        if allowed is not None:
+            masks[:-1] = allowed
         rows = Experience(
             scaled[:-1],
             actions,
             (scale * new.earned).astype(np.float32),
             scaled[new.end],
             new.discounts.astype(np.float32),
+            masks[new.end],
         )
         end = self._n_rows + actions.size
         if end > self._experience.actions.size:
@@ -240,10 +253,16 @@ class DoubleDQN:
             )
             self.updates += size
 
-    def act(self, observation: Floats) -> int:
-        """Return the action of the largest value at an observation [d], by the present weights."""
+    def act(self, observation: Floats, allowed: Booleans | None = None) -> int:
+        """Return the action of the largest value at an observation [d], by the present weights.
+
+        Args:
+            observation: The observation.
+            allowed: Which actions are allowed, shape [A]; None for all.
+        """
         x = self._scaling(observation)[np.newaxis]
-        return int(_kernels.greedy_action(self._learning.online, x))
+        mask = self._all if allowed is None else allowed
+        return int(_kernels.greedy_action(self._learning.online, x, mask))
 
     def action_values(self, observations: Floats) -> Floats:
         """Return Q of each action at observations [N, d], by the averaged weights, shape [N, A]."""
@@ -331,18 +350,19 @@ def reward_scale_of(rewards: Sequence[Floats], discount: float) -> float:
     return LARGEST_RETURN / largest if largest > 0.0 else 1.0
 
 
-def _empty(n: int, d: int) -> Experience:
+def _empty(n: int, d: int, n_actions: int) -> Experience:
     return Experience(
         np.zeros((n, d), np.float32),
         np.zeros(n, np.int64),
         np.zeros(n, np.float32),
         np.zeros((n, d), np.float32),
         np.zeros(n, np.float32),
+        np.zeros((n, n_actions), np.bool_),
     )
 
 
 def _lengthened(experience: Experience, n: int) -> Experience:
-    longer = _empty(n, experience.observations.shape[1])
+    longer = _empty(n, experience.observations.shape[1], experience.allowed.shape[1])
     for name in Experience._fields:
         getattr(longer, name)[: experience.actions.size] = getattr(experience, name)
     return longer

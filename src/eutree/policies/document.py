@@ -114,6 +114,7 @@ class PolicyDocument(Document, frozen=True, kw_only=True, omit_defaults=True):
     """A ``TreePolicy``; ``leaves`` are in order of their numbers.
 
     From version 2 on there is a checksum, so that a digit that changed does not go unnoticed.
+    ``masked`` says that actions are forbidden at times where it acts.
     """
 
     FORMAT: ClassVar[str] = "eutree/policy"
@@ -125,6 +126,7 @@ class PolicyDocument(Document, frozen=True, kw_only=True, omit_defaults=True):
     nodes: list[NodeDocument]
     leaves: list[LeafDocument]
     past_actions: Index = 0
+    masked: bool = False
     checksum: str = ""  # filled in on writing
 
 
@@ -139,6 +141,7 @@ class PolicyParts(TypedDict):
     past_actions: int
     leaves: LeafStatistics | None
     locked: tuple[int, ...]
+    masked: bool
 
 
 def policy_to_bytes(parts: PolicyParts) -> bytes:
@@ -151,6 +154,7 @@ def policy_to_bytes(parts: PolicyParts) -> bytes:
             past_actions=parts["past_actions"],
             nodes=tree_to_document(parts["tree"]),
             leaves=_leaves_to_document(parts),
+            masked=parts["masked"],
         )
     )
 
@@ -180,6 +184,7 @@ def policy_parts(document: PolicyDocument, path: str | Path) -> PolicyParts:
         past_actions=document.past_actions,
         leaves=_statistics(document.leaves, schema.n_actions, path),
         locked=tuple(number for number, leaf in enumerate(document.leaves) if leaf.locked),
+        masked=document.masked,
     )
 
 

@@ -2,7 +2,9 @@
 
 from dataclasses import replace
 
-from eutree.arrays import Floats
+import numpy as np
+
+from eutree.arrays import Booleans, Floats
 from eutree.policies.leaf_statistics import LeafStatistics
 from eutree.policies.tree_policy import TreePolicy
 from eutree.trees.edit import reachable
@@ -31,3 +33,23 @@ def within_reach(policy: TreePolicy, low: Floats, high: Floats) -> TreePolicy:
         leaves=known,
         locked=tuple(new for new, leaf in enumerate(leaves.tolist()) if leaf in locked),
     )
+
+
+def among_allowed(policy: TreePolicy, observations: Floats, allowed: Booleans) -> TreePolicy:
+    """Return a policy none of whose leaves names what was never allowed where it decided.
+
+    Such a leaf names the first action of its order that was; nothing that it does is another.
+
+    Args:
+        policy: The policy.
+        observations: Where actions were masked, shape [N, d].
+        allowed: Which actions were allowed there, shape [N, A].
+    """
+    leaves = policy.tree.leaf_index(observations)
+    ever = np.zeros((policy.n_leaves, allowed.shape[1]), dtype=np.bool_)
+    np.logical_or.at(ever, leaves, allowed)
+    ever[~ever.any(axis=1)] = True  # nothing is known of them
+    ever[list(policy.locked)] = True
+    inside = np.take_along_axis(ever, policy.orders, axis=1).argmax(axis=1)
+    actions = policy.orders[np.arange(policy.n_leaves), inside]
+    return replace(policy, actions=actions, masked=True)

@@ -56,6 +56,7 @@ def parts_of(classifier: Any, schema: Schema | None) -> PolicyParts:
         past_actions=0,
         leaves=_statistics(grown, shares, leaves, numbers, schema.n_actions),
         locked=(),
+        masked=False,
     )
 
 

@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from eutree.arrays import Floats, Integers, frozen
+from eutree.arrays import Booleans, Floats, Integers, frozen
 from eutree.display import Displayed
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.features import Derivation, FeatureMap
@@ -23,6 +24,7 @@ from eutree.policies.document import (
 )
 from eutree.policies.leaf_statistics import LeafStatistics
 from eutree.policies.observed import rows_of
+from eutree.policies.order import check_masks, orders_of
 from eutree.policies.sklearn_tree import parts_of
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.trees import DecisionTree
@@ -63,6 +65,8 @@ class TreePolicy(Displayed):
         past_actions: Number of previous actions that follow these.
         leaves: Visits and values of each leaf, where they are known.
         locked: Leaves that neither learning nor an edit may change, in order.
+        masked: Whether some actions are forbidden at times where it acts. Then a leaf decides for
+            the first action that is allowed in its order; see ``orders``.
     """
 
     reads_features: ClassVar[bool] = True
@@ -75,6 +79,7 @@ class TreePolicy(Displayed):
     past_actions: int = 0
     leaves: LeafStatistics | None = None
     locked: tuple[int, ...] = ()
+    masked: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "actions", frozen(np.asarray(self.actions, dtype=np.int64)))
@@ -126,6 +131,11 @@ class TreePolicy(Displayed):
     def n_leaves(self) -> int:
         """Number of leaves."""
         return self.tree.n_leaves
+
+    @cached_property
+    def orders(self) -> Integers:
+        """The order in which each leaf prefers the actions, its own first, shape [L, A]."""
+        return frozen(orders_of(self.tree, self.actions, self.schema.n_actions, self.leaves))
 
     @property
     def observation_size(self) -> int:
@@ -181,6 +191,7 @@ class TreePolicy(Displayed):
                 past_actions=self.past_actions,
                 leaves=self.leaves,
                 locked=self.locked,
+                masked=self.masked,
             )
         )
 
@@ -214,10 +225,19 @@ class TreePolicy(Displayed):
         """
         return cls(**parts_of(classifier, schema))
 
-    def act(self, features: Sequence[float]) -> int:
-        """Return the action for one sequence of the tree's features (history included)."""
+    def act(self, features: Sequence[float], allowed: Booleans | None = None) -> int:
+        """Return the action for one sequence of the tree's features (history included).
+
+        Args:
+            features: The features.
+            allowed: Which actions are allowed, shape [A]; None for all.
+        """
         actions: list[int] = self._action_list  # type: ignore[attr-defined]  # set when frozen
-        return actions[self.tree.leaf_of(features)]
+        leaf = self.tree.leaf_of(features)
+        if allowed is None or allowed[actions[leaf]]:
+            return actions[leaf]
+        order = self.orders[leaf]
+        return int(order[allowed[order].argmax()])
 
     def predict(
         self,
@@ -225,6 +245,7 @@ class TreePolicy(Displayed):
         state: Floats | None = None,
         episode_start: ArrayLike | None = None,
         deterministic: bool = True,
+        action_masks: ArrayLike | None = None,
     ) -> tuple[Any, Floats | None]:
         """Return the action for one observation or a batch, as in Stable-Baselines3.
 
@@ -236,6 +257,8 @@ class TreePolicy(Displayed):
                 feature of ``last`` values; None at the start of an episode. Others ignore it.
             episode_start: Whether each observation is the first of its episode, shape [E].
             deterministic: Ignored: a tree always decides the same.
+            action_masks: Which actions are allowed, shape [A] or [E, A], as in sb3-contrib; the
+                first allowed one in the order of the leaf is chosen.
 
         Returns:
             An int for one observation, an int64 array of shape [E] for a batch; and the state.
@@ -250,9 +273,9 @@ class TreePolicy(Displayed):
             if self.features.is_identity and derivation.remembered:
                 state = array
         if self.features.is_identity:
-            return self._decide(array), state
+            return self._decide(array, action_masks), state
         state = self._remember(array, state, episode_start)
-        actions = self._decide(state)
+        actions = self._decide(state, action_masks)
         if self.past_actions:  # the action chosen on these features follows them
             state = np.concatenate([state, np.asarray(actions, np.float64)[..., None]], axis=-1)
         return actions, state
@@ -286,11 +309,18 @@ class TreePolicy(Displayed):
         values: Floats = np.array(self.schema.action_values)[actions]
         return values, state
 
-    def _decide(self, features: Floats) -> Any:
+    def _decide(self, features: Floats, masks: ArrayLike | None) -> Any:
         """Return the action for features [n_features], or the actions for [E, n_features]."""
+        n_actions = self.schema.n_actions
         if features.ndim == 1:
-            return self.act(features.tolist())
-        return self.actions[self.tree.leaf_index(features)]
+            allowed = None if masks is None else check_masks(masks, (n_actions,))
+            return self.act(features.tolist(), allowed)
+        leaves = self.tree.leaf_index(features)
+        if masks is None:
+            return self.actions[leaves]
+        orders = self.orders[leaves]
+        allowed = np.take_along_axis(check_masks(masks, orders.shape), orders, axis=1)
+        return orders[np.arange(len(orders)), allowed.argmax(axis=1)]
 
     def _derive(
         self, measured: Floats, state: Floats | None, episode_start: ArrayLike | None
@@ -350,6 +380,7 @@ class TreePolicy(Displayed):
             and self.environment == other.environment
             and self.features == other.features
             and self.locked == other.locked
+            and self.masked == other.masked
             and same_leaves
         )
 

@@ -1,16 +1,17 @@
 """The episodes of a run: those in which the learner acts, and those of the race at the end."""
 
-from typing import Any
+import inspect
+from typing import Any, cast
 
 import numpy as np
 
-from eutree.arrays import Floats
+from eutree.arrays import Booleans, Floats
 from eutree.data import Episode
 from eutree.interaction import GuardedEnv, episode_seed
-from eutree.interaction.episode import End, ended_episode, success_of
+from eutree.interaction.episode import End, Masks, ended_episode, success_of
 from eutree.interaction.seeding import Stream
 from eutree.learners import Learner, Step
-from eutree.learners.learner import ChoosesStarts, HasTeacher
+from eutree.learners.learner import ActsAmongAllowed, ChoosesStarts, HasTeacher
 from eutree.policies import TreePolicy
 from eutree.training.phases import Plan, RunState
 from eutree.training.progress import GatheredEpisodes
@@ -52,6 +53,8 @@ class GatheringEpisode:
         self._state = state
         self._gathered = gathered
         self._room = room
+        takes_masks = bool(inspect.signature(learner.act).parameters)
+        self._among = cast(ActsAmongAllowed, learner) if takes_masks else None
         self._return = 0.0
         self._is_over = False
         self._observations: list[Floats] = []
@@ -70,6 +73,7 @@ class GatheringEpisode:
         self._state.whole = True  # until it has begun
         observation = self._env.reset(seed)
         self._state.whole = False
+        self._generator = generator
         self._learner.start_episode(observation, generator)
         self._observations = [observation]
         try:
@@ -86,14 +90,21 @@ class GatheringEpisode:
         state = self._state
         if state.must_stop():
             return False
-        self._step(self._learner.act())
+        allowed = self._env.allowed
+        self._step(self._learner.act() if allowed is None else self._act_among(allowed))
         if self._is_over:
             state.move(teacher_steps=state.at.teacher_steps + self._steps_of_teachers())
             state.note_what_was_recorded()
         return not self._is_over
 
+    def _act_among(self, allowed: Booleans) -> int:
+        """Return an allowed action; a random one where the method knows of no masks."""
+        action = self._learner.act() if self._among is None else self._among.act(allowed)
+        return action if allowed[action] else int(self._generator.choice(np.flatnonzero(allowed)))
+
     def _step(self, action: int) -> None:
         """Take a step in the environment; let the learner and the listener know."""
+        allowed = self._env.allowed
         try:
             observation, reward, terminated, truncated, info = self._env.step(action)
         except KeyboardInterrupt:  # before the learner knows of the step: all else is whole
@@ -101,7 +112,7 @@ class GatheringEpisode:
             raise
         if self._state.steps_of_episode + 1 == self._room:
             truncated = not terminated
-        step = Step(action, reward, observation, terminated, truncated, info)
+        step = Step(action, reward, observation, terminated, truncated, info, allowed)
         self._learner.observe(step)
         self._observations.append(step.observation)
         self._state.steps_of_episode += 1
@@ -206,6 +217,7 @@ class Racing:
         observation = env.reset(episode_seed(block, start % STARTS))
         observations, rewards = [observation], []
         actions: list[int] = []
+        masks = Masks()
         terminated = truncated = False
         info: dict[str, Any] = {}
         try:
@@ -213,7 +225,8 @@ class Racing:
                 if state.must_stop() or len(actions) == room:
                     return None
                 # The environment has the history already: its observations are the features.
-                action = int(tree.actions[tree.tree.leaf_of(observation.tolist())])
+                masks.add(env.allowed)
+                action = tree.act(observation.tolist(), env.allowed)
                 observation, reward, terminated, truncated, info = env.step(action)
                 observations.append(observation)
                 actions.append(action)
@@ -222,4 +235,5 @@ class Racing:
                 state.step_taken(Step(action, reward, observation, terminated, truncated, info))
         finally:
             state.steps_of_episode = 0
-        return ended_episode(observations, actions, rewards, End(terminated, truncated, info))
+        end = End(terminated, truncated, info)
+        return masks.given_to(ended_episode(observations, actions, rewards, end))

@@ -18,7 +18,7 @@ from eutree.learners import Learner, Method, Problem, Start
 from eutree.learners.episode_buffer import transitions_of
 from eutree.learners.learner import KnowsItsModel
 from eutree.policies import TreePolicy
-from eutree.policies.reach import within_reach
+from eutree.policies.reach import among_allowed, within_reach
 from eutree.policy_search.model_trust import ModelTrust
 from eutree.training.acting import GatheringEpisode, Racing, seed_of_next
 from eutree.training.evaluations import Arena, Evaluations
@@ -176,7 +176,12 @@ class Run:
         if self.racing.result is not None:
             return self.racing.result
         policy = self.learner.decisions().policy(self.beginning.problem)
-        seen = self.learner.history.observations
+        seen, allowed = (
+            self.learner.history.observations,
+            self.learner.history.columns.get("allowed"),
+        )
+        if allowed is not None and seen.shape[1] == policy.tree.n_features:
+            policy = among_allowed(policy, seen, allowed)
         features = policy.schema.features
         if len(seen) == 0 or seen.shape[1] != len(features):
             return policy

@@ -22,6 +22,7 @@ import numpy as np
 
 from eutree.learners.declared import (
     HISTORY_PART,
+    MASKS_PART,
     MOST,
     SHOWN_PART,
     Declared,
@@ -60,7 +61,7 @@ class DistilledDQN(DistilledDQNChoices):
 
     def declared(self, problem: Problem, start: Start) -> Declared:
         """Return what the arrays of a ``state()`` are."""
-        history = (HISTORY_PART, SHOWN_PART)
+        history = (HISTORY_PART, SHOWN_PART, MASKS_PART)
         teacher = () if start.teacher is not None else (self._teacher_part(problem),)
         trees = (packed_trees_part("contender_", "T"), packed_trees_part("student_", 1))
         model = self._model_part(problem)

@@ -5,7 +5,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from eutree.arrays import Floats
+from eutree.arrays import Booleans, Floats
 from eutree.learners.declared import part, prefixed
 from eutree.learners.distilled_dqn.races import (
     PRUNED,
@@ -23,7 +23,7 @@ from eutree.learners.distilled_dqn.teaching import (
     NetworkTeacher,
     Students,
 )
-from eutree.learners.episode_buffer import EpisodeBuffer
+from eutree.learners.episode_buffer import EpisodeBuffer, random_action
 from eutree.learners.learner import (
     Arrays,
     Decisions,
@@ -120,7 +120,11 @@ class DistilledDQNLearner:
             self._teacher = NetworkTeacher(method, problem, start, history, budget.teacher, chance)
         else:
             self._teacher = GivenTeacher(start.teacher)
-        students = Students(self.teacher.action_values, problem.n_actions)
+        students = Students(
+            self.teacher.action_values,
+            problem.n_actions,
+            lambda: experience.history.columns.get("allowed"),
+        )
         tree = from_decision_tree(start.expert.tree, start.expert.actions) if start.expert else None
         if tree is None or n_leaves(tree) > method.max_leaves:
             tree = students.fit(history.observations, method.max_leaves, labels=history.actions)
@@ -138,17 +142,17 @@ class DistilledDQNLearner:
         """Begin an episode at its first observation."""
         self._episode.start(observation, generator)
 
-    def act(self) -> int:
-        """Return the action for the present observation."""
+    def act(self, allowed: Booleans | None = None) -> int:
+        """Return the action for the present observation, among those that are allowed, [A]."""
         observation = self._episode.present
         if self.stage is Stage.TEACHER:
             if self._episode.generator.random() < self._budget.exploration(
                 self._method, self.steps
             ):
-                return int(self._episode.generator.integers(self._problem.n_actions))
-            return self._teacher.act(observation)
+                return random_action(self._episode.generator, self._problem.n_actions, allowed)
+            return self._teacher.act(observation, allowed)
         running = self.dagger.tree if self.stage is Stage.DAGGER else self.races.running
-        return self._students.act(running, observation)
+        return self._students.act(running, observation, allowed)
 
     def next_start(self) -> int | None:
         """Return the number of the start of the next episode; None if any will do.

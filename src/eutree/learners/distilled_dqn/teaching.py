@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from eutree.arrays import Floats, Int32s, Integers
+from eutree.arrays import Booleans, Floats, Int32s, Integers
 from eutree.cart import grow_cart
 from eutree.data import Episode
 from eutree.learners.episode_buffer import (
@@ -23,10 +23,11 @@ from eutree.learners.history import TERMINAL, History
 from eutree.learners.learner import Arrays, Problem, Start, ValuingPolicy
 from eutree.neural import DoubleDQN, DoubleDQNSettings, Scaling
 from eutree.neural.double_dqn import reward_scale_of
+from eutree.policies.order import orders_of
 from eutree.trees import DecisionTree
 from eutree.validation import check_integer, check_number
 from eutree.world_model import ActionTree, Transitions, leaf_node
-from eutree.world_model.action_trees import from_decision_tree
+from eutree.world_model.action_trees import from_decision_tree, to_decision_tree
 from eutree.world_model.ensemble import EnsembleSettings
 
 
@@ -147,11 +148,18 @@ class Students:
     Args:
         action_values: The teacher's Q, from observations [N, d] to [N, A].
         n_actions: Number of actions A.
+        masks: Which actions were allowed at each stored observation, [N, A]; None for all.
     """
 
-    def __init__(self, action_values: Callable[[Floats], Floats], n_actions: int) -> None:
+    def __init__(
+        self,
+        action_values: Callable[[Floats], Floats],
+        n_actions: int,
+        masks: Callable[[], Booleans | None] = lambda: None,
+    ) -> None:
         self._action_values = action_values
         self._n_actions = n_actions
+        self._masks = masks
         self.begin(0)
 
     def begin(self, first: int) -> None:
@@ -191,9 +199,16 @@ class Students:
         )
         return from_decision_tree(tree, actions)
 
-    def act(self, tree: ActionTree, observation: Floats) -> int:
-        """Return what a tree does at an observation [d]."""
-        return int(tree.action[leaf_node(tree, 0, observation)])
+    def act(self, tree: ActionTree, observation: Floats, allowed: Booleans | None = None) -> int:
+        """Return what a tree does at an observation [d], among the actions allowed, [A]."""
+        action = int(tree.action[leaf_node(tree, 0, observation)])
+        if allowed is None or allowed[action]:
+            return action
+        whole, actions = to_decision_tree(tree, observation.size)
+        order = orders_of(whole, actions, self._n_actions, None)[
+            whole.leaf_of(observation.tolist())
+        ]
+        return int(order[allowed[order].argmax()])
 
     def agree(self, tree: ActionTree, observations: Floats, actions: Int32s) -> bool:
         """Return whether a tree does just this at observations [T, d]."""
@@ -204,8 +219,10 @@ class Students:
 
     def _label(self, observations: Floats) -> None:
         """Ask the teacher about the observations that it has not seen yet."""
-        values = self._action_values(observations[self._first + self._labels.size :])
-        self._labels = np.concatenate([self._labels, values.argmax(axis=1)])
+        new = slice(self._first + self._labels.size, len(observations))
+        values, masks = self._action_values(observations[new]), self._masks()
+        best = values if masks is None else np.where(masks[new], values, -np.inf)
+        self._labels = np.concatenate([self._labels, best.argmax(axis=1)])
         self._gaps = np.concatenate([self._gaps, np.ptp(values, axis=1)])
 
 
@@ -279,9 +296,10 @@ class GivenTeacher:
     def __init__(self, policy: ValuingPolicy) -> None:
         self.policy = policy
 
-    def act(self, observation: Floats) -> int:
-        """Return its action at an observation [d]."""
-        return int(self.policy.action_values(observation[np.newaxis]).argmax())
+    def act(self, observation: Floats, allowed: Booleans | None = None) -> int:
+        """Return its action at an observation [d], among those that are allowed, [A]."""
+        values = self.policy.action_values(observation[np.newaxis])[0]
+        return int((values if allowed is None else np.where(allowed, values, -np.inf)).argmax())
 
     def learn(self, history: History, generator: np.random.Generator) -> None:
         """Do nothing."""
@@ -336,6 +354,7 @@ class NetworkTeacher:
                 episode.actions,
                 episode.rewards,
                 terminated=episode.terminated,
+                allowed=episode.allowed,
             )
 
     @property
@@ -343,9 +362,9 @@ class NetworkTeacher:
         """Updates so far."""
         return self.policy.updates
 
-    def act(self, observation: Floats) -> int:
+    def act(self, observation: Floats, allowed: Booleans | None = None) -> int:
         """Return its action at an observation [d], by its present weights."""
-        return self.policy.act(observation)
+        return self.policy.act(observation, allowed)
 
     def learn(self, history: History, generator: np.random.Generator) -> None:
         """Learn from the episodes that are new."""
@@ -369,6 +388,7 @@ class NetworkTeacher:
 
     def _show(self, history: History, first: int, last: int) -> None:
         """Store the episodes ``first`` to ``last`` - 1 in the replay."""
+        masks = history.columns.get("allowed")
         bounds = np.searchsorted(history.episodes, np.arange(first, last + 1)).tolist()
         for begin, end in itertools.pairwise(bounds):
             rows = slice(begin, end)
@@ -378,4 +398,5 @@ class NetworkTeacher:
                 history.actions[rows].astype(np.int64),
                 history.rewards[rows],
                 terminated=bool(history.entered[end - 1] == TERMINAL),
+                allowed=None if masks is None else masks[rows],
             )

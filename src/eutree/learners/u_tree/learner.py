@@ -14,7 +14,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from eutree.arrays import Floats, Int32s, Integers
+from eutree.arrays import Booleans, Floats, Int32s, Integers
 from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
 from eutree.learners.declared import (
@@ -29,6 +29,7 @@ from eutree.learners.declared import (
     part,
     prefixed,
 )
+from eutree.learners.episode_buffer import random_action
 from eutree.learners.forgetting import LeafReservoirs
 from eutree.learners.history import History
 from eutree.learners.learner import (
@@ -229,6 +230,7 @@ class UTree:
                 self.tree.leaf_index(episode.observations),
                 terminated=episode.terminated,
                 demonstrated=True,
+                allowed=episode.allowed,
             )
             self.history.forget()
         self.mdp = counted_again(self.mdp, self.history, self.method)
@@ -243,14 +245,18 @@ class UTree:
             self._rewards_before = self.mdp.counts.reward_sums.copy()
         self._steps.start(self.tree, self.mdp, observation, generator)
 
-    def act(self) -> int:
+    def act(self, allowed: Booleans | None = None) -> int:
         """Choose the action for the present observation: greedy (Eq. 1), random with epsilon."""
         leaf, generator = self._steps.leaf, self._steps.generator
-        if leaf in self._locked:
-            return int(self._prior[leaf])
-        if generator.random() < self.method.exploration:
-            return int(generator.integers(self.n_actions))
-        return self._steps.greedy(self._prior)
+        if leaf not in self._locked and generator.random() < self.method.exploration:
+            return random_action(generator, self.n_actions, allowed)
+        locked = leaf in self._locked
+        action = int(self._prior[leaf]) if locked else self._steps.greedy(self._prior)
+        if allowed is None or allowed[action]:
+            return action
+        # Eq. 1 among the allowed ones; those that were never tried are the last.
+        values = np.nan_to_num(self.mdp.action_values[leaf], nan=-np.finfo(np.float64).max)
+        return int(np.where(allowed, values, -np.inf).argmax())
 
     def observe(self, step: Step) -> None:
         """Take what came of an action; update Pr, R and Q by prioritized sweeping (Eqs. 3 to 6)."""
@@ -267,6 +273,7 @@ class UTree:
             one.leaves,
             terminated=episode.terminated,
             generator=self._steps.generator,
+            allowed=episode.allowed,
         )
         if self.method.max_transitions is not None:
             if not stored.all():

@@ -1,0 +1,201 @@
+"""Masks of actions: read, recorded, obeyed by trees and by every learner."""
+
+import ctypes
+import shutil
+import subprocess
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium import spaces
+
+import eutree
+from eutree.data import Demonstrations
+from eutree.data.episode import allowed_in
+from eutree.errors import EnvironmentFault, InvalidArgumentError
+from eutree.export import to_c, to_dot, to_python, to_structured_text, to_svg, to_text
+from eutree.interaction import GriddedAction, GuardedEnv
+from eutree.interaction.first_look import first_difference
+from eutree.learners.registry import method as named
+from eutree.learners.registry import with_choices
+from eutree.policies import LeafStatistics, TreePolicy
+from eutree.schema import Schema
+from eutree.trees import DecisionTree
+from tests.masked import Light, Longest
+
+
+@pytest.fixture(scope="module", autouse=True)
+def registered():
+    for name, arguments in (("Light-v0", {}), ("AskedLight-v0", {"asked": True})):
+        gymnasium.register(name, entry_point=Light, kwargs=arguments)
+    yield
+    for name in ("Light-v0", "AskedLight-v0"):
+        del gymnasium.registry[name]
+
+
+@pytest.mark.parametrize("name", ["Light-v0", "AskedLight-v0"])
+def test_masks_are_read_and_recorded(name, tmp_path):
+    env = gymnasium.make(name)
+    guarded = GuardedEnv(env)
+    guarded.reset(0)
+    assert guarded.allowed.tolist() == [True, False, False]
+    with pytest.raises(InvalidArgumentError, match="that the environment allows, north, got east"):
+        guarded.step(1)
+    demos = eutree.record(env, Longest, episodes=3, seed=0)
+    demos.save(tmp_path / "demos")
+    loaded = Demonstrations.load(tmp_path / "demos")
+    allowed = allowed_in(loaded)
+    assert allowed.shape == (demos.n_transitions, 3)
+    assert allowed[np.arange(len(loaded.actions)), loaded.actions].all()
+    assert not allowed.all()
+    assert first_difference(env, 0) is None
+
+
+def test_a_leaf_falls_to_its_next_best_action():
+    tree = DecisionTree.single_leaf(1).split(0, 0, 0.0).split(1, 0, 1.0)
+    schema = Schema.anonymous(1, 4)
+    policy = TreePolicy(tree, [1, 2, 0], schema)
+    assert policy.orders.tolist() == [[1, 0, 2, 3], [2, 0, 1, 3], [0, 2, 1, 3]]
+    assert policy.act([0.5]) == 2
+    assert policy.predict([0.5], action_masks=[0, 1, 0, 1])[0] == 1
+    rows = [[-1.0], [0.5], [2.0]]
+    masks = [[1, 1, 1, 1], [1, 0, 0, 1], [0, 0, 0, 1]]
+    assert policy.predict(rows, action_masks=masks)[0].tolist() == [1, 0, 3]
+    known = LeafStatistics(
+        visits=np.array([[5, 0, 9, 0]] * 3),
+        values=np.array([[3.0, np.nan, 1.0, np.nan]] * 3),
+        deviations=np.zeros((3, 4)),
+    )
+    assert TreePolicy(tree, [1, 2, 0], schema, leaves=known).orders[0].tolist() == [1, 0, 2, 3]
+    with pytest.raises(InvalidArgumentError, match="at least one action"):
+        policy.predict([0.5], action_masks=[0, 0, 0, 0])
+    with pytest.raises(InvalidArgumentError, match="shape"):
+        policy.predict([0.5], action_masks=[1, 1])
+
+
+def test_a_fitted_tree_plays_without_a_masked_action(tmp_path):
+    demos = eutree.record("Light-v0", Longest, episodes=20, seed=0)
+    policy = eutree.fit_expert_tree(demos)
+    assert policy.masked
+    policy.save(tmp_path / "policy.json")
+    assert TreePolicy.load(tmp_path / "policy.json") == policy
+    found = eutree.evaluate(policy, "Light-v0", episodes=20, seed=1)  # a masked action raises
+    assert len(found.returns) == 20
+    # One who knows of no masks is kept to them, too.
+    always_south = TreePolicy(DecisionTree.single_leaf(5), [2], demos.schema)
+    eutree.evaluate(always_south, "Light-v0", episodes=2)
+    eutree.evaluate(lambda observation: 2, "Light-v0", episodes=2)
+
+
+def test_a_leaf_names_nothing_that_was_masked_where_it_decides():
+    demos = eutree.record("Light-v0", Longest, episodes=20, seed=0)
+    policy = eutree.fit_expert_tree(demos)
+    leaves = policy.tree.leaf_index(demos.observations)
+    for leaf in np.unique(leaves):
+        assert allowed_in(demos)[leaves == leaf, policy.actions[leaf]].any()
+
+
+def test_exports_take_a_mask_or_say_that_they_do_not(tmp_path):
+    demos = eutree.record("Light-v0", Longest, episodes=20, seed=0)
+    policy = eutree.fit_expert_tree(demos)
+    rows = demos.observations[:200]
+    generator = np.random.default_rng(0)
+    masks = generator.random((len(rows), 3)) < 0.5
+    masks[np.arange(len(rows)), generator.integers(3, size=len(rows))] = True
+    wanted = policy.predict(rows, action_masks=masks)[0].tolist()
+    module = {}
+    exec(to_python(policy), module)  # the tests' own
+    assert [module["decide_allowed"](*both) for both in zip(rows, masks, strict=True)] == wanted
+    assert [module["decide"](row) for row in rows] == policy.predict(rows)[0].tolist()
+    source = to_c(policy)
+    library = compiled_c(source, tmp_path)
+    found = [
+        library.decide_allowed((ctypes.c_double * 5)(*row), (ctypes.c_ubyte * 3)(*map(int, mask)))
+        for row, mask in zip(rows.tolist(), masks, strict=True)
+    ]
+    assert found == wanted
+    assert [library.decide((ctypes.c_double * 5)(*row)) for row in rows.tolist()] == (
+        policy.predict(rows)[0].tolist()
+    )
+    for text in (to_structured_text(policy), to_dot(policy), to_text(policy), to_svg(policy)):
+        assert "this takes all to be allowed" in text
+
+
+def compiled_c(source, folder):
+    compiler = shutil.which("gcc") or shutil.which("cc")
+    if compiler is None:
+        pytest.skip("no C compiler")
+    (folder / "decide.c").write_text(source)
+    flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-shared", "-fPIC"]
+    command = [compiler, *flags, "decide.c", "-o", "decide.so"]
+    subprocess.run(command, cwd=folder, check=True)
+    return ctypes.CDLL(str(folder / "decide.so"))
+
+
+@pytest.mark.parametrize("method", ["planning", "distilled-dqn", "u-tree", "vqql"])
+def test_learning_never_plays_a_masked_action(method):
+    """In 10,000 steps, exploration and races included; the environment would raise."""
+    demos = eutree.record("AskedLight-v0", Longest, episodes=10, seed=0)
+    chosen = named(method)
+    if method == "distilled-dqn":  # a small network: this is about what is played
+        light = {
+            "teacher.hidden": 16,
+            "updates_per_step": 0.05,
+            "demonstration_updates": 100,
+            "world_model.updates": 500,
+            "world_model.more_updates": 100,
+        }
+        chosen = with_choices(chosen, light)
+    result = eutree.learn(
+        "AskedLight-v0",
+        method=chosen,
+        demonstrations=demos,
+        steps=10_000,
+        seed=0,
+        evaluate_every=10**9,
+        evaluation_episodes=5,
+    )
+    assert result.environment_steps.total >= 9_000
+    assert result.policy.masked
+    leaves = result.policy.tree.leaf_index(result.history.observations)
+    allowed = result.history.columns.get("allowed")
+    for leaf in np.unique(leaves):
+        assert allowed[leaves == leaf, result.policy.actions[leaf]].any()
+
+
+class Parts(gymnasium.Env):
+    """Two valves of three and two settings, one of which may not be open."""
+
+    observation_space = spaces.Box(0.0, 1.0, (1,))
+    action_space = spaces.MultiDiscrete([3, 2])
+
+    def __init__(self, mask):
+        self.mask = mask
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        return np.zeros(1, np.float32), {"action_mask": self.mask}
+
+    def step(self, action):
+        return np.zeros(1, np.float32), 0.0, False, True, {"action_mask": self.mask}
+
+
+@pytest.mark.parametrize(
+    ("mask", "allowed"),
+    [
+        ([1, 0, 1, 1, 0], [1, 0, 0, 0, 1, 0]),
+        ((np.array([1, 0, 1]), np.array([1, 0])), [1, 0, 0, 0, 1, 0]),
+        ([1, 1, 0, 0, 0, 1], [1, 1, 0, 0, 0, 1]),
+    ],
+)
+def test_masks_of_actions_in_parts(mask, allowed):
+    guarded = GuardedEnv(Parts(mask))
+    guarded.reset(0)
+    assert guarded.allowed.astype(int).tolist() == allowed
+    assert GuardedEnv(GriddedAction(Parts(mask))).reset(0).tolist() == [0.0]
+
+
+@pytest.mark.parametrize("mask", [[1, 1], [0] * 6, [2] * 6, "abcdef", [0.5] * 6])
+def test_what_is_no_mask_is_a_fault(mask):
+    with pytest.raises(EnvironmentFault, match="an action mask must"):
+        GuardedEnv(Parts(mask)).reset(0)
