@@ -11,6 +11,7 @@ import pytest
 import eutree
 from eutree.cli.main import run
 from eutree.data import DemonstrationFolder
+from eutree.errors import InvalidArgumentError
 from eutree.fitting import page_tree
 from eutree.fitting.page_tree import PageTree
 from eutree.interaction import GuardedEnv, run_episode
@@ -117,7 +118,28 @@ def test_practice_keeps_the_better_tree_and_shows_its_curve(folder, monkeypatch)
     assert [episode for episode, _ in last.curve] == [10, 20]
     assert last.yours == 1.0
     assert wins_of(last) >= fitted
+    assert [way.keep for way in last.ways][:2] == ["", "Keep mine"]
+    assert last.columns == ("", "reaches", "steps", "waits", "worst 5 %")
+    assert all(len(way.cells) == 4 for way in last.ways)
+    you, mine, *between, after = last.ways
+    assert (you.name, mine.name, after.name) == ("you", "your tree", "practised")
+    assert [way.is_kept for way in last.ways].index(True) == len(last.ways) - 1
+    sizes = [int(re.search(r"(\d+) lea", way.name)[1]) for way in between]
+    assert sizes == sorted(sizes)
+    assert all(size < last.n_leaves for size in sizes)
+    shown = eutree.Demonstrations.load(folder)
+    waited = np.mean(shown.actions == 0)
+    assert you.cells[:3] == ("3 of 3 (43 to 100 %)", f"{shown.n_transitions / 3:.1f}",
+                             f"{100 * waited:.0f} %")  # fmt: skip
+    assert re.match(r"\d+\.\d % of your steps: \w+ became \w+ where ", last.changes[0])
     practised = folder.with_name("demos-practised.json")
+    maker.choose(1, views.show)  # mine
+    assert views[-1].note.startswith("Kept: your tree.")
+    assert wins_of(views[-1]) == fitted
+    assert [way.is_kept for way in views[-1].ways].index(True) == 1
+    assert views.programmes[-1].policy == eutree.TreePolicy.load(f"{folder}-tree.json")
+    with pytest.raises(InvalidArgumentError, match="way must be in"):
+        maker.choose(len(last.ways), views.show)
     assert practised.exists() == (str(practised) in last.commands[0])
 
 

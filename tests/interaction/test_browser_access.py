@@ -119,6 +119,9 @@ def test_axe_finds_nothing(chromium, tmp_path, axe, screen, scheme) -> None:
         seen = ["#title", "#text", "#buttons .first"]  # the picture may have been scrolled away
         assert person.page.evaluate(OUT_OF_SIGHT, ["#picture", *seen]) == []
         assert findings() == []
+        served.session.wishes.express("practise")
+        person.page.locator("#ways-section").wait_for(timeout=PATIENCE)
+        assert findings() == []
         person.tap("Escape").until(state="review")
         person.rest().tap("Escape").until(state="finished")
         assert findings() == []

@@ -495,7 +495,17 @@ def test_the_end_is_one_button(chromium, tmp_path) -> None:
         person.page.locator("#verdict", has_text="96 of 100").wait_for(timeout=PATIENCE)
         assert person.page.locator("#curve circle").count() == 2
         assert person.page.get_by_role("button", name="Let it practise").count() == 0
-        assert maker.calls == ["make", "practise"]
+        rows = person.page.locator("#ways tr").all_inner_texts()
+        assert [row.split("\t")[:3] for row in rows] == [
+            ["you", "13 of 15", "35.6"],
+            ["your tree", "56 of 100", "33.0"],
+            ["practised", "96 of 100", "17.6"],
+        ]
+        assert person.page.get_by_role("button", name="Kept").is_disabled()
+        assert "4.0 % of your steps" in person.page.locator("#changes").inner_text()
+        person.page.get_by_role("button", name="Keep mine").click()
+        person.page.locator("#verdict", has_text="kept 1").wait_for(timeout=PATIENCE)
+        assert maker.calls == ["make", "practise", "choose 1"]
         assert person.page.evaluate(CONTRAST) == []
         assert person.messages == []
         person.tap("Escape").until(state="finished")

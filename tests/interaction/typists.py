@@ -10,7 +10,7 @@ from eutree.errors import InvalidArgumentError
 from eutree.interaction import run_episode
 from eutree.interaction.guard import GuardedEnv
 from eutree.interaction.scenes import Programme, Scene
-from eutree.interaction.tree_making import TreeView
+from eutree.interaction.tree_making import TreeView, WayView
 from eutree.trees import DecisionTree
 from tests.interaction.serving import ENOUGH
 
@@ -142,15 +142,37 @@ class ScriptedMaker:
         show(TreeView(phase="playing", message="The tree plays", finished=20, of=100))
         show(self.ready, self.programme)
 
+    def choose(self, way, show) -> None:
+        self.calls.append(f"choose {way}")
+        show(replace(self.ready, message=f"kept {way}"))
+
     def practise(self, show, stop) -> None:
         self.calls.append("practise")
         curve = ((10, 0.5), (20, 0.9))
         show(replace(self.ready, phase="practising", curve=curve, of=100))
         if len(self.calls) > 2:
             raise InvalidArgumentError("the folder is gone")
+        ways = (
+            WayView(name="you", cells=("13 of 15", "35.6")),
+            WayView(name="your tree", cells=("56 of 100", "33.0"), keep="Keep mine"),
+            WayView(
+                name="practised",
+                cells=("96 of 100", "17.6"),
+                keep="Keep the practised one",
+                is_kept=True,
+            ),
+        )
         better = "you 13 of 15; this tree 96 of 100"
         show(
             replace(
-                self.ready, message=better, verdict="better", may_gain=False, curve=curve, of=100
+                self.ready,
+                message=better,
+                verdict="better",
+                may_gain=False,
+                curve=curve,
+                of=100,
+                columns=("", "reaches", "steps"),
+                ways=ways,
+                changes=("4.0 % of your steps: more",),
             )
         )

@@ -1,18 +1,23 @@
 """The button *Make my tree* of the recorder's page: fit, play, practise where it falls short."""
 
 import shlex
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from eutree.errors import InvalidArgumentError
 from eutree.schema import EnvironmentSpec
+from eutree.wording import counted
 
 if TYPE_CHECKING:
     import gymnasium
 
-    from eutree.data import Demonstrations
+    from eutree.compression.report import FrontEntry
+    from eutree.data import Demonstrations, Episode
     from eutree.evaluation import Evaluation
     from eutree.fitting import FitReport, Person
     from eutree.interaction.scenes import Programme
@@ -30,6 +35,9 @@ STAGES = {
     "repairing": "Mending the best one",
     "judging": "Judging it",
 }
+BETWEEN = 3  # smaller trees that are shown beside the practised one
+COUNTED = 50  # episodes that say how much a tree waits
+CHANGES = 5  # sentences on what practice changed
 ENOUGH = 0.97  # share of successes from which practice stops paying
 
 
@@ -58,6 +66,7 @@ class PageTree:
         self._fitted: FitReport | None = None
         self._best: tuple[TreePolicy, Evaluation, Path] | None = None
         self._presses = 0
+        self._ways: list[_Way] = []
 
     def make(self, show: "Show", stop: Callable[[], bool]) -> None:
         """Fit a tree to the demonstrations recorded so far, and let it play."""
@@ -76,6 +85,7 @@ class PageTree:
         played = self._play(tree, show, stop)
         if played is not None:
             self._fitted, self._best, self._presses = fitted, (tree, played, path), 0
+            self._ways = [_Way("your tree", "Keep mine", tree, played, path)]
             show(self._verdict(Person.of(demonstrations), note=""), self._programme(show))
 
     def _fit(
@@ -145,11 +155,95 @@ class PageTree:
             path = self._folder.with_name(f"{self._folder.name}-practised.json")
             tree.save(path)
             self._best = (tree, played, path)
+            if not self._compare(show, stop):
+                return
         else:
             found = result_in_words(played)
             note = f"{episodes} episodes of practice found nothing better, only {found}."
         ready = replace(self._verdict(person, note=note), curve=curve.points, of=episodes)
         show(ready, self._programme(show))
+
+    def choose(self, way: int, show: "Show") -> None:
+        """Keep the tree of one of the ways that were shown; 0 is the person's own."""
+        from eutree.data import Demonstrations
+        from eutree.fitting import Person
+
+        if not 1 <= way <= len(self._ways):
+            raise InvalidArgumentError(f"way must be in 1..{len(self._ways)}, got {way}")
+        chosen = self._ways[way - 1]
+        chosen.tree.save(chosen.path)
+        self._best = (chosen.tree, chosen.played, chosen.path)
+        person = Person.of(Demonstrations.load(self._folder))
+        show(self._verdict(person, note=f"Kept: {chosen.name}."), self._programme(show))
+
+    def _compare(self, show: "Show", stop: Callable[[], bool]) -> bool:
+        """Find what stands beside the practised tree; return whether anybody waits for it.
+
+        Between the tree that was fitted and the practised one lie smaller ones of the latter: the
+        best of each size, those that do no worse than the fitted one.
+        """
+        from eutree.compression import RealEpisodes, compress
+        from eutree.data import Demonstrations
+        from eutree.interaction.tree_making import PRACTISING, TreeView
+
+        if self._best is None:
+            raise AssertionError("practice needs a tree")
+        tree, played, path = self._best
+        mine = self._ways[0]
+        known = Demonstrations.load(self._folder).with_history(tree.history)
+        env = self._make()
+        message = "Looking for smaller trees between yours and the practised one"
+        show(TreeView(phase=PRACTISING, message=message, **_drawn(tree)))
+        try:
+            real = RealEpisodes(env, episodes=PLAYED, searches=True)
+            _, report = compress(tree, known.observations, env=real, seed=self._seed)
+        finally:
+            env.close()
+        smaller = [
+            entry.policy
+            for entry in report.front
+            if entry.policy.n_leaves < tree.n_leaves and _value(entry) >= _value(mine.played)
+        ]
+        between = []
+        for policy in smaller[:: max(len(smaller) // BETWEEN, 1)][:BETWEEN]:
+            result = self._play(policy, show, stop)
+            if result is None:
+                return False
+            own = path.with_name(f"{path.stem}-{policy.n_leaves}.json")
+            words = f"practised, {counted(policy.n_leaves, 'leaf')}"
+            keep = f"Keep the one of {policy.n_leaves}"
+            between.append(_Way(words, keep, policy, result, own))
+        practised = _Way("practised", "Keep the practised one", tree, played, path)
+        self._ways = [mine, *reversed(between), practised]
+        return True
+
+    def _ways_shown(self) -> dict[str, Any]:
+        """Return the view's fields on the ways beside each other, and on what practice changed."""
+        from eutree.data import Demonstrations
+        from eutree.fitting import Person
+        from eutree.interaction import GuardedEnv, describe, run_episode
+        from eutree.interaction.keys import keys_of_environment
+        from eutree.interaction.tree_making import WayView
+
+        if len(self._ways) < 2 or self._best is None:
+            return {}
+        demonstrations = Demonstrations.load(self._folder)
+        kept, own = self._best[0], Person.of(demonstrations).whole
+        env = self._make()
+        try:
+            idle, world = keys_of_environment(env, describe(env)).idle, GuardedEnv(env)
+            shown = [episode for episode in demonstrations if episode.by_hand is None]
+            ways = [] if own is None else [WayView(name="you", cells=_cells(own, shown, idle))]
+            for way in self._ways:
+                played = [run_episode(world, way.tree, self._seed + k) for k in range(COUNTED)]
+                cells = _cells(way.played, played, idle)
+                is_kept = way.tree is kept
+                ways.append(WayView(name=way.name, cells=cells, keep=way.keep, is_kept=is_kept))
+        finally:
+            env.close()
+        columns = ("", "reaches", "steps", *(() if idle is None else ("waits",)), "worst 5 %")
+        changes = _changes(self._ways[0].tree, kept, demonstrations)
+        return {"columns": columns, "ways": tuple(ways), "changes": changes}
 
     def driving(self, tree: "TreePolicy", show: "Show") -> "Programme":
         """Return how the person may correct a tree: it is fitted again after each episode."""
@@ -259,6 +353,7 @@ class PageTree:
             verdict=found.word,
             may_gain=may_gain,
             commands=self._commands(path, tree),
+            **self._ways_shown(),
             **_scale(person, played),
             **_drawn(tree),
         )
@@ -274,6 +369,17 @@ class PageTree:
             ("export", path, "--format", "c", "--out", source),
         )
         return tuple(shlex.join(["eutree", *map(str, line)]) for line in lines)
+
+
+@dataclass(frozen=True, eq=False)
+class _Way:
+    """A tree to choose: its name, the words of its button, what it reached, where it is kept."""
+
+    name: str
+    keep: str
+    tree: "TreePolicy"
+    played: "Evaluation"
+    path: Path
 
 
 class _NobodyWaits(Exception):  # noqa: N818 - no error: whoever pressed the button has left
@@ -339,7 +445,7 @@ class _Curve:
         return _value(played)
 
 
-def _value(played: "Evaluation") -> float:
+def _value(played: "Evaluation | FrontEntry") -> float:
     """Return the share of successes where it is known, else the mean return."""
     return played.mean_return if played.success_rate is None else played.success_rate
 
@@ -349,6 +455,32 @@ def _scale(person: "Person", played: "Evaluation") -> dict[str, Any]:
     is_share = played.success_rate is not None
     yours = person.success_rate if is_share else person.mean_return
     return {"is_share": is_share, "yours": None if yours is None or isnan(yours) else yours}
+
+
+def _cells(
+    result: "Evaluation", episodes: "Iterable[Episode]", idle: int | None
+) -> tuple[str, ...]:
+    """Return what a way reaches, its steps, how much of them it waits, and its worst episodes."""
+    from eutree.fitting.report import result_in_words
+
+    taken = np.concatenate([episode.actions for episode in episodes])
+    waits = () if idle is None else (f"{100 * np.mean(taken == idle):.0f} %",)
+    low = np.quantile(result.returns, 0.05)
+    return (result_in_words(result), f"{result.mean_length:.1f}", *waits, f"{low:.4g}")
+
+
+def _changes(
+    before: "TreePolicy", after: "TreePolicy", demonstrations: "Demonstrations"
+) -> tuple[str, ...]:
+    """Return what a tree does otherwise than an earlier one, where the person was."""
+    from eutree.inspection import diff
+
+    if before is after or before.history != after.history:
+        return ()
+    rows = demonstrations.with_history(before.history).observations
+    boxes = diff(before, after, observations=rows).boxes
+    most = [box for box in boxes[:CHANGES] if box.visited]
+    return tuple(f"{100 * (box.visited or 0.0):.1f} % of your steps: {box.words}" for box in most)
 
 
 def _drawn(tree: "TreePolicy") -> dict[str, Any]:

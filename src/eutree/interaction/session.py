@@ -88,7 +88,7 @@ class Session:
     COMMANDS: ClassVar[tuple[str, ...]] = (
         "start", "pause", "end", "redo", "discard", "finish", "slower", "faster", "wait", "mode",
         "speed", "toggle", "turn_based", "keep", "drop", "bind", "make", "practise", "stay",
-        "watch", "correct",
+        "watch", "correct", "choose",
     )  # fmt: skip
 
     def __init__(
@@ -188,10 +188,10 @@ class Session:
             return
         if name in ("start", "pause", "end", "redo", "discard", "finish"):
             getattr(self, f"_obey_{name}")(now)
-        elif name in ("make", "practise"):
+        elif name in ("make", "practise", "choose"):
             known = any(episode.kept for episode in self.episodes)
             if known and self.state in (OPENING, REVIEW, WATCHING):
-                self.wishes.express(name)
+                self.wishes.express(name, value)
         elif name in ("slower", "faster", "speed"):
             play.controls.set_speed(command, now)
         elif name in ("mode", "toggle", "turn_based"):

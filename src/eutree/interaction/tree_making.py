@@ -14,6 +14,23 @@ READY, FAILED = "ready", "failed"
 
 
 @dataclass(frozen=True, kw_only=True)
+class WayView:
+    """One way of doing the task, beside others, in JSON's types.
+
+    Attributes:
+        name: Whose it is: ``"your tree"``, ``"practised"``.
+        cells: What it reaches, how long it takes, waits and risks, in words.
+        keep: The words of the button that chooses it; empty for what is no tree.
+        is_kept: Whether it is the one on the page.
+    """
+
+    name: str
+    cells: tuple[str, ...]
+    keep: str = ""
+    is_kept: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
 class TreeView:
     """How far a tree is, in JSON's types.
 
@@ -34,6 +51,10 @@ class TreeView:
         yours: What the person reached, on the curve's scale; None if unknown.
         is_share: Whether curve and ``yours`` are shares of successful episodes, else mean returns.
         commands: What to type next in a shell, one a line.
+        columns: Heads of the columns of ``ways``.
+        ways: The person's own way, the tree of it, the practised one and smaller ones; empty before
+            practice.
+        changes: Sentences on what practice changed.
     """
 
     phase: str
@@ -50,6 +71,9 @@ class TreeView:
     yours: float | None = None
     is_share: bool = True
     commands: tuple[str, ...] = ()
+    columns: tuple[str, ...] = ()
+    ways: tuple[WayView, ...] = ()
+    changes: tuple[str, ...] = ()
 
 
 class Show(Protocol):
@@ -63,7 +87,7 @@ class Show(Protocol):
 class TreeMaker(Protocol):
     """Makes a tree of what was recorded, in a thread beside the page.
 
-    Both methods call ``show`` as they go on, with ``"ready"`` last. ``stop`` becomes true when the
+    All methods call ``show`` as they go on, with ``"ready"`` last. ``stop`` becomes true when the
     page is closed for good; what is unfinished then is given up.
     """
 
@@ -75,6 +99,10 @@ class TreeMaker(Protocol):
         """Let the tree learn for a while, and keep the better one."""
         ...
 
+    def choose(self, way: int, show: Show) -> None:
+        """Keep the tree of one of the ways that were shown."""
+        ...
+
 
 class Wishes:
     """What the person wants done with the demonstrations, until somebody takes it up.
@@ -84,19 +112,22 @@ class Wishes:
 
     Attributes:
         is_busy: Whether a tree is being made; set by whoever makes it.
+        way: The way that was last chosen.
     """
 
     def __init__(self, are_offered: bool) -> None:
         self.are_offered = are_offered
         self.is_busy = False
+        self.way = 0
         self._is_leaving = False
         self._wish = ""
         self._was_made = False
 
-    def express(self, name: str) -> None:
-        """Wish for ``"make"`` or ``"practise"``."""
+    def express(self, name: str, way: float | str | None = None) -> None:
+        """Wish for ``"make"`` or ``"practise"``, or ``"choose"`` one of the ways."""
         if self.are_offered:
             self._wish, self._was_made = name, True
+            self.way = int(way or 0)
 
     def express_first(self) -> None:
         """Wish for a tree unless one has been wished for."""

@@ -788,9 +788,45 @@ function showTree() {
   $("rules-details").hidden = !tree.rules;
   $("rules").textContent = tree.rules;
   showCurve(tree);
+  rebuild("ways", [tree.ways, tree.columns, tree.changes, view.state, acts()], () => showWays(tree));
   if (was) $("episodes-list").open = false; // the tree is what matters now
   if (was || tree.phase !== scrolledAt) $("verdict-section").scrollIntoView({ block: "nearest" });
   scrolledAt = tree.phase;
+}
+
+/* The person's way beside the tree of it, the practised one and those between, to choose from. */
+function showWays(tree) {
+  const ways = tree.ways || [];
+  $("ways-section").hidden = !ways.length;
+  const heads = (tree.columns || []).map((text) => {
+    const head = document.createElement("th");
+    head.scope = "col";
+    head.textContent = text || "Way";
+    return head;
+  });
+  words($("ways-head"), ...heads, cell(""));
+  let place = 0;
+  words($("ways"), ...ways.map((way) => {
+    const row = document.createElement("tr");
+    row.classList.toggle("on", way.is_kept);
+    const last = document.createElement("td");
+    if (way.keep) {
+      const number = ++place, button = document.createElement("button");
+      button.type = "button";
+      button.textContent = way.is_kept ? "Kept" : way.keep;
+      button.disabled = way.is_kept || !acts() || isOver() || runs();
+      button.addEventListener("click", () => act("choose", number));
+      last.append(button);
+    }
+    row.append(cell(way.name), ...way.cells.map((text) => cell(text)), last);
+    return row;
+  }));
+  words($("changes"), ...(tree.changes || []).map((text) => {
+    const item = document.createElement("li");
+    item.textContent = text;
+    return item;
+  }));
+  $("changes-title").hidden = !(tree.changes || []).length;
 }
 
 /* What the practising tree reaches, by episodes of practice; the dashed line is the person. */

@@ -351,8 +351,8 @@ class PageServer:
         """Let the tree be made, or practise, in a thread; one at a time."""
         if not wish or self._maker is None or (self._work is not None and self._work.is_alive()):
             return
-        work = self._maker.make if wish == "make" else self._maker.practise
-        loop, wishes = asyncio.get_running_loop(), self.recorder.session.wishes
+        maker, wishes = self._maker, self.recorder.session.wishes
+        loop, way = asyncio.get_running_loop(), wishes.way
 
         def show(view: TreeView, programme: Programme | None = None) -> None:
             with suppress(RuntimeError):  # the loop is closed: nobody looks any more
@@ -360,7 +360,11 @@ class PageServer:
 
         def run() -> None:
             try:
-                work(show, lambda: self._is_closing)
+                if wish == "choose":
+                    maker.choose(way, show)
+                else:
+                    work = maker.make if wish == "make" else maker.practise
+                    work(show, lambda: self._is_closing)
             except EutreeError as error:
                 show(TreeView(phase=FAILED, message=str(error)))
             except Exception as error:
@@ -369,7 +373,8 @@ class PageServer:
                 wishes.is_busy = False
 
         wishes.is_busy = True
-        self.show_tree(TreeView(phase=FITTING, message="Making your tree"))
+        if wish != "choose":
+            self.show_tree(TreeView(phase=FITTING, message="Making your tree"))
         self._work = threading.Thread(target=run, name="eutree tree", daemon=True)
         self._work.start()
 

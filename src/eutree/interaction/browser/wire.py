@@ -14,7 +14,7 @@ from eutree.interaction.keys import check_key
 from eutree.interaction.session import Session
 
 MAX_MESSAGE = 2048  # bytes
-_INDEXED = ("bind", "keep", "drop")  # commands whose value is a place in a list
+_INDEXED = ("bind", "keep", "drop", "choose")  # commands whose value is a place in a list
 
 Number = Annotated[int, msgspec.Meta(ge=0, lt=2**32)]  # of a picture or of a key
 HEADER = struct.Struct(">III")  # picture's number, last key's sequence number, size in bytes
