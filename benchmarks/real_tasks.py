@@ -175,7 +175,7 @@ def jams(options: Any) -> None:
         if len(found) % 50 == 0:
             print(summary(found), file=sys.stderr, flush=True)
     key = {"task": options.junction, "controller": "half hours", "seed": 0, "seconds": 1800,
-           "demand": 1.0, "leaves": policy.n_leaves}  # fmt: skip
+           "demand": "drawn", "leaves": policy.n_leaves}  # fmt: skip
     keep(options.out, {**key, **summary(found)})
 
 

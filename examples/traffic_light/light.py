@@ -15,7 +15,8 @@ import numpy as np
 DECISION = 5  # seconds
 LEAST_GREEN = 5  # seconds: minDur in the plan of cologne1
 MOST = 120  # vehicles: more are counted as so many
-LONGEST = 3600  # seconds
+LONGEST = 120  # seconds: longer is counted as so long; else red would tell the time of day
+DEMANDS = 0.8, 1.2  # shares of what was counted, between which the demand of a morning is drawn
 
 
 @dataclass(frozen=True)
@@ -102,14 +103,28 @@ class TrafficLight(gymnasium.Env[Any, Any]):
     there, whether it is green, for how many seconds it has been red; then for how many seconds the
     green one has been so. Reward: minus the vehicles that stand anywhere (those that find no room
     to enter included), so that a return is minus their mean number.
+
+    Args:
+        junction: Where it is.
+        traffic: What moves the vehicles.
+        seconds: Length of an episode.
+        demand: Share of the traffic that was counted; None to draw it for each episode.
+        program: "none" where the actions decide; "plan" and "actuated" ignore them.
+        amber: Seconds of amber, in place of the plan's.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 - Gymnasium's own declaration
 
     def __init__(
-        self, junction: Junction, traffic: Traffic, *, seconds: int = 1800, demand: float = 1.0,
-        program: str = "none", amber: int | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        junction: Junction,
+        traffic: Traffic,
+        *,
+        seconds: int = 1800,
+        demand: float | None = None,
+        program: str = "none",
+        amber: int | None = None,
+    ) -> None:
         self._junction, self._traffic, self._amber = junction, traffic, amber
         self._seconds, self._demand, self._program = seconds, demand, program
         n = len(junction.phases)
@@ -129,7 +144,8 @@ class TrafficLight(gymnasium.Env[Any, Any]):
         """Begin with an empty road and the first phase."""
         super().reset(seed=seed)
         drivers = int(self.np_random.integers(2**31))
-        episode = Episode(self._junction, self._seconds, self._demand, self._program, drivers)
+        demand = self.np_random.uniform(*DEMANDS) if self._demand is None else self._demand
+        episode = Episode(self._junction, self._seconds, demand, self._program, drivers)
         start = self._traffic.start(episode)
         self._signals = start["signals"]
         self._yellow = start["amber"] if self._amber is None else self._amber
@@ -170,14 +186,14 @@ class TrafficLight(gymnasium.Env[Any, Any]):
         served = [[order[lane] for lane in lanes] for lanes in self._junction.lanes]
         counted = [np.array(counts[kind]) for kind in ("waiting", "coming")]
         green = np.eye(len(served))[self._phase]
-        red = [self._clock - last for last in self._last_green]
+        red = [min(self._clock - last, LONGEST) for last in self._last_green]
         red[self._phase] = 0
         return np.array(
             [
                 *(min(each[lanes].sum(), MOST) for each in counted for lanes in served),
                 *green,
                 *red,
-                max(self._clock - self._since, 0),
+                min(max(self._clock - self._since, 0), LONGEST),
             ],
             dtype=np.float64,
         )

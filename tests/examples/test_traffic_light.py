@@ -100,6 +100,28 @@ def test_an_episode_ends_on_the_second_with_its_figures():
     assert (info["delay"], info["longest_wait"], info["seconds"]) == (1.0, 2.0, 8)
 
 
+def test_each_morning_has_a_demand_of_its_own_unless_it_is_given():
+    env, traffic = light()
+    demands = []
+    for seed in range(20):
+        env.reset(seed=seed)
+        demands.append(traffic.episode.demand)
+    assert len(set(demands)) == 20
+    assert all(0.8 <= demand <= 1.2 for demand in demands)
+    env, traffic = light(demand=1.1)
+    env.reset(seed=0)
+    assert traffic.episode.demand == 1.1
+
+
+def test_red_does_not_tell_the_time_of_day():
+    env, _ = light()
+    env.reset(seed=0)
+    for _ in range(40):
+        seen, *_ = env.step(0)
+    assert dict(zip(env.feature_names, seen, strict=True))["red for b"] == 120
+    assert env.observation_space.contains(seen)
+
+
 def test_a_programme_of_its_own_ignores_the_actions():
     env, traffic = light(program="plan")
     env.reset(seed=0)
