@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eutree.errors import EutreeError, UnknownNameError
+from eutree.export import to_c, to_dot
 from eutree.inspection import diff, enforce, verify, why
 from eutree.inspection.properties import parse
 from eutree.inspection.regions import Region, domain, possible
@@ -71,6 +72,13 @@ def test_rules_say_what_is_meant():
         "else:",
         "    wait",
     ]
+
+
+def test_a_test_asks_for_the_fewer_categories():
+    policy = policy_of([(0, SETTING, 3.0)], [0, 1])
+    assert str(policy).splitlines() == ["if mode is high:", "    go", "else:", "    wait"]
+    assert "mode is high" in to_dot(policy)
+    assert "/* mode is not high */" in to_c(policy)
 
 
 def test_several_tests_of_a_group_are_one_phrase():
@@ -230,6 +238,7 @@ def test_quantities_are_asked_for_by_their_values():
     assert not falling.holds
     assert "valve 50 %, heater 0 kW becomes valve 0 %" in falling.counter_examples[0].words
     assert not verify(setting(4, 2, 5, cuts=[1.0, 3.0]), "monotone valve in level").holds
+    assert verify(policy, "never valve > 50 % when 1 < level <= 3 m").holds
     with pytest.raises(EutreeError, match="some but not all"):
         verify(policy, "always valve <= 100")
 

@@ -146,6 +146,8 @@ def test_they_travel_and_no_decision_depends_on_them(tmp_path):
     for text in (to_c(policy), to_python(policy), to_structured_text(policy)):
         assert "green is not x1" in text
     assert "green is x1" in to_svg(policy)
+    assert "phase, 0.0 to 3.0, 0 north, 1 east, 2 south, 3 west" in to_c(policy)
+    assert "green.x1, one of green" in to_structured_text(policy)
 
 
 def test_a_test_that_decides_nothing_is_shown_as_it_is():

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 # Names of terminal colours, so that each terminal's own theme keeps them readable.
 _COLOURS = ("yellow", "cyan", "green", "magenta", "blue", "red")
+_SCALE = ("blue", "cyan", "green", "yellow", "red")
 
 
 @click.command(epilog="Example: eutree show small.json --html small.html --demos demos/")
@@ -164,10 +165,12 @@ def _words(policy: "TreePolicy", node: int, digits: "Digits") -> "Text":
         return Text(f"{words} ?")
     leaf = int(tree.leaf[node])
     action = int(policy.actions[leaf])
-    text = Text(
-        printable(policy.schema.actions[action]),
-        style=f"bold {_COLOURS[action % len(_COLOURS)]}",
-    )
+    colour = _COLOURS[action % len(_COLOURS)]
+    if len(policy.schema.controls) == 1:  # an order of levels, and of colours
+        levels = policy.schema.controls[0].levels
+        rank = sorted(levels).index(levels[action]) / max(len(levels) - 1, 1)
+        colour = _SCALE[round(rank * (len(_SCALE) - 1))]
+    text = Text(printable(policy.schema.actions[action]), style=f"bold {colour}")
     if policy.leaves is not None and policy.leaves.visits.any():
         visits = policy.leaves.visits.sum(axis=1)
         text.append(f"  {100 * visits[leaf] / visits.sum():.1f} % of visits", style="not bold dim")

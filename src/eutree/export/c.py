@@ -33,6 +33,7 @@ from eutree.trees.text import (
     definitions,
     derived_features,
     labelled,
+    meaning,
     nested,
     printable,
 )
@@ -119,7 +120,7 @@ def _heading(policy: TreePolicy, kind: Numbers) -> list[str]:
     for index, feature in enumerate(policy.schema.measured.features):
         bounds = f", {feature.low!r} to {feature.high!r}"
         scale = f", times {kind.scales[index]!r}, as an integer" if kind.scales else ""
-        lines.append(f"  [{index}] {labelled(feature)}{bounds}{scale}")
+        lines.append(f"  [{index}] {labelled(feature)}{bounds}{scale}{meaning(feature)}")
     lines += [f"  {line}" for line in definitions(policy.tree, policy.schema)]
     lines += ["", "Action:"]
     lines += [f"  {index} {printable(name)}" for index, name in enumerate(policy.schema.actions)]

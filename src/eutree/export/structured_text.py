@@ -17,6 +17,7 @@ from eutree.trees.text import (
     definitions,
     derived_features,
     labelled,
+    meaning,
     nested,
     printable,
 )
@@ -107,7 +108,7 @@ def _function(
 def _inputs(policy: TreePolicy, inputs: list[str]) -> list[str]:
     """Return the declaration of the features."""
     variables = [
-        f"    {variable} : LREAL; (* {labelled(feature)} *)"
+        f"    {variable} : LREAL; (* {labelled(feature)}{meaning(feature)} *)"
         for variable, feature in zip(inputs, policy.schema.features, strict=False)
     ]
     return ["VAR_INPUT", *variables, "END_VAR"]

@@ -150,8 +150,7 @@ class _Parser:
         value = _number(self._next("a number"))
         if value is None:
             self._fail(f"a number, got {self.tokens[self.at - 1]!r}")
-        unit = self.schema.controls[control].unit
-        self.at += bool(unit) and self._peek() == unit
+        self._skip(self.schema.controls[control].unit)
         levels = [values[control] for values in self.schema.action_values]
         found = frozenset(action for action, level in enumerate(levels) if holds(level, value))
         if not found or len(found) == len(levels):
@@ -188,6 +187,7 @@ class _Parser:
             if right is None:
                 self._fail(f"a number, got {token!r}")
             bounds.append((comparison, right))
+            self._skip(self.schema.features[feature].unit)
         for comparison, value in bounds:
             self._narrow(feature, comparison, value)
         return None
@@ -285,6 +285,12 @@ class _Parser:
         if token not in names:
             raise UnknownNameError(kind, token, names)
         return names.index(token)
+
+    def _skip(self, unit: str) -> None:
+        """Pass over a unit, which may follow a number."""
+        words = unit.split()
+        if words and self.tokens[self.at : self.at + len(words)] == words:
+            self.at += len(words)
 
     def _peek(self) -> str:
         return self.tokens[self.at] if self.at < len(self.tokens) else ""

@@ -123,8 +123,11 @@ def question(schema: Schema, feature: int, threshold: float, digits: Digits | No
 
 
 def is_reversed(feature: Feature, threshold: float) -> bool:
-    """Return whether a test is asked for its right branch: of a flag, or a category of a group."""
-    return feature.is_flag and not feature.categories and 0.0 <= threshold < 1.0
+    """Return whether a test is asked for its right branch: of a flag, or for fewer categories."""
+    if feature.categories:
+        n_left = math.floor(threshold) - feature.low + 1.0
+        return len(feature.categories) / 2 < n_left < len(feature.categories)
+    return feature.is_flag and 0.0 <= threshold < 1.0
 
 
 def whole(feature: Feature, low: float, high: float) -> str:
@@ -188,6 +191,14 @@ def at_most(threshold: float) -> str:
 def labelled(feature: Feature) -> str:
     """Return a feature's name with its unit, for example ``opponent_1 [m]``."""
     return printable(feature.name) + (f" [{printable(feature.unit)}]" if feature.unit else "")
+
+
+def meaning(feature: Feature) -> str:
+    """Return what the numbers of a category stand for, to follow its bounds; else nothing."""
+    if feature.group:
+        return f", one of {printable(feature.group)}"
+    codes = (f"{feature.low + k:.0f} {printable(c)}" for k, c in enumerate(feature.categories))
+    return f", {', '.join(codes)}" if feature.categories else ""
 
 
 @dataclass(frozen=True)

@@ -114,8 +114,12 @@ function wholeWords(feature, low, high) {
 
 /** Return whether a test is asked for its right branch: "open ?", and not "not open ?". */
 function isReversed(node) {
-  const one = features[tree.feature[node]];
-  return Boolean(one.flag || one.group) && tree.threshold[node] >= 0 && tree.threshold[node] < 1;
+  const one = features[tree.feature[node]], threshold = tree.threshold[node];
+  if (one.categories?.length) {
+    const nLeft = Math.floor(threshold) - one.low + 1;
+    return one.categories.length / 2 < nLeft && nLeft < one.categories.length;
+  }
+  return Boolean(one.flag || one.group) && threshold >= 0 && threshold < 1;
 }
 
 /** Return which answer to the test of a node leads to its left, or its right, branch. */
