@@ -26,7 +26,8 @@ class Corridor(gymnasium.Env):
     render_mode = "rgb_array"
 
     def __init__(self, length=5, limit=20):
-        self.length, self.limit = length, limit
+        self.length = length
+        self.limit = self.max_steps = limit
 
     def reset(self, *, seed=None, options=None):
         super().reset(seed=seed)

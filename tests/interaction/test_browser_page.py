@@ -414,7 +414,7 @@ def test_without_an_idle_action_nothing_happens_before_the_first_key(chromium, t
         person = Person(chromium, served).until(state="opening")
         assert person.page.locator("#speed").input_value() == "0.25"
         assert "shown slowly at first" in person.page.locator("#how").inner_text()
-        assert "the goal is to balance the pole" in person.page.locator("#text").inner_text()
+        assert "Keep the pole upright" in person.page.locator("#text").inner_text()
         person.tap("Enter").until(state="playing").rest(1.0)
         assert person.data("step") == "0"
         assert person.page.locator("#title").inner_text() == "Press a key to begin"

@@ -3,10 +3,12 @@
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.envs.classic_control import AcrobotEnv, CartPoleEnv
 from hypothesis import given
 from hypothesis import strategies as st
 
 import eutree  # noqa: F401 - registers the environments
+from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
 from eutree.interaction.events import (
     Away,
@@ -27,7 +29,7 @@ from eutree.interaction.seeding import Stream, episode_seed
 from eutree.interaction.session import Session
 from eutree.interaction.settings import takes_turns
 from eutree.interaction.spaces import describe
-from eutree.interaction.views import task_description
+from eutree.interaction.views import episode_views, task_description
 from tests.interaction.broken import Broken
 from tests.interaction.people import TICK, Corridor, Person
 
@@ -490,18 +492,87 @@ def test_no_arrow_key_ends_or_changes_an_episode(arrows) -> None:
     assert not harmful & {"left", "right", "up", "down"}
 
 
+class Described(gymnasium.Env):
+    """An environment with the docstring of another."""
+
+    def __init__(self, text) -> None:
+        type(self).__doc__ = text
+
+
+def test_gymnasium_s_own_tasks_are_told_in_plain_words() -> None:
+    for name in ("FrozenLake-v1", "CliffWalking-v1", "Taxi-v4", "Blackjack-v1", "CartPole-v1",
+                 "MountainCar-v0", "Acrobot-v1"):  # fmt: skip
+        told = task_description(gymnasium.make(name))
+        assert told.endswith(".")
+        assert len(told) < 140
+        assert not set("`[*") & set(told)
+
+
+def ended(name, rewards, *, terminated):
+    """Return what the list of episodes says of an episode of a task of Gymnasium."""
+    env = gymnasium.make(name)
+    width = GuardedEnv(env).schema.n_features
+    length = len(rewards)
+    episode = Episode(
+        np.zeros((length + 1, width)), np.zeros(length, np.int64), rewards, terminated,
+        not terminated, ending="terminated" if terminated else "truncated",
+    )  # fmt: skip
+    view = episode_views([0], [episode], env)[0]
+    return view.result, view.success
+
+
+@pytest.mark.parametrize(
+    ("name", "rewards", "terminated", "told"),
+    [
+        ("FrozenLake-v1", [0.0, 1.0], True, ("goal", True)),
+        ("FrozenLake-v1", [0.0, 0.0], True, ("fell into a hole", False)),
+        ("FrozenLake-v1", [0.0, 0.0], False, ("truncated", False)),
+        ("CliffWalking-v1", [-100.0, -1.0], True, ("goal", True)),
+        ("Taxi-v4", [-10.0, 20.0], True, ("delivered", True)),
+        ("Taxi-v4", [-1.0], False, ("truncated", False)),
+        ("Blackjack-v1", [1.0], True, ("won", True)),
+        ("Blackjack-v1", [0.0], True, ("not won", False)),
+        ("CartPole-v1", [1.0, 1.0], True, ("fell or left the track", False)),
+        ("CartPole-v1", [1.0, 1.0], False, ("kept upright to the end", True)),
+        ("MountainCar-v0", [-1.0], True, ("goal", True)),
+        ("eutree/Evasion2-v0", [-1.0], True, ("terminated", None)),  # says so itself
+    ],
+)
+def test_success_is_told_where_the_return_tells_it(name, rewards, terminated, told) -> None:
+    assert ended(name, rewards, terminated=terminated) == told
+
+
+def test_an_episode_that_the_person_ended_is_no_failure() -> None:
+    env = gymnasium.make("FrozenLake-v1")
+    stopped = Episode(np.zeros((2, 1)), [0], [0.0], False, False, ending="stopped")
+    view = episode_views([0], [stopped], env)[0]
+    assert (view.result, view.success) == ("stopped", None)
+
+
+def test_a_task_without_an_end_says_so_before_the_first_episode() -> None:
+    for name, arguments, endless in (
+        ("CliffWalking-v1", {}, True),
+        ("CliffWalking-v1", {"max_episode_steps": 200}, False),
+        ("FrozenLake-v1", {}, False),
+        ("Blackjack-v1", {}, False),  # has no limit, and needs none
+    ):
+        env = gymnasium.make(name, render_mode="rgb_array", **arguments)
+        task = Session(GuardedEnv(env)).tick(0.0).view.task
+        assert ("no time limit" in task) == endless, name
+
+
 def test_the_task_is_told_in_the_environment_s_own_words() -> None:
     env = Corridor()
     env.task_description = "Walk to the  end."
     assert Person(env).view.task == "Walk to the end."
     assert Person().view.task == ""
-    cart = gymnasium.make("CartPole-v1", render_mode="rgb_array")
+    cart = Described(CartPoleEnv.__doc__)
     told = task_description(cart)
     assert told.startswith("A pole is attached by an un-actuated joint to a cart")
     assert "the goal is to balance the pole" in told  # who is to show it has to know
     assert told.endswith(".")
     assert len(told) <= 420
-    acrobot = gymnasium.make("Acrobot-v1", render_mode="rgb_array")
+    acrobot = Described(AcrobotEnv.__doc__)
     assert "swing the free end" in task_description(acrobot)
     assert "[" not in task_description(acrobot)
     evasion = gymnasium.make("eutree/Evasion2-v0", opponent_speed=2.0)

@@ -14,6 +14,7 @@ from eutree.interaction.play import DRIVING, OPENING, REVIEW, WATCHING, Play
 from eutree.interaction.recording import Recording
 from eutree.interaction.scenes import Course, Programme
 from eutree.interaction.trial import Trial
+from eutree.interaction.views import told
 
 READ_SECONDS = 1.5  # after the end of an episode of which nothing is to be read
 _COMMANDS = ("start", "pause", "redo", "end", "discard", "finish")
@@ -187,7 +188,7 @@ class Driving:
             self._recording.step(trial, action, now, {**measured, "by_hand": self._by_hand})
             episode = self._recording.episodes[-1] if trial.is_over else None
         if episode is not None:
-            self._ending, self._success = episode.ending, episode.is_success
+            self._ending, self._success = told(episode, self._env.env)
         play.controls.pace.begin(now)
         play.pictures.expect()
 

@@ -38,7 +38,7 @@ def look_at(env: gymnasium.Env[Any, Any], seed: int | None) -> None:
     if seed is None:
         return
     warn_of_codes(env, stacklevel=3)
-    if not _is_limited(env):
+    if not is_limited(env):
         warnings.warn(
             f"{_name(env)} has no time limit: an episode that does not end by itself is given up "
             f"after {MAX_EPISODE_STEPS:,} steps; --env-arg max_episode_steps=N sets one, or "
@@ -151,7 +151,7 @@ def _undisturbed() -> Iterator[None]:
         np.random.set_state(numpys)  # noqa: NPY002 - as above
 
 
-def _is_limited(env: gymnasium.Env[Any, Any]) -> bool:
+def is_limited(env: gymnasium.Env[Any, Any]) -> bool:
     """Return whether a wrapper, or by its own word the environment, ends each episode."""
     inner = env
     while isinstance(inner, gymnasium.Wrapper):

@@ -60,7 +60,7 @@ class Recording:
 
     def views(self) -> list[EpisodeView]:
         """Return the lines of the list of episodes."""
-        return episode_views(self.numbers, self.episodes)
+        return episode_views(self.numbers, self.episodes, self._env.env)
 
     def take_outputs(self) -> list[Output]:
         """Return what is to be stored, once."""

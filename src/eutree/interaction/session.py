@@ -60,7 +60,14 @@ from eutree.interaction.play import (
 from eutree.interaction.recording import Recording
 from eutree.interaction.settings import SessionSettings, frames_per_second, takes_turns
 from eutree.interaction.tree_making import Wishes
-from eutree.interaction.views import hands_fields, pace_fields, sensed, task_description
+from eutree.interaction.views import (
+    ENDLESS,
+    hands_fields,
+    never_ends,
+    pace_fields,
+    sensed,
+    task_description,
+)
 
 
 class Session:
@@ -118,6 +125,8 @@ class Session:
         self.wishes = Wishes(self.settings.makes)
         self.driving = Driving(env, self.play, self.recording)
         self.task = task_description(env.env)
+        if never_ends(env.env):
+            self.task = f"{self.task} {ENDLESS}".strip()
         self.fault: EnvironmentFault | None = None
         self._is_prepared = False
 

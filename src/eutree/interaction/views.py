@@ -3,6 +3,7 @@
 import inspect
 import re
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
 import gymnasium
@@ -10,6 +11,7 @@ import gymnasium
 from eutree.data import Episode
 from eutree.interaction.controls import Hands
 from eutree.interaction.events import ActionView, EpisodeView
+from eutree.interaction.first_look import is_limited
 from eutree.interaction.keys import KeyMap
 from eutree.interaction.pace import QUICK, Pace
 from eutree.interaction.trial import Trial
@@ -47,13 +49,15 @@ def pace_fields(pace: Pace, *, is_own: bool) -> dict[str, Any]:
     }
 
 
-def episode_views(numbers: Iterable[int], episodes: Iterable[Episode]) -> list[EpisodeView]:
-    """Return the lines of the list of episodes."""
+def episode_views(
+    numbers: Iterable[int], episodes: Iterable[Episode], env: gymnasium.Env[Any, Any] | None = None
+) -> list[EpisodeView]:
+    """Return the lines of the list of episodes, in the words of their environment."""
     return [
         EpisodeView(
             number=number,
-            result=episode.ending or "ended",
-            success=episode.is_success,
+            result=told(episode, env)[0],
+            success=told(episode, env)[1],
             length=len(episode),
             total=episode.undiscounted_return,
             kept=episode.kept,
@@ -62,6 +66,79 @@ def episode_views(numbers: Iterable[int], episodes: Iterable[Episode]) -> list[E
         )
         for number, episode in zip(numbers, episodes, strict=True)
     ]
+
+
+@dataclass(frozen=True)
+class _Told:
+    """How one of Gymnasium's own tasks says what a person wants to know: it reports no success.
+
+    Attributes:
+        task: The task in a sentence.
+        by: What is true of a success: ``"return"`` is above 0, or it was ``"terminated"``, or
+            ``"truncated"``.
+        good: What a success is called.
+        bad: What ends an episode that is none; empty for the time limit alone.
+    """
+
+    task: str
+    by: str
+    good: str = "goal"
+    bad: str = ""
+    always_ends: bool = False
+
+
+# By the name of the environment's class.
+_TOLD = {
+    "FrozenLakeEnv": _Told(
+        "Walk over the ice to the goal, and into no hole. The ice may be slippery: then a step "
+        "often goes aside.", "return", "goal", "fell into a hole"),
+    "CliffWalkingEnv": _Told(
+        "Walk along the cliff to the goal in the corner, in few steps. Whoever steps off the cliff "
+        "begins again.", "terminated"),
+    "TaxiEnv": _Told(
+        "Drive to the passenger, pick them up, drive to their destination and drop them off there.",
+        "terminated", "delivered"),
+    "BlackjackEnv": _Told(
+        "Come nearer to 21 than the dealer, and not above it: hit for one more card, or stick.",
+        "return", "won", "not won", always_ends=True),
+    "CartPoleEnv": _Told(
+        "Keep the pole upright and the cart on its track, by pushing the cart to the left or to "
+        "the right.", "truncated", "kept upright to the end", "fell or left the track"),
+    "MountainCarEnv": _Told(
+        "Rock the car to and fro until it reaches the flag on the right hill: its engine is too "
+        "weak to climb it at once.", "terminated"),
+    "AcrobotEnv": _Told(
+        "Swing the lower end of the two links above the line, by turning the joint between them.",
+        "terminated"),
+    "LunarLander": _Told(
+        "Land softly between the two flags, upright and with little fuel.", ""),
+}  # fmt: skip
+
+
+ENDLESS = (
+    "Nothing but the task itself ends an episode: it has no time limit, and a tree that stands "
+    "still would stand for ever. Start with --env-arg max_episode_steps=200 to set one."
+)
+
+
+def never_ends(env: gymnasium.Env[Any, Any]) -> bool:
+    """Return whether an episode may go on for ever, as far as the environment says."""
+    known = _TOLD.get(type(env.unwrapped).__name__)
+    return not is_limited(env) and not (known is not None and known.always_ends)
+
+
+def told(episode: Episode, env: gymnasium.Env[Any, Any] | None) -> tuple[str, bool | None]:
+    """Return how an episode ended, and whether that is a success, where its return tells it."""
+    plain = episode.ending or "ended"
+    known = None if env is None else _TOLD.get(type(env.unwrapped).__name__)
+    ended = episode.terminated or episode.truncated
+    if known is None or not known.by or episode.is_success is not None or not ended:
+        return plain, episode.is_success
+    by_return = episode.undiscounted_return > 0.0
+    success = by_return if known.by == "return" else bool(getattr(episode, known.by))
+    if success:
+        return known.good, True
+    return (known.bad if episode.terminated and known.bad else plain), False
 
 
 def sensed(schema: Schema, trial: Trial | None) -> list[tuple[str, str]]:
@@ -83,13 +160,16 @@ _LONGEST_TASK = 420
 def task_description(env: gymnasium.Env[Any, Any]) -> str:
     """Return the task in the environment's own words, or an empty string.
 
-    These are its ``task_description``; else the first paragraph under *Description* in its
-    docstring, without markup. Of a long one whole sentences are left: the first that names a goal
-    and what leads to it, else the first ones.
+    These are its ``task_description``, or for Gymnasium's own a sentence that is known here; else
+    the first paragraph under *Description* in its docstring, without markup. Of a long one whole
+    sentences are left: the first that names a goal and what leads to it, else the first ones.
     """
     own = getattr(env.unwrapped, "task_description", None)
     if isinstance(own, str):
         return " ".join(own.split())
+    known = _TOLD.get(type(env.unwrapped).__name__)
+    if known is not None:
+        return known.task
     found = _SECTION.search(inspect.cleandoc(type(env.unwrapped).__doc__ or ""))
     if found is None:
         return ""

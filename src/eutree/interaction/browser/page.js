@@ -490,7 +490,8 @@ function showButtons() {
 
 function mark(episode) {
   if (episode.success === true || episode.result === "goal") return GOOD;
-  if (episode.success === false && ["collision", "terminated"].includes(episode.result)) return BAD;
+  const cut = ["time limit", "truncated", "stopped", "interrupted", "fault"]; // no mistake of one moment
+  if (episode.success === false && !cut.includes(episode.result)) return BAD;
   return "";
 }
 
@@ -906,7 +907,7 @@ function sentence(episode) {
     goal: "Goal reached", collision: "Collision", "time limit": "Time is over", stopped: "Stopped by you",
     terminated: "The episode is over", truncated: "Time is over", interrupted: "Interrupted",
   };
-  const text = known[episode.result] || episode.result;
+  const text = known[episode.result] || episode.result.charAt(0).toUpperCase() + episode.result.slice(1);
   return episode.kept ? text : `${text} — ${episode.comment || "discarded"}`;
 }
 
