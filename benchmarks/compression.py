@@ -20,7 +20,7 @@ import numpy as np
 from eutree import TreePolicy, evaluate, fit_expert_tree, learn, record
 from eutree.c45 import C45Settings, grow
 from eutree.compression import RealEpisodes
-from eutree.compression.compress import compress, observation_box
+from eutree.compression.compressing import compress, observation_box
 from eutree.envs.experts import experts_for
 from eutree.interaction.making import make
 from eutree.trees.boxes import disagreement

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from eutree.c45 import C45Settings as C45Settings
     from eutree.c45.estimator import C45Classifier as C45Classifier
     from eutree.compression import CompressionReport as CompressionReport
-    from eutree.compression.compress import compress as compress
+    from eutree.compression.compressing import compress as compress
     from eutree.data import Demonstrations as Demonstrations
     from eutree.data import Episode as Episode
     from eutree.distillation import DistillationReport as DistillationReport
@@ -74,7 +74,7 @@ _PUBLIC = {
     "Budget": "eutree.training.values:Budget",
     "C45Classifier": "eutree.c45.estimator:C45Classifier",
     "C45Settings": "eutree.c45:C45Settings",
-    "compress": "eutree.compression.compress:compress",
+    "compress": "eutree.compression.compressing:compress",
     "CompressionReport": "eutree.compression:CompressionReport",
     "diff": "eutree.inspection.diff:diff",
     "distill": "eutree.distillation.distill:distill",

@@ -67,10 +67,10 @@ def test_files_of_a_folder() -> None:
 @pytest.mark.parametrize(
     ("code", "ceiling"),
     [
-        ("import eutree; eutree.learn; from eutree.learners import PRESETS", 148),
-        ("import eutree; eutree.compress", 98),
+        ("import eutree; eutree.learn; from eutree.learners import PRESETS", 131),
+        ("import eutree; eutree.compress", 75),
         ("import eutree; eutree.export.FORMATS", 46),
-        ("import eutree.cli.show, eutree.report", 152),
+        ("import eutree.cli.show, eutree.report", 142),
     ],
     ids=["learn", "compress", "export", "show"],
 )

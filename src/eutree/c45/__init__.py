@@ -1,7 +1,14 @@
 """Quinlan's C4.5 release 8, usable alone: growing, collapsing, error-based pruning."""
 
-from eutree.c45.learner import grow
+from typing import TYPE_CHECKING
+
 from eutree.c45.settings import C45Settings
-from eutree.c45.tree import C45Tree
+from eutree.lazy import lazily
+
+if TYPE_CHECKING:
+    from eutree.c45.learner import grow
+    from eutree.c45.tree import C45Tree
 
 __all__ = ["C45Settings", "C45Tree", "grow"]
+
+__getattr__ = lazily(__name__, {"eutree.c45.learner": "grow", "eutree.c45.tree": "C45Tree"})

@@ -2,14 +2,22 @@
 
 from typing import TYPE_CHECKING
 
-from eutree.compression.compress import compress
-from eutree.compression.episodes import RealEpisodes
-from eutree.compression.report import CompressionReport
 from eutree.lazy import lazily
 
 if TYPE_CHECKING:
+    from eutree.compression.compressing import compress
+    from eutree.compression.episodes import RealEpisodes
     from eutree.compression.imagined import ImaginedEpisodes
+    from eutree.compression.report import CompressionReport
 
 __all__ = ["CompressionReport", "ImaginedEpisodes", "RealEpisodes", "compress"]
 
-__getattr__ = lazily(__name__, {"eutree.compression.imagined": "ImaginedEpisodes"})
+__getattr__ = lazily(
+    __name__,
+    {
+        "eutree.compression.compressing": "compress",
+        "eutree.compression.episodes": "RealEpisodes",
+        "eutree.compression.imagined": "ImaginedEpisodes",
+        "eutree.compression.report": "CompressionReport",
+    },
+)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
-from eutree.c45 import C45Settings, grow
+from eutree.c45 import C45Settings
 from eutree.errors import InvalidArgumentError
 from eutree.policies import TreePolicy
 from eutree.trees import DecisionTree
@@ -202,6 +202,8 @@ def with_locks(candidate: TreePolicy, policy: TreePolicy) -> TreePolicy:
 
 def by_c45(policy: TreePolicy, rows: Floats, settings: C45Settings) -> TreePolicy:
     """Return what C4.5 makes of the recorded observations, labelled by the policy."""
+    from eutree.c45 import grow
+
     labels = policy.actions[policy.tree.leaf_index(rows)]
     grown = grow(rows, labels, n_classes=policy.schema.n_actions, settings=settings)
     tree, actions = grown.to_decision_tree()

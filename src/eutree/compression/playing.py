@@ -9,7 +9,7 @@ are divided among processes.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
@@ -22,7 +22,9 @@ from eutree.interaction.recipe import Recipe
 from eutree.interaction.seeding import Stream
 from eutree.parallel import Workers
 from eutree.policies import TreePolicy
-from eutree.world_model.rollouts import Gain
+
+if TYPE_CHECKING:
+    from eutree.world_model.rollouts import Gain
 
 Move = tuple[int, float]  # a node, and its new threshold
 
@@ -317,7 +319,7 @@ class CommonEpisodes:
 
     def gains(
         self, rivals: Sequence[TreePolicy], *, few: bool = False, above: float = -np.inf
-    ) -> list[Gain]:
+    ) -> "list[Gain]":
         """Return what rivals are worth more than the present tree.
 
         Args:
@@ -328,9 +330,11 @@ class CommonEpisodes:
         n = self.n // SCREENED if few else self.n
         own = self.worth(self.outcome)[:n]
         found = (self.worth(one) - own for one in self.outcomes(rivals, n))
+        from eutree.world_model.rollouts import Gain
+
         return [Gain(float(g.mean()), float(g.std() / np.sqrt(n)), True) for g in found]
 
-    def gains_of_moves(self, moves: Sequence[Move], *, few: bool = False) -> list[Gain]:
+    def gains_of_moves(self, moves: Sequence[Move], *, few: bool = False) -> "list[Gain]":
         """Return what moved thresholds, each alone, are worth more than the present tree."""
         return self.gains([moved(self.present, *one) for one in moves], few=few)
 

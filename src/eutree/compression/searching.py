@@ -9,7 +9,7 @@ at one size has to prove itself at the next.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -21,7 +21,9 @@ from eutree.policies import TreePolicy
 from eutree.thresholds import threshold_between
 from eutree.trees import DecisionTree
 from eutree.trees.edit import INNER, TreeBuilder, rebuild
-from eutree.world_model.rollouts import Gain
+
+if TYPE_CHECKING:
+    from eutree.world_model.rollouts import Gain
 
 SHIFTS = (0.02, 0.06, 0.15, 0.35, 0.7)  # of the smaller side's rows
 FEW = 20  # rows
@@ -72,7 +74,7 @@ class Episodes(Protocol):
 
     def gains(
         self, rivals: Sequence[TreePolicy], *, few: bool = False, above: float = -np.inf
-    ) -> list[Gain]:
+    ) -> "list[Gain]":
         """Return what rivals are worth more than the present tree.
 
         Args:
@@ -82,7 +84,7 @@ class Episodes(Protocol):
         """
         ...
 
-    def gains_of_moves(self, moves: Sequence[Move], *, few: bool = False) -> list[Gain]:
+    def gains_of_moves(self, moves: Sequence[Move], *, few: bool = False) -> "list[Gain]":
         """Return what moved thresholds are worth; who is worth less than nothing may leave early.
 
         Args:

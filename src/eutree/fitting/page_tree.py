@@ -221,8 +221,7 @@ class PageTree:
         """Return the view's fields on the ways beside each other, and on what practice changed."""
         from eutree.data import Demonstrations
         from eutree.fitting import Person
-        from eutree.interaction import GuardedEnv, describe, run_episode
-        from eutree.interaction.keys import keys_of_environment
+        from eutree.interaction import GuardedEnv, describe, keys_of_environment, run_episode
         from eutree.interaction.tree_making import WayView
 
         if len(self._ways) < 2 or self._best is None:

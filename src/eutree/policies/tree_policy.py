@@ -25,7 +25,6 @@ from eutree.policies.document import (
 from eutree.policies.leaf_statistics import LeafStatistics
 from eutree.policies.observed import rows_of
 from eutree.policies.order import check_masks, orders_of
-from eutree.policies.sklearn_tree import parts_of
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.trees import DecisionTree
 from eutree.trees.text import definitions, printable, rules
@@ -223,6 +222,8 @@ class TreePolicy(Displayed):
             schema: Names of features and actions; the classes are then names of actions or their
                 numbers. By default features and actions are named as in the classifier.
         """
+        from eutree.policies.sklearn_tree import parts_of
+
         return cls(**parts_of(classifier, schema))
 
     def act(self, features: Sequence[float], allowed: Booleans | None = None) -> int:

@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from eutree.compression.front import Front
 from eutree.compression.playing import Ground
 from eutree.compression.report import FrontEntry
 from eutree.errors import InvalidArgumentError
@@ -14,15 +13,16 @@ from eutree.interaction.seeding import Stream
 from eutree.learners import Learner
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
-from eutree.training.front import EARLIER, Extent, front_of_run
 from eutree.training.handover import Duel, judge
 from eutree.training.judging import Judgement, judged
 from eutree.training.phases import Plan, RunState, generator_of
 from eutree.training.proposals import key
 
 if TYPE_CHECKING:
+    from eutree.compression.front import Front
     from eutree.proof import Certificate
 
+EARLIER = 3  # trees of a run that smaller ones are made of: the last, and those before it
 Evaluator = Callable[[TreePolicy, int], Evaluation]  # (policy, seed) -> evaluation
 Player = Callable[[TreePolicy, Sequence[int], int], Evaluation]  # (policy, starts, seed)
 
@@ -139,6 +139,8 @@ class Evaluations:
         self, learned: TreePolicy, first: TreePolicy, learner: Learner, arena: Arena
     ) -> None:
         """Find the best tree of each size, and pick one; neither where steps are too few."""
+        from eutree.training.front import Extent, front_of_run
+
         plan, at, state = self._plan, self._state.at, self._state
         state.whole = True
         extent = None
@@ -169,7 +171,7 @@ class Evaluations:
         question = None if handover is None else handover.prefer_proven
         return None if question is None else ProvenFirst(arena.env.spec, question)
 
-    def _preferred(self, found: Front, arena: Arena) -> TreePolicy | None:
+    def _preferred(self, found: "Front", arena: Arena) -> TreePolicy | None:
         """Return the pick or, where proven trees are preferred, the best of those, if any is."""
         proven, picked = self._proven(arena), found.picked
         if proven is None or picked is None or self._plan.handover is None:

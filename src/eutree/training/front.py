@@ -23,8 +23,6 @@ from eutree.policies import TreePolicy
 from eutree.training.proposals import key
 from eutree.world_model.rollouts import Rollouts
 
-EARLIER = 3  # trees of a run that smaller ones are made of: the last, and those before it
-CHEAP_STEPS, DEAR_STEPS = 100, 2  # of playing for each step of the run: side by side, one by one
 IMAGINED, MOST_IMAGINED = 2000, 40_000_000  # steps for each step of the run, and at most
 FEWEST, MOST = 60, 1000  # starts
 TREES = 24  # that play, if there are steps for so many

@@ -18,10 +18,10 @@ from eutree.interaction.acting import Controller
 from eutree.learners import Method
 from eutree.learners.registry import reads_the_paper
 from eutree.policies import TreePolicy
-from eutree.training.front import CHEAP_STEPS, DEAR_STEPS
 from eutree.training.judging import LEARNED, START, Judgement, judged
 from eutree.validation import check_integer, check_number, check_range
 
+CHEAP_STEPS, DEAR_STEPS = 100, 2  # of playing for each step of the run: side by side, one by one
 FEWEST, MOST = 300, 5000  # pairs of episodes, where nobody names a number
 PAIRS = 5  # for each episode gathered
 STEPS = 10  # of judging for each environment step of the run

@@ -36,7 +36,6 @@ from eutree.compression.episodes import (
     meet,
     play_rounded,
 )
-from eutree.compression.front import Pick, front_of
 from eutree.compression.report import CompressionReport, FrontEntry
 from eutree.compression.rounding import Rounding, rounded, steps_of
 from eutree.contests.betting import episodes_needed
@@ -55,6 +54,7 @@ from eutree.validation import (
 )
 
 if TYPE_CHECKING:  # a world model is loaded where episodes are imagined
+    from eutree.compression.front import Pick
     from eutree.compression.imagined import ImaginedEpisodes, Pruned
 
 IMAGINED_STREAM = 41
@@ -128,6 +128,8 @@ def compress(
         rows = arena.observations(policy)
     costs = Costs.of(policy, rows, weights)
     if arena is not None and demand is not None and searches:
+        from eutree.compression.front import Pick
+
         pick = Pick(demand, margin is not None, max_leaves)
         found = _by_playing(policy, rows, arena, pick, steps if shortened else None)
         result, method, verdict, front = found
@@ -255,7 +257,7 @@ def _by_playing(
     policy: TreePolicy,
     rows: Floats,
     arena: Arena,
-    pick: Pick,
+    pick: "Pick",
     steps: Mapping[int, float] | None,
 ) -> tuple[TreePolicy, str, Verdict | None, tuple[FrontEntry, ...]]:
     """Return the pick of the front, which way made it, its verdict, and the front.
@@ -267,6 +269,8 @@ def _by_playing(
     def finish(tree: TreePolicy) -> TreePolicy:
         tree = with_locks(merged(tree), policy)
         return tree if steps is None else rounded(tree, rows, steps)
+
+    from eutree.compression.front import front_of
 
     exact = with_locks(merged(policy), policy)
     front = front_of(policy, exact, arena.ground(), pick, finish)
