@@ -1,0 +1,405 @@
+"""Measure the table: what a small tree earns at a size after a number of counted steps.
+
+Run: python benchmarks/table.py TASK [TASK ...] [--who eutree dagger viper network]
+     [--steps 10000 50000 100000] [--leaves 4 8 16 32] [--seeds 10] [--first 20000]
+     [--trees FOLDER] [--out docs/results/table]
+     python benchmarks/table.py --pages
+     python benchmarks/table.py --smoke
+
+A cell is a run of its own, in a process of its own: 15 demonstrations of the task's script, then
+the settings of ``src/eutree/zoo/settings/TASK.toml`` for the steps that are left, the demonstrations
+counted too. The tree has at most so many leaves, and 200 fresh episodes say what it earns.
+``dagger`` and ``viper`` make trees (CART) of a DQN of Stable-Baselines3 with the settings of its
+zoo, which has half of the steps; all its steps count. ``network`` is that DQN with all of them: the
+line above. A row is written as soon as it is known, and what a file of rows has already is not run
+again. ``--trees`` keeps each tree, from which ``benchmarks/zoo.py`` takes the best. ``--smoke`` runs
+a small fixed part and says where it is worse than the rows that are stored.
+Seeds from 1000 to 1999 are for tuning; those of the table begin at 20,000.
+"""
+
+import argparse
+import csv
+import importlib
+import multiprocessing
+import resource
+import subprocess
+import sys
+import time
+import tomllib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+import eutree
+from eutree import zoo
+from eutree.distillation import DistillationSettings
+from eutree.envs.experts import EXPERTS
+from eutree.evaluation import mean_interval
+from eutree.learners import method as method_of
+from eutree.learners.choices import with_choices
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))  # the examples
+ROWS = ROOT / "docs" / "results" / "table"
+STEPS, LEAVES = (10_000, 50_000, 100_000), (4, 8, 16, 32)
+SEEDS, FIRST, FINAL_EPISODES = 10, 20_000, 200
+ROUNDS, TEACHERS = 8, 0.5  # of DAgger and VIPER; the share of the steps that their teacher takes
+COLUMNS = ("who", "task", "steps", "leaves", "seed", "return", "error", "success", "worst",
+           "has_leaves", "used", "cpu_s", "peak_mb", "commit")  # fmt: skip
+# Of rl-baselines3-zoo's tuned DQN, as published; every number is in its hyperparams/dqn.yml.
+DQN: dict[str, dict[str, Any]] = {
+    "CartPole-v1": dict(learning_rate=2.3e-3, batch_size=64, buffer_size=100_000,
+                        learning_starts=1000, gamma=0.99, target_update_interval=10,
+                        train_freq=256, gradient_steps=128, exploration_fraction=0.16,
+                        exploration_final_eps=0.04),
+    "MountainCar-v0": dict(learning_rate=4e-3, batch_size=128, buffer_size=10_000,
+                           learning_starts=1000, gamma=0.98, target_update_interval=600,
+                           train_freq=16, gradient_steps=8, exploration_fraction=0.2,
+                           exploration_final_eps=0.07),
+    "Acrobot-v1": dict(learning_rate=6.3e-4, batch_size=128, buffer_size=50_000,
+                       learning_starts=0, gamma=0.99, target_update_interval=250, train_freq=4,
+                       gradient_steps=-1, exploration_fraction=0.12, exploration_final_eps=0.1),
+    "LunarLander-v3": dict(learning_rate=6.3e-4, batch_size=128, buffer_size=50_000,
+                           learning_starts=0, gamma=0.99, target_update_interval=250,
+                           train_freq=4, gradient_steps=-1, exploration_fraction=0.12,
+                           exploration_final_eps=0.1),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One run: who learns what, for how many steps, with how many leaves at most, which seed."""
+
+    who: str
+    task: str
+    steps: int
+    leaves: int
+    seed: int
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the settings of a task say: its method, and how a run of it goes."""
+
+    method: Any
+    expert: str
+    demonstrations: int
+    race: float  # share of the steps that are left
+
+    @classmethod
+    def of(cls, task: str) -> "Settings":
+        document = tomllib.loads(zoo.settings_of(task).read_text())
+        run = document.pop("run")
+        method = with_choices(method_of(document.pop("method")), document)
+        return cls(method, run["expert"], run["demonstrations"], run["race_share"])
+
+
+def demonstrated(cell: Cell, env: Any) -> tuple[eutree.Demonstrations, Settings]:
+    settings = Settings.of(cell.task)
+    script = script_of(cell.task, settings.expert)
+    return eutree.record(env, script, episodes=settings.demonstrations, seed=cell.seed), settings
+
+
+def script_of(task: str, name: str) -> Any:
+    """Return who demonstrates: one of the task's scripts, or MODULE:NAME."""
+    module, separator, name = name.rpartition(":")
+    if not separator:
+        return EXPERTS[task][name]
+    found = getattr(importlib.import_module(module), name)
+    return found() if isinstance(found, type) else found
+
+
+def learned(cell: Cell, env: Any) -> tuple[eutree.TreePolicy, int]:
+    """Return the tree of a run with the task's settings, and all steps that it took."""
+    shown, settings = demonstrated(cell, env)
+    left = cell.steps - shown.n_transitions
+    if left <= 0:
+        raise SystemExit(f"{cell}: the demonstrations alone take {shown.n_transitions} steps")
+    result = eutree.learn(
+        env, demonstrations=shown, method=settings.method, steps=left,
+        race_steps=int(settings.race * left), max_leaves=cell.leaves, judge_episodes=0,
+        evaluate_every=10**6, evaluation_episodes=1, seed=cell.seed,
+    )  # fmt: skip
+    return result.policy, result.environment_steps.total
+
+
+def network(task: str, env: Any, steps: int, seed: int) -> Any:
+    """Return a DQN of Stable-Baselines3 that learned for so many steps."""
+    import torch
+    from stable_baselines3 import DQN as Learner
+
+    torch.set_num_threads(1)
+    model = Learner("MlpPolicy", env, policy_kwargs={"net_arch": [256, 256]}, seed=seed,
+                    device="cpu", **DQN[task])  # fmt: skip
+    return model.learn(steps)
+
+
+def distilled(cell: Cell, env: Any) -> tuple[eutree.TreePolicy, int]:
+    """Return the best tree that DAgger or VIPER makes of a network; all steps are counted."""
+    steps = int(TEACHERS * cell.steps)
+    model = network(cell.task, gymnasium.make(cell.task), steps, cell.seed)
+
+    def action_values(observations: np.ndarray) -> np.ndarray:
+        tensor, _ = model.policy.obs_to_tensor(observations.astype(np.float32))
+        return model.q_net(tensor).detach().numpy()
+
+    longest = gymnasium.spec(cell.task).max_episode_steps or 1000
+    each = max((cell.steps - steps) // (3 * ROUNDS * longest), 1)
+    tree, report = eutree.distill(
+        model, env,
+        DistillationSettings(method=cell.who, learner="cart", max_leaves=cell.leaves,
+                             iterations=ROUNDS, episodes=each, validation_episodes=2 * each),
+        action_values=action_values, seed=cell.seed,
+    )  # fmt: skip
+    return tree, steps + report.environment_steps
+
+
+def measured(cell: Cell, trees: Path | None) -> dict[str, Any]:
+    """Run a cell and return its row; its tree is kept in a folder, if there is one."""
+    env = gymnasium.make(cell.task)
+    begin = time.process_time()
+    if cell.who == "network":
+        policy: Any = network(cell.task, env, cell.steps, cell.seed)
+        used, has_leaves = cell.steps, 0
+    else:
+        policy, used = (learned if cell.who == "eutree" else distilled)(cell, env)
+        has_leaves = policy.tree.n_leaves
+    spent = time.process_time() - begin
+    end = eutree.evaluate(policy, env, episodes=FINAL_EPISODES, seed=1_000_000 + cell.seed)
+    if trees is not None and cell.who == "eutree":
+        trees.mkdir(parents=True, exist_ok=True)
+        name = f"{cell.task.replace('/', '-')}-{cell.steps}-{cell.leaves}-{cell.seed}.json"
+        policy.save(trees / name)
+    returns = end.returns
+    return {
+        "who": cell.who, "task": cell.task, "steps": cell.steps, "leaves": cell.leaves,
+        "seed": cell.seed, "return": round(float(returns.mean()), 2),
+        "error": round(float(returns.std(ddof=1) / np.sqrt(returns.size)), 2),
+        "success": "" if end.success_rate is None else round(float(end.success_rate), 4),
+        "worst": round(float(returns.min()), 2), "has_leaves": has_leaves, "used": used,
+        "cpu_s": round(spent, 1),
+        "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024,
+        "commit": commit(),
+    }  # fmt: skip
+
+
+def commit() -> str:
+    done = subprocess.run(
+        ["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True
+    )
+    return done.stdout.strip()
+
+
+def file_of(folder: Path, task: str) -> Path:
+    return folder / f"{task.replace('/', '-')}.csv"
+
+
+def rows_of(path: Path) -> list[dict[str, str]]:
+    if not path.exists():
+        return []
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def known(path: Path) -> set[Cell]:
+    return {
+        Cell(row["who"], row["task"], int(row["steps"]), int(row["leaves"]), int(row["seed"]))
+        for row in rows_of(path)
+    }
+
+
+def run(cells: Iterable[Cell], folder: Path, trees: Path | None) -> None:
+    """Run what is not known yet, each cell in a fresh process, one after the other."""
+    context = multiprocessing.get_context("spawn")
+    for cell in cells:
+        path = file_of(folder, cell.task)
+        if cell in known(path):
+            continue
+        with context.Pool(1) as pool:
+            row = pool.apply(measured, (cell, trees))
+        fresh = not path.exists()
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("a", newline="") as file:
+            writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+            if fresh:
+                writer.writeheader()
+            writer.writerow(row)
+        print(*(f"{key}={row[key]}" for key in COLUMNS), flush=True)
+
+
+def cells_of(arguments: argparse.Namespace) -> list[Cell]:
+    """Return the cells that were asked for; a network has no leaves, so one size is enough."""
+    return [
+        Cell(who, task, steps, leaves, seed)
+        for task in arguments.tasks
+        for who in arguments.who
+        for steps in arguments.steps
+        for leaves in ([0] if who == "network" else arguments.leaves)
+        for seed in range(arguments.first, arguments.first + arguments.seeds)
+    ]
+
+
+# The fixed part that each change can afford: under ten minutes on two cores.
+SMOKE = [
+    Cell("eutree", task, steps, leaves, seed)
+    for task, steps, leaves in (
+        ("MountainCar-v0", 50_000, 8),
+        ("CartPole-v1", 50_000, 4),
+        ("eutree/Evasion2-v0", 10_000, 16),
+        ("Acrobot-v1", 50_000, 8),
+    )
+    for seed in range(FIRST, FIRST + 4)
+]
+
+
+def smoke(folder: Path) -> int:
+    """Run the fixed part again, and return how many of its tasks are worse than what is stored.
+
+    The probability of improvement is the share of all pairs, a run of now and a run of then, in
+    which the one of now earns more (ties count half; Agarwal et al. 2021).
+    """
+    worse = 0
+    context = multiprocessing.get_context("spawn")
+    for task in dict.fromkeys(cell.task for cell in SMOKE):
+        cells = [cell for cell in SMOKE if cell.task == task]
+        with context.Pool(2) as pool:
+            now = pool.starmap(measured, [(cell, None) for cell in cells])
+        same = (cells[0].steps, cells[0].leaves)
+        then = [
+            row for row in rows_of(file_of(folder, task))
+            if row["who"] == "eutree" and (int(row["steps"]), int(row["leaves"])) == same
+        ]  # fmt: skip
+        if not then:
+            print(f"{task}: nothing is stored to compare with")
+            continue
+        pairs = [
+            (float(one["return"]), float(other["return"])) for one in now for other in then
+        ]  # each of now beside each of then
+        better = np.mean([(a > b) + 0.5 * (a == b) for a, b in pairs])
+        leaves = [np.mean([float(row["has_leaves"]) for row in rows]) for rows in (now, then)]
+        returns = [np.mean([float(row["return"]) for row in rows]) for rows in (now, then)]
+        bad = better < 0.25 or leaves[0] > leaves[1] + 3
+        worse += bool(bad)
+        print(
+            f"{task}: return {returns[0]:.1f} for {returns[1]:.1f}, leaves {leaves[0]:.1f} for "
+            f"{leaves[1]:.1f}, probability of improvement {better:.2f}"
+            f"{': WORSE' if bad else ''}",
+            flush=True,
+        )
+    return worse
+
+
+def summary(rows: list[dict[str, str]]) -> str:
+    """Return a cell of the table: mean, its interval over seeds, the worst seed, the leaves."""
+    returns = [float(row["return"]) for row in rows]
+    low, high = mean_interval(returns)
+    has = np.mean([float(row["has_leaves"]) for row in rows])
+    size = f"; {has:.1f} leaves" if has else ""
+    return f"{np.mean(returns):.1f} [{low:.1f}, {high:.1f}], worst {min(returns):.1f}{size}"
+
+
+def page(folder: Path) -> str:
+    """Return the page of all rows that are stored."""
+    lines = [HEAD]
+    for path in sorted(folder.glob("*.csv")):
+        rows = rows_of(path)
+        task = rows[0]["task"]
+        lines += ["", f"## {task}", "", f"![Return at each size](table-{path.stem}.svg)", ""]
+        budgets = sorted({int(row["steps"]) for row in rows})
+        lines.append(f"| who, at most | {' | '.join(f'{b:,} steps' for b in budgets)} |")
+        lines.append("|---" * (len(budgets) + 1) + "|")
+        kinds = dict.fromkeys((row["who"], int(row["leaves"])) for row in rows)
+        for who, leaves in sorted(kinds):
+            cells = []
+            for budget in budgets:
+                here = [
+                    row for row in rows
+                    if (row["who"], int(row["leaves"]), int(row["steps"])) == (who, leaves, budget)
+                ]  # fmt: skip
+                few = f" ({len(here)} seeds)" if 0 < len(here) < SEEDS else ""
+                cells.append(summary(here) + few if here else "")
+            name = who if not leaves else f"{who}, {leaves} leaves"
+            lines.append(f"| {name} | {' | '.join(cells)} |")
+        ours = [row for row in rows if row["who"] == "eutree"]
+        lines += [
+            "",
+            f"A run of eutree took {np.mean([float(row['cpu_s']) for row in ours]):.0f} CPU "
+            f"seconds on average, {max(float(row['cpu_s']) for row in ours):.0f} at most, and "
+            f"{max(int(row['peak_mb']) for row in ours)} MB at its peak. Sources: "
+            f"{', '.join(sorted({row['commit'] for row in rows}))}.",
+        ]
+    return "\n".join(lines) + "\n"
+
+
+HEAD = """# Return at size at counted steps
+
+Each cell: mean return of ten runs (200 fresh episodes each), 95 % interval over the runs, worst
+run, mean number of leaves. Every environment step is counted: demonstrations, learning, races. Made
+by `python benchmarks/table.py TASK` for each task and `python benchmarks/table.py --pages`; every
+run is a row in `docs/results/table/`. The settings are those of `eutree learn --settings zoo:TASK`
+and were chosen on seeds from 1000 on; the runs here have the seeds from 20,000 on."""
+
+
+def draw(folder: Path) -> None:
+    """Draw a picture for each task: mean return over size, a line for each budget and rival."""
+    import matplotlib as mpl
+
+    mpl.use("svg")
+    import matplotlib.pyplot as plt
+
+    mpl.rcParams["svg.hashsalt"] = "eutree"
+    for path in sorted(folder.glob("*.csv")):
+        rows = rows_of(path)
+        figure, axes = plt.subplots(figsize=(6.4, 3.8), layout="constrained")
+        kinds = dict.fromkeys((row["who"], int(row["steps"])) for row in rows)
+        for who, steps in sorted(kinds):
+            here = [row for row in rows if (row["who"], int(row["steps"])) == (who, steps)]
+            sizes = sorted({int(row["leaves"]) for row in here})
+            returns = [[float(r["return"]) for r in here if int(r["leaves"]) == n] for n in sizes]
+            means = [float(np.mean(one)) for one in returns]
+            label = f"{who}, {steps:,} steps"
+            if who == "network":
+                axes.axhline(means[0], linestyle=":", color="0.5", label=label)
+                continue
+            spread = [np.subtract(mean_interval(one)[1], np.mean(one)) for one in returns]
+            axes.errorbar(sizes, means, yerr=spread, marker="o", capsize=3, label=label,
+                          linestyle="-" if who == "eutree" else "--")  # fmt: skip
+        axes.set_xscale("log", base=2)
+        axes.set_xticks(LEAVES, [str(n) for n in LEAVES])
+        axes.set_xlabel("leaves, at most")
+        axes.set_ylabel("mean return")
+        axes.set_title(rows[0]["task"])
+        axes.grid(alpha=0.3)
+        axes.legend(fontsize=8)
+        figure.savefig(folder.parent / f"table-{path.stem}.svg", metadata={"Date": None})
+        plt.close(figure)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("tasks", nargs="*")
+    parser.add_argument("--who", nargs="+", default=["eutree"])
+    parser.add_argument("--steps", nargs="+", type=int, default=list(STEPS))
+    parser.add_argument("--leaves", nargs="+", type=int, default=list(LEAVES))
+    parser.add_argument("--seeds", type=int, default=SEEDS)
+    parser.add_argument("--first", type=int, default=FIRST)
+    parser.add_argument("--trees", type=Path)
+    parser.add_argument("--out", type=Path, default=ROWS)
+    parser.add_argument("--pages", action="store_true")
+    parser.add_argument("--smoke", action="store_true")
+    arguments = parser.parse_args()
+    if arguments.smoke:
+        raise SystemExit(smoke(arguments.out))
+    if arguments.pages:
+        draw(arguments.out)
+        (arguments.out.parent / "table.md").write_text(page(arguments.out))
+    else:
+        run(cells_of(arguments), arguments.out, arguments.trees)
+
+
+if __name__ == "__main__":
+    main()

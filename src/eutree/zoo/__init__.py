@@ -1,0 +1,153 @@
+"""Learned trees that come with the package: the best of each task at each size.
+
+Every tree was learned by this package, in a run whose command, seed and counted steps its card
+names, and evaluated on episodes that chose nothing (``benchmarks/table.py``, docs/results/zoo.md).
+
+>>> from eutree import zoo
+>>> zoo.load("MountainCar-v0").tree.n_leaves <= 8
+True
+"""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from eutree.errors import InvalidArgumentError, UnknownNameError
+from eutree.policies import TreePolicy
+
+__all__ = ["PREFIX", "Card", "card", "cards", "load", "path_of", "settings_of", "tasks"]
+
+PREFIX = "zoo:"  # of a name where a file could stand as well
+_HOME = Path(__file__).parent
+
+
+@dataclass(frozen=True, kw_only=True)
+class Card:
+    """What is known of a tree of the zoo.
+
+    Attributes:
+        task: Id of its environment.
+        most_leaves: The size that it is the best of.
+        leaves: Leaves that it has.
+        mean_return: Mean return of the episodes.
+        interval: 95 % interval of the mean over the episodes.
+        worst: Return of the worst of them.
+        success: Share of them that succeeded; None where the task has no success.
+        episodes: Fresh episodes that were played.
+        steps: Environment steps that it was learned in, everything counted.
+        seed: Seed of its run.
+        command: What learned it.
+        commit: With which sources.
+        date: When, as YYYY-MM-DD.
+        extra: What has to be installed to play it, such as ``gymnasium[box2d]``; may be empty.
+        proven: What ``eutree prove`` says of it; None where nothing is proven.
+        file: Its file in the zoo.
+    """
+
+    task: str
+    most_leaves: int
+    leaves: int
+    mean_return: float
+    interval: tuple[float, float]
+    worst: float
+    success: float | None
+    episodes: int
+    steps: int
+    seed: int
+    command: str
+    commit: str
+    date: str
+    extra: str
+    proven: str | None
+    file: str
+
+    @property
+    def name(self) -> str:
+        """Return the name by which it is loaded, such as ``CartPole-v1:4``."""
+        return f"{self.task}:{self.most_leaves}"
+
+
+@cache
+def cards() -> tuple[Card, ...]:
+    """Return the cards of all trees: task by task, the smallest size first."""
+    documents = json.loads((_HOME / "cards.json").read_text())
+    return tuple(Card(**one | {"interval": tuple(one["interval"])}) for one in documents)
+
+
+def tasks() -> tuple[str, ...]:
+    """Return the ids of the tasks of which there are trees."""
+    return tuple(dict.fromkeys(one.task for one in cards()))
+
+
+def card(name: str) -> Card:
+    """Return the card of a tree.
+
+    Args:
+        name: A task, ``MountainCar-v0``, for the smallest of its trees whose mean return lies in
+            the interval of the best one's; or with a size, ``MountainCar-v0:4``, for the best of at
+            most so many leaves.
+
+    Raises:
+        UnknownNameError: There is no tree of this task.
+        InvalidArgumentError: There is none as small as that.
+    """
+    task, separator, size = name.removeprefix(PREFIX).rpartition(":")
+    if not separator:
+        task, size = size, ""
+    known = [one for one in cards() if one.task == task]
+    if not known:
+        raise UnknownNameError("tree of the zoo", task, tasks(), hint="eutree zoo lists them")
+    if size:
+        return _at_most(known, task, size)
+    best = max(known, key=lambda one: one.mean_return)
+    return next(one for one in known if one.mean_return >= best.interval[0])
+
+
+def _at_most(known: list[Card], task: str, size: str) -> Card:
+    """Return the best of the trees of a task with at most so many leaves."""
+    small = [one for one in known if size.isdecimal() and one.leaves <= int(size)]
+    if not small:
+        raise InvalidArgumentError(
+            f"the size of {task} in the zoo must be a number of leaves, at least "
+            f"{min(one.leaves for one in known)}, got {size!r}"
+        )
+    return max(small, key=lambda one: one.mean_return)
+
+
+def path_of(name: str) -> Path:
+    """Return the policy file of a tree; see ``card`` for its name."""
+    return _HOME / "trees" / card(name).file
+
+
+def load(name: str) -> TreePolicy:
+    """Return a tree of the zoo, ready to decide; see ``card`` for its name and the errors."""
+    return TreePolicy.load(path_of(name))
+
+
+def settings_of(task: str) -> Path:
+    """Return the file of settings that are known to work on a task, for ``learn --settings``.
+
+    Raises:
+        UnknownNameError: There is none of this task.
+    """
+    name = task.removeprefix(PREFIX)
+    found = _HOME / "settings" / f"{name.replace('/', '-')}.toml"
+    if name not in _tuned() or not found.exists():
+        raise UnknownNameError("task with settings", name, _tuned(), hint="eutree zoo lists them")
+    return found
+
+
+def _tuned() -> tuple[str, ...]:
+    """Return the tasks of which settings are known."""
+    return tuple(sorted(_task_of(one) for one in _files()))
+
+
+def _files() -> Iterator[Path]:
+    yield from (_HOME / "settings").glob("*.toml")
+
+
+def _task_of(file: Path) -> str:
+    name = file.stem
+    return name.replace("-", "/", 1) if name.startswith("eutree-") else name
