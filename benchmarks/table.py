@@ -7,13 +7,13 @@ Run: python benchmarks/table.py TASK [TASK ...] [--who eutree dagger viper netwo
      python benchmarks/table.py --smoke
 
 A cell is a run of its own, in a process of its own: 15 demonstrations of the task's script, then
-the settings of ``src/eutree/zoo/settings/TASK.toml`` for the steps that are left, the demonstrations
-counted too. The tree has at most so many leaves, and 200 fresh episodes say what it earns.
+the settings of ``src/eutree/zoo/settings/TASK.toml`` for the steps that are left (demonstrations
+count). The tree has at most so many leaves, and 200 fresh episodes say what it earns.
 ``dagger`` and ``viper`` make trees (CART) of a DQN of Stable-Baselines3 with the settings of its
-zoo, which has half of the steps; all its steps count. ``network`` is that DQN with all of them: the
-line above. A row is written as soon as it is known, and what a file of rows has already is not run
-again. ``--trees`` keeps each tree, from which ``benchmarks/zoo.py`` takes the best. ``--smoke`` runs
-a small fixed part and says where it is worse than the rows that are stored.
+zoo, which has half of the steps; all its steps count. ``network`` is that DQN with all of them:
+the line above. A row is written as soon as it is known, and what a file of rows has already is not
+run again. ``--trees`` keeps each tree, from which ``benchmarks/zoo.py`` takes the best. ``--smoke``
+runs a small fixed part and says where it is worse than the rows that are stored.
 Seeds from 1000 to 1999 are for tuning; those of the table begin at 20,000.
 """
 
@@ -52,21 +52,21 @@ COLUMNS = ("who", "task", "steps", "leaves", "seed", "return", "error", "success
            "has_leaves", "used", "cpu_s", "peak_mb", "commit")  # fmt: skip
 # Of rl-baselines3-zoo's tuned DQN, as published; every number is in its hyperparams/dqn.yml.
 DQN: dict[str, dict[str, Any]] = {
-    "CartPole-v1": dict(learning_rate=2.3e-3, batch_size=64, buffer_size=100_000,
-                        learning_starts=1000, gamma=0.99, target_update_interval=10,
-                        train_freq=256, gradient_steps=128, exploration_fraction=0.16,
-                        exploration_final_eps=0.04),
-    "MountainCar-v0": dict(learning_rate=4e-3, batch_size=128, buffer_size=10_000,
-                           learning_starts=1000, gamma=0.98, target_update_interval=600,
-                           train_freq=16, gradient_steps=8, exploration_fraction=0.2,
-                           exploration_final_eps=0.07),
-    "Acrobot-v1": dict(learning_rate=6.3e-4, batch_size=128, buffer_size=50_000,
-                       learning_starts=0, gamma=0.99, target_update_interval=250, train_freq=4,
-                       gradient_steps=-1, exploration_fraction=0.12, exploration_final_eps=0.1),
-    "LunarLander-v3": dict(learning_rate=6.3e-4, batch_size=128, buffer_size=50_000,
-                           learning_starts=0, gamma=0.99, target_update_interval=250,
-                           train_freq=4, gradient_steps=-1, exploration_fraction=0.12,
-                           exploration_final_eps=0.1),
+    "CartPole-v1": {"learning_rate": 2.3e-3, "batch_size": 64, "buffer_size": 100_000,
+                        "learning_starts": 1000, "gamma": 0.99, "target_update_interval": 10,
+                        "train_freq": 256, "gradient_steps": 128, "exploration_fraction": 0.16,
+                        "exploration_final_eps": 0.04},
+    "MountainCar-v0": {"learning_rate": 4e-3, "batch_size": 128, "buffer_size": 10_000,
+                           "learning_starts": 1000, "gamma": 0.98, "target_update_interval": 600,
+                           "train_freq": 16, "gradient_steps": 8, "exploration_fraction": 0.2,
+                           "exploration_final_eps": 0.07},
+    "Acrobot-v1": {"learning_rate": 6.3e-4, "batch_size": 128, "buffer_size": 50_000,
+                       "learning_starts": 0, "gamma": 0.99, "target_update_interval": 250, "train_freq": 4,
+                       "gradient_steps": -1, "exploration_fraction": 0.12, "exploration_final_eps": 0.1},
+    "LunarLander-v3": {"learning_rate": 6.3e-4, "batch_size": 128, "buffer_size": 50_000,
+                           "learning_starts": 0, "gamma": 0.99, "target_update_interval": 250,
+                           "train_freq": 4, "gradient_steps": -1, "exploration_fraction": 0.12,
+                           "exploration_final_eps": 0.1},
 }  # fmt: skip
 
 
@@ -129,11 +129,11 @@ def learned(cell: Cell, env: Any) -> tuple[eutree.TreePolicy, int]:
 
 def network(task: str, env: Any, steps: int, seed: int) -> Any:
     """Return a DQN of Stable-Baselines3 that learned for so many steps."""
+    import stable_baselines3
     import torch
-    from stable_baselines3 import DQN as Learner
 
     torch.set_num_threads(1)
-    model = Learner("MlpPolicy", env, policy_kwargs={"net_arch": [256, 256]}, seed=seed,
+    model = stable_baselines3.DQN("MlpPolicy", env, policy_kwargs={"net_arch": [256, 256]}, seed=seed,
                     device="cpu", **DQN[task])  # fmt: skip
     return model.learn(steps)
 

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from eutree import mdp as mdp
     from eutree import report as report
     from eutree import splitting as splitting
+    from eutree import zoo as zoo
     from eutree.c45 import C45Settings as C45Settings
     from eutree.c45.estimator import C45Classifier as C45Classifier
     from eutree.compression import CompressionReport as CompressionReport
@@ -125,6 +126,7 @@ _PUBLIC = {
     "UnsupportedSpaceError": "eutree.errors:UnsupportedSpaceError",
     "verify": "eutree.inspection.verify:verify",
     "why": "eutree.inspection.why:why",
+    "zoo": "eutree.zoo",
 }
 
 __all__ = list(_PUBLIC)

@@ -34,6 +34,11 @@ _COMMENTS: dict[str, Callable[[str], str]] = {
 }
 
 
+def in_zoo(path: Path | str) -> bool:
+    """Return whether a tree of the zoo is named, ``zoo:NAME``, and not a file."""
+    return str(path).startswith("zoo:") and not Path(path).exists()
+
+
 def load_policy(path: Path, *, hand_edited: bool = False) -> "TreePolicy":
     """Return the policy in a file, or the one that a run folder ended with, with ``--names``.
 
@@ -71,7 +76,11 @@ def renamed(policy: "TreePolicy", names: "Names") -> "TreePolicy":
 
 
 def policy_file(path: Path) -> Path:
-    """Return the policy's file: ``path`` itself, or ``policy.json`` in a run folder."""
+    """Return the policy's file: of the zoo, ``path`` itself, or ``policy.json`` in a run folder."""
+    if in_zoo(path):
+        from eutree.zoo import path_of
+
+        return path_of(str(path))
     if not path.is_dir():
         return path
     file = path / "policy.json"
@@ -115,7 +124,7 @@ def controller(name: str, option: str, spec: EnvironmentSpec) -> "Controller":
         return known[name]
     if is_own(name):
         return own_controller(name, option)
-    path = Path(name)
+    path = policy_file(Path(name))
     if path.suffix == ".py":
         raise InvalidArgumentError(f"{option} {name}: name what decides in it: {name}:NAME")
     if not path.exists():
@@ -127,7 +136,7 @@ def controller(name: str, option: str, spec: EnvironmentSpec) -> "Controller":
 
 def is_own(name: str) -> bool:
     """Return whether a name is that of something in a module, and not of a file."""
-    return ":" in name and not Path(name).exists()
+    return ":" in name and not Path(name).exists() and not in_zoo(name)
 
 
 def own_controller(name: str, option: str) -> "Controller":

@@ -189,11 +189,12 @@ def _where(source: Path, policy: "TreePolicy", arguments: dict[str, Any]) -> Env
 
 
 def _policy(source: Path) -> "TreePolicy":
+    from eutree.cli._policies import policy_file
     from eutree.policies import TreePolicy
     from eutree.training.many import folder_of_winner
 
     if not source.is_dir():
-        return TreePolicy.load(source)
+        return TreePolicy.load(policy_file(source))
     return TreePolicy.load(folder_of_winner(source) / "policy.json")
 
 

@@ -30,6 +30,7 @@ COMMANDS = {
     "edit": "Change a policy by hand, and lock what must stay.",
     "why": "Say why a policy decides as it does for an observation.",
     "show": "Show a policy's tree in the terminal or as a page.",
+    "zoo": "List the learned trees that come with the package.",
     "demo": "Run the whole main job once, ending in an HTML report.",
     "warm-up": "Compile everything now, so that no later command waits for it.",
 }

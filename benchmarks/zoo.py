@@ -1,0 +1,122 @@
+"""Choose the trees of the zoo: of those that the table's runs kept, the best at each size.
+
+Run: python benchmarks/zoo.py FOLDER [--episodes 1000]
+
+FOLDER holds the trees of ``python benchmarks/table.py TASK --trees FOLDER``. The three of each task
+and size that earned most there play 1,000 fresh episodes, which choose one; 1,000 others, which
+chose nothing, are what its card says. A tree that is no better than a smaller one is left out. What
+``eutree prove`` says within its usual limits is on the card, where the task has a plant.
+"""
+
+import argparse
+import json
+import shutil
+import subprocess
+from dataclasses import asdict
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+import eutree
+from eutree import zoo
+from eutree.evaluation import mean_interval
+from eutree.proof import plant_of, prove
+from eutree.schema import EnvironmentSpec
+
+ROOT = Path(__file__).resolve().parents[1]
+HOME = ROOT / "src" / "eutree" / "zoo"
+SIZES = (4, 8, 16, 32)
+CHOOSING, JUDGING = 5_000_000, 7_000_000  # seeds of the episodes that choose, and that judge
+EXTRAS = {"LunarLander-v3": "gymnasium[box2d]"}
+FINALISTS = 3
+
+
+def rows() -> list[dict[str, str]]:
+    """Return all rows of the table that are ours."""
+    import csv
+
+    found = []
+    for path in sorted((ROOT / "docs" / "results" / "table").glob("*.csv")):
+        with path.open(newline="") as file:
+            found += [row for row in csv.DictReader(file) if row["who"] == "eutree"]
+    return found
+
+
+def file_of(row: dict[str, str], trees: Path) -> Path:
+    task = row["task"].replace("/", "-")
+    return trees / f"{task}-{row['steps']}-{row['leaves']}-{row['seed']}.json"
+
+
+def returns_of(policy: eutree.TreePolicy, task: str, episodes: int, seed: int) -> Any:
+    return eutree.evaluate(policy, gymnasium.make(task), episodes=episodes, seed=seed)
+
+
+def best_of(
+    candidates: list[dict[str, str]], trees: Path, episodes: int
+) -> tuple[dict[str, str], eutree.TreePolicy]:
+    """Return the row and the tree that earn most on episodes of the choice."""
+    order = sorted(candidates, key=lambda row: -float(row["return"]))[:FINALISTS]
+    loaded = [(row, eutree.TreePolicy.load(file_of(row, trees))) for row in order]
+    played = [returns_of(tree, row["task"], episodes, CHOOSING).mean_return for row, tree in loaded]
+    return loaded[int(np.argmax(played))]
+
+
+def proven(policy: eutree.TreePolicy, task: str) -> str | None:
+    """Return what is proven of a tree, in a sentence."""
+    plant = plant_of(EnvironmentSpec(task, {}))
+    if plant is None:
+        return None
+    found = prove(policy, plant)
+    return found.sentence if found.verdict == "proven" else None
+
+
+def card_of(row: dict[str, str], policy: eutree.TreePolicy, size: int, episodes: int) -> zoo.Card:
+    task = row["task"]
+    end = returns_of(policy, task, episodes, JUDGING)
+    low, high = mean_interval(end.returns)
+    return zoo.Card(
+        task=task, most_leaves=size, leaves=policy.n_leaves,
+        mean_return=round(float(end.mean_return), 2),
+        interval=(round(low, 2), round(high, 2)), worst=round(float(end.returns.min()), 2),
+        success=None if end.success_rate is None else round(float(end.success_rate), 4),
+        episodes=episodes, steps=int(row["used"]), seed=int(row["seed"]),
+        command=f"python benchmarks/table.py {task} --steps {row['steps']} "
+        f"--leaves {row['leaves']} --first {row['seed']} --seeds 1",
+        commit=row["commit"], date=date.today().isoformat(), extra=EXTRAS.get(task, ""),
+        proven=proven(policy, task), file=f"{task.replace('/', '-')}-{size}.json",
+    )  # fmt: skip
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("trees", type=Path)
+    parser.add_argument("--episodes", type=int, default=1000)
+    arguments = parser.parse_args()
+    kept = [row for row in rows() if file_of(row, arguments.trees).exists()]
+    cards: list[zoo.Card] = []
+    shutil.rmtree(HOME / "trees", ignore_errors=True)
+    (HOME / "trees").mkdir()
+    for task in dict.fromkeys(row["task"] for row in kept):
+        best: zoo.Card | None = None
+        for size in SIZES:
+            small = [row for row in kept if row["task"] == task and int(row["has_leaves"]) <= size]
+            if not small:
+                continue
+            row, policy = best_of(small, arguments.trees, arguments.episodes)
+            card = card_of(row, policy, size, arguments.episodes)
+            if best is not None and card.mean_return <= best.interval[1]:
+                continue
+            policy.save(HOME / "trees" / card.file)
+            cards.append(card)
+            best = card
+            print(card.name, card.leaves, card.mean_return, card.interval, flush=True)
+    text = json.dumps([asdict(one) for one in cards], indent=1, ensure_ascii=False)
+    (HOME / "cards.json").write_text(text + "\n")
+    subprocess.run(["git", "status", "--short", str(HOME)], cwd=ROOT, check=True)
+
+
+if __name__ == "__main__":
+    main()
