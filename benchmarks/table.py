@@ -52,22 +52,55 @@ COLUMNS = ("who", "task", "steps", "leaves", "seed", "return", "error", "success
            "has_leaves", "used", "cpu_s", "peak_mb", "commit")  # fmt: skip
 # Of rl-baselines3-zoo's tuned DQN, as published; every number is in its hyperparams/dqn.yml.
 DQN: dict[str, dict[str, Any]] = {
-    "CartPole-v1": {"learning_rate": 2.3e-3, "batch_size": 64, "buffer_size": 100_000,
-                        "learning_starts": 1000, "gamma": 0.99, "target_update_interval": 10,
-                        "train_freq": 256, "gradient_steps": 128, "exploration_fraction": 0.16,
-                        "exploration_final_eps": 0.04},
-    "MountainCar-v0": {"learning_rate": 4e-3, "batch_size": 128, "buffer_size": 10_000,
-                           "learning_starts": 1000, "gamma": 0.98, "target_update_interval": 600,
-                           "train_freq": 16, "gradient_steps": 8, "exploration_fraction": 0.2,
-                           "exploration_final_eps": 0.07},
-    "Acrobot-v1": {"learning_rate": 6.3e-4, "batch_size": 128, "buffer_size": 50_000,
-                       "learning_starts": 0, "gamma": 0.99, "target_update_interval": 250, "train_freq": 4,
-                       "gradient_steps": -1, "exploration_fraction": 0.12, "exploration_final_eps": 0.1},
-    "LunarLander-v3": {"learning_rate": 6.3e-4, "batch_size": 128, "buffer_size": 50_000,
-                           "learning_starts": 0, "gamma": 0.99, "target_update_interval": 250,
-                           "train_freq": 4, "gradient_steps": -1, "exploration_fraction": 0.12,
-                           "exploration_final_eps": 0.1},
-}  # fmt: skip
+    "CartPole-v1": {
+        "learning_rate": 2.3e-3,
+        "batch_size": 64,
+        "buffer_size": 100_000,
+        "learning_starts": 1000,
+        "gamma": 0.99,
+        "target_update_interval": 10,
+        "train_freq": 256,
+        "gradient_steps": 128,
+        "exploration_fraction": 0.16,
+        "exploration_final_eps": 0.04,
+    },
+    "MountainCar-v0": {
+        "learning_rate": 4e-3,
+        "batch_size": 128,
+        "buffer_size": 10_000,
+        "learning_starts": 1000,
+        "gamma": 0.98,
+        "target_update_interval": 600,
+        "train_freq": 16,
+        "gradient_steps": 8,
+        "exploration_fraction": 0.2,
+        "exploration_final_eps": 0.07,
+    },
+    "Acrobot-v1": {
+        "learning_rate": 6.3e-4,
+        "batch_size": 128,
+        "buffer_size": 50_000,
+        "learning_starts": 0,
+        "gamma": 0.99,
+        "target_update_interval": 250,
+        "train_freq": 4,
+        "gradient_steps": -1,
+        "exploration_fraction": 0.12,
+        "exploration_final_eps": 0.1,
+    },
+    "LunarLander-v3": {
+        "learning_rate": 6.3e-4,
+        "batch_size": 128,
+        "buffer_size": 50_000,
+        "learning_starts": 0,
+        "gamma": 0.99,
+        "target_update_interval": 250,
+        "train_freq": 4,
+        "gradient_steps": -1,
+        "exploration_fraction": 0.12,
+        "exploration_final_eps": 0.1,
+    },
+}
 
 
 @dataclass(frozen=True)
@@ -133,8 +166,14 @@ def network(task: str, env: Any, steps: int, seed: int) -> Any:
     import torch
 
     torch.set_num_threads(1)
-    model = stable_baselines3.DQN("MlpPolicy", env, policy_kwargs={"net_arch": [256, 256]}, seed=seed,
-                    device="cpu", **DQN[task])  # fmt: skip
+    model = stable_baselines3.DQN(
+        "MlpPolicy",
+        env,
+        policy_kwargs={"net_arch": [256, 256]},
+        seed=seed,
+        device="cpu",
+        **DQN[task],
+    )
     return model.learn(steps)
 
 
