@@ -6,6 +6,7 @@
 #   make check     format, lint, types, import contracts, documentation
 #   make docs      the documentation, into docs/_build/html
 #   make bench     the benchmarks
+#   make table-smoke  a small part of the table again, beside what is stored (ten minutes)
 #   make pictures  the pictures of trees, pages and the recorder in docs/images (needs chromium)
 #   make results   renew the figures in docs/results that are older than their sources (hours)
 #   make lock      the lock files in requirements/ (maintainers; needs uv; ARGS=--upgrade)
@@ -46,7 +47,7 @@ endif
 FLOCK := $(shell command -v flock 2>/dev/null)
 LOCKED = $(if $(FLOCK),"$(FLOCK)" .venv.lock) $(MAKE) -s
 
-.PHONY: demo test test-all check docs bench pictures results lock changelog clean install-run install-test
+.PHONY: demo test test-all check docs bench table-smoke pictures results lock changelog clean install-run install-test
 
 demo: install-run
 	$(PY) -m eutree demo $(ARGS)
@@ -71,6 +72,9 @@ docs: install-test
 
 bench: install-test
 	$(PY) -m pytest -q -p no:xdist benchmarks $(ARGS)
+
+table-smoke: install-test
+	$(PY) benchmarks/table.py --smoke
 
 results: install-test
 	PATH="$$PWD/$(VENV)/bin:$$PATH" $(PY) docs/results/provenance.py --renew $(ARGS)

@@ -1,0 +1,106 @@
+"""The trees that come with the package: what their cards say is what they are."""
+
+import tomllib
+from importlib.util import find_spec
+from pathlib import Path
+
+import gymnasium
+import pytest
+
+import eutree
+from eutree import zoo
+from eutree.cli.main import run
+from eutree.envs.experts import EXPERTS
+from eutree.errors import InvalidArgumentError, UnknownNameError
+from eutree.learners import method
+from eutree.learners.choices import with_choices
+
+CARDS = [pytest.param(one, id=one.name) for one in zoo.cards()]
+SETTINGS = sorted((Path(zoo.__file__).parent / "settings").glob("*.toml"))
+
+
+def playable(task: str) -> bool:
+    return "Lander" not in task or find_spec("Box2D") is not None
+
+
+@pytest.mark.parametrize("card", CARDS)
+def test_a_card_says_the_size_and_the_task_of_its_tree(card: zoo.Card) -> None:
+    tree = zoo.load(card.name)
+    assert tree.n_leaves == card.leaves <= card.most_leaves
+    assert tree.environment is not None
+    assert tree.environment.id == card.task
+
+
+@pytest.mark.parametrize("card", CARDS)
+def test_a_tree_earns_what_its_card_says(card: zoo.Card) -> None:
+    """Thirty episodes: their mean lies within five standard errors of the card's."""
+    if not playable(card.task):
+        pytest.skip("needs Box2D")
+    found = eutree.evaluate(
+        zoo.load(card.name), gymnasium.make(card.task), episodes=30, seed=11_000_000
+    )
+    spread = max(float(found.returns.std(ddof=1)), card.interval[1] - card.interval[0], 1e-9)
+    assert abs(found.mean_return - card.mean_return) <= 5 * spread / 30**0.5 + 1e-6
+
+
+def test_a_larger_tree_of_a_task_earns_more() -> None:
+    for task in zoo.tasks():
+        known = [one for one in zoo.cards() if one.task == task]
+        returns = [one.mean_return for one in known]
+        assert returns == sorted(returns)
+        assert [one.most_leaves for one in known] == sorted(one.most_leaves for one in known)
+
+
+def test_a_task_alone_names_the_smallest_as_good_as_the_best() -> None:
+    for task in zoo.tasks():
+        known = [one for one in zoo.cards() if one.task == task]
+        best = max(known, key=lambda one: one.mean_return)
+        chosen = zoo.card(task)
+        assert chosen.mean_return >= best.interval[0]
+        assert not [
+            one for one in known
+            if one.leaves < chosen.leaves and one.mean_return >= best.interval[0]
+        ]  # fmt: skip
+
+
+def test_an_unknown_tree_names_the_nearest() -> None:
+    with pytest.raises(UnknownNameError, match="Did you mean 'MountainCar-v0'"):
+        zoo.load("MountainCat-v0")
+    with pytest.raises(InvalidArgumentError, match="number of leaves, at least .*, got '1'"):
+        zoo.load("MountainCar-v0:1")
+    with pytest.raises(InvalidArgumentError, match="got 'many'"):
+        zoo.load("MountainCar-v0:many")
+    with pytest.raises(UnknownNameError, match="task with settings"):
+        zoo.settings_of("Unheard-v0")
+
+
+@pytest.mark.parametrize("path", SETTINGS, ids=lambda path: path.stem)
+def test_settings_are_choices_of_a_method_and_a_run(path: Path) -> None:
+    document = tomllib.loads(path.read_text())
+    of_run = document.pop("run")
+    assert with_choices(method(document.pop("method")), document) is not None
+    assert of_run.keys() == {"expert", "demonstrations", "race_share"}
+    task = path.stem.replace("eutree-", "eutree/")
+    assert zoo.settings_of(task) == path
+    assert ":" in of_run["expert"] or of_run["expert"] in EXPERTS[task]
+
+
+def test_the_command_lists_them(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["zoo"]) == 0
+    printed = capsys.readouterr().out
+    assert all(one.name in printed for one in zoo.cards() if len(one.name) < 20)
+    assert run(["zoo", "MountainCar-v1"]) == 2
+    assert "MountainCar-v0" in capsys.readouterr().err
+
+
+def test_a_name_of_the_zoo_stands_where_a_file_does(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    name = "zoo:MountainCar-v0"
+    assert run(["show", name]) == 0
+    assert "position" in capsys.readouterr().out
+    assert run(["evaluate", name, "--episodes", "3", "--json"]) == 0
+    assert run(["export", name, "--to", "c", "--out", str(tmp_path / "car.c")]) == 0
+    assert (tmp_path / "car.c").exists()
+    assert run(["show", "zoo:Nowhere-v0"]) == 2
+    assert "eutree zoo" in capsys.readouterr().err
