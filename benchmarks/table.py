@@ -380,7 +380,8 @@ Each cell: mean return of ten runs (200 fresh episodes each), 95 % interval over
 run, mean number of leaves. Every environment step is counted: demonstrations, learning, races. Made
 by `python benchmarks/table.py TASK` for each task and `python benchmarks/table.py --pages`; every
 run is a row in `docs/results/table/`. The settings are those of `eutree learn --settings zoo:TASK`
-and were chosen on seeds from 1000 on; the runs here have the seeds from 20,000 on."""
+and were chosen on seeds from 1000 on; the runs here have the seeds from 20,000 on. A cell that was
+made of fewer than ten runs says so; an empty one was not run yet."""
 
 
 def draw(folder: Path) -> None:

@@ -10,6 +10,7 @@ import json
 import os
 import shlex
 import tomllib
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -17,12 +18,14 @@ import click
 
 from eutree.cli._commands import Helped, Written
 from eutree.cli._options import look_in_this_folder
-from eutree.cli._policies import is_own
+from eutree.cli._policies import in_zoo, is_own
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.files import Document, read_bytes, read_document, write_document
 
 if TYPE_CHECKING:
+    from eutree.data import Demonstrations
     from eutree.learners import Method
+    from eutree.schema import EnvironmentSpec
 
 KEPT = "command.json"
 # Asked for each time: none changes what a run learns.
@@ -187,7 +190,51 @@ def _absolute(parameter: click.Parameter, text: str) -> str:
     is_path = isinstance(parameter.type, click.Path) and not isinstance(parameter.type, Written)
     if parameter.name in _NAMED:
         is_path = os.path.exists(text)
-    return os.path.abspath(text) if is_path else text
+    return os.path.abspath(text) if is_path and not in_zoo(text) else text
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunSettings:
+    """How a run goes that settings are known to work for: the table ``[run]`` of their file.
+
+    Attributes:
+        expert: Who demonstrates where no demonstrations are given; None for nobody.
+        demonstrations: Episodes of it.
+        race_share: Share of ``--steps`` that racing takes where no ``--race-steps`` are given.
+    """
+
+    expert: str | None = None
+    demonstrations: int = 0
+    race_share: float = 0.0
+
+    @classmethod
+    def of(cls, settings: Path | None) -> "RunSettings":
+        """Return those of a file of settings; a file without the table has none.
+
+        Raises:
+            FormatError: The table holds what is not known.
+        """
+        table = {} if settings is None else _read(settings).get("run", {})
+        try:
+            return cls(**table)
+        except TypeError:
+            known = ", ".join(cls.__dataclass_fields__)
+            raise FormatError(settings, "run", f"must be a table of {known}, got {table}") from None
+
+    def shown(self, spec: "EnvironmentSpec", seed: int) -> "Demonstrations | None":
+        """Return the episodes of who demonstrates, recorded now."""
+        from eutree.cli._policies import controller
+        from eutree.interaction import record
+        from eutree.interaction.making import make
+
+        if self.expert is None:
+            return None
+        acts = controller(self.expert, "expert", spec)
+        return record(make(spec), acts, episodes=self.demonstrations, seed=seed)
+
+    def race_steps(self, steps: int | None) -> int:
+        """Return the steps of racing in a run of so many; none where no steps are named."""
+        return int(self.race_share * (steps or 0))
 
 
 def chosen_method(
@@ -209,6 +256,7 @@ def chosen_method(
     if settings is None and not changes and discount is None:
         return name
     document = {} if settings is None else dict(_read(settings))
+    document.pop("run", None)
     stored = document.pop("method", document.pop("name", None))
     if isinstance(stored, dict):  # the configuration of a run
         document, stored = dict(stored), stored.get("name")
@@ -257,6 +305,10 @@ def _pair(text: str) -> tuple[str, Any]:
 
 def _read(path: Path) -> dict[str, Any]:
     """Return the content of a TOML file, or of the JSON file of a run's configuration."""
+    if in_zoo(path):
+        from eutree.zoo import settings_of
+
+        path = settings_of(str(path))
     data = read_bytes(path, limit=_MOST)
     try:
         if path.suffix == ".json":

@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from eutree.cli._given import GoesOn, chosen_by_file, chosen_method, keep, line_to_go_on, listed
+from eutree.cli._given import (
+    GoesOn,
+    RunSettings,
+    chosen_by_file,
+    chosen_method,
+    keep,
+    line_to_go_on,
+    listed,
+)
 from eutree.cli._learning import Following, as_values, in_words, many_results, run_many
 from eutree.cli._options import (
     count_option,
@@ -22,7 +30,7 @@ from eutree.cli._options import (
     starts_option,
 )
 from eutree.cli._output import Output
-from eutree.cli._policies import OWN, Rival, against_option, controller, load_demonstrations
+from eutree.cli._policies import OWN, Rival, against_option, controller, load_demonstrations, policy_file
 from eutree.cli.parts import cluster, workers_options
 from eutree.errors import EnvironmentFault, InvalidArgumentError
 from eutree.schema import EnvironmentSpec
@@ -68,7 +76,10 @@ if TYPE_CHECKING:
               "corrected (the default of --offline).")  # fmt: skip
 @click.option("--set", "changes", multiple=True, metavar="KEY=VALUE",
               help="A choice of the method, for example price=0.004. May be repeated.")  # fmt: skip
-@path_option("--settings", text="TOML file of choices, or the config.json of a run.")
+@path_option(
+    "--settings",
+    text="TOML file of choices, the config.json of a run, or zoo:TASK, which is known to work.",
+)
 @click.option("--discount", type=click.FloatRange(0, 1), help="Short for --set discount=G.")
 @click.option("--list-settings", is_flag=True,
               help="Say what each choice of the method does, and which to turn first.")  # fmt: skip
@@ -179,15 +190,18 @@ def learn(
         raise InvalidArgumentError("--against needs an environment to act in; leave out --offline")
     spec = None if offline else _spec(environment, demonstrations, env_arguments)
     rival = None if spec is None or against is None else Rival(against, spec)
+    of_run = RunSettings.of(settings)
+    if demonstrations is None and expert is None and spec is not None:
+        demonstrations = of_run.shown(spec, options["seed"])
     options |= {
         "demonstrations": demonstrations,
-        "expert": None if expert is None else TreePolicy.load(expert),
+        "expert": None if expert is None else TreePolicy.load(policy_file(expert)),
         "teacher": _teacher(teacher, teacher_steps, spec),
         "method": chosen,
         "start": start,
         "episodes": episodes,
         "steps": steps,
-        "race_steps": race_steps,
+        "race_steps": race_steps or of_run.race_steps(steps),
         "starts": [load_certificate(path) for path in starts_from],
     }
     if partition is not None and (offline or runs > 1):
