@@ -66,7 +66,7 @@ def test_a_task_alone_names_the_smallest_as_good_as_the_best() -> None:
 def test_an_unknown_tree_names_the_nearest() -> None:
     with pytest.raises(UnknownNameError, match="Did you mean 'MountainCar-v0'"):
         zoo.load("MountainCat-v0")
-    with pytest.raises(InvalidArgumentError, match="number of leaves, at least .*, got '1'"):
+    with pytest.raises(InvalidArgumentError, match=r"number of leaves, at least .*, got '1'"):
         zoo.load("MountainCar-v0:1")
     with pytest.raises(InvalidArgumentError, match="got 'many'"):
         zoo.load("MountainCar-v0:many")
@@ -88,7 +88,7 @@ def test_settings_are_choices_of_a_method_and_a_run(path: Path) -> None:
 def test_the_command_lists_them(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["zoo"]) == 0
     printed = capsys.readouterr().out
-    assert all(one.name in printed for one in zoo.cards() if len(one.name) < 20)
+    assert all(one.name in printed for one in zoo.cards())
     assert run(["zoo", "MountainCar-v1"]) == 2
     assert "MountainCar-v0" in capsys.readouterr().err
 
@@ -100,7 +100,7 @@ def test_a_name_of_the_zoo_stands_where_a_file_does(
     assert run(["show", name]) == 0
     assert "position" in capsys.readouterr().out
     assert run(["evaluate", name, "--episodes", "3", "--json"]) == 0
-    assert run(["export", name, "--to", "c", "--out", str(tmp_path / "car.c")]) == 0
+    assert run(["export", name, "--out", str(tmp_path / "car.c")]) == 0
     assert (tmp_path / "car.c").exists()
     assert run(["show", "zoo:Nowhere-v0"]) == 2
     assert "eutree zoo" in capsys.readouterr().err

@@ -1,5 +1,6 @@
 """``eutree zoo``: the trees that come with the package."""
 
+from collections.abc import Iterator
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
@@ -9,8 +10,6 @@ from eutree.cli._options import json_option
 from eutree.cli._output import Output
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from eutree.zoo import Card
 
 
@@ -27,27 +26,24 @@ def zoo(task: str | None, as_json: bool) -> None:
 
     shown = cards() if task is None else [one for one in cards() if one.task == card(task).task]
     Output(as_json=as_json).result(
-        {"trees": [{"name": one.name} | asdict(one) for one in shown]}, _table(shown)
+        {"trees": [{"name": one.name} | asdict(one) for one in shown]},
+        "\n".join([HEAD, *(line for one in shown for line in _lines(one, full=task is not None))]),
     )
 
 
-def _table(shown: "tuple[Card, ...] | list[Card]") -> "Table":
-    """Return a row for each tree."""
-    from rich.markup import escape
-    from rich.table import Table
+HEAD = "name                    leaves  return [95 %]              worst    steps  proven"
 
-    table = Table(title="Trees of the zoo; show one with: eutree show zoo:NAME")
-    for name in ("name", "leaves", "return [95 %]", "worst", "success", "steps", "proven"):
-        table.add_column(name, justify="left" if name in ("name", "proven") else "right")
-    for one in shown:
-        low, high = one.interval
-        table.add_row(
-            escape(one.name),
-            str(one.leaves),
-            escape(f"{one.mean_return:.1f} [{low:.1f}, {high:.1f}]"),
-            f"{one.worst:.1f}",
-            "" if one.success is None else f"{100 * one.success:.1f} %",
-            f"{one.steps:,}",
-            escape(one.proven or ""),
-        )
-    return table
+
+def _lines(one: "Card", *, full: bool) -> Iterator[str]:
+    """Yield a tree's row and, in full, what is proven of it and what learned it."""
+    low, high = one.interval
+    returns = f"{one.mean_return:.1f} [{low:.1f}, {high:.1f}]"
+    proven = "yes" if one.proven else ""
+    yield (
+        f"{one.name:<22}  {one.leaves:>6}  {returns:<24}  {one.worst:>6.1f}  {one.steps:>7,}"
+        f"  {proven}"
+    ).rstrip()
+    if full and one.proven:
+        yield f"  proven: {one.proven}"
+    if full:
+        yield f"  learned by: {one.command} ({one.commit}, {one.date})"
