@@ -40,7 +40,7 @@ from eutree.distillation import DistillationSettings
 from eutree.envs.experts import EXPERTS
 from eutree.evaluation import mean_interval
 from eutree.learners import method as method_of
-from eutree.learners.choices import with_choices
+from eutree.learners.registry import with_choices
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))  # the examples

@@ -13,7 +13,7 @@ from eutree.cli.main import run
 from eutree.envs.experts import EXPERTS
 from eutree.errors import InvalidArgumentError, UnknownNameError
 from eutree.learners import method
-from eutree.learners.choices import with_choices
+from eutree.learners.registry import with_choices
 
 CARDS = [pytest.param(one, id=one.name) for one in zoo.cards()]
 SETTINGS = sorted((Path(zoo.__file__).parent / "settings").glob("*.toml"))
