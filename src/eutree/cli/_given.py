@@ -229,8 +229,8 @@ class RunSettings:
 
         if self.expert is None:
             return None
-        acts = controller(self.expert, "expert", spec)
-        return record(make(spec), acts, episodes=self.demonstrations, seed=seed)
+        shows = controller(self.expert, "expert", spec)
+        return record(make(spec), shows, episodes=self.demonstrations, seed=seed)
 
     def race_steps(self, steps: int | None) -> int:
         """Return the steps of racing in a run of so many; none where no steps are named."""
