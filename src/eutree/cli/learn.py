@@ -30,7 +30,14 @@ from eutree.cli._options import (
     starts_option,
 )
 from eutree.cli._output import Output
-from eutree.cli._policies import OWN, Rival, against_option, controller, load_demonstrations, policy_file
+from eutree.cli._policies import (
+    OWN,
+    Rival,
+    against_option,
+    controller,
+    load_demonstrations,
+    policy_file,
+)
 from eutree.cli.parts import cluster, workers_options
 from eutree.errors import EnvironmentFault, InvalidArgumentError
 from eutree.schema import EnvironmentSpec
