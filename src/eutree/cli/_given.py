@@ -214,7 +214,9 @@ class RunSettings:
         Raises:
             FormatError: The table holds what is not known.
         """
-        table = {} if settings is None else _read(settings).get("run", {})
+        if settings is None:
+            return cls()
+        table = _read(settings).get("run", {})
         try:
             return cls(**table)
         except TypeError:
