@@ -16,7 +16,15 @@ from eutree.errors import InvalidArgumentError
 
 _FULL = "eutree.help_all"  # in click's context: every option is to be shown
 _SHARED: Mapping[str, Sequence[str]] = {
-    "The environment": ("env_arguments", "decode", "action_grid", "import", "names", "strict"),
+    "The environment": (
+        "env_arguments",
+        "decode",
+        "action_grid",
+        "import",
+        "names",
+        "derive",
+        "strict",
+    ),
     "Several processes": ("n_jobs", "backend", "address"),
     "Everywhere": ("seed", "as_json", "help_all", "help"),
 }
