@@ -13,12 +13,16 @@ import pytest
 from eutree.data import Demonstrations, Episode
 from eutree.errors import InvalidArgumentError
 from eutree.export.c_test import probes
+from eutree.inspection.regions import Region, domain
 from eutree.policies import LeafStatistics, TreePolicy
 from eutree.report import WatchedEpisode, policy_page
 from eutree.report.html import Pointer
 from eutree.report.policy_page import policy_verdict
 from eutree.report.tree_data import policy_features
 from eutree.schema import Control, EnvironmentSpec, Feature, Schema, combined_actions
+from eutree.trees import DecisionTree
+from eutree.trees.boxes import leaf_boxes
+from eutree.trees.text import question
 from tests.export.policies import EVASION, NASTY, policy_of, tree
 from tests.export.tools import need
 from tests.report.browser import ENOUGH, Opened, grave_violations, open_page
@@ -434,5 +438,46 @@ def test_a_leaf_lists_what_was_tried_and_says_what_values_are(
     assert f"Here {known.meaning}." in words
     assert "no Q" in words
     assert opened.page.locator("#details tbody tr").count() == 1
+    opened.assert_quiet()
+    opened.page.close()
+
+
+def test_a_page_speaks_of_kinds_as_rules_do(chromium: Any, tmp_path: Path) -> None:
+    """Each leaf in the words of ``Region``, each test in those of ``question``."""
+    kinds = {"open": "flag", "tariff": "integer", "mode": ("off", "low", "mid", "high")}
+    features = [Feature(f"phase is {name}", low=0, high=1) for name in "ABCD"]
+    features += [Feature("open", low=0, high=1), Feature("tariff", "ct", 0, 3)]
+    schema = Schema((*features, Feature("mode", low=1, high=4)), ("go", "wait"))
+    schema = schema.with_kinds({**kinds, "phase": tuple("ABCD")})
+    cuts = [
+        (0, 0, 0.5),
+        (0, 2, 0.5),
+        (0, 4, 0.0),
+        (0, 5, 1.5),
+        (4, 5, 2.0),
+        (1, 6, 3.0),
+        (1, 6, 1.0),
+    ]
+    grown = DecisionTree.single_leaf(7).split_each(cuts)
+    policy = TreePolicy(grown, np.arange(grown.n_leaves) % 2, schema)
+    path = tmp_path / "kinds.html"
+    path.write_text(policy_page(policy), encoding="utf-8")
+    opened = open_page(chromium, path)
+    opened.page.wait_for_selector("body[data-ready]", timeout=ENOUGH)
+    told = opened.page.evaluate(
+        "tree.feature.map((_, node) => [wordsOf(node), conditionsOf(node)])"
+    )
+    low, high = leaf_boxes(grown)
+    for node, (words, conditions) in enumerate(told):
+        if grown.leaf[node] < 0:
+            asked = question(schema, int(grown.feature[node]), float(grown.threshold[node]))
+            assert words == asked.replace("<=", "≤")
+        else:
+            leaf = grown.leaf[node]
+            wanted = Region(low[leaf], high[leaf]).words(schema, domain(schema))
+            found = {one.replace("≤", "<=").replace("≥", ">=") for one in conditions}
+            assert found == set(wanted.split(" and ")) or "<= tariff" in wanted
+    answers = opened.page.evaluate("[answerOf(0, true), answerOf(0, false)]")
+    assert answers == ["no", "yes"]
     opened.assert_quiet()
     opened.page.close()
