@@ -7,7 +7,7 @@ speak of ``opponent_1 <= 8.25 m`` and ``stop`` instead of ``x[1]`` and ``0``.
 import itertools
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -359,27 +359,14 @@ class Schema:
         )
         return Schema(features, other.actions, other.controls or self.controls)
 
-    @property
-    def kinds(self) -> dict[str, str | tuple[str, ...]]:
-        """The kinds of the features that are no quantities, as ``with_kinds`` takes them."""
-        names = self.feature_names
-        kinds: dict[str, str | tuple[str, ...]] = {
-            feature.name: feature.categories or ("flag" if feature.is_flag else "integer")
-            for feature in self.features
-            if feature.is_integer and not feature.group
-        }
-        return kinds | {
-            group: tuple(names[member] for member in members)
-            for group, members in self.groups.items()
-        }
-
     def with_kinds(self, kinds: Mapping[str, str | Sequence[str]]) -> "Schema":
         """Return this schema with kinds of features declared.
 
         Args:
             kinds: Of a feature by its name ``"flag"``, ``"integer"`` or the names of its values
                 from its lower bound (else from 0) on; of a one-hot group by a name of its own the
-                names of its features, or what these are called after "GROUP is".
+                names of its features, or what these are called after "GROUP is"; of a group that is
+                known what its categories are called.
 
         Raises:
             InvalidArgumentError: A kind is none of these, or contradicts the bounds of a feature.
@@ -393,13 +380,23 @@ class Schema:
                 continue
             if isinstance(kind, str):
                 raise UnknownNameError("feature", name, self.feature_names)
-            for category in kind:
-                known = (category, *(f"{name}{mark}{category}" for mark in (" is ", " ", ".")))
-                member = next((numbers[one] for one in known if one in numbers), None)
-                if member is None:
-                    raise UnknownNameError("feature", category, self.feature_names)
-                features[member] = replace(_of_kind(features[member], "flag"), group=name)
+            for place, feature in self._grouped(name, kind):
+                features[place] = feature
         return replace(self, features=tuple(features))
+
+    def _grouped(self, group: str, categories: Sequence[str]) -> Iterator[tuple[int, Feature]]:
+        """Yield place and form of the features of a group; see ``with_kinds``."""
+        known = self.groups.get(group, ())
+        if len(known) == len(categories) and not set(self.feature_names) & set(categories):
+            for place, category in zip(known, categories, strict=True):
+                yield place, replace(self.features[place], name=f"{group} is {category}")
+            return
+        for category in categories:
+            names = (category, *(f"{group}{mark}{category}" for mark in (" is ", " ", ".")))
+            found = [place for place, name in enumerate(self.feature_names) if name in names]
+            if not found:
+                raise UnknownNameError("feature", category, self.feature_names)
+            yield found[0], replace(_of_kind(self.features[found[0]], "flag"), group=group)
 
     def is_unnamed_form_of(self, named: "Schema") -> bool:
         """Return whether ``named`` differs from this schema by names that this one has not."""

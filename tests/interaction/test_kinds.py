@@ -11,10 +11,14 @@ from gymnasium import spaces
 import eutree
 from eutree.errors import InvalidArgumentError, UnknownNameError
 from eutree.export import to_c, to_python, to_structured_text, to_svg
-from eutree.interaction.names import Names
+from eutree.inspection.regions import Region, domain
+from eutree.interaction import GuardedEnv
+from eutree.interaction.making import make
+from eutree.interaction.names import Names, kinds_of
 from eutree.interaction.spaces import describe
 from eutree.policies import TreePolicy
 from eutree.trees import DecisionTree
+from eutree.trees.boxes import leaf_boxes
 
 KINDS = {
     "tariff": "integer",
@@ -88,7 +92,7 @@ def test_an_environment_declares_them():
     schema = describe(env)
     assert schema.groups == {"green": (2, 3, 4)}
     assert [schema.features[k].category for k in (2, 3, 4)] == ["x0", "x1", "x2"]
-    assert schema.kinds == {"door": "flag", **KINDS}
+    assert kinds_of(schema) == {"door": "flag", **KINDS}
     past = schema.with_history(1)
     assert past.groups["green, 1 ago"] == (9, 10, 11)
 
@@ -133,7 +137,7 @@ def test_they_travel_and_no_decision_depends_on_them(tmp_path):
     policy = eutree.fit_expert_tree(demos)
     policy.save(tmp_path / "policy.json")
     policy = TreePolicy.load(tmp_path / "policy.json")
-    assert policy.schema.kinds == {"door": "flag", **KINDS}
+    assert kinds_of(policy.schema) == {"door": "flag", **KINDS}
     words = str(policy)
     assert "if green is x1:" in words
     assert "tariff <= 2" in words
@@ -155,3 +159,33 @@ def test_a_test_that_decides_nothing_is_shown_as_it_is():
     env.feature_kinds = KINDS
     tree = DecisionTree.single_leaf(7).split(0, 0, 1.5)
     assert str(TreePolicy(tree, [0, 1], describe(env))).startswith("if door <= 1.5:")
+
+
+def test_each_value_of_a_discrete_space_can_be_a_feature():
+    """A code takes two tests to set a value apart, a group one."""
+    spec = eutree.EnvironmentSpec("Crossing-v0", {"one_hot": True})
+    env = make(spec)
+    env.unwrapped.feature_kinds = {"phase": ("north", "east", "south", "west")}
+    schema = describe(env)
+    assert schema.groups["phase"] == (5, 6, 7, 8)
+    assert schema.feature_names[4:10] == (
+        "green.x2",
+        "phase is north",
+        "phase is east",
+        "phase is south",
+        "phase is west",
+        "tariff",
+    )
+    assert schema.features[0].is_flag
+    demos = eutree.record(env, lambda seen: int(seen[6] or seen[8]), episodes=20, seed=0)
+    assert demos.environment == spec
+    policy = eutree.fit_expert_tree(demos)
+    assert policy.n_leaves == 3
+    low, high = leaf_boxes(policy.tree)
+    words = {
+        Region(a, b).words(policy.schema, domain(policy.schema))
+        for a, b in zip(low, high, strict=True)
+    }
+    assert words & {"phase is north,south", "phase is east,west"}
+    eutree.evaluate(policy, spec, episodes=2)
+    assert GuardedEnv(make(spec)).schema.n_features == 10

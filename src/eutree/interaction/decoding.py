@@ -5,6 +5,7 @@ passenger and destination. A tree takes it for an ordered number, on which codes
 neighbours although they have nothing in common. Where the environment itself can tell what a code
 stands for, by a method ``decode``, its observations become those numbers, and a tree's tests mean
 something again; ``gymnasium.make`` knows no such argument, so ``make`` adds one: ``decode=True``.
+With ``one_hot=True`` each value of a ``Discrete`` becomes a feature of its own, 1 or 0, of a group.
 """
 
 import warnings
@@ -13,11 +14,13 @@ from typing import Any
 import gymnasium
 import numpy as np
 from gymnasium import spaces
+from gymnasium.wrappers import FlattenObservation
 
 from eutree.arrays import Integers
 from eutree.errors import InvalidArgumentError, described, shown
 
 DECODE = "decode"  # the argument of ``make``, as it stands in files
+ONE_HOT = "one_hot"  # another one: each value of a Discrete becomes a feature of its own
 MANY_CODES = 10  # of fewer values a tree separates each by a few tests
 MAX_CODES = 100_000
 
@@ -69,6 +72,16 @@ def decodes(env: gymnasium.Env[Any, Any]) -> bool:
             return True
         env = env.env
     return False
+
+
+def one_hot_around(env: gymnasium.Env[Any, Any]) -> FlattenObservation[Any, Any, Any] | None:
+    """Return Gymnasium's wrapper that flattens what is observed; None if there is none."""
+    seen = env.observation_space
+    while isinstance(env, gymnasium.Wrapper):
+        if isinstance(env, FlattenObservation) and env.observation_space == seen:
+            return env
+        env = env.env
+    return None
 
 
 def warn_of_codes(env: gymnasium.Env[Any, Any], *, stacklevel: int = 2) -> None:

@@ -14,6 +14,7 @@ from typing import Any
 import gymnasium
 from gymnasium.envs.registration import load_env_creator
 from gymnasium.error import Error as GymnasiumError
+from gymnasium.wrappers import FlattenObservation
 
 from eutree.errors import (
     EutreeError,
@@ -23,13 +24,21 @@ from eutree.errors import (
     shown,
 )
 from eutree.interaction.action_grid import ACTION_GRID, with_grid
-from eutree.interaction.decoding import DECODE, DecodedObservation, decodes
+from eutree.interaction.decoding import (
+    DECODE,
+    ONE_HOT,
+    DecodedObservation,
+    decodes,
+    one_hot_around,
+)
 from eutree.interaction.names import given_names
 from eutree.interaction.own_folder import made_here
 from eutree.schema import EnvironmentSpec
 
 _IMPORT = "One of your own is known once its module is imported: --import MODULE."
-MANNER = frozenset({DECODE, ACTION_GRID})  # how it is observed and acted in, not what it is
+MANNER = frozenset(
+    {DECODE, ONE_HOT, ACTION_GRID}
+)  # how it is observed and acted in, not what it is
 # Those of gymnasium.make, and ours.
 MAKE_ARGUMENTS = MANNER | {"max_episode_steps", "disable_env_checker"}
 _NAMES_A_PLACE = re.compile(r"[.:/\\]")
@@ -39,9 +48,10 @@ def make(spec: EnvironmentSpec | str, *, render_mode: str | None = None) -> gymn
     """Return ``gymnasium.make`` of an id or a spec, with the names that are given now.
 
     The argument ``decode=True``, unless the environment has one of that name itself, makes its
-    observations what its codes stand for; see ``DecodedObservation``. With ``action_grid=...`` its
-    actions are combinations of the levels named there; see ``GriddedAction``. An environment that
-    decodes, or has that grid, itself is left as it is.
+    observations what its codes stand for; see ``DecodedObservation``. With ``one_hot=True`` each
+    value of a ``Discrete`` is a feature of its own. With ``action_grid=...`` its actions are
+    combinations of the levels named there; see ``GriddedAction``. An environment that decodes, is
+    flat, or has that grid, itself is left as it is.
 
     Raises:
         UnknownNameError: No environment of that id is registered; names the nearest.
@@ -64,6 +74,8 @@ def make(spec: EnvironmentSpec | str, *, render_mode: str | None = None) -> gymn
             made.append(env)
         if taken.get(DECODE) and not decodes(env):
             env = DecodedObservation(env)
+        if taken.get(ONE_HOT) and one_hot_around(env) is None:
+            env = FlattenObservation(env)
         if taken.get(ACTION_GRID) is not None:
             env = with_grid(env, taken[ACTION_GRID])
     except EutreeError:

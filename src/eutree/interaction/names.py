@@ -31,6 +31,20 @@ from eutree.schema import Feature, Schema
 MAX_FILE = 2**20
 
 
+def kinds_of(schema: Schema) -> dict[str, str | tuple[str, ...]]:
+    """Return the kinds of the features that are no quantities, as ``with_kinds`` takes them."""
+    names = schema.feature_names
+    kinds: dict[str, str | tuple[str, ...]] = {
+        feature.name: feature.categories or ("flag" if feature.is_flag else "integer")
+        for feature in schema.features
+        if feature.is_integer and not feature.group
+    }
+    return kinds | {
+        group: tuple(names[member] for member in members)
+        for group, members in schema.groups.items()
+    }
+
+
 class Names(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Names of the features, with units in brackets, and of the actions; empty: as they are.
 
@@ -76,7 +90,7 @@ class Names(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         if self.features:
             inner.feature_names = schema.feature_names
             inner.feature_units = tuple(feature.unit for feature in schema.features)
-        inner.feature_kinds = schema.kinds
+        inner.feature_kinds = kinds_of(schema)
         if self.actions:
             inner.action_names = self.actions
         return DerivedObservation(env, self.derived) if self.derived else env

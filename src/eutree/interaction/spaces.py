@@ -25,7 +25,7 @@ from eutree.interaction.action_grid import (
     numbered,
     plain_grid,
 )
-from eutree.interaction.decoding import DECODE, DecodedObservation
+from eutree.interaction.decoding import DECODE, ONE_HOT, DecodedObservation, one_hot_around
 from eutree.schema import (
     MAX_ACTIONS,
     MAX_FEATURES,
@@ -114,6 +114,9 @@ def describe(env: gymnasium.Env[Any, Any]) -> Schema:
 
 def _features(env: gymnasium.Env[Any, Any], family: str) -> tuple[Feature, ...]:
     """Return the features of what the environment observes itself."""
+    flat = one_hot_around(env)
+    if flat is not None:
+        return tuple(_one_hot(flat.env.observation_space, "", name_of(env)))
     low, high, names = _bounds(env.observation_space, name_of(env))
     if not 1 <= len(names) <= MAX_FEATURES:
         raise UnsupportedSpaceError(
@@ -133,6 +136,29 @@ def _features(env: gymnasium.Env[Any, Any], family: str) -> tuple[Feature, ...]:
         Feature(*parts)
         for parts in zip(names, units, low, high, _are_whole(env.observation_space), strict=True)
     )
+
+
+def _one_hot(space: spaces.Space[Any], prefix: str, name: str) -> Iterator[Feature]:
+    """Yield the features of a space that Gymnasium flattens: a group for each ``Discrete``."""
+    if isinstance(space, spaces.Dict | spaces.Tuple):
+        parts = space.spaces.items() if isinstance(space, spaces.Dict) else enumerate(space.spaces)
+        for key, part in parts:
+            own = key if isinstance(key, str) else f"x{key}"
+            yield from _one_hot(part, f"{prefix}.{own}" if prefix else own, name)
+    elif isinstance(space, spaces.Discrete | spaces.MultiDiscrete):
+        low, high, numbers = _bounds(space, name)
+        for first, last, entry in zip(low, high, numbers, strict=True):
+            group = ".".join(
+                filter(None, [prefix, entry if len(numbers) > 1 or not prefix else ""])
+            )
+            for code in range(int(first), int(last) + 1):
+                yield Feature(f"{group} is {code}", "", 0.0, 1.0, is_integer=True, group=group)
+    else:
+        flat = cast("spaces.Box[Any]", spaces.utils.flatten_space(space))
+        low, high, entries = _bounds(flat, name)
+        for k, entry in enumerate(entries):
+            label = entry if not prefix else prefix if len(entries) == 1 else f"{prefix}.{entry}"
+            yield Feature(label, "", low[k], high[k], _are_whole(space)[k])
 
 
 class DerivingEnv(Protocol):
@@ -175,6 +201,8 @@ def spec_of(env: gymnasium.Env[Any, Any]) -> EnvironmentSpec | None:
     for wrapper in _put_around(env):
         if isinstance(wrapper, DecodedObservation):
             arguments[DECODE] = True
+        elif wrapper is one_hot_around(env):
+            arguments[ONE_HOT] = True
         elif isinstance(wrapper, GriddedAction) and wrapper is grid_around(env):
             arguments[ACTION_GRID] = plain_grid(wrapper.controls)
     try:
