@@ -144,6 +144,17 @@ def env_arg_option(command: _Command) -> _Command:
     return argument(decode(grid(import_option(derive(names(command))))))
 
 
+def monotone_option(command: _Command) -> _Command:
+    """Add ``--monotone`` (repeatable), passed on as a tuple of rules."""
+    return click.option(
+        "--monotone",
+        multiple=True,
+        metavar="RULE",
+        help="A rule that the tree keeps: 'stop in distance', raising it never leads away from "
+        "stop; 'go in falling speed when ...', as verify has them. May be repeated.",
+    )(command)
+
+
 def import_option(command: _Command) -> _Command:
     """Add ``--import``, which is obeyed before the command begins."""
     return click.option(

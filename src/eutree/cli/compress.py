@@ -12,6 +12,7 @@ from eutree.cli._options import (
     count_option,
     env_arg_option,
     json_option,
+    monotone_option,
     output_option,
     override,
     path_option,
@@ -37,7 +38,8 @@ if TYPE_CHECKING:
 @click.command(
     cls=Helped,
     groups={
-        "What is wanted": ("max_leaves", "return_margin", "max_disagreement", "round_thresholds"),
+        "What is wanted": ("max_leaves", "return_margin", "max_disagreement", "round_thresholds",
+                           "monotone"),
         "How it is found": ("mode", "imagined", "weights", "demos", "episodes", "confidence",
                             "return_range", "evaluates"),
         "What is written": ("out", "front", "against"),
@@ -85,6 +87,7 @@ if TYPE_CHECKING:
 @against_option
 @path_option("--front", text="Folder to write the best tree of each size to.")
 @workers_options("the episodes of evaluations, where they take more than a few seconds")
+@monotone_option
 @env_arg_option
 @seed_option
 @json_option
@@ -102,6 +105,7 @@ def compress(
     against: str | None,
     n_jobs: int | None,
     round_thresholds: tuple[str, ...],
+    monotone: tuple[str, ...],
     backend: str,
     address: str | None,
     env_arguments: dict[str, Any],
@@ -109,8 +113,7 @@ def compress(
     **options: Any,
 ) -> None:
     """Make the tree of SOURCE, a run folder or a policy file, smaller; report what changed."""
-    from eutree.compression import ImaginedEpisodes, RealEpisodes
-    from eutree.compression import compress as compress_policy
+    from eutree.compression import ImaginedEpisodes, RealEpisodes, compress_monotone
     from eutree.files import check_writable
 
     output = Output(as_json=as_json)
@@ -136,9 +139,10 @@ def compress(
     observations = _observations(source, demos, policy, needed=not plays or real is None)
     check_writable(out)
     with cluster(backend, address):
-        small, report = compress_policy(
+        small, report = compress_monotone(
             policy,
             observations,
+            monotone,
             imagined=ImaginedEpisodes(_experience(source, demos, policy)) if imagined else None,
             env=real,
             round_thresholds=rounding,

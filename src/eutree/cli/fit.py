@@ -11,6 +11,7 @@ from eutree.cli._options import (
     count_option,
     env_arg_option,
     json_option,
+    monotone_option,
     output_option,
     override,
     seed_option,
@@ -57,6 +58,7 @@ if TYPE_CHECKING:
     help="C4.5's CF, chosen by you: the smaller, the more is pruned.",
 )
 @click.option("--no-pruning", is_flag=True, help="Keep C4.5's unpruned tree.")
+@monotone_option
 @env_arg_option
 @seed_option
 @json_option
@@ -70,6 +72,7 @@ def fit(
     min_objects: int | None,
     confidence: float | None,
     no_pruning: bool,
+    monotone: tuple[str, ...],
     env_arguments: dict[str, Any],
     seed: int,
     as_json: bool,
@@ -95,6 +98,7 @@ def fit(
             practise=practise,
             settings=_settings(release_8, min_objects, confidence, no_pruning),
             history=history,
+            monotone=monotone,
             seed=seed,
             on_progress=stages.show,
         )

@@ -23,6 +23,7 @@ from eutree.cli._options import (
     count_option,
     env_arg_option,
     json_option,
+    monotone_option,
     output_option,
     override,
     path_option,
@@ -57,7 +58,7 @@ if TYPE_CHECKING:
         "To begin with": ("demos", "expert", "start", "teacher", "teacher_steps", "starts_from",
                             "offline"),
         "How": ("method", "preset", "changes", "settings", "discount", "list_settings",
-                "max_leaves", "history", "max_transitions"),
+                "max_leaves", "monotone", "history", "max_transitions"),
         "How long": ("episodes", "steps", "minutes", "race_steps", "runs"),
         "What is handed over": ("judge_episodes", "front_steps", "keep_success", "prefer_proven",
                                 "evaluate_every",
@@ -130,6 +131,7 @@ if TYPE_CHECKING:
 @output_option("--tensorboard", text="Folder for a log that TensorBoard shows; one for each run.")
 @click.option("--partition", metavar="X,Y", help="Draw the partition over two features while it "
               "grows; for show --run-html.")  # fmt: skip
+@monotone_option
 @click.option("--strict", is_flag=True, help="Refuse observations outside the space's bounds.")
 @against_option
 @count_option("--runs", 1, "Runs, with seeds from --seed on; the best is chosen and judged.")

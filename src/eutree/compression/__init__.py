@@ -8,9 +8,10 @@ if TYPE_CHECKING:
     from eutree.compression.compressing import compress
     from eutree.compression.episodes import RealEpisodes
     from eutree.compression.imagined import ImaginedEpisodes
+    from eutree.compression.monotone import compress_monotone
     from eutree.compression.report import CompressionReport
 
-__all__ = ["CompressionReport", "ImaginedEpisodes", "RealEpisodes", "compress"]
+__all__ = ["CompressionReport", "ImaginedEpisodes", "RealEpisodes", "compress", "compress_monotone"]
 
 __getattr__ = lazily(
     __name__,
@@ -18,6 +19,7 @@ __getattr__ = lazily(
         "eutree.compression.compressing": "compress",
         "eutree.compression.episodes": "RealEpisodes",
         "eutree.compression.imagined": "ImaginedEpisodes",
+        "eutree.compression.monotone": "compress_monotone",
         "eutree.compression.report": "CompressionReport",
     },
 )

@@ -156,7 +156,7 @@ def compress(
         too_few = _episodes_needed(demand, verdict) if margin else None
     if arena is not None and real is not None and arena.env is not real.env:
         arena.env.close()
-    report = _report(policy, result, method, costs, verdict)
+    report = report_on(policy, result, method, costs, verdict)
     return result, replace(
         report,
         environment_steps=0 if arena is None else arena.steps,
@@ -280,13 +280,14 @@ def _by_playing(
     return front.picked, "return", front.verdict, front.entries
 
 
-def _report(
+def report_on(
     policy: TreePolicy,
     result: TreePolicy,
     method: str,
     costs: Costs,
-    verdict: Verdict | None,
+    verdict: Verdict | None = None,
 ) -> CompressionReport:
+    """Return what changed from a policy to a smaller one."""
     rows = costs.rows
     low, high = observation_box(policy.schema, rows)
     return CompressionReport(

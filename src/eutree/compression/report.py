@@ -94,8 +94,8 @@ class CompressionReport:
         disagreement_volume: Exact share of the observation box on which they decide differently;
             the box is the environment's, or the recorded data's where that is unbounded.
         method: Which candidate was kept: ``"merge"``, ``"drop"`` (tests that all recorded
-            observations answer alike), ``"lossless"``, ``"paper"``, ``"budget"``, ``"return"`` or
-            ``"imagined"``.
+            observations answer alike), ``"lossless"``, ``"paper"``, ``"budget"``, ``"return"``,
+            ``"monotone"`` or ``"imagined"``.
         weighted_disagreement: What the changed decisions cost, as a share of the worst; with
             ``weights="visits"`` the share of recorded observations decided differently.
         environment_steps: Steps of all episodes run, in choosing and in confirming.

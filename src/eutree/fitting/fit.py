@@ -1,6 +1,6 @@
 """Fit a tree that can be trusted: chosen by playing, set beside its demonstrator, explained."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from typing import Any
@@ -20,9 +20,10 @@ from eutree.fitting.diagnosis import (
     harms,
     in_words,
 )
-from eutree.fitting.playing import Played, Player, Progress, blame, repairs
+from eutree.fitting.playing import Played, Player, Progress, blame, repairs, shown_in
 from eutree.fitting.playing import practise as learn_on
 from eutree.fitting.report import FitReport, Person
+from eutree.inspection import keep_monotone, monotone_rules
 from eutree.interaction import describe
 from eutree.interaction.deriving import acting_as
 from eutree.interaction.making import make
@@ -68,6 +69,7 @@ def mend(
     demonstrations: Demonstrations,
     player: Player,
     budget: int,
+    kept: Callable[[Candidate], Candidate] = lambda candidate: candidate,
 ) -> tuple[Candidate, Played]:
     """Return the candidate, repaired leaf by leaf as long as it falls short of the person.
 
@@ -80,12 +82,14 @@ def mend(
         demonstrations: What was shown.
         player: Plays the repaired trees.
         budget: Episodes in which each of them is tried.
+        kept: Makes a repaired tree keep the rules that were asked for.
     """
     person = Person.of(demonstrations)
     for number in range(MOST_REPAIRS):
         if not person.is_above(played.evaluation):
             break
-        tried = [candidate, *_repaired(candidate, played, demonstrations, person)]
+        repaired = _repaired(candidate, played, demonstrations, person)
+        tried = [candidate, *map(kept, repaired)]
         for block, episodes in ((REPAIRING, budget), (CONFIRMING, 2 * budget)):
             rule = Halving(first=episodes, most=episodes)
             policies = [entry.policy for entry in tried]
@@ -120,6 +124,7 @@ def fit(
     practise: int = 0,
     settings: C45Settings | None = None,
     history: int | None = None,
+    monotone: Sequence[str] = (),
     seed: int = 0,
     on_progress: Progress | None = None,
 ) -> FitReport:
@@ -143,6 +148,8 @@ def fit(
             what the tree has played. The better of both by fresh episodes is returned.
         settings: The choices of C4.5. None chooses.
         history: Number of previous observations as features. None chooses between 0 and 1.
+        monotone: Rules such as ``"stop in distance"`` that every tree keeps: leaves change to what
+            was shown there less often, as few steps as it takes.
         seed: The same seed gives the same report.
         on_progress: Called after each episode played with what it is for and how many there were.
 
@@ -169,6 +176,8 @@ def fit(
         settings=SETTINGS if settings is None else (settings,),
         histories=(0, 1) if history is None and settings is None else (history or 0,),
     )
+    keeps = _Keeping(demonstrations, tuple(monotone))
+    found = [keeps.kept(one) for one in found]
     with ExitStack() as stack:
         world, missing = _world(demonstrations, env, stack) if episodes else (None, "")
         if world is None:
@@ -177,7 +186,7 @@ def fit(
             notes = [f"The tree was not played: {missing}"] if missing else []
             return _report(best_left_out(found), None, demonstrations, found, notes)
         player = Player(world, seed, on_progress)
-        fitting = _Fitting(demonstrations, world, player, episodes, seed)
+        fitting = _Fitting(demonstrations, world, player, keeps, episodes, seed)
         chosen, known = fitting.choose(found, repair=settings is None)
         judged = fitting.judge(chosen)
         plays = known + judged.episodes
@@ -196,6 +205,25 @@ def fit(
         return replace(after, before_practice=report, plays=better[1].episodes)
 
 
+@dataclass(frozen=True)
+class _Keeping:
+    """Monotone rules that trees of some demonstrations keep."""
+
+    demonstrations: Demonstrations
+    monotone: tuple[str, ...]
+
+    def kept(self, candidate: Candidate) -> Candidate:
+        """Return a candidate whose tree keeps the rules, by what was shown in its leaves."""
+        policy = candidate.policy
+        if not self.monotone:
+            return candidate
+        rules = monotone_rules(self.monotone, policy.schema)
+        kept = keep_monotone(
+            policy, rules, shown_in(policy, self.demonstrations).astype(np.float64)
+        )
+        return candidate if kept is policy else replace(candidate, policy=kept)
+
+
 @dataclass(frozen=True, eq=False)
 class _Fitting:
     """The steps of a fit in an environment.
@@ -204,6 +232,7 @@ class _Fitting:
         demonstrations: What was shown: trees are fitted to it, practice begins with it.
         world: Where to play.
         player: Plays there and counts.
+        keeps: The rules that every tree keeps.
         episodes: Fresh episodes that judge a tree.
         seed: Seed of the fit.
     """
@@ -211,6 +240,7 @@ class _Fitting:
     demonstrations: Demonstrations
     world: gymnasium.Env[Any, Any]
     player: Player
+    keeps: _Keeping
     episodes: int
     seed: int
 
@@ -227,7 +257,8 @@ class _Fitting:
         if repair:
             budget = max(1, int(REPAIR_SHARE * self.episodes))
             self.player.begin("repairing", MOST_REPAIR_PLAYS * budget)
-            chosen, played = mend(chosen, played, self.demonstrations, self.player, budget)
+            kept = self.keeps.kept
+            chosen, played = mend(chosen, played, self.demonstrations, self.player, budget, kept)
         return chosen, played.episodes
 
     def judge(self, chosen: Candidate) -> Played:
@@ -258,6 +289,9 @@ class _Fitting:
             on_progress=tell,
         )
         self.player.begin("comparing", (1 + len(rivals)) * self.episodes)
+        if self.keeps.monotone:
+            rules = monotone_rules(self.keeps.monotone, chosen.policy.schema)
+            rivals = tuple(keep_monotone(one, rules) for one in rivals)
         rule = Halving(first=self.episodes, most=self.episodes)
         winner, best = self.player.contest(rule, [chosen.policy, *rivals], COMPARING)
         if winner == 0:

@@ -2,6 +2,7 @@
 
 from eutree.inspection.diff import Disagreement, PolicyDiff, diff
 from eutree.inspection.edit import Edited, edit, enforce, numbered
+from eutree.inspection.monotone import keep_monotone, monotone_rules
 from eutree.inspection.properties import Property
 from eutree.inspection.regions import Region
 from eutree.inspection.verify import CounterExample, Verification, verify
@@ -22,6 +23,8 @@ __all__ = [
     "diff",
     "edit",
     "enforce",
+    "keep_monotone",
+    "monotone_rules",
     "numbered",
     "verify",
     "why",

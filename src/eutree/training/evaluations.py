@@ -136,9 +136,17 @@ class Evaluations:
         state.note("evaluation", vars(point) | {"mean_length": evaluation.mean_length})
 
     def make_front(
-        self, learned: TreePolicy, first: TreePolicy, learner: Learner, arena: Arena
+        self,
+        learned: TreePolicy,
+        first: TreePolicy,
+        learner: Learner,
+        arena: Arena,
+        keeping: Callable[[TreePolicy], TreePolicy],
     ) -> None:
-        """Find the best tree of each size, and pick one; neither where steps are too few."""
+        """Find the best tree of each size, and pick one; neither where steps are too few.
+
+        ``keeping`` makes trees keep the run's rules.
+        """
         from eutree.training.front import Extent, front_of_run
 
         plan, at, state = self._plan, self._state.at, self._state
@@ -155,6 +163,7 @@ class Evaluations:
                 learner,
                 ground,
                 extent,
+                keeping,
                 max_leaves=plan.handover.max_leaves,
                 generator=generator_of(plan.seed, Stream.FRONT, 0),
             )

@@ -69,6 +69,7 @@ def front_of_run(
     learner: Learner,
     ground: Ground,
     extent: Extent,
+    keeping: Callable[[TreePolicy], TreePolicy],
     *,
     max_leaves: int | None,
     generator: np.random.Generator,
@@ -81,6 +82,7 @@ def front_of_run(
         learner: Imagines, where it can, and knows what was seen.
         ground: Where trees play.
         extent: How much.
+        keeping: Makes a tree keep the run's rules.
         max_leaves: Most leaves of the pick; None for any number.
         generator: Source of all chance that is not of an episode.
     """
@@ -89,7 +91,7 @@ def front_of_run(
     def checked(one: TreePolicy) -> TreePolicy:
         # An earlier incumbent may be the expert tree, which was shown in another environment.
         here = replace(one, environment=learned.environment, schema=learned.schema)
-        return with_locks(merged(here), learned)
+        return keeping(with_locks(merged(here), learned))
 
     rollouts = None
     if isinstance(learner, Imagines):

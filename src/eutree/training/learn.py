@@ -272,7 +272,8 @@ def _result(run: Run, log: "Log | None") -> "tuple[TreePolicy, OffPolicyComparis
     if log is None or run.state.stopped:
         return run.policy(), None
     method = run.beginning.method
-    return log.chosen(run.policy(), discount=getattr(method, "discount", None))
+    policy, found = log.chosen(run.policy(), discount=getattr(method, "discount", None))
+    return run.keeping(policy), found
 
 
 def _as_document(

@@ -53,6 +53,7 @@ class Plan:
         keep_success: Whether the policy is replaced only by one that succeeds as often.
         handover: How it is decided whether the result or the start is handed over; None hands over
             the result, and says how it did against the start.
+        monotone: Rules that every policy of the run keeps, as for ``verify``.
         seed: Seed of the run.
     """
 
@@ -64,6 +65,7 @@ class Plan:
     race: SearchSettings | None = None
     keep_success: bool = False
     handover: Handover | None = None
+    monotone: tuple[str, ...] = ()
     seed: int = 0
 
     def __post_init__(self) -> None:

@@ -57,6 +57,7 @@ def planned(
         race=race if races else None,
         keep_success=keeps,
         handover=handover_for(chosen, handover),
+        monotone=tuple(asked.monotone),
         seed=seed,
     )
     if handover.prefer_proven is not None:

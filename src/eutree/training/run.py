@@ -8,11 +8,13 @@ happened; they never decide what comes.
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import CurvePoint
+from eutree.inspection.monotone import keep_monotone, monotone_rules
 from eutree.interaction.seeding import Stream
 from eutree.learners import Learner, Method, Problem, Start
 from eutree.learners.episode_buffer import transitions_of
@@ -68,6 +70,7 @@ class Run:
         evaluations: The curve, and the result against the start.
         racing: The race at the end.
         first: The policy that it began with.
+        keeping: Makes a policy keep the plan's monotone rules.
     """
 
     def __init__(
@@ -88,7 +91,9 @@ class Run:
         self.racing = Racing(plan, self.state)
         self._arena = arena
         self._clock = time.monotonic()
-        self.first = _of_here(beginning) or self.policy()
+        rules = monotone_rules(plan.monotone, beginning.problem.schema)
+        self.keeping = partial(keep_monotone, rules=rules)
+        self.first = self.keeping(_of_here(beginning) or self.policy())
 
     @property
     def at(self) -> Position:
@@ -154,7 +159,7 @@ class Run:
     def learned(self) -> TreePolicy:
         """Return the present policy, frozen."""
         if self.racing.search is not None:
-            return self.racing.search.incumbent
+            return self.keeping(self.racing.search.incumbent)
         kept = self.evaluations.kept
         return self._best() if kept is None else kept[0]
 
@@ -174,7 +179,7 @@ class Run:
     def _best(self) -> TreePolicy:
         """Return what the race ended with or, before that, what was learned."""
         if self.racing.result is not None:
-            return self.racing.result
+            return self.keeping(self.racing.result)
         policy = self.learner.decisions().policy(self.beginning.problem)
         seen, allowed = (
             self.learner.history.observations,
@@ -182,6 +187,7 @@ class Run:
         )
         if allowed is not None and seen.shape[1] == policy.tree.n_features:
             policy = among_allowed(policy, seen, allowed)
+        policy = self.keeping(policy)
         features = policy.schema.features
         if len(seen) == 0 or seen.shape[1] != len(features):
             return policy
@@ -257,7 +263,7 @@ class Run:
         """Find the best tree of each size, and pick one; or compare the pick with the start."""
         first, learned, arena = self.first, self.learned(), self._acting()
         if self.phase is Phase.FRONT:
-            self.evaluations.make_front(learned, first, self.learner, arena)
+            self.evaluations.make_front(learned, first, self.learner, arena, self.keeping)
         else:
             picked = self.evaluations.picked or learned
             self.evaluations.judge(first, picked, self.challengers, arena)

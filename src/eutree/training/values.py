@@ -105,6 +105,8 @@ class ShortForms(TypedDict, total=False):
             a run of any length takes bounded memory: a uniform sample of those of each leaf and
             action or, with planning, whole episodes. None leaves it to the method.
         strict: Refuse observations outside the environment's own bounds.
+        monotone: Rules such as ``"stop in distance"`` that every policy of the run keeps, the start
+            too; see ``eutree.inspection.keep_monotone``.
         starts: Certificates of what is not proven: half of all episodes, those of races, contests
             and evaluations too, begin where these fail (``eutree.proof.BeginningThere``).
     """
@@ -132,6 +134,7 @@ class ShortForms(TypedDict, total=False):
     history: int
     max_transitions: int | None
     strict: bool
+    monotone: Sequence[str]
     starts: "Sequence[Certificate]"
 
 
@@ -151,7 +154,7 @@ _LISTENERS: dict[str, Callable[[Any], Listener]] = {
     "stop": StopWhen,
     "on_progress": Progress,
 }
-_ALONE = ("teacher", "history", "max_transitions", "strict", "starts")
+_ALONE = ("teacher", "history", "max_transitions", "strict", "monotone", "starts")
 _NAMED = ("demonstrations", "expert", "method", "start", *_PARTS, "listeners", "seed")
 _KINDS = {"budget": Budget, "evaluation": Schedule, "handover": Handover, "folder": Folder}
 
@@ -169,6 +172,7 @@ class Asked:
     history: int = 0
     max_transitions: int | None = None
     strict: bool = False
+    monotone: Sequence[str] = ()
     starts: "Sequence[Certificate]" = ()
 
     @classmethod

@@ -1,0 +1,222 @@
+"""Make a tree keep monotone rules: the leaves that have to change, and no more than that.
+
+``monotone stop in distance`` says that raising the distance never leads away from ``stop``. So the
+leaves that stop must be closed: with a leaf, every leaf that lies above it. Of all closed sets of
+leaves the one that costs least is a minimal cut of a graph (Picard, 1976), and with it each leaf's
+action: exact for one action and any number of features. Rules of several actions are kept one
+after the other, in the order that costs least; where none does, one action for all leaves keeps
+any rule.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import permutations
+
+import numpy as np
+
+from eutree.arrays import Booleans, Floats, Integers
+from eutree.errors import InvalidArgumentError
+from eutree.inspection.properties import Property, parse
+from eutree.inspection.regions import is_box
+from eutree.policies import TreePolicy
+from eutree.schema import Schema
+from eutree.trees.boxes import leaf_boxes, meetings
+from eutree.trees.edit import merge
+from eutree.trees.text import printable
+
+MOST_ORDERED = 4  # actions with rules, of which each order is tried
+
+_Edges = tuple[int, Integers, Integers]  # an action, and pairs of leaves
+
+
+def monotone_rules(texts: Sequence[str], schema: Schema) -> tuple[Property, ...]:
+    """Return the rules that some texts ask for, ``"stop in distance"`` and the like.
+
+    Args:
+        texts: Each as for ``verify``, with or without the word ``monotone``.
+        schema: Names of features and actions.
+
+    Raises:
+        InvalidArgumentError: A text is no rule of an action, or two contradict each other.
+        UnknownNameError: It names no feature or action.
+    """
+    rules = tuple(
+        parse(text if text.split()[:1] == ["monotone"] else f"monotone {text}", schema)
+        for text in texts
+    )
+    for number, rule in enumerate(rules):
+        if rule.control >= 0:
+            raise InvalidArgumentError(
+                f"a monotone rule to be kept must be of an action, one of "
+                f"{', '.join(map(printable, schema.actions))}, got {rule.text!r}"
+            )
+        for other in rules[:number]:
+            if _direction(rule, schema) == _opposite(other, schema) and _meet(rule, other):
+                name = printable(schema.feature_names[rule.feature])
+                raise InvalidArgumentError(
+                    f"monotone rules must not ask for both directions of {name}, got "
+                    f"{other.text!r} and {rule.text!r}: no tree that asks for it keeps both"
+                )
+    return rules
+
+
+def keep_monotone(
+    policy: TreePolicy, rules: Sequence[Property], weights: Floats | None = None
+) -> TreePolicy:
+    """Return the policy with the actions of some leaves changed, so that it keeps each rule.
+
+    Where it keeps them already, it is returned as it is. Locked leaves keep their actions.
+
+    Args:
+        policy: The policy.
+        rules: What ``monotone_rules`` returned.
+        weights: What each action is worth in each leaf, shape [L, A]: counts of what was shown
+            there, say. By default the visits of a leaf for the action it has.
+
+    Raises:
+        InvalidArgumentError: Locked leaves contradict a rule.
+    """
+    if not rules:
+        return policy
+    worth = _worth(policy) if weights is None else np.asarray(weights, dtype=np.float64).copy()
+    edges = [(_action(rule, policy.schema), *_above(policy, rule)) for rule in rules]
+    allowed = np.ones(worth.shape, dtype=bool)
+    for leaf in policy.locked:
+        allowed[leaf] = np.arange(policy.schema.n_actions) == policy.actions[leaf]
+    actions = policy.actions
+    if all(
+        not ((actions[one] == action) & (actions[two] != action)).any()
+        for action, one, two in edges
+    ):
+        return policy
+    asked = sorted({action for action, _, _ in edges})
+    orders = permutations(asked) if len(asked) <= MOST_ORDERED else [tuple(asked)]
+    found = [labels for order in orders if (labels := _labels(worth, allowed, edges, order)).size]
+    if not found and policy.locked:
+        raise InvalidArgumentError("monotone rules must not contradict the locked leaves")
+    leaves = np.arange(policy.n_leaves)
+    one_for_all = np.full(policy.n_leaves, worth.sum(axis=0).argmax())  # keeps any rule
+    actions = max(found or [one_for_all], key=lambda labels: float(worth[leaves, labels].sum()))
+    if policy.locked:
+        return replace(policy, actions=actions)
+    tree, labels = merge(policy.tree, actions)
+    return replace(policy, tree=tree, actions=labels, leaves=None)
+
+
+def _labels(
+    worth: Floats, allowed: Booleans, edges: Sequence[_Edges], order: tuple[int, ...]
+) -> Integers:
+    """Return an action for each leaf, rules kept action by action; nothing where that fails."""
+    for action in order:
+        pairs = [(one, two) for known, one, two in edges if known == action]
+        one, two = (np.concatenate(part) for part in zip(*pairs, strict=True))
+        has = _closed(worth, allowed, action, one, two)
+        allowed = allowed & ((np.arange(worth.shape[1]) == action) == has[:, np.newaxis])
+    if not allowed.any(axis=1).all():
+        return np.empty(0, np.int64)
+    labels: Integers = np.where(allowed, worth, -np.inf).argmax(axis=1)
+    return labels
+
+
+def _worth(policy: TreePolicy) -> Floats:
+    """Return what each action is worth in each leaf: its visits, for the action that it has."""
+    worth = np.full((policy.n_leaves, policy.schema.n_actions), 0.0)
+    visits = np.ones(policy.n_leaves)
+    if policy.leaves is not None:
+        total = policy.leaves.visits.sum(axis=1)
+        visits += total
+        worth += policy.leaves.visits / (total[:, np.newaxis] + 1.0)
+    worth[np.arange(policy.n_leaves), policy.actions] = visits
+    return worth
+
+
+def _above(policy: TreePolicy, rule: Property) -> tuple[Integers, Integers]:
+    """Return pairs of leaves: changing the rule's feature leads from the first to the second."""
+    j, found = rule.feature, [(np.empty(0, np.intp), np.empty(0, np.intp))]
+    for region in rule.regions:
+        low, high = leaf_boxes(policy.tree)
+        low, high = np.maximum(low, region.low), np.minimum(high, region.high)
+        asked = is_box(low, high)
+        ways = low.copy(), high.copy()
+        ways[0][:, j], ways[1][:, j] = (-np.inf, low[:, j]) if rule.falls else (high[:, j], np.inf)
+        ways[1][~asked] = -np.inf  # empty
+        for one, two in meetings(*ways, policy.tree):
+            beyond = high[two, j] <= low[one, j] if rule.falls else low[two, j] >= high[one, j]
+            found.append((one[beyond & asked[two]], two[beyond & asked[two]]))
+    one, two = (np.concatenate(part) for part in zip(*found, strict=True))
+    if _is_mirrored(rule, policy.schema):  # of two actions, the other one is closed the other way
+        return two, one
+    return one, two
+
+
+def _closed(
+    worth: Floats, allowed: Booleans, action: int, one: Integers, two: Integers
+) -> Booleans:
+    """Return which leaves get an action, so that with ``one`` of a pair it has ``two``."""
+    rest = np.where(allowed, worth, -np.inf)
+    rest[:, action] = -np.inf
+    others = rest.max(axis=1)
+    gain = np.where(np.isfinite(others), worth[:, action] - others, np.inf)
+    gain = np.where(allowed[:, action], gain, -np.inf)
+    size = len(worth)
+    bound = np.abs(gain[np.isfinite(gain)]).sum() + 1.0
+    gain = np.clip(gain, -bound, bound)
+    source, sink = size, size + 1
+    room = np.zeros((size + 2, size + 2))
+    room[source, :size], room[:size, sink] = np.maximum(gain, 0.0), np.maximum(-gain, 0.0)
+    room[one, two] = np.inf
+    while True:
+        before = _reached(room, source)
+        if before[sink] < 0:
+            return before[:size] >= 0
+        path = [sink]
+        while path[-1] != source:
+            path.append(int(before[path[-1]]))
+        steps = (np.array(path[:0:-1]), np.array(path[-2::-1]))
+        least = room[steps].min()
+        room[steps] -= least
+        room[steps[::-1]] += least
+
+
+def _reached(room: Floats, source: int) -> Integers:
+    """Return the node before each one on a shortest way with room; -1 where there is none."""
+    before = np.full(len(room), -1, dtype=np.int64)
+    before[source] = source
+    front = [source]
+    while front:
+        following = []
+        for node in front:
+            fresh = np.flatnonzero((room[node] > 0.0) & (before < 0))
+            before[fresh] = node
+            following += fresh.tolist()
+        front = following
+    return before
+
+
+def _is_mirrored(rule: Property, schema: Schema) -> bool:
+    """Return whether a rule of the second of two actions is taken for one of the first."""
+    return schema.n_actions == 2 and 1 in rule.actions
+
+
+def _action(rule: Property, schema: Schema) -> int:
+    return 0 if _is_mirrored(rule, schema) else min(rule.actions)
+
+
+def _direction(rule: Property, schema: Schema) -> tuple[int, int, bool]:
+    """Return action, feature and whether it falls; of two actions in terms of the first."""
+    falls = rule.falls != _is_mirrored(rule, schema)
+    return _action(rule, schema), rule.feature, falls
+
+
+def _opposite(rule: Property, schema: Schema) -> tuple[int, int, bool]:
+    action, feature, falls = _direction(rule, schema)
+    return action, feature, not falls
+
+
+def _meet(one: Property, other: Property) -> bool:
+    """Return whether there are observations that both rules speak of."""
+    return any(
+        is_box(np.maximum(mine.low, theirs.low), np.minimum(mine.high, theirs.high))
+        for mine in one.regions
+        for theirs in other.regions
+    )
