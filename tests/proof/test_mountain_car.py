@@ -198,3 +198,15 @@ def test_a_plant_of_ones_own_is_found_by_the_id():
     register_plant("TestCar-v0", MountainCar)
     assert isinstance(plant_of(EnvironmentSpec("TestCar-v0")), MountainCar)
     assert plant_of(EnvironmentSpec("LunarLander-v3")) is None
+
+
+def test_the_mean_return_over_all_starts_is_proven_too(good):
+    low, high = good.bounds["mean_return"]
+    for least, verdict in ((low - 0.01, "proven"), (high + 0.01, "refuted"),
+                           ((low + high) / 2, "undecided")):  # fmt: skip
+        found = prove(policy_of(GOOD), PLANT, f"returns at least {least!r}")
+        assert found.verdict == verdict
+        assert "its mean return is in [-9" in found.sentence
+        assert found.counterexample is None
+    with pytest.raises(InvalidArgumentError, match="is about chance"):
+        prove(policy_of(GOOD), PLANT, "returns at least -100 with probability at least 0.9")

@@ -1,6 +1,7 @@
 """``prove``: a policy, a plant and a property make a certificate."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -61,6 +62,9 @@ def prove(
     own = plant.certify(policy, asked, (effort or Effort()).refinements)
     if own is not None:
         return own
+    is_known = plant.reward is not None and plant.limit is not None
+    if asked.kind == "returns" and asked.chance is None and is_known:
+        return _of_return(prove(policy, plant, "arrives", effort=effort), asked, plant)
     horizon = plant.limit if asked.horizon is None else asked.horizon
     if asked.kind not in ("arrives", "stays", "avoids"):
         raise InvalidArgumentError(
@@ -78,6 +82,21 @@ def prove(
             f"property {asked.text!r} must be about a number of steps: add 'within N steps'"
         )
     return proof.for_ever()
+
+
+def _of_return(found: Certificate, asked: Property, plant: Plant) -> Certificate:
+    """Return what a proof of how long episodes take says of the mean return over all starts."""
+    low, high = found.bounds["mean_return"]
+    least = asked.least or 0.0
+    verdict = PROVEN if low >= least else REFUTED if high < least else UNDECIDED
+    said = {
+        PROVEN: f"it {asked.text}",
+        REFUTED: f"it is not true that it {asked.text}",
+        UNDECIDED: f"whether it {asked.text} is open",
+    }
+    words = f"over all starts of {plant.environment} {said[verdict]}: "
+    words += f"its mean return is in [{low:.6g}, {high:.6g}]"
+    return replace(found, sentence=words, verdict=verdict, counterexample=None)
 
 
 class _Proof:
