@@ -115,6 +115,7 @@ def row_of(
     generator = np.random.default_rng(seed)
     sample = sampled(found, policy, plant, generator.uniform(-0.6, -0.4, episodes))
     ratio = seconds / found.work["box_steps"] / sample.per_step
+    of_piece = seconds / found.work["pieces"] / sample.per_step
     low, high = found.bounds["mean_return"]
     steps = found.bounds["steps"]
     not_from = "" if found.counterexample is None else f"{found.counterexample['position']:.6f}"
@@ -123,8 +124,8 @@ def row_of(
             f"| {seed} | {name} | {policy.n_leaves} | {found.verdict} | {(low + high) / 2:.5f} ± "
             f"{(high - low) / 2:.1g} | {steps[0]:.0f} to {steps[1]:.0f} | "
             f"{found.worst_start['position']:.5f} | {not_from} | {found.work['pieces']:,} | "
-            f"{found.work['box_steps']:,} | {seconds:.2f} | {ratio:.2f} | {sample.mean:.2f} | "
-            f"{sample.most} |"
+            f"{found.work['box_steps']:,} | {seconds:.2f} | {ratio:.2f} | "
+            f"{of_piece:.0f} | {sample.mean:.2f} | {sample.most} |"
         ),
         sample,
         found,
@@ -164,11 +165,12 @@ def page(rows: list[str], verdicts: list[str], samples: list[Sample], command: s
             f"{wrong} ended at a step that was not certified, and of their {states:,} states that",
             f"have a box at their step {outside} lay outside. Memory at most: {memory:.0f} MB.",
             "*A step* is the time for a step of a box, all of the proof included, as a ratio to a",
-            "step of Gymnasium with the policy in the same run.",
+            "step of Gymnasium with the policy in the same run; *a piece* the time for a piece, in",
+            "such steps: what an episode or two take.",
             "",
             "| seed | tree | leaves | arrives | mean return | steps | worst start | fails at "
-            "| pieces | box steps | CPU s | a step | sampled mean | sampled worst |",
-            "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|",
+            "| pieces | box steps | CPU s | a step | a piece | sampled mean | sampled worst |",
+            "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|",
             *rows,
             "",
             "A refuted tree may be among the best by its mean: the starts from which it fails are",

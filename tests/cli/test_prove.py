@@ -5,6 +5,7 @@ import json
 import pytest
 
 from eutree.cli.main import run
+from eutree.proof import Plant, plants
 from tests.proof.policies import BAD, GOOD, policy_of
 
 
@@ -61,6 +62,9 @@ def test_an_environment_without_a_plant_gets_a_statistical_certificate(tmp_path,
     [
         (["flies"], "property must be"),
         (["stays in speed <= 1"], "unknown feature 'speed'"),
+        (["stays in upper_level < 2 and lower_level < 2 for ever"], "feature 'upper_level'"),
+        (["succeeds with probability at least 0.9"], "is about chance, and nothing in the plant"),
+        (["stays in position <= 0.6 for ever"], "has no grid, which a property for ever needs"),
         (["--env", "CartPole-v1"], "must have the features and actions of CartPole-v1"),
         (["--sampled", "--confidence", "2"], "confidence must be"),
         (["--sampled", "returns at least 1"], "--range LOW HIGH"),
@@ -79,3 +83,24 @@ def test_the_page_never_overwrites_the_policy(car, capsys):
     assert run(["prove", str(car), "--html", str(car)]) == 2
     assert "must be another place than POLICY" in capsys.readouterr().err
     assert car.read_bytes() == before
+
+
+class Still(Plant):
+    """A plant that does not say how boxes move."""
+
+    state = ("x0", "x1", "x2", "x3", "x4", "x5")
+    start = ((0.0, 0.0),) * 6
+    limit = 5
+
+    def __init__(self, spec):
+        self.environment = spec
+
+
+def test_a_plant_without_a_step_is_one_line(tmp_path, capsys, monkeypatch):
+    monkeypatch.setitem(plants._PLANTS, "Acrobot-v1", Still)
+    path = tmp_path / "lander.json"
+    policy_of((0, 0.0, 0, 1), "Acrobot-v1").save(path)
+    assert run(["prove", str(path)]) == 2
+    error = capsys.readouterr().err
+    assert "plant must have a step that moves boxes, got Still without one" in error
+    assert error.count("\n") == 1
