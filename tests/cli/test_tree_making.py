@@ -100,6 +100,20 @@ def test_what_is_corrected_is_fitted_at_once_and_shown(folder) -> None:
     assert eutree.TreePolicy.load(folder.with_name("demos-driving.json")) == tree
 
 
+def test_what_is_missing_is_found_in_the_folder(folder) -> None:
+    maker = PageTree(folder, EVASION, lambda: gymnasium.make("eutree/Evasion2-v0"))
+    found = maker.missing()
+    tree = eutree.fit_expert_tree(eutree.Demonstrations.load(folder))
+    world = GuardedEnv(gymnasium.make("eutree/Evasion2-v0"))
+    assert not run_episode(world, tree, found.seed).is_success
+    assert "the end would have been 'goal'" in found.why
+    cart = eutree.record("CartPole-v1", lambda o: int(o[2] > 0), episodes=2, seed=0)
+    cart.save(folder.with_name("cart"))
+    of_cart = PageTree(folder.with_name("cart"), EnvironmentSpec("CartPole-v1"),
+                       lambda: gymnasium.make("CartPole-v1"))  # fmt: skip
+    assert of_cart.missing() is None  # nothing says what failed
+
+
 def test_a_tree_of_another_task_is_not_let_drive(folder, tmp_path, capsys) -> None:
     made(folder, episodes=3)
     tree, out = folder.with_name("demos-tree.json"), tmp_path / "other"

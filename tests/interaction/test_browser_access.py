@@ -96,7 +96,8 @@ def axe() -> str:
 )  # fmt: skip
 def test_axe_finds_nothing(chromium, tmp_path, axe, screen, scheme) -> None:
     env = evasion()
-    with serving(tmp_path, env, fps=8.0, maker=goes_on_and_on(env)) as served:
+    maker = goes_on_and_on(env)
+    with serving(tmp_path, env, fps=8.0, maker=maker) as served:
         person = person_at(chromium, served, screen, color_scheme=scheme)
         person.page.evaluate(axe)
 
@@ -121,6 +122,14 @@ def test_axe_finds_nothing(chromium, tmp_path, axe, screen, scheme) -> None:
         assert findings() == []
         served.session.wishes.express("practise")
         person.page.locator("#ways-section").wait_for(timeout=PATIENCE)
+        assert findings() == []
+        person.tap("Escape").until(state="review")
+        again = replace(maker.programme, refit=lambda: maker.programme.policy)
+        served.session.driving.offer(replace(again, scenes=()))
+        person.page.get_by_role("button", name="Correct it").click()
+        person.until(state="driving", step=1)
+        held = [] if screen == "desk" else ["#pads button"]
+        assert person.page.evaluate(OUT_OF_SIGHT, ["#picture", "#title", *held]) == []
         assert findings() == []
         person.tap("Escape").until(state="review")
         person.rest().tap("Escape").until(state="finished")

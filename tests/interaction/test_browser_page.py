@@ -539,6 +539,20 @@ def test_the_tree_drives_as_soon_as_it_is_made(chromium, tmp_path) -> None:
     assert len(Demonstrations.load(tmp_path / "demos").episodes) == 1
 
 
+def test_what_is_missing_is_said_and_begun_with(chromium, tmp_path) -> None:
+    with serving(tmp_path, maker=ScriptedMaker()) as served:
+        person = Person(chromium, served).until(state="opening")
+        settings = replace(served.session.settings, target=9)
+        served.session.settings = served.session.recording._settings = settings
+        for _ in range(3):
+            person.tap("Enter").until(state="playing").down("ArrowRight").until(state="review")
+            person.up("ArrowRight").rest(0.8)
+        assert "the second line" in person.page.locator("#how").inner_text()
+        person.page.get_by_role("button", name="Show that next").click()
+        person.until(state="playing").down("ArrowRight").until(state="review").up("ArrowRight")
+    assert Demonstrations.load(tmp_path / "demos").episodes[-1].seed == 4711
+
+
 @pytest.mark.parametrize("touch", [False, True])
 def test_a_person_takes_over_from_the_tree_and_hands_back(chromium, tmp_path, touch) -> None:
     env = evasion()

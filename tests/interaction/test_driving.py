@@ -13,7 +13,15 @@ from eutree.interaction import Recorder, SessionSettings, episode_seed
 from eutree.interaction.events import Away, EpisodeEnded
 from eutree.interaction.guard import GuardedEnv
 from eutree.interaction.replay import replay
-from eutree.interaction.scenes import Course, Programme, Scene, explained, scenes, worst_first
+from eutree.interaction.scenes import (
+    Course,
+    Programme,
+    Scene,
+    explained,
+    missing,
+    scenes,
+    worst_first,
+)
 from eutree.trees import DecisionTree
 from tests.interaction.people import Corridor, Person
 
@@ -53,6 +61,41 @@ def test_why_names_the_decision_that_would_have_been_better() -> None:
     assert "it took only stay with place 3 m" in first
     assert "(it asked for place alone)" in first
     assert "With right for 2 steps, the end would have been 'terminated'." in first
+
+
+def test_what_is_missing_is_a_failure_that_one_decision_would_have_mended() -> None:
+    seeds, _, successes = played(stops_at(2.0))
+    env = GuardedEnv(Corridor())
+    found = missing(stops_at(2.0), seeds, successes, env)
+    assert found.seed == seeds[0]
+    assert found.why.startswith("The tree of what you have shown so far fails in 20 of 20 episodes")
+    assert "it took only stay" in found.why
+    assert missing(always(RIGHT), seeds, [True] * 20, env) is None
+    far = GuardedEnv(Corridor(length=500))
+    assert missing(always(STAY), seeds, [False] * 20, far) is None  # nothing would have helped
+
+
+def test_the_next_episode_begins_where_something_was_missing(person) -> None:
+    for _ in range(2):
+        person.walk()
+    assert not person.session.wishes.look  # too few to say
+    person.session.wishes.look = False
+    person.session.recording._settings = replace(person.session.settings, target=9)
+    person.session.settings = person.session.recording._settings
+    person.walk()
+    assert person.session.wishes.look
+    person.session.recording.missing = Scene(4711, "never waited")
+    assert person.wait(0.1).view.missing == "never waited"
+    person.do("missing").until("playing").press("right").until("review").release("right")
+    assert person.view.missing == ""
+    shown = stored(person)[-1]
+    assert (shown.seed, shown.extras["chosen_start"], shown.is_evidence) == (4711, True, False)
+    person.wait(1.0).tap("r").until("playing").press("right").until("review").release("right")
+    assert stored(person)[-1].seed == 4711  # the same start again is that start
+    person.wait(1.0).walk()
+    assert stored(person)[-1].seed != 4711
+    assert stored(person)[-1].is_evidence
+    assert Judged.of(Demonstrations(tuple(stored(person)), SCHEMA)).episodes == 4
 
 
 def test_where_nothing_would_have_helped_it_says_so() -> None:

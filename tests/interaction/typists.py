@@ -142,6 +142,9 @@ class ScriptedMaker:
         show(TreeView(phase="playing", message="The tree plays", finished=20, of=100))
         show(self.ready, self.programme)
 
+    def missing(self):
+        return Scene(4711, "Nothing was shown of the second line.")
+
     def choose(self, way, show) -> None:
         self.calls.append(f"choose {way}")
         show(replace(self.ready, message=f"kept {way}"))

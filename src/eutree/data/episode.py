@@ -121,6 +121,16 @@ class Episode:
         return None if steps is None else np.asarray(steps, dtype=bool)
 
     @property
+    def is_evidence(self) -> bool:
+        """Whether the episode says how well its demonstrator does, alone and from any start.
+
+        Then it was played to its end, no tree drove in it, and it did not begin where a tree had
+        failed (``extras["chosen_start"]``).
+        """
+        ended = self.terminated or self.truncated
+        return ended and self.by_hand is None and not self.extras.get("chosen_start")
+
+    @property
     def weights(self) -> Floats:
         """Weight of each step for whoever imitates the episode, [T]: 1, or 0.
 

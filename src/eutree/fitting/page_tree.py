@@ -1,26 +1,25 @@
 """The button *Make my tree* of the recorder's page: fit, play, practise where it falls short."""
 
 import shlex
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
+from eutree.data import Demonstrations
 from eutree.errors import InvalidArgumentError
+from eutree.fitting.ways import Way, beside_each_other, smaller, value
 from eutree.schema import EnvironmentSpec
 from eutree.wording import counted
 
 if TYPE_CHECKING:
     import gymnasium
 
-    from eutree.compression.report import FrontEntry
-    from eutree.data import Demonstrations, Episode
+    from eutree.data import Demonstrations
     from eutree.evaluation import Evaluation
     from eutree.fitting import FitReport, Person
-    from eutree.interaction.scenes import Programme
+    from eutree.interaction.scenes import Programme, Scene
     from eutree.interaction.tree_making import Show, TreeView
     from eutree.policies import TreePolicy
 
@@ -35,9 +34,8 @@ STAGES = {
     "repairing": "Mending the best one",
     "judging": "Judging it",
 }
+TRIED, MISSING = 40, 1000  # episodes that say what was not shown yet; their first seed
 BETWEEN = 3  # smaller trees that are shown beside the practised one
-COUNTED = 50  # episodes that say how much a tree waits
-CHANGES = 5  # sentences on what practice changed
 ENOUGH = 0.97  # share of successes from which practice stops paying
 
 
@@ -66,11 +64,10 @@ class PageTree:
         self._fitted: FitReport | None = None
         self._best: tuple[TreePolicy, Evaluation, Path] | None = None
         self._presses = 0
-        self._ways: list[_Way] = []
+        self._ways: list[Way] = []
 
     def make(self, show: "Show", stop: Callable[[], bool]) -> None:
         """Fit a tree to the demonstrations recorded so far, and let it play."""
-        from eutree.data import Demonstrations
         from eutree.fitting import Person
         from eutree.interaction.tree_making import FITTING, TreeView
 
@@ -85,7 +82,7 @@ class PageTree:
         played = self._play(tree, show, stop)
         if played is not None:
             self._fitted, self._best, self._presses = fitted, (tree, played, path), 0
-            self._ways = [_Way("your tree", "Keep mine", tree, played, path)]
+            self._ways = [Way("your tree", "Keep mine", tree, played, path)]
             show(self._verdict(Person.of(demonstrations), note=""), self._programme(show))
 
     def _fit(
@@ -112,7 +109,6 @@ class PageTree:
 
     def practise(self, show: "Show", stop: Callable[[], bool]) -> None:
         """Let the tree learn for a while, and keep the better one."""
-        from eutree.data import Demonstrations
         from eutree.fitting import Person
         from eutree.fitting.playing import practise
         from eutree.fitting.report import result_in_words
@@ -149,9 +145,9 @@ class PageTree:
             if result is None:
                 return
             plays.append((result, rival))
-        played, tree = max(plays, key=lambda entry: _value(entry[0]))
+        played, tree = max(plays, key=lambda entry: value(entry[0]))
         note = f"After {episodes} episodes of practice; before it {result_in_words(before)}."
-        if _value(played) > _value(before):
+        if value(played) > value(before):
             path = self._folder.with_name(f"{self._folder.name}-practised.json")
             tree.save(path)
             self._best = (tree, played, path)
@@ -163,9 +159,27 @@ class PageTree:
         ready = replace(self._verdict(person, note=note), curve=curve.points, of=episodes)
         show(ready, self._programme(show))
 
+    def missing(self) -> "Scene | None":
+        """Return what was not shown yet, and where; the tree of C4.5 fails for want of it."""
+        from eutree.evaluation import evaluate
+        from eutree.interaction import GuardedEnv, episode_seed
+        from eutree.interaction.scenes import missing
+        from eutree.learners import fit_expert_tree
+
+        known = Demonstrations.load(self._folder)
+        tree, seed = fit_expert_tree(known), self._seed + MISSING + len(known)
+        env = self._make()
+        try:
+            played = evaluate(tree, env, episodes=TRIED, seed=seed)
+            if played.successes is None:
+                return None
+            seeds = [episode_seed(seed, k) for k in range(TRIED)]
+            return missing(tree, seeds, played.successes.tolist(), GuardedEnv(env))
+        finally:
+            env.close()
+
     def choose(self, way: int, show: "Show") -> None:
         """Keep the tree of one of the ways that were shown; 0 is the person's own."""
-        from eutree.data import Demonstrations
         from eutree.fitting import Person
 
         if not 1 <= way <= len(self._ways):
@@ -182,8 +196,6 @@ class PageTree:
         Between the tree that was fitted and the practised one lie smaller ones of the latter: the
         best of each size, those that do no worse than the fitted one.
         """
-        from eutree.compression import RealEpisodes, compress
-        from eutree.data import Demonstrations
         from eutree.interaction.tree_making import PRACTISING, TreeView
 
         if self._best is None:
@@ -191,58 +203,26 @@ class PageTree:
         tree, played, path = self._best
         mine = self._ways[0]
         known = Demonstrations.load(self._folder).with_history(tree.history)
-        env = self._make()
         message = "Looking for smaller trees between yours and the practised one"
         show(TreeView(phase=PRACTISING, message=message, **_drawn(tree)))
+        env = self._make()
         try:
-            real = RealEpisodes(env, episodes=PLAYED, searches=True)
-            _, report = compress(tree, known.observations, env=real, seed=self._seed)
+            found = smaller(tree, known.observations, env, seed=self._seed)
         finally:
             env.close()
-        smaller = [
-            entry.policy
-            for entry in report.front
-            if entry.policy.n_leaves < tree.n_leaves and _value(entry) >= _value(mine.played)
-        ]
         between = []
-        for policy in smaller[:: max(len(smaller) // BETWEEN, 1)][:BETWEEN]:
+        enough = [one.policy for one in found if value(one) >= value(mine.played)]
+        for policy in enough[:: max(len(enough) // BETWEEN, 1)][:BETWEEN]:
             result = self._play(policy, show, stop)
             if result is None:
                 return False
             own = path.with_name(f"{path.stem}-{policy.n_leaves}.json")
             words = f"practised, {counted(policy.n_leaves, 'leaf')}"
             keep = f"Keep the one of {policy.n_leaves}"
-            between.append(_Way(words, keep, policy, result, own))
-        practised = _Way("practised", "Keep the practised one", tree, played, path)
+            between.append(Way(words, keep, policy, result, own))
+        practised = Way("practised", "Keep the practised one", tree, played, path)
         self._ways = [mine, *reversed(between), practised]
         return True
-
-    def _ways_shown(self) -> dict[str, Any]:
-        """Return the view's fields on the ways beside each other, and on what practice changed."""
-        from eutree.data import Demonstrations
-        from eutree.fitting import Person
-        from eutree.interaction import GuardedEnv, describe, keys_of_environment, run_episode
-        from eutree.interaction.tree_making import WayView
-
-        if len(self._ways) < 2 or self._best is None:
-            return {}
-        demonstrations = Demonstrations.load(self._folder)
-        kept, own = self._best[0], Person.of(demonstrations).whole
-        env = self._make()
-        try:
-            idle, world = keys_of_environment(env, describe(env)).idle, GuardedEnv(env)
-            shown = [episode for episode in demonstrations if episode.by_hand is None]
-            ways = [] if own is None else [WayView(name="you", cells=_cells(own, shown, idle))]
-            for way in self._ways:
-                played = [run_episode(world, way.tree, self._seed + k) for k in range(COUNTED)]
-                cells = _cells(way.played, played, idle)
-                is_kept = way.tree is kept
-                ways.append(WayView(name=way.name, cells=cells, keep=way.keep, is_kept=is_kept))
-        finally:
-            env.close()
-        columns = ("", "reaches", "steps", *(() if idle is None else ("waits",)), "worst 5 %")
-        changes = _changes(self._ways[0].tree, kept, demonstrations)
-        return {"columns": columns, "ways": tuple(ways), "changes": changes}
 
     def driving(self, tree: "TreePolicy", show: "Show") -> "Programme":
         """Return how the person may correct a tree: it is fitted again after each episode."""
@@ -252,7 +232,6 @@ class PageTree:
 
     def _refitted(self, show: "Show") -> "TreePolicy":
         """Return the tree of all that is stored by now, corrections included; the page shows it."""
-        from eutree.data import Demonstrations
         from eutree.interaction.tree_making import READY, TreeView
         from eutree.learners import fit_expert_tree
 
@@ -338,12 +317,18 @@ class PageTree:
             raise AssertionError("a verdict needs a tree")
         tree, played, path = self._best
         found = verdict(person.whole, played)
-        may_gain = found.is_worse or played.successes is None or _value(played) < ENOUGH
+        may_gain = found.is_worse or played.successes is None or value(played) < ENOUGH
         parts = [note, "Practice may make it better." if may_gain else ""]
         if tree.n_leaves == 1:
             parts.append(f"It has a single leaf: it always answers {_only_action(tree)}.")
         elif found.is_worse and self._fitted is not None and tree is self._fitted.policy:
             parts += self._fitted.warnings
+        env = self._make()
+        try:
+            known = Demonstrations.load(self._folder)
+            beside = beside_each_other(self._ways, tree, known, env, seed=self._seed)
+        finally:
+            env.close()
         you, it = (result_in_words(side, found.measure) for side in (person.whole, played))
         return TreeView(
             phase=READY,
@@ -352,7 +337,7 @@ class PageTree:
             verdict=found.word,
             may_gain=may_gain,
             commands=self._commands(path, tree),
-            **self._ways_shown(),
+            **beside,
             **_scale(person, played),
             **_drawn(tree),
         )
@@ -368,17 +353,6 @@ class PageTree:
             ("export", path, "--format", "c", "--out", source),
         )
         return tuple(shlex.join(["eutree", *map(str, line)]) for line in lines)
-
-
-@dataclass(frozen=True, eq=False)
-class _Way:
-    """A tree to choose: its name, the words of its button, what it reached, where it is kept."""
-
-    name: str
-    keep: str
-    tree: "TreePolicy"
-    played: "Evaluation"
-    path: Path
 
 
 class _NobodyWaits(Exception):  # noqa: N818 - no error: whoever pressed the button has left
@@ -441,12 +415,7 @@ class _Curve:
         from eutree.evaluation import evaluate
 
         played = evaluate(self._model.policy, self._env, episodes=PER_POINT, seed=PLAYED)
-        return _value(played)
-
-
-def _value(played: "Evaluation | FrontEntry") -> float:
-    """Return the share of successes where it is known, else the mean return."""
-    return played.mean_return if played.success_rate is None else played.success_rate
+        return value(played)
 
 
 def _scale(person: "Person", played: "Evaluation") -> dict[str, Any]:
@@ -454,32 +423,6 @@ def _scale(person: "Person", played: "Evaluation") -> dict[str, Any]:
     is_share = played.success_rate is not None
     yours = person.success_rate if is_share else person.mean_return
     return {"is_share": is_share, "yours": None if yours is None or isnan(yours) else yours}
-
-
-def _cells(
-    result: "Evaluation", episodes: "Iterable[Episode]", idle: int | None
-) -> tuple[str, ...]:
-    """Return what a way reaches, its steps, how much of them it waits, and its worst episodes."""
-    from eutree.fitting.report import result_in_words
-
-    taken = np.concatenate([episode.actions for episode in episodes])
-    waits = () if idle is None else (f"{100 * np.mean(taken == idle):.0f} %",)
-    low = np.quantile(result.returns, 0.05)
-    return (result_in_words(result), f"{result.mean_length:.1f}", *waits, f"{low:.4g}")
-
-
-def _changes(
-    before: "TreePolicy", after: "TreePolicy", demonstrations: "Demonstrations"
-) -> tuple[str, ...]:
-    """Return what a tree does otherwise than an earlier one, where the person was."""
-    from eutree.inspection import diff
-
-    if before is after or before.history != after.history:
-        return ()
-    rows = demonstrations.with_history(before.history).observations
-    boxes = diff(before, after, observations=rows).boxes
-    most = [box for box in boxes[:CHANGES] if box.visited]
-    return tuple(f"{100 * (box.visited or 0.0):.1f} % of your steps: {box.words}" for box in most)
 
 
 def _drawn(tree: "TreePolicy") -> dict[str, Any]:

@@ -21,8 +21,8 @@ class Person:
 
     Attributes:
         whole: The kept episodes that the task or its time limit ended; None if there is none. One
-            that a person or a crash has ended says nothing of how it would have ended, and one that
-            a tree drove, corrected or not, nothing of the person.
+            that a person or a crash has ended says nothing of how it would have ended; one that a
+            tree drove, or that began where a tree had failed, nothing of the person.
     """
 
     whole: Evaluation | None
@@ -30,11 +30,7 @@ class Person:
     @classmethod
     def of(cls, demonstrations: Demonstrations) -> "Person":
         """Return the result of the demonstrations."""
-        ended = [
-            episode
-            for episode in demonstrations
-            if (episode.terminated or episode.truncated) and episode.by_hand is None
-        ]
+        ended = [episode for episode in demonstrations if episode.is_evidence]
         if not ended:
             return cls(None)
         successes = [episode.is_success for episode in ended]

@@ -178,7 +178,7 @@ class Driving:
                 self._over_at = now
                 self._refit()
             return
-        action = self._decided(self._course.decide(trial.observation))
+        action = self._decided(self._course.decide(trial.observation, self._env.allowed))
         play.controls.hands.action = action
         if play.state == WATCHING:
             row = trial.step(action, self._env.step(action), now, {})

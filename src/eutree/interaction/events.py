@@ -190,6 +190,7 @@ class View:
     is_slowed: bool  # the task is quick, and is shown slowly
     task: str
     makes: bool
+    missing: str  # what was not shown yet, and where the next episode may begin
     can_watch: bool
     can_correct: bool
     driving: DrivingView | None

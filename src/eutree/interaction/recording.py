@@ -8,6 +8,7 @@ from eutree.data import Episode
 from eutree.data.episode import ALLOWED
 from eutree.interaction.events import EpisodeChanged, EpisodeView, Output
 from eutree.interaction.guard import GuardedEnv
+from eutree.interaction.scenes import Scene
 from eutree.interaction.seeding import Stream, episode_seed
 from eutree.interaction.settings import SessionSettings
 from eutree.interaction.trial import Trial
@@ -30,6 +31,8 @@ class Recording:
         last: Place of this session's last episode in the list; None before the first, and after
             one that ended before its first step.
         start: Number of the present start. It is advanced when an episode is stored.
+        missing: An episode that lacks what was not shown yet, to begin one like it; None if none is
+            known.
     """
 
     def __init__(
@@ -47,6 +50,8 @@ class Recording:
         self.numbers = [number for number, _ in recorded]
         self.last: int | None = None
         self.start = settings.first
+        self.missing: Scene | None = None
+        self._chosen: int | None = None  # seed of a start that the person chose
 
     @property
     def n_kept(self) -> int:
@@ -72,9 +77,9 @@ class Recording:
         self._env.reset(self._seed())
         return Trial.unused()
 
-    def choose_start(self) -> None:
-        """Go on to a start that nobody has taken."""
-        self.start = max(self.start, self._free_start())
+    def choose_start(self, chosen: int | None = None) -> None:
+        """Go on to a start that nobody has taken, or to one that the person chose by its seed."""
+        self.start, self._chosen = max(self.start, self._free_start()), chosen
 
     def begin(self, extras: dict[str, Any], held: Sequence[str]) -> Trial:
         """Reset the environment for an episode.
@@ -84,6 +89,8 @@ class Recording:
             held: Keys held at its beginning.
         """
         observation = self._env.reset(self._seed())
+        if self._chosen is not None:
+            extras = {**extras, "chosen_start": True}
         trial = Trial(observation, self._seed(), extras, held)
         self._outputs.append(trial.started())
         return trial
@@ -126,11 +133,13 @@ class Recording:
 
     def _keep(self, trial: Trial, episode: Episode) -> None:
         """Put a finished episode into the list, to be stored at once."""
-        self.last = len(self.episodes)
+        self.last, self.missing = len(self.episodes), None
         self.episodes.append(episode)
         self.numbers.append(max(self.numbers, default=-1) + 1)
         self.start += 1
         self._outputs.append(trial.ended(self.last, episode))
 
     def _seed(self) -> int:
+        if self._chosen is not None:
+            return self._chosen
         return episode_seed(self._settings.seed, self.start, Stream.PERSON)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from eutree.arrays import Floats
+from eutree.arrays import Booleans, Floats
 from eutree.data import Episode
 from eutree.interaction.episode import run_episode
 from eutree.interaction.guard import GuardedEnv
@@ -70,6 +70,29 @@ def worst_first(returns: Floats, successes: Sequence[bool] | None) -> tuple[list
     return chosen[:MOST_SCENES], n_failed
 
 
+def missing(
+    policy: TreePolicy, seeds: Sequence[int], successes: Sequence[bool], env: GuardedEnv
+) -> Scene | None:
+    """Return an episode that lacks what was never shown, and what that is; None if none is found.
+
+    It is a failure in which one decision, taken otherwise, would have led to success.
+
+    Args:
+        policy: The tree of what has been shown so far.
+        seeds: Seeds of episodes that it has played, [E].
+        successes: Whether each one succeeded, [E].
+        env: Where they are played again.
+    """
+    failed = [seed for seed, success in zip(seeds, successes, strict=True) if not success]
+    for seed in failed[:MOST_FAILURES]:
+        shown = run_episode(env, policy, seed)
+        why = next(_reasons(shown, policy, env), "")
+        if why:
+            count = f"The tree of what you have shown so far fails in {len(failed)} of {len(seeds)}"
+            return Scene(seed, f"{count} episodes, for example: {why[0].lower()}{why[1:]}")
+    return None
+
+
 def explained(scene: Scene, policy: TreePolicy, env: GuardedEnv) -> Scene:
     """Return the scene with a sentence on what went wrong, found by playing it otherwise.
 
@@ -96,10 +119,15 @@ class Course:
         self.nodes: tuple[int, ...] = ()
         self.tests: tuple[str, ...] = ()
 
-    def decide(self, observation: Floats) -> int:
-        """Return the action at an observation, shape [d]; ``nodes`` and ``tests`` say why."""
+    def decide(self, observation: Floats, allowed: Booleans | None = None) -> int:
+        """Return the action at an observation, shape [d]; ``nodes`` and ``tests`` say why.
+
+        Args:
+            observation: What is sensed.
+            allowed: Which actions are allowed, shape [A]; None for all.
+        """
         policy = self.policy
-        action, self._state = policy.predict(observation, self._state)
+        action, self._state = policy.predict(observation, self._state, action_masks=allowed)
         seen = observation if self._state is None else self._state[: policy.features.n_features]
         self.nodes = policy.tree.path(policy.tree.leaf_of(seen.tolist()))
         self.tests = tuple(self._test(node, float(seen[policy.tree.feature[node]]))

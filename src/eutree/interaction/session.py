@@ -69,6 +69,8 @@ from eutree.interaction.views import (
     task_description,
 )
 
+FEW = 2  # demonstrations before one says what is missing
+
 
 class Session:
     """A person's recording session in one environment.
@@ -95,7 +97,7 @@ class Session:
     COMMANDS: ClassVar[tuple[str, ...]] = (
         "start", "pause", "end", "redo", "discard", "finish", "slower", "faster", "wait", "mode",
         "speed", "toggle", "turn_based", "keep", "drop", "bind", "make", "practise", "stay",
-        "watch", "correct", "choose",
+        "watch", "correct", "choose", "missing",
     )  # fmt: skip
 
     def __init__(
@@ -147,7 +149,7 @@ class Session:
 
     def tick(self, now: float, events: Iterable[Event] = ()) -> Tick:
         """Take in what happened until ``now``; return what to show and to store."""
-        frame = None
+        frame, known = None, self.recording.n_kept
         try:
             if self.state == OPENING and not self._is_prepared:
                 self.play.show(self.recording.preview())
@@ -156,6 +158,8 @@ class Session:
                 self._take(event, now)
             self._advance(now)
             frame = self.play.picture(now)
+            if FEW <= known < self.recording.n_kept < self.settings.target:
+                self.wishes.look = True
         except EnvironmentFault as error:
             self.fault = error
             self.fail(str(error))
@@ -201,6 +205,9 @@ class Session:
             known = any(episode.kept for episode in self.episodes)
             if known and self.state in (OPENING, REVIEW, WATCHING):
                 self.wishes.express(name, value)
+        elif name == "missing":
+            if self.recording.missing is not None and self.play.was_reviewed(now):
+                self._begin(now, chosen=self.recording.missing.seed)
         elif name in ("slower", "faster", "speed"):
             play.controls.set_speed(command, now)
         elif name in ("mode", "toggle", "turn_based"):
@@ -269,10 +276,10 @@ class Session:
         elif self.state in (OPENING, REVIEW) and self.wishes.leave():
             self.play.state = FINISHED
 
-    def _begin(self, now: float, *, again: bool = False) -> None:
-        """Reset for the next episode, or for the same one again, and count down."""
+    def _begin(self, now: float, *, again: bool = False, chosen: int | None = None) -> None:
+        """Reset for the next episode, for the same one again or one by its seed; count down."""
         if not again:
-            self.recording.choose_start()
+            self.recording.choose_start(chosen)
         controls = self.play.controls
         extras = {**controls.facts(), "viewer": self.settings.viewer}
         self.play.show(self.recording.begin(extras, list(controls.hands.held)))
@@ -311,6 +318,7 @@ class Session:
             leaving=self.wishes.is_leaving,
             task=self.task,
             makes=self.settings.makes,
+            missing="" if self.recording.missing is None else self.recording.missing.why,
             can_watch=self.driving.can_watch,
             can_correct=self.driving.can_correct,
             driving=self.driving.view(),

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-from eutree.interaction.scenes import Programme
+from eutree.interaction.scenes import Programme, Scene
 
 FITTING, PLAYING, PRACTISING = "fitting", "playing", "practising"
 READY, FAILED = "ready", "failed"
@@ -99,6 +99,10 @@ class TreeMaker(Protocol):
         """Let the tree learn for a while, and keep the better one."""
         ...
 
+    def missing(self) -> Scene | None:
+        """Return what was not shown yet, and where to show it; None if nothing is found."""
+        ...
+
     def choose(self, way: int, show: Show) -> None:
         """Keep the tree of one of the ways that were shown."""
         ...
@@ -113,12 +117,13 @@ class Wishes:
     Attributes:
         is_busy: Whether a tree is being made; set by whoever makes it.
         way: The way that was last chosen.
+        look: Whether to look for what is missing in what was shown so far.
     """
 
     def __init__(self, are_offered: bool) -> None:
         self.are_offered = are_offered
         self.is_busy = False
-        self.way = 0
+        self.way, self.look = 0, False
         self._is_leaving = False
         self._wish = ""
         self._was_made = False

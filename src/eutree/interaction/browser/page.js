@@ -320,7 +320,7 @@ function show() {
   rebuild("controls", [view.controls, view.turn_based], showControls);
   rebuild("pads", [view.actions, view.turn_based || drives(), view.controls], showPads);
   rebuild("buttons", [view.state, watching, asksToLeave(), view.saved >= view.target, view.saved > 0, view.controls,
-    lastKept(), view.makes, phase(), view.can_watch, view.can_correct, scene()], showButtons);
+    lastKept(), view.makes, phase(), view.can_watch, view.can_correct, Boolean(view.missing), scene()], showButtons);
   rebuild("practise", [view.state, watching, phase(), view.tree?.may_gain], showPractise);
   rebuild("episodes", [view.episodes, watching, isOver()], showEpisodes);
   rebuild("numbers", view.numbers, showNumbers);
@@ -454,7 +454,8 @@ function recordingButtons() {
   }
   if (view.state === "review") {
     const done = ["finish", "Finish"];
-    if (!enough) return [["start", "Next episode", "enter"], same, drop, ...trees, ["finish", "Finish for now"]];
+    const missing = view.missing ? [["missing", "Show that next"]] : [];
+    if (!enough) return [["start", "Next episode", "enter"], ...missing, same, drop, ...trees, ["finish", "Finish for now"]];
     if (!view.makes) return [["finish", "Finish", "enter"], more, same, drop];
     return phase() === "ready" ? [done, more, same, drop, ...trees] : [...trees.reverse(), more, same, drop, done];
   }
@@ -473,7 +474,7 @@ function showButtons() {
     button.dataset.command = name;
     if (place === 0 && (!runs() || view.driving) && text !== "Pause" && (!works() || asksToLeave())) button.className = "first";
     button.append(text);
-    const shown = key || (["make", "practise", "watch", "correct"].includes(name) ? "" : keyFor(name));
+    const shown = key || (["make", "practise", "watch", "correct", "missing"].includes(name) ? "" : keyFor(name));
     if (shown) {
       button.append(kbd(shown));
       button.setAttribute("aria-keyshortcuts", shown[0].toUpperCase() + shown.slice(1));
@@ -611,7 +612,8 @@ function recordingCard() {
     paused: () => ["Paused", view.message || "All keys are released. Go on when you are ready.", ""],
     review: () => [last ? sentence(last) : "Nothing was recorded", enough ? `${view.saved} of ${view.target} done.`
       : `${so_far}, ${view.target - view.saved} to go.`,
-    last && last.kept && mark(last) === BAD ? "It counts: failures may stay. Discard it if your hand slipped." : ""],
+    [last && last.kept && mark(last) === BAD ? "It counts: failures may stay. Discard it if your hand slipped." : "",
+      enough ? "" : view.missing].filter(Boolean).join(" ")],
     finished: () => [enough ? `${view.saved} of ${view.target} done` : so_far,
       view.saved ? "Everything is stored. You can close this page." : "Nothing was recorded. You can close this page.", ""],
     failed: () => ["The recording has ended", `${view.message} — what was recorded before is stored.`, ""],

@@ -330,6 +330,7 @@ class PageServer:
             self._woken.clear()
             self._publish(self.recorder.tick(now, events))
             self._begin_work(session.wishes.take())
+            self._look_for_what_is_missing()
             elapsed = time.monotonic() - began
             wait = min(max(session.due(elapsed) - elapsed, 0.0), IDLE_SECONDS)
             with suppress(TimeoutError):
@@ -377,6 +378,22 @@ class PageServer:
             self.show_tree(TreeView(phase=FITTING, message="Making your tree"))
         self._work = threading.Thread(target=run, name="eutree tree", daemon=True)
         self._work.start()
+
+    def _look_for_what_is_missing(self) -> None:
+        """Let the maker look in a thread, after an episode; the last answer counts."""
+        session, maker = self.recorder.session, self._maker
+        wanted, session.wishes.look = session.wishes.look, False
+        if not wanted or maker is None:
+            return
+
+        def look() -> None:
+            before = session.recording.n_kept
+            with suppress(EutreeError):  # making the tree will say it
+                found = maker.missing()
+                if session.recording.n_kept == before:
+                    session.recording.missing = found
+
+        threading.Thread(target=look, name="eutree looks", daemon=True).start()
 
     def show_tree(self, view: TreeView, programme: Programme | None = None) -> None:
         """Let every page show a tree, and the tree drive if there is a programme."""
