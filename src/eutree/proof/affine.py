@@ -46,7 +46,7 @@ class Affine(Intervals):
     """
 
     def __init__(self, center: Floats, slope: Floats, error: Floats, doubt: Doubt) -> None:
-        spread = np.abs(slope).sum(axis=0)
+        spread = sum(np.abs(slope), start=np.zeros_like(center))  # faster than over an axis
         size = np.abs(center) + spread + error
         radius = (spread + error + _ROUND * size) * _UP + _TINY
         radius = np.where(spread + error == 0, 0.0, radius)  # a number: it equals itself surely
