@@ -43,6 +43,7 @@ class Layers:
     Attributes:
         low: Lower bounds of the boxes, along the axes.
         high: Upper bounds of the boxes.
+        width: Of the cells along each axis; infinite where no test of the tree depends on it.
         box_steps: Steps of boxes so far.
         most: Most boxes at once so far.
     """
@@ -59,7 +60,7 @@ class Layers:
         self._actions = np.asarray(policy.actions, dtype=np.int64)
         asked = np.isfinite(low).any(axis=0) | np.isfinite(high).any(axis=0)
         matters = (self._back[asked] != 0).any(axis=0)
-        self._width = np.where(matters, np.array(plant.cells) / refine, np.inf)
+        self.width = np.where(matters, np.array(plant.cells) / refine, np.inf)
         self.box_steps = self.most = 0
         self._begin()
 
@@ -86,14 +87,6 @@ class Layers:
     def state(self) -> State:
         """Return the states in the boxes."""
         return self._state(self.low, self.high)
-
-    def holds(self, states: Floats) -> bool:
-        """Return whether states [N, d] are in the boxes, but for rounding."""
-        places = states @ self._axes.T
-        return all(
-            ((self.low - 1e-12 <= one) & (one <= self.high + 1e-12)).all(axis=1).any()
-            for one in places
-        )
 
     def _begin(self) -> None:
         """Fill the boxes with the starts, cell by cell."""
@@ -136,15 +129,15 @@ class Layers:
 
     def _join(self, low: Floats, high: Floats) -> bool:
         """Take boxes together in the cells that they meet; return whether there was room."""
-        first = np.floor(low.min(axis=0) / self._width)
-        count = np.floor(high.max(axis=0) / self._width) - first + 1
+        first = np.floor(low.min(axis=0) / self.width)
+        count = np.floor(high.max(axis=0) / self.width) - first + 1
         if not count.prod() <= _MOST_PLACES:
             return False
         places, met, size = int(count.prod()), -1, len(low)
         while met < 0:  # more cells than there was room for
             size *= 2
             cells = kernels.Cells(
-                self._width, first.astype(np.int64), count.astype(np.int64),
+                self.width, first.astype(np.int64), count.astype(np.int64),
                 np.full(places, -1, dtype=np.int32), *np.empty((2, size, len(first))),
             )  # fmt: skip
             met = kernels.join(cells, low, high)
