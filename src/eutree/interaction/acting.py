@@ -150,7 +150,7 @@ class FunctionPolicy:
         return answer if isinstance(answer, tuple) and answer[1:] == (None,) else (answer, None)
 
 
-def as_policy(controller: Controller, env: gymnasium.Env[Any, Any]) -> Policy:
+def as_policy(controller: Controller, env: gymnasium.Env[Any, Any] | None) -> Policy:
     """Return what decides: the controller itself, what it makes for ``env``, or its answers.
 
     Raises:
@@ -163,7 +163,7 @@ def as_policy(controller: Controller, env: gymnasium.Env[Any, Any]) -> Policy:
             "a controller must have a method predict, be a function that makes such a thing for "
             f"an environment, or one from an observation to an action, got {shown(controller)}"
         )
-    derived = derived_around(env)
+    derived = None if env is None else derived_around(env)
     env = env if derived is None else derived.env
     try:
         of_nothing = isinstance(controller, type) and not _wants_something(controller)
