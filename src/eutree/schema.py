@@ -88,8 +88,7 @@ class Feature:
             )
         if self.group and not self.is_flag:
             raise InvalidArgumentError(
-                f"feature {self.name!r} must be 0 or 1 to be a category of {self.group!r}, got "
-                f"numbers from {self.low:g} to {self.high:g}"
+                f"feature {self.name!r} must be 0 or 1 in a group, got {self.low:g}, {self.high:g}"
             )
 
     @property
@@ -109,6 +108,11 @@ class Feature:
     def text(self, value: float) -> str:
         """Return a value in the digits that matter."""
         return number(value, decimals_of(usual_width(self.low, self.high, [value])))
+
+
+def _like(mine: Feature, theirs: Feature) -> Feature:
+    """Return a feature, as the other is called where it is a category that has only a number."""
+    return replace(mine, name=theirs.name) if mine.group and mine.category.isdecimal() else mine
 
 
 def _of_kind(feature: Feature, kind: str | Sequence[str]) -> Feature:
@@ -364,9 +368,8 @@ class Schema:
 
         Args:
             kinds: Of a feature by its name ``"flag"``, ``"integer"`` or the names of its values
-                from its lower bound (else from 0) on; of a one-hot group by a name of its own the
-                names of its features, or what these are called after "GROUP is"; of a group that is
-                known what its categories are called.
+                from its lower bound (else 0) on; of a one-hot group by a name of its own those of
+                its features, or what follows "GROUP is" in them; of a known group new categories.
 
         Raises:
             InvalidArgumentError: A kind is none of these, or contradicts the bounds of a feature.
@@ -409,6 +412,9 @@ class Schema:
         """Return whether the names that this schema has are those of the other."""
         if self.controls and other.controls and self.action_values != other.action_values:
             return False
+        named = self
+        if self.groups and self.groups == other.groups:  # of codes that have names there
+            named = replace(self, features=tuple(map(_like, self.features, other.features)))
         return all(
             mine == theirs
             or (
@@ -417,7 +423,7 @@ class Schema:
                 and len(self.derived) == len(other.derived)
             )
             for mine, theirs, numbered in (
-                (self.feature_names, other.feature_names, _NUMBERED),
+                (named.feature_names, other.feature_names, _NUMBERED),
                 (self.actions, other.actions, _NUMBERED_ACTION),
             )
         )

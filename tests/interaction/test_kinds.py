@@ -14,7 +14,7 @@ from eutree.export import to_c, to_python, to_structured_text, to_svg
 from eutree.inspection.regions import Region, domain
 from eutree.interaction import GuardedEnv
 from eutree.interaction.making import make
-from eutree.interaction.names import Names, kinds_of
+from eutree.interaction.names import Names, kinds_of, named
 from eutree.interaction.spaces import describe
 from eutree.policies import TreePolicy
 from eutree.trees import DecisionTree
@@ -23,7 +23,7 @@ from eutree.trees.boxes import leaf_boxes
 KINDS = {
     "tariff": "integer",
     "phase": ("north", "east", "south", "west"),
-    "green": ("green.x0", "green.x1", "green.x2"),
+    "green": ("x0", "x1", "x2"),
 }
 
 
@@ -161,7 +161,7 @@ def test_a_test_that_decides_nothing_is_shown_as_it_is():
     assert str(TreePolicy(tree, [0, 1], describe(env))).startswith("if door <= 1.5:")
 
 
-def test_each_value_of_a_discrete_space_can_be_a_feature():
+def test_each_value_of_a_discrete_space_can_be_a_feature(tmp_path):
     """A code takes two tests to set a value apart, a group one."""
     spec = eutree.EnvironmentSpec("Crossing-v0", {"one_hot": True})
     env = make(spec)
@@ -188,4 +188,12 @@ def test_each_value_of_a_discrete_space_can_be_a_feature():
     }
     assert words & {"phase is north,south", "phase is east,west"}
     eutree.evaluate(policy, spec, episodes=2)
+    path = tmp_path / "names.json"
+    path.write_text(json.dumps({"kinds": {"phase": ["n", "e", "s", "w"]}}))
+    with named(Names.load(path)):
+        assert describe(make(spec)).feature_names[5:7] == ("phase is n", "phase is e")
+    fitted = eutree.fit_expert_tree(demos)
+    describe(make(spec)).check_same(fitted.schema, "the policy", of="the environment")
+    with pytest.raises(InvalidArgumentError, match="features and actions"):
+        fitted.schema.check_same(describe(make(spec)), "the policy", of="the environment")
     assert GuardedEnv(make(spec)).schema.n_features == 10

@@ -33,14 +33,13 @@ MAX_FILE = 2**20
 
 def kinds_of(schema: Schema) -> dict[str, str | tuple[str, ...]]:
     """Return the kinds of the features that are no quantities, as ``with_kinds`` takes them."""
-    names = schema.feature_names
     kinds: dict[str, str | tuple[str, ...]] = {
         feature.name: feature.categories or ("flag" if feature.is_flag else "integer")
         for feature in schema.features
         if feature.is_integer and not feature.group
     }
     return kinds | {
-        group: tuple(names[member] for member in members)
+        group: tuple(schema.features[member].category for member in members)
         for group, members in schema.groups.items()
     }
 
