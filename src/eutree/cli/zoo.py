@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from eutree.zoo import Card
 
 
-@click.command(epilog="Example: eutree show zoo:MountainCar-v0 --html page.html")
+@click.command(epilog="Example: eutree zoo MountainCar-v0")
 @click.argument("task", required=False)
 @json_option
 def zoo(task: str | None, as_json: bool) -> None:
