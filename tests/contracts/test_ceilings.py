@@ -70,7 +70,7 @@ def test_files_of_a_folder() -> None:
         ("import eutree; eutree.learn; from eutree.learners import PRESETS", 131),
         ("import eutree; eutree.compress", 75),
         ("import eutree; eutree.export.FORMATS", 46),
-        ("import eutree.cli.show, eutree.report", 142),
+        ("import eutree.cli.show, eutree.report", 143),
     ],
     ids=["learn", "compress", "export", "show"],
 )

@@ -6,7 +6,7 @@ happened; they never decide what comes.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -14,7 +14,6 @@ import numpy as np
 
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import CurvePoint
-from eutree.inspection.monotone import keep_monotone, monotone_rules
 from eutree.interaction.seeding import Stream
 from eutree.learners import Learner, Method, Problem, Start
 from eutree.learners.episode_buffer import transitions_of
@@ -22,6 +21,7 @@ from eutree.learners.learner import KnowsItsModel
 from eutree.policies import TreePolicy
 from eutree.policies.reach import among_allowed, within_reach
 from eutree.policy_search.model_trust import ModelTrust
+from eutree.schema import Schema
 from eutree.training.acting import GatheringEpisode, Racing, seed_of_next
 from eutree.training.evaluations import Arena, Evaluations
 from eutree.training.judging import START
@@ -91,8 +91,7 @@ class Run:
         self.racing = Racing(plan, self.state)
         self._arena = arena
         self._clock = time.monotonic()
-        rules = monotone_rules(plan.monotone, beginning.problem.schema)
-        self.keeping = partial(keep_monotone, rules=rules)
+        self.keeping = _keeping(plan.monotone, beginning.problem.schema)
         self.first = self.keeping(_of_here(beginning) or self.policy())
 
     @property
@@ -267,6 +266,15 @@ class Run:
         else:
             picked = self.evaluations.picked or learned
             self.evaluations.judge(first, picked, self.challengers, arena)
+
+
+def _keeping(texts: Sequence[str], schema: Schema) -> Callable[[TreePolicy], TreePolicy]:
+    """Return what makes a policy keep monotone rules; without any it is left as it is."""
+    if not texts:
+        return lambda policy: policy
+    from eutree.inspection import keep_monotone, monotone_rules
+
+    return partial(keep_monotone, rules=monotone_rules(texts, schema))
 
 
 def _of_here(beginning: Beginning) -> TreePolicy | None:
