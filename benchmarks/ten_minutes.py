@@ -141,6 +141,13 @@ class PixelPlayer:
         self.page.locator("body[data-tree=practising]").wait_for(timeout=PATIENCE)
         return self._verdict()
 
+    def leave(self) -> None:
+        """Stop watching the tree, and finish."""
+        self.page.locator("body[data-state=watching]").wait_for(timeout=PATIENCE)
+        for state in ("review", "finished"):
+            self.page.keyboard.press("Escape")
+            self.page.locator(f"body[data-state={state}]").wait_for(timeout=PATIENCE)
+
     def _verdict(self) -> str:
         settled = self.page.locator("body:is([data-tree=ready], [data-tree=failed])")
         settled.wait_for(timeout=10.0 * PATIENCE)
@@ -209,8 +216,7 @@ def main() -> None:
             minutes = (time.monotonic() - began) / 60.0
             print(f"a tree after {minutes:.1f} minutes in all", flush=True)
             evaluate = page.locator("#commands code").nth(1).inner_text()
-            page.keyboard.press("Escape")
-            page.locator("body[data-state=finished]").wait_for(timeout=PATIENCE)
+            player.leave()
             browser.close()
             process.wait(30)
         run(folder, "demos", "stats", "my-demos")

@@ -20,8 +20,7 @@ def test_from_the_picture_to_a_tree(tmp_path, chromium) -> None:
         endings = [player.play() for _ in range(4)]
         assert len(player.lines) == 2
         verdict = player.make_tree()
-        page.keyboard.press("Escape")
-        page.locator("body[data-state=finished]").wait_for(timeout=60_000)
+        player.leave()
         assert process.wait(60) == 0
     demos = Demonstrations.load(tmp_path / "my-demos")
     wins = sum(bool(episode.is_success) for episode in demos)
