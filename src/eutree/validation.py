@@ -1,14 +1,14 @@
 """The shared argument checks: each message says which argument, what it must be, what it was."""
 
 import math
-from collections.abc import Iterable
-from typing import TypeVar
+from collections.abc import Iterable, Mapping
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from eutree.arrays import Floats, Integers
-from eutree.errors import InvalidArgumentError, UnknownNameError, shown
+from eutree.errors import InvalidArgumentError, MissingExtraError, UnknownNameError, shown
 
 MAX_SEED = 2**63 - 1
 
@@ -125,3 +125,23 @@ def check_finite(name: str, array: Floats) -> None:
 def check_seed(seed: object) -> int:
     """Return ``seed`` as an int from 0 to ``MAX_SEED``, or raise InvalidArgumentError."""
     return check_integer("seed", seed, low=0, high=MAX_SEED)
+
+
+def data_frame(columns: Mapping[str, Any], *, index: Mapping[str, Any]) -> Any:
+    """Return a ``pandas.DataFrame``.
+
+    Args:
+        columns: The columns by name, each of shape [N].
+        index: The levels of its index by name, each of shape [N].
+
+    Raises:
+        MissingExtraError: pandas is not installed.
+    """
+    try:
+        import pandas  # type: ignore[import-untyped]  # has no types
+    except ImportError:
+        raise MissingExtraError("pandas", "") from None
+    levels = pandas.MultiIndex.from_arrays(list(index.values()), names=list(index))
+    if len(index) == 1:
+        levels = levels.get_level_values(0)
+    return pandas.DataFrame(dict(columns), index=levels)

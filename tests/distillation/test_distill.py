@@ -9,8 +9,7 @@ import pytest
 import eutree
 from eutree.data import Demonstrations, Episode
 from eutree.distillation import DistillationSettings
-from eutree.distillation.distill import actions_on
-from eutree.distillation.rounds import LEARNERS, Labelled, fit, stakes_of, weights
+from eutree.distillation.distill import LEARNERS, Labelled, actions_on, fit, stakes_of, weights
 from eutree.envs.experts import late
 from eutree.errors import InvalidArgumentError, MissingExtraError, UnknownNameError
 from eutree.interaction import GuardedEnv

@@ -10,8 +10,14 @@ from hypothesis import strategies as st
 
 from eutree.errors import MissingExtraError
 from eutree.export import to_latex, to_onnx, to_svg
-from eutree.export._blocks import DEPTH, block_roots
-from eutree.export._identifiers import C_WORDS, PYTHON_WORDS, STRUCTURED_TEXT_WORDS, identifiers
+from eutree.export._blocks import (
+    C_WORDS,
+    DEPTH,
+    PYTHON_WORDS,
+    STRUCTURED_TEXT_WORDS,
+    block_roots,
+    identifiers,
+)
 from eutree.export.c_test import node_boxes, probes
 from eutree.export.drawing import FILLS, layout
 from eutree.export.structured_text import literal

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from eutree.arrays import Floats, Int32s, Integers, frozen
-from eutree.c45 import _kernels_prediction
-from eutree.c45._kernels_prediction import Branches
+from eutree.c45 import _kernels_pruning
+from eutree.c45._kernels_pruning import Branches
 from eutree.errors import InvalidArgumentError
 from eutree.trees import DecisionTree
 from eutree.trees.tree import longest_path
@@ -57,7 +57,7 @@ class RoutedCases:
         self._tree = tree
         self._rows = read_only(rows)
         self.leaf: Int32s = np.empty(len(rows), dtype=np.int32)
-        n = _kernels_prediction.find_leaves(tree.branches, self._rows, self.leaf)
+        n = _kernels_pruning.find_leaves(tree.branches, self._rows, self.leaf)
         self.fractional: Integers = np.flatnonzero(self.leaf < 0) if n else np.empty(0, np.int64)
 
     def main_leaf(self) -> Int32s:
@@ -87,7 +87,7 @@ class RoutedCases:
         shares = np.zeros((n, tree.distribution.shape[1]))
         leaves = np.empty(n, dtype=np.int32)
         weight = tree.distribution.sum(axis=1)
-        _kernels_prediction.share_out(
+        _kernels_pruning.share_out(
             tree.branches, weight, tree.probability, self._rows, self.fractional, shares, leaves
         )
         return shares, leaves

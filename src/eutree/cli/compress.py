@@ -28,8 +28,8 @@ from eutree.wording import counted
 if TYPE_CHECKING:
     from eutree.arrays import Floats
     from eutree.compression import CompressionReport, RealEpisodes
+    from eutree.compression.candidates import Rounding
     from eutree.compression.report import RoundingPlayed
-    from eutree.compression.rounding import Rounding
     from eutree.data import Demonstrations
     from eutree.policies import TreePolicy
     from eutree.world_model import Transitions

@@ -16,9 +16,8 @@ from eutree.data.rows import episodes_from_rows, schema_for
 from eutree.display import Displayed
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.features import Derivation, FeatureMap
-from eutree.frames import data_frame
 from eutree.schema import EnvironmentSpec, Feature, Schema
-from eutree.validation import check_finite
+from eutree.validation import check_finite, data_frame
 from eutree.wording import counted
 
 if TYPE_CHECKING:

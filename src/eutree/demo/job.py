@@ -16,7 +16,7 @@ import joblib
 import numpy as np
 
 from eutree.compression import CompressionReport, RealEpisodes, compress
-from eutree.compression.rounding import rounded
+from eutree.compression.candidates import rounded
 from eutree.data import Demonstrations
 from eutree.demo.page import DemoFacts, DemoSettings, Played, demo_report, story_of
 from eutree.envs.experts import experts_for

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from eutree.errors import FormatError
-from eutree.frames import data_frame
+from eutree.validation import data_frame
 from eutree.wording import counted
 
 

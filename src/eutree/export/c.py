@@ -16,7 +16,14 @@ import re
 
 import numpy as np
 
-from eutree.export._blocks import action_identifiers, block_roots, control_identifiers
+from eutree.export._blocks import (
+    C_WORDS,
+    action_identifiers,
+    block_roots,
+    check_identifier,
+    control_identifiers,
+    identifiers,
+)
 from eutree.export._c_numbers import Number, Numbers, Scale, hexadecimal, in_integers, numbers
 from eutree.export._derived import (
     c_functions,
@@ -25,7 +32,6 @@ from eutree.export._derived import (
     operations,
     remembered_features,
 )
-from eutree.export._identifiers import C_WORDS, check_identifier, identifiers
 from eutree.policies import TreePolicy
 from eutree.trees.text import (
     Syntax,

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from eutree.arrays import Floats
+from eutree.export._blocks import C_WORDS, check_identifier
 from eutree.export._c_numbers import (
     Number,
     Numbers,
@@ -14,7 +15,6 @@ from eutree.export._c_numbers import (
     integer,
     numbers,
 )
-from eutree.export._identifiers import C_WORDS, check_identifier
 from eutree.policies import TreePolicy
 from eutree.trees import DecisionTree
 from eutree.trees.boxes import node_boxes

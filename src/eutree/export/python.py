@@ -1,6 +1,6 @@
 """A Python module that decides like the tree and imports nothing."""
 
-from eutree.export._blocks import block_roots, control_identifiers
+from eutree.export._blocks import PYTHON_WORDS, block_roots, check_identifier, control_identifiers
 from eutree.export._derived import (
     called,
     exported_features,
@@ -8,7 +8,6 @@ from eutree.export._derived import (
     python_functions,
     remembered_features,
 )
-from eutree.export._identifiers import PYTHON_WORDS, check_identifier
 from eutree.policies import TreePolicy
 from eutree.trees.text import (
     Syntax,

@@ -1,6 +1,12 @@
 """Structured Text (IEC 61131-3) for programmable logic controllers."""
 
-from eutree.export._blocks import block_roots, control_identifiers
+from eutree.export._blocks import (
+    STRUCTURED_TEXT_WORDS,
+    block_roots,
+    check_identifier,
+    control_identifiers,
+    identifiers,
+)
 from eutree.export._derived import (
     called,
     exported_features,
@@ -8,7 +14,6 @@ from eutree.export._derived import (
     remembered_features,
     structured_text_functions,
 )
-from eutree.export._identifiers import STRUCTURED_TEXT_WORDS, check_identifier, identifiers
 from eutree.export._masks import ASSUMPTION
 from eutree.policies import TreePolicy
 from eutree.trees.text import (

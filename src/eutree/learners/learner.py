@@ -19,7 +19,7 @@ What only some learners can do is a protocol of its own, which its user checks f
 ``Imagines``, ``HasPolicy``, ``HasPartition``.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import (
@@ -40,7 +40,6 @@ from eutree.errors import InvalidArgumentError
 from eutree.features import FeatureMap
 from eutree.learners.declared import Arrays as Arrays
 from eutree.learners.declared import Declared, Part
-from eutree.learners.goals import reached
 from eutree.learners.history import History
 from eutree.learners.partition import Partition, Plane
 from eutree.policies import LeafStatistics, Policy, TreePolicy
@@ -248,6 +247,28 @@ class Decisions:
             leaves=self.statistics,
             locked=self.locked,
         )
+
+
+def reached(episodes: Sequence[Episode]) -> Booleans:
+    """Return which episodes reached the goal, shape [E].
+
+    The environment says so by ``is_success``. Where it says nothing, an end is a good one if its
+    reward is no less than what a step that goes on earns from there on average: an end that saves
+    further cost is a goal, one that cuts earning short is not.
+    """
+    to_go = [np.cumsum(episode.rewards[::-1])[::-1] for episode in episodes]
+    ongoing = [x[:-1] if e.terminated else x for x, e in zip(to_go, episodes, strict=True)]
+    flat = np.concatenate([*ongoing, np.empty(0)])
+    level = float(flat.mean()) if flat.size else 0.0
+    return np.array(
+        [
+            bool(e.is_success)
+            if e.is_success is not None
+            else bool(e.terminated and len(e) and e.rewards[-1] >= level)
+            for e in episodes
+        ],
+        dtype=np.bool_,
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,8 +20,7 @@ import msgspec
 import numpy as np
 
 from eutree.data import Demonstrations
-from eutree.distillation.distill import actions_on
-from eutree.distillation.rounds import Labelled, fit
+from eutree.distillation.distill import Labelled, actions_on, fit
 from eutree.envs.experts import Expert, experts_for, late
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import evaluate

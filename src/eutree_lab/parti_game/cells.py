@@ -11,7 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from eutree.arrays import Booleans, Floats, Integers, frozen
+from eutree.c45 import C45Settings, grow
+from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
+from eutree.learners.learner import reached
 from eutree.trees import DecisionTree
 from eutree.trees.boxes import leaf_boxes
 from eutree.validation import check_vector
@@ -171,3 +174,32 @@ class Cells:
         if not (self.high[cell] > self.low[cell]).all():
             touches[:] = False
         return np.flatnonzero(touches & (self.high > self.low).all(axis=1))
+
+
+MARGIN = 1e-3  # around final observations where no test tells the goal, as a share of the box
+
+
+def goal_boxes(episodes: Sequence[Episode], low: Floats, high: Floats) -> Floats:  # [G, 2, d]
+    """Return where episodes reached the goal: the leaves of C4.5's tree of o' that say so.
+
+    Args:
+        episodes: Episodes, some of which reached it.
+        low: Lower corner of the box, shape [d].
+        high: Upper corner, shape [d].
+    """
+    good = [e for e, is_good in zip(episodes, reached(episodes), strict=True) if is_good]
+    places = np.concatenate([episode.observations[1:] for episode in episodes])
+    ends = np.concatenate(
+        [(np.arange(len(e)) == len(e) - 1) & any(e is g for g in good) for e in episodes]
+    ).astype(np.int64)
+    grown = grow(places, ends, n_classes=2, settings=C45Settings.lossless())
+    tree, labels = grown.to_decision_tree()
+    leaf_low, leaf_high = (np.clip(x, low, high) for x in leaf_boxes(tree))
+    positive = (labels == 1) & (leaf_low <= leaf_high).all(axis=1)
+    if positive.any():
+        return np.stack([leaf_low[positive], leaf_high[positive]], axis=1)
+    final = places[ends == 1]
+    wide = MARGIN * (high - low)
+    bottom, top = final.min(axis=0) - wide, final.max(axis=0) + wide
+    around: Floats = np.clip(np.stack([bottom, top])[np.newaxis], low, high)
+    return around

@@ -22,15 +22,14 @@ from eutree.errors import InvalidArgumentError
 from eutree.learners import Decisions, History, Needs, Part, Problem, Start, Step, Stored, Update
 from eutree.learners.declared import MOST, TREE, TREE_AND_HISTORY, Declared, Found, part, prefixed
 from eutree.learners.episode_buffer import EpisodeBuffer, store, store_demonstrations
-from eutree.learners.goals import goal_boxes, reached
-from eutree.learners.learner import Arrays
+from eutree.learners.learner import Arrays, reached
 from eutree.learners.looking import root_box
 from eutree.learners.partition import Partition, Plane, Region, rectangles
 from eutree.policies import TreePolicy
 from eutree.trees import DecisionTree
 from eutree.trees.boxes import leaf_boxes
 from eutree.validation import check_integer, check_vector
-from eutree_lab.parti_game.cells import GOAL, Cells
+from eutree_lab.parti_game.cells import GOAL, Cells, goal_boxes
 from eutree_lab.parti_game.displacements import LearnedController
 from eutree_lab.parti_game.game import CUT_SHORT, GOES_ON, PartiGame, Rules
 from eutree_lab.parti_game.outcomes import EXPERT, LOST, Outcomes

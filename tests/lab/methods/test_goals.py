@@ -11,10 +11,10 @@ import eutree  # noqa: F401 - registers
 from eutree import fit_expert_tree
 from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
-from eutree.learners.goals import goal_boxes, reached
-from eutree.learners.learner import Needs, Start, check_fits
+from eutree.learners.learner import Needs, Start, check_fits, reached
 from eutree.learners.looking import root_box
 from eutree.trees import DecisionTree
+from eutree_lab.parti_game.cells import goal_boxes
 from eutree_lab.parti_game.method import PartiGameMethod
 from eutree_lab.vrd.method import VariableResolutionMethod
 from tests.worlds import Corridor, play, problem_of, recorded
