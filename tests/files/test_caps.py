@@ -22,7 +22,7 @@ from eutree.files.documents import MAX_DOCUMENT
 from eutree.data.journal import MAGIC, MAX_JOURNAL
 from eutree.policies import TreePolicy
 from tests.files.loaders import GOLDEN
-import eutree.data.csv_files, eutree.data.rows
+import eutree.data.csv_files, eutree.data.npz_files
 path = Path(sys.argv[1])
 """
 

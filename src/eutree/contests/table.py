@@ -93,13 +93,13 @@ def new_table(n_trees: int, n_starts: int) -> Table:
     return np.full((n_trees, n_starts), np.nan)
 
 
-def pairs(table: Table, challenger: int = 1) -> Floats:
-    """Return challenger minus incumbent at each start, up to the first not run.
+def pairs(table: Table) -> Floats:
+    """Return the first challenger minus the incumbent at each start, up to the first not run.
 
     Returns:
         Shape [n].
     """
-    gains: Floats = table[challenger] - table[0]
+    gains: Floats = table[1] - table[0]
     unknown = np.isnan(gains)
     return gains[: int(unknown.argmax()) if unknown.any() else gains.size]
 

@@ -232,7 +232,7 @@ class Demonstrations(Displayed):
         environment: EnvironmentSpec | None = None,
     ) -> "Demonstrations":
         """Read arrays saved by imitation or Stable-Baselines, without pickle; see docs/formats."""
-        from eutree.data.rows import read_npz
+        from eutree.data.npz_files import read_npz
 
         episodes, n_features = read_npz(path)
         try:
@@ -243,7 +243,7 @@ class Demonstrations(Displayed):
 
     def to_npz(self, path: str | Path) -> None:
         """Write the kept episodes as the arrays that imitation and Stable-Baselines use."""
-        from eutree.data.rows import write_npz
+        from eutree.data.npz_files import write_npz
 
         write_npz(path, self.kept, self.schema.n_features)
 

@@ -23,10 +23,10 @@ from eutree.c45 import C45Settings
 from eutree.data import Demonstrations
 from eutree.evaluation.evaluation import Interval, mean_interval
 from eutree.learners import fit_expert_tree
-from eutree.validation import check_integer, check_seed
 
 MIN_EPISODES = 4
 FITS = 30  # trees of each size
+MORE = 5  # episodes that the gain is asked for
 _SIZES = 8
 _BOOTSTRAPS = 400
 _EXPONENTS = np.linspace(0.1, 2.0, 39)
@@ -112,38 +112,24 @@ class ExpertCurve:
         )
 
 
-def expert_curve(
-    demonstrations: Demonstrations,
-    *,
-    settings: C45Settings | None = None,
-    more: int = 5,
-    seed: int = 0,
-) -> ExpertCurve | None:
+def expert_curve(demonstrations: Demonstrations) -> ExpertCurve | None:
     """Return the learning curve of the expert tree, or None with fewer than four episodes.
 
     Args:
         demonstrations: Episodes of one demonstrator; discarded and empty ones are left out.
-        settings: The choices of C4.5; release 8 by default.
-        more: For how many more episodes the gain is asked.
-        seed: Seed of the subsets and of the bootstrap.
     """
-    check_integer("more", more, low=1)
-    check_seed(seed)
     episodes = [number for number, e in enumerate(demonstrations.episodes) if e.kept and len(e)]
     n = len(episodes)
     if n < MIN_EPISODES:
         return None
-    generator = np.random.default_rng(np.random.SeedSequence((seed, n)))
+    generator = np.random.default_rng(np.random.SeedSequence((0, n)))
     sizes = np.unique(np.geomspace(1, n - 1, _SIZES).round().astype(int))
     accuracies = np.array(
-        [
-            _accuracies(demonstrations, episodes, int(k), settings or C45Settings(), generator)
-            for k in sizes
-        ]
+        [_accuracies(demonstrations, episodes, int(k), C45Settings(), generator) for k in sizes]
     )
     drawn = generator.integers(n, size=(_BOOTSTRAPS, n))
     laws = [fit_power_law(sizes, 1.0 - _mean(accuracies[:, rows])) for rows in drawn]
-    gains = [law.error(n) - law.error(n + more) for law in laws]
+    gains = [law.error(n) - law.error(n + MORE) for law in laws]
     law = fit_power_law(sizes, 1.0 - _mean(accuracies))
     return ExpertCurve(
         points=tuple(_point(int(k), row) for k, row in zip(sizes, accuracies, strict=True)),
@@ -152,8 +138,8 @@ def expert_curve(
         most_frequent=float(
             np.bincount(demonstrations.actions).max() / len(demonstrations.actions)
         ),
-        more=more,
-        gain=law.error(n) - law.error(n + more),
+        more=MORE,
+        gain=law.error(n) - law.error(n + MORE),
         gain_interval=Interval(*np.quantile(gains, [0.025, 0.975]).tolist()),
     )
 

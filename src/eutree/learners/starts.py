@@ -249,21 +249,18 @@ def random_tree(
     low: Floats,
     high: Floats,
     generator: np.random.Generator,
-    *,
-    n_leaves: int = RANDOM_LEAVES,
 ) -> TreePolicy:
-    """Return a tree of random cuts with random actions.
+    """Return a tree of ``RANDOM_LEAVES`` random cuts, or fewer, with random actions.
 
     Args:
         problem: What is learned.
         low: Smallest value of each feature, shape [d].
         high: Largest value of each feature, shape [d].
         generator: Source of the cuts and the actions.
-        n_leaves: Number of leaves; fewer where no feature has two values.
     """
     tree = DecisionTree.single_leaf(problem.n_features)
     boxes = [(low, high)]
-    while len(boxes) < n_leaves and (low < high).any():
+    while len(boxes) < RANDOM_LEAVES and (low < high).any():
         leaf = int(generator.integers(len(boxes)))
         below, above = boxes[leaf]
         feature = int(generator.choice(np.flatnonzero(low < high)))

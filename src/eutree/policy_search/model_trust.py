@@ -40,9 +40,7 @@ class RankCorrelation:
         return self.high < 0.0
 
 
-def rank_correlation(
-    first: Floats, second: Floats, *, quantile: float = NORMAL_95
-) -> RankCorrelation:
+def rank_correlation(first: Floats, second: Floats) -> RankCorrelation:
     """Return the rank correlation of two vectors [n], ties at their mean rank.
 
     The interval is Fisher's, with the variance (1 + r^2 / 2) / (n - 3) of Bonett and Wright (2000).
@@ -53,7 +51,6 @@ def rank_correlation(
     Args:
         first: One value of each pair, such as an imagined return.
         second: The other.
-        quantile: Of the normal distribution, at the upper end of the interval.
     """
     n = first.size
     if n < 3 or np.ptp(first) == 0.0 or np.ptp(second) == 0.0:
@@ -66,7 +63,7 @@ def rank_correlation(
     inner = 1.0 - 6.0 / (n**3 - n)
     perfect = abs(value) > inner
     centre = np.arctanh(np.clip(value, -inner, inner))
-    reach = quantile * np.sqrt((1.0 + value * value / 2.0) / (n - 3))
+    reach = NORMAL_95 * np.sqrt((1.0 + value * value / 2.0) / (n - 3))
     low, high = np.tanh(centre - reach), np.tanh(centre + reach)
     return RankCorrelation(
         n,

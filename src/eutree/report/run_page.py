@@ -121,13 +121,10 @@ class RunReport:
     files: Sequence[tuple[str, str]] = ()
 
 
-def run_page(report: RunReport, *, size_limit: int = SIZE_LIMIT) -> str:
+def run_page(report: RunReport) -> str:
     """Return the report as one self-contained HTML page.
 
-    Args:
-        report: What it shows.
-        size_limit: Size in bytes above which pictures are left out, those of the last episodes
-            first.
+    Above ``SIZE_LIMIT`` bytes pictures are left out, those of the last episodes first.
     """
     sections = [
         _stages(report.stages) if report.stages else "",
@@ -154,7 +151,7 @@ def run_page(report: RunReport, *, size_limit: int = SIZE_LIMIT) -> str:
     script = "".join(asset(f"{name}.js") for name in _SCRIPTS)
     data = _data(report.watched)
     text = body + script + base_style() + style
-    room = size_limit - len(as_json(data)) - len(text.encode()) - 4096
+    room = SIZE_LIMIT - len(as_json(data)) - len(text.encode()) - 4096
     add_pictures(data, report.watched.episodes, room)
     return page(title=report.title, body=body, style=style, script=script, data=data)
 

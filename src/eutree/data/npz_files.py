@@ -1,0 +1,150 @@
+"""Demonstrations in the npz files of imitation and Stable-Baselines, without pickle.
+
+Read are two layouts. Rows: ``obs`` [N, d], ``acts`` or ``actions`` [N], and where present
+``next_obs``, ``rews`` or ``rewards``, and the ends of episodes as ``terminations`` and
+``truncations``, as ``dones``, or as ``episode_starts``. Trajectories: ``obs`` with one more
+row than ``acts`` for each episode, ``indices`` (where the actions of all but the first begin) and
+``terminal``. ``infos`` are pickled dictionaries in these files and are not read. Written are rows.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eutree.data.episode import Episode
+from eutree.data.rows import episodes_from_rows, rows_of, starts_from_ends
+from eutree.errors import FormatError, InvalidArgumentError
+from eutree.files import read_arrays, write_arrays
+
+_ALIASES = {
+    "obs": ("obs", "observations"),
+    "acts": ("acts", "actions"),
+    "next_obs": ("next_obs", "next_observations"),
+    "rews": ("rews", "rewards"),
+    "dones": ("dones",),
+    "terminations": ("terminations",),
+    "truncations": ("truncations",),
+    "starts": ("episode_starts",),
+    "indices": ("indices",),
+    "terminal": ("terminal",),
+}
+_Arrays = dict[str, NDArray[Any]]
+
+
+def read_npz(path: str | Path) -> tuple[tuple[Episode, ...], int]:
+    """Return the episodes in a file, and their number of features.
+
+    Raises:
+        FormatError: The file has none of the layouts, or its arrays contradict each other.
+        FileError: The file is missing or cannot be read.
+    """
+    found = read_arrays(path, only={name for names in _ALIASES.values() for name in names})
+    arrays = {
+        key: found[name] for key, names in _ALIASES.items() for name in names if name in found
+    }
+    for key in ("obs", "acts"):
+        if key not in arrays:
+            raise FormatError(path, key, "missing; expected observations obs and actions acts")
+    for key, array in arrays.items():
+        if not array.ndim or array.dtype.kind not in "biuf":
+            kind, shape = array.dtype, array.shape
+            raise FormatError(path, key, f"must be an array of numbers, got {kind} of {shape}")
+    for key in ("dones", "terminations", "truncations", "starts"):
+        if key in arrays and arrays[key].shape != arrays["acts"].shape[:1]:
+            shape = arrays[key].shape
+            raise FormatError(path, key, f"must be one truth for each action, got shape {shape}")
+    if arrays["acts"].ndim == 2 and arrays["acts"].shape[1] == 1:
+        arrays["acts"] = arrays["acts"][:, 0]
+    if arrays["obs"].ndim == 1:
+        arrays["obs"] = arrays["obs"][:, np.newaxis]
+    try:
+        read = _trajectories if "indices" in arrays else _rows
+        return read(arrays), int(arrays["obs"].shape[1])
+    except (InvalidArgumentError, IndexError) as error:
+        raise FormatError(path, "", str(error)) from None
+
+
+def write_npz(path: str | Path, episodes: tuple[Episode, ...], n_features: int) -> None:
+    """Write the episodes as rows; what the rows cannot hold (seeds, comments) is left out.
+
+    So are the rewards, if those of one episode are not known.
+    """
+    rows = rows_of(episodes, n_features)
+    lengths = [len(episode) for episode in episodes if len(episode)]
+    dones = np.zeros(len(rows["actions"]), dtype=bool)
+    dones[np.cumsum(lengths, dtype=np.int64) - 1] = True
+    arrays = {
+        "obs": rows["observations"],
+        "acts": rows["actions"],
+        "next_obs": rows["next_observations"],
+        "rews": rows["rewards"],
+        "dones": dones,
+        "terminations": rows["terminated"],
+        "truncations": rows["truncated"],
+    }
+    if not all(episode.has_rewards for episode in episodes):
+        del arrays["rews"]
+    write_arrays(path, arrays | {"episode_starts": rows["starts"]})
+
+
+def _rows(arrays: _Arrays) -> tuple[Episode, ...]:
+    n = len(arrays["obs"])
+    dones = arrays.get("dones")
+    terminated = arrays.get("terminations")
+    truncated = arrays.get("truncations")
+    if "starts" in arrays:
+        starts = arrays["starts"]
+    elif dones is not None:
+        starts = starts_from_ends(dones)
+        terminated = dones if terminated is None and truncated is None else terminated
+    elif terminated is not None and truncated is not None:
+        starts = starts_from_ends(terminated.astype(bool) | truncated.astype(bool))
+    else:
+        starts = np.arange(n) == 0
+    return episodes_from_rows(
+        arrays["obs"],
+        arrays["acts"],
+        starts=starts,
+        rewards=arrays.get("rews"),
+        next_observations=arrays.get("next_obs"),
+        terminated=terminated,
+        truncated=truncated,
+    )
+
+
+def _trajectories(arrays: _Arrays) -> tuple[Episode, ...]:
+    obs, acts, indices = arrays["obs"], arrays["acts"], arrays["indices"]
+    count = len(indices) + 1
+    if indices.ndim != 1 or indices.dtype.kind not in "iu":
+        raise InvalidArgumentError(f"indices must be a vector of integers, got {indices.dtype}")
+    if len(obs) != len(acts) + count:
+        raise InvalidArgumentError(
+            f"obs must have one more row than acts for each of the {count} episodes, "
+            f"got {len(obs)} and {len(acts)}"
+        )
+    begins, ends = [0, *indices.tolist()], [*indices.tolist(), len(acts)]
+    spans = list(zip(begins, ends, strict=True))
+    terminal = arrays.get("terminal", np.zeros(count, dtype=bool))
+    if terminal.shape != (count,):
+        raise InvalidArgumentError(
+            f"terminal must say of each of the {count} episodes whether the task ended it, "
+            f"got an array of shape {terminal.shape}"
+        )
+    if any(not 0 <= begin <= end <= len(acts) for begin, end in spans):
+        raise InvalidArgumentError(f"indices must rise from 0 to at most {len(acts)}")
+    before = np.concatenate([np.arange(b, e) + k for k, (b, e) in enumerate(spans)])
+    starts, terminated = np.zeros(len(acts), dtype=bool), np.zeros(len(acts), dtype=bool)
+    lasts = [(k, b, e - 1) for k, (b, e) in enumerate(spans) if e > b]
+    for k, begin, last in lasts:
+        starts[begin] = True
+        terminated[last] = bool(terminal[k])
+    return episodes_from_rows(
+        obs[before],
+        acts,
+        starts=starts,
+        rewards=arrays.get("rews"),
+        next_observations=obs[before + 1],
+        terminated=terminated,
+    )
