@@ -18,7 +18,7 @@ from eutree.splitting import (
     naive_p,
     permutation_p,
 )
-from eutree.splitting.significance import Episodes
+from eutree.splitting.significance import EpisodeRows
 
 slow_without_compilation = pytest.mark.skipif(
     not compiled.ENABLED, reason="too slow without compilation"
@@ -247,7 +247,7 @@ class TestPermutation:
         sample = leaf(np.zeros((80, 1)), np.zeros(80), None, numbers)
         fast, slow = np.random.default_rng(seed), np.random.default_rng(seed)
         for _ in range(20):
-            found = Episodes.of(sample, rows).permuted(values, fast)
+            found = EpisodeRows.of(sample, rows).permuted(values, fast)
             blocks = [np.flatnonzero(numbers[rows] == one) for one in np.unique(numbers[rows])]
             expected = np.empty_like(values)
             lengths = [np.count_nonzero(numbers == numbers[rows[block[0]]]) for block in blocks]

@@ -22,24 +22,22 @@ from eutree.compression.candidates import (
     WEIGHTS,
     Costs,
     Ladder,
-    Rounding,
     by_c45,
     lossless,
     merged,
-    rounded,
-    steps_of,
     with_locks,
 )
 from eutree.compression.episodes import (
-    Arena,
+    Comparison,
+    CountedEnv,
     Demand,
     RealEpisodes,
-    Verdict,
     as_real,
     meet,
     play_rounded,
 )
 from eutree.compression.report import CompressionReport, FrontEntry
+from eutree.compression.rounding import Rounding, rounded, steps_of
 from eutree.contests.betting import episodes_needed
 from eutree.contests.smallest import ATTEMPTS
 from eutree.errors import InvalidArgumentError
@@ -122,7 +120,7 @@ def compress(
     arena = demand = verdict = scores = None
     front: tuple[FrontEntry, ...] = ()
     if real is not None:
-        arena = Arena.of(real.env, seed, real.n_jobs)
+        arena = CountedEnv.of(real.env, seed, real.n_jobs)
         demand = real.demand(arena.env)
     searches = real is not None and (real.searches or margin is not None)
     searches &= mode == "auto" and max_disagreement is None and imagined is None
@@ -212,7 +210,7 @@ def _of_size(
     costs: Costs,
     max_leaves: int,
     imagine: "Callable[..., Pruned] | None",
-    arena: Arena | None,
+    arena: CountedEnv | None,
 ) -> tuple[TreePolicy, str, tuple[float, float] | None]:
     """Return a tree of at most so many leaves, what made it, and its score with the input's."""
     exact = merged(policy)
@@ -258,10 +256,10 @@ def _check_size(
 def _by_playing(
     policy: TreePolicy,
     rows: Floats,
-    arena: Arena,
+    arena: CountedEnv,
     pick: "Pick",
     steps: Mapping[int, float] | None,
-) -> tuple[TreePolicy, str, Verdict | None, tuple[FrontEntry, ...]]:
+) -> tuple[TreePolicy, str, Comparison | None, tuple[FrontEntry, ...]]:
     """Return the pick of the front, which way made it, its verdict, and the front.
 
     Where no smaller tree deserves it that is the exact merge, without a verdict. What is rounded
@@ -287,7 +285,7 @@ def report_on(
     result: TreePolicy,
     method: str,
     costs: Costs,
-    verdict: Verdict | None = None,
+    verdict: Comparison | None = None,
 ) -> CompressionReport:
     """Return what changed from a policy to a smaller one."""
     rows = costs.rows
@@ -308,7 +306,7 @@ def report_on(
     )
 
 
-def _episodes_needed(demand: Demand, verdict: Verdict) -> int | None:
+def _episodes_needed(demand: Demand, verdict: Comparison) -> int | None:
     """Return how many episodes could confirm the margin at best, if that is more than allowed."""
     low, high = verdict.return_range
     needed = episodes_needed(demand.margin, low - high, ATTEMPTS[0] * demand.error)

@@ -112,7 +112,7 @@ _ROUNDING_BLOCK = 1_000_000  # of starts, which no race comes to
 
 
 @dataclass(eq=False)
-class Arena:
+class CountedEnv:
     """An environment, and how much was asked of it.
 
     Attributes:
@@ -130,7 +130,7 @@ class Arena:
     steps: int = 0
 
     @classmethod
-    def of(cls, env: Environment, seed: int, n_jobs: int | None) -> "Arena":
+    def of(cls, env: Environment, seed: int, n_jobs: int | None) -> "CountedEnv":
         """Return an environment, or what it is made from, with nothing asked of it yet."""
         itself, spec = made(env, n_jobs)
         return cls(itself, seed, spec, n_jobs)
@@ -157,7 +157,7 @@ class Arena:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Comparison:
     """Two policies on the same fresh episodes.
 
     Attributes:
@@ -173,7 +173,7 @@ class Verdict:
     return_range: tuple[float, float]
 
     @classmethod
-    def of(cls, before: Floats, after: Floats, demand: Demand) -> "Verdict":
+    def of(cls, before: Floats, after: Floats, demand: Demand) -> "Comparison":
         """Return the verdict of the returns of two policies from common starts, [E] each."""
         table = np.stack([before, after])
         known = demand.known_range
@@ -185,14 +185,14 @@ class Verdict:
         return cls(float(before.mean()), float(after.mean()), change, found.range)
 
 
-def meet(policy: TreePolicy, other: TreePolicy, arena: Arena, demand: Demand) -> Verdict:
+def meet(policy: TreePolicy, other: TreePolicy, arena: CountedEnv, demand: Demand) -> Comparison:
     """Return how two policies do on the same fresh episodes; the margin plays no part."""
     before, after = (arena.run(tree, 0, demand.episodes) for tree in (policy, other))
-    return Verdict.of(before, after, replace(demand, margin=0.0))
+    return Comparison.of(before, after, replace(demand, margin=0.0))
 
 
 def play_rounded(
-    exact: TreePolicy, rounded: TreePolicy, arena: Arena, episodes: int, margin: float | None
+    exact: TreePolicy, rounded: TreePolicy, arena: CountedEnv, episodes: int, margin: float | None
 ) -> RoundingPlayed:
     """Return what rounding changes in at most so many episodes, the same for both trees.
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from eutree.arrays import Floats
 from eutree.compression.candidates import merged, with_locks
-from eutree.compression.episodes import Demand, Verdict
+from eutree.compression.episodes import Comparison, Demand
 from eutree.compression.playing import CommonEpisodes, Ground, Outcome
 from eutree.compression.report import FrontEntry
 from eutree.compression.searching import FrontSearch
@@ -44,7 +44,7 @@ class Front:
 
     picked: TreePolicy | None
     entries: tuple[FrontEntry, ...]
-    verdict: Verdict | None
+    verdict: Comparison | None
     steps: int
 
 
@@ -116,7 +116,7 @@ def front_among(
     entries = [FrontEntry.of(policy, report.outcome)]
     entries += [FrontEntry.of(one, o) for one, o in zip(trees, outcomes[1:], strict=True)]
     if picked is not None and verdict is None:
-        verdict = Verdict.of(report.outcome.returns, outcomes[0].returns, pick.demand)
+        verdict = Comparison.of(report.outcome.returns, outcomes[0].returns, pick.demand)
     return Front(picked, tuple(entries), verdict, ground.steps)
 
 
@@ -192,7 +192,7 @@ def _largest_worth(
 
 def _contest(
     policy: TreePolicy, trees: Sequence[TreePolicy], ground: Ground, pick: Pick
-) -> tuple[TreePolicy | None, Verdict | None]:
+) -> tuple[TreePolicy | None, Comparison | None]:
     """Return the tree that wins, and how it did beside the input where that was shown."""
     demand, rivals = pick.demand, [policy, *trees]
     rule = SmallestWithin(
@@ -209,12 +209,12 @@ def _contest(
         return None, None
     if not found.shown:
         return rivals[found.winner], None
-    verdict = Verdict.of(table[0, found.starts], table[found.winner, found.starts], demand)
+    verdict = Comparison.of(table[0, found.starts], table[found.winner, found.starts], demand)
     low = max(verdict.change.interval.low, -demand.margin)  # the bisection stops near it
     change = Estimate(
         verdict.change.value, Interval(low, verdict.change.interval.high), verdict.change.n
     )
-    return rivals[found.winner], Verdict(
+    return rivals[found.winner], Comparison(
         verdict.before, verdict.after, change, verdict.return_range
     )
 

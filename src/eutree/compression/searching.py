@@ -36,7 +36,7 @@ REFITTED = 2  # leaves fewer than before, at most, where a part is fitted again
 Check = Callable[[TreePolicy], TreePolicy]
 
 
-class Episodes(Protocol):
+class PairedEpisodes(Protocol):
     """Episodes of a present tree, and of rivals from the same starts: played, or imagined."""
 
     @property
@@ -111,7 +111,7 @@ class FrontSearch:
     def __init__(
         self,
         policies: Sequence[TreePolicy],
-        episodes: Episodes,
+        episodes: PairedEpisodes,
         budget: int,
         checked: Check = merged,
     ) -> None:
@@ -204,7 +204,7 @@ def _inner(tree: DecisionTree) -> list[int]:
     return nodes
 
 
-def _places(episodes: Episodes) -> Iterator[tuple[int, list[float]]]:
+def _places(episodes: PairedEpisodes) -> Iterator[tuple[int, list[float]]]:
     """Yield inner nodes with thresholds a share of the smaller side's rows away, on both sides."""
     tree, features = episodes.present.tree, episodes.features
     leaves = tree.leaf_index(features)
@@ -250,7 +250,7 @@ def _cuts(policy: TreePolicy) -> Iterator[TreePolicy]:
             yield _with(policy, *rebuild(tree, own, instead))
 
 
-def _refitted(episodes: Episodes) -> Iterator[TreePolicy]:
+def _refitted(episodes: PairedEpisodes) -> Iterator[TreePolicy]:
     """Yield the tree with a part fitted again to what it decided, in fewer leaves."""
     policy, features = episodes.present, episodes.features
     tree = policy.tree

@@ -18,7 +18,7 @@ import numpy as np
 from eutree.compression import CompressionReport, RealEpisodes, compress
 from eutree.compression.candidates import rounded
 from eutree.data import Demonstrations
-from eutree.demo.page import DemoFacts, DemoSettings, Played, demo_report, story_of
+from eutree.demo.page import DemoFacts, DemoSettings, PlayedDemo, demo_report, story_of
 from eutree.envs.experts import experts_for
 from eutree.errors import FileError
 from eutree.evaluation import Evaluation, evaluate
@@ -116,7 +116,7 @@ def run_demo(settings: DemoSettings, out: Path, *, say: Say, follow: Follow) -> 
     }
     at_home = _judge(settings, expert, at=settings.environment) if settings.story.change else None
     judgement = judged(evaluations[EXPERT], evaluations[COMPRESSED], challengers=0)
-    played = Played.of(expert, small, settings.changed, seed=settings.seed)
+    played = PlayedDemo.of(expert, small, settings.changed, seed=settings.seed)
     seen = played.observations
     changes = diff(rounded(expert, seen), small, observations=seen)
     facts = DemoFacts(

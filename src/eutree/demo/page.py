@@ -115,7 +115,7 @@ MOST_CHANGES = 6
 
 
 @dataclass(frozen=True, eq=False)
-class Played:
+class PlayedDemo:
     """Episodes of two policies from the same starts.
 
     Attributes:
@@ -129,7 +129,7 @@ class Played:
     @classmethod
     def of(
         cls, before: TreePolicy, after: TreePolicy, spec: EnvironmentSpec, *, seed: int
-    ) -> "Played":
+    ) -> "PlayedDemo":
         """Let both play."""
         return cls(
             *(
@@ -179,7 +179,7 @@ class DemoFacts:
     judgement: Judgement
     runs: LearningRuns
     compression: CompressionReport
-    played: "Played"
+    played: "PlayedDemo"
     changes: PolicyDiff
     source: str
 

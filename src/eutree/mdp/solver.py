@@ -184,7 +184,7 @@ class Solution:
 
 
 @dataclass(eq=False)
-class Problem:
+class PlanningProblem:
     """A model with its choices made definite, and the arrays that the iteration works on."""
 
     model: Model
@@ -196,7 +196,7 @@ class Problem:
     system: _kernels.System = field(repr=False)
 
     @classmethod
-    def of(cls, model: Model, values: Floats, untried: float | None) -> "Problem":
+    def of(cls, model: Model, values: Floats, untried: float | None) -> "PlanningProblem":
         """Return the problem of a model; fixed values become pairs that end with that reward."""
         n_states, n_actions = model.visits.shape
         tried = model.visits > 0
@@ -313,7 +313,7 @@ class Problem:
 
 
 def solve_discounted(
-    problem: Problem, values: Floats, discount: float, tolerance: float
+    problem: PlanningProblem, values: Floats, discount: float, tolerance: float
 ) -> Solution:
     """Solve where every step is discounted."""
     backed_up = np.empty_like(values)
@@ -331,7 +331,7 @@ _PATIENCE = 1000.0  # horizons after which a policy is taken never to end
 
 
 def solve_undiscounted(
-    problem: Problem, values: Floats, *, tolerance: float, horizon: float
+    problem: PlanningProblem, values: Floats, *, tolerance: float, horizon: float
 ) -> Solution:
     """Solve with discount 1, or with 1 - 1 / horizon if endless behaviour pays."""
     ways_out = problem.ways_out(problem.pairs.usable)
@@ -349,7 +349,7 @@ def solve_undiscounted(
 
 
 def _starts(
-    problem: Problem,
+    problem: PlanningProblem,
     values: Floats,
     discounts: Floats,
     ways_out: Int32s,
@@ -369,7 +369,7 @@ def _starts(
 
 
 def _iterate(
-    problem: Problem,
+    problem: PlanningProblem,
     values: Floats,
     discounts: Floats,
     longest: float,
@@ -438,7 +438,7 @@ def solve(
     horizon = check_number("horizon", horizon, low=1.0)
     start = np.zeros(model.n_states) if initial_values is None else initial_values
     values = np.array(check_vector("initial_values", start, size=model.n_states))
-    problem = Problem.of(model, values, untried)
+    problem = PlanningProblem.of(model, values, untried)
     problem.keep(initial_policy)
     if discount < 1.0:
         return solve_discounted(problem, values, discount, tolerance)

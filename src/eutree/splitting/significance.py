@@ -73,7 +73,7 @@ def permutation_p(
 
 
 @dataclass(frozen=True, eq=False)
-class Episodes:
+class EpisodeRows:
     """The rows of a sample, one episode after another."""
 
     rows: Integers  # [n] rows of the sample
@@ -84,7 +84,7 @@ class Episodes:
     alike: Integers  # [E] episodes with equal numbers are of similar length in the whole sample
 
     @classmethod
-    def of(cls, sample: LeafSample, rows: Integers) -> "Episodes":
+    def of(cls, sample: LeafSample, rows: Integers) -> "EpisodeRows":
         """Return the episodes of some rows of a sample, in order of their numbers."""
         numbers = rows if sample.episodes is None else sample.episodes[rows]
         order = np.argsort(numbers, kind="stable")
@@ -139,7 +139,7 @@ class _Group:
     legal: Booleans  # [d, n] as in _kernels.best_cut
     rank: Int32s  # [n] dense ranks of the returns
     cumulative: Floats  # [m] tuples of each rank or a lower one
-    episodes: Episodes | None  # None: permute single rows
+    episodes: EpisodeRows | None  # None: permute single rows
     side: int
     distance: bool
     floor: float
@@ -162,7 +162,7 @@ class _Group:
             legal=_legal(columns, order),
             rank=rank.astype(np.int32),
             cumulative=np.cumsum(counts).astype(np.float64),
-            episodes=Episodes.of(sample, rows) if by_episode else None,
+            episodes=EpisodeRows.of(sample, rows) if by_episode else None,
             side=search.min_side(rows.size),
             distance=search.score == "distance",
             floor=search.floor(value, rows.size),

@@ -57,7 +57,7 @@ class Stage(IntEnum):
 
 
 @dataclass(frozen=True)
-class Budget:
+class StepBudget:
     """Environment steps, and how they are divided.
 
     Attributes:
@@ -75,7 +75,7 @@ class Budget:
     longest: int | None
 
     @classmethod
-    def of(cls, method: DistilledDQNChoices, problem: Problem) -> "Budget":
+    def of(cls, method: DistilledDQNChoices, problem: Problem) -> "StepBudget":
         """Return the budget of a run: its own, or else the method's."""
         total = method.steps if problem.steps is None else problem.steps
         return cls(
@@ -108,7 +108,7 @@ class DistilledDQNLearner:
     def __init__(self, method: DistilledDQNChoices, problem: Problem, start: Start) -> None:
         self._method = method
         self._problem = problem
-        self._budget = budget = Budget.of(method, problem)
+        self._budget = budget = StepBudget.of(method, problem)
         self._episode = EpisodeBuffer()
         self._experience = experience = Experience(problem.n_features, start.episodes)
         self.history = history = experience.history
