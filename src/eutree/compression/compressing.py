@@ -22,9 +22,12 @@ from eutree.compression.candidates import (
     WEIGHTS,
     Costs,
     Ladder,
+    Rounding,
     by_c45,
     lossless,
     merged,
+    rounded,
+    steps_of,
     with_locks,
 )
 from eutree.compression.episodes import (
@@ -37,7 +40,6 @@ from eutree.compression.episodes import (
     play_rounded,
 )
 from eutree.compression.report import CompressionReport, FrontEntry
-from eutree.compression.rounding import Rounding, rounded, steps_of
 from eutree.contests.betting import episodes_needed
 from eutree.contests.smallest import ATTEMPTS
 from eutree.errors import InvalidArgumentError
