@@ -29,6 +29,7 @@ import numpy as np
 import eutree
 from eutree.evaluation import mean_interval
 from eutree.inspection import enforce
+from eutree.interaction import DerivedObservation
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the examples
 
@@ -58,6 +59,11 @@ RIVALS: dict[str, tuple[str, Any]] = {
     "max pressure (RESCO)": ("none", traffic_light.max_pressure),
     "max wave (RESCO)": ("none", traffic_light.max_wave),
 }
+
+
+def light(junction: str, **options: Any) -> Any:
+    """Return the light of a junction, with the differences that its trees may ask for."""
+    return DerivedObservation(gymnasium.make(junction, **options), traffic_light.DERIVED[junction])
 
 
 def played(env: Any, controller: Any, episodes: int, seed: int) -> Iterator[Row]:
@@ -94,7 +100,7 @@ def under_all_conditions(
                "seconds": seconds, "demand": demand}  # fmt: skip
         if is_known(options.out, key):
             continue
-        env = gymnasium.make(options.junction, seconds=seconds, demand=demand, program=program)
+        env = light(options.junction, seconds=seconds, demand=demand, program=program)
         found = summary(list(played(env, controller, options.episodes, 10**6)))
         env.close()
         keep(options.out, {**facts, **key, **found})
@@ -106,7 +112,9 @@ def rivals(options: Any) -> None:
         under_all_conditions(options, name, controller, program=program, facts={"seed": 0})
 
 
-def learned(env: Any, rule: Any, seed: int, method: str, most_leaves: int) -> tuple[Any, Row]:
+def learned(
+    env: Any, rule: Any, seed: int, method: str, most_leaves: int, *, race: int = 0
+) -> tuple[Any, Row]:
     """Learn a tree from a few episodes of a rule of thumb; return it, and what that took."""
     begun = time.process_time()
     shown = eutree.record(env, rule, episodes=SHOWN, seed=seed)
@@ -116,7 +124,8 @@ def learned(env: Any, rule: Any, seed: int, method: str, most_leaves: int) -> tu
         method=method,
         seed=seed,
         max_leaves=most_leaves,
-        steps=STEPS,
+        steps=STEPS + race,
+        race_steps=race,
         judge_episodes=0,
         front_steps=0,
         evaluate_every=10**6,
@@ -131,7 +140,7 @@ def trees(options: Any) -> None:
     """Learn a tree of a light for each seed, put its two rules above it, and measure that."""
     name = f"tree ({options.method})"
     for seed in seeds(options, options.junction, name):
-        env = gymnasium.make(options.junction)
+        env = light(options.junction)
         result, facts = learned(env, traffic_light.longest_queue, seed, options.method, 13)
         env.close()
         policy = enforce(result.learned, traffic_light.RULES[options.junction]).policy
@@ -145,7 +154,7 @@ def dqn(options: Any) -> None:
     import stable_baselines3
 
     for seed in seeds(options, options.junction, "SB3 DQN"):
-        env = gymnasium.make(options.junction)
+        env = light(options.junction)
         begun = time.process_time()
         model = stable_baselines3.DQN("MlpPolicy", env, seed=seed)
         model.learn(STEPS)
@@ -168,7 +177,7 @@ class Deterministic:
 def jams(options: Any) -> None:
     """Play a policy for many half hours, and count those in which a vehicle stands too long."""
     policy = eutree.TreePolicy.load(options.policy)
-    env = gymnasium.make(options.junction)
+    env = light(options.junction)
     found: list[Row] = []
     for each in played(env, policy, options.episodes, 2 * 10**6):
         found.append(each)
@@ -206,15 +215,15 @@ def stock(options: Any) -> None:
 
 def motor(options: Any) -> None:
     """Learn the motor's switching table with eight leaves; beside it C4.5's tree of the script."""
-    others(options, "MotorCurrents-v0", motor_currents.towards_the_error, 8)
+    others(options, "MotorCurrents-v0", motor_currents.towards_the_error, 8, race=STEPS)
 
 
-def others(options: Any, task: str, rule: Any, most_leaves: int) -> None:
+def others(options: Any, task: str, rule: Any, most_leaves: int, *, race: int = 0) -> None:
     """Measure a task's rule, its tree, and what is learned from it, for each seed."""
     name = f"tree ({options.method})"
     env = gymnasium.make(task)
     for seed in seeds(options, task, name):
-        result, facts = learned(env, rule, seed, options.method, most_leaves)
+        result, facts = learned(env, rule, seed, options.method, most_leaves, race=race)
         for label, policy, own in (
             ("rule of thumb", rule, {}),
             ("its tree (C4.5)", result.expert, {"leaves": result.expert.n_leaves}),

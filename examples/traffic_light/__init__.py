@@ -47,6 +47,19 @@ RULES = {
     ),
 }
 
+# What a tree cannot ask for in a single test: how many vehicles more there are for one than for
+# another. The numbers are computed by whatever the tree is exported to.
+_ALL = '"waiting for {0}" + "coming for {0}"'
+DERIVED = {
+    "Cologne1-v0": (
+        f'"more for east-west" = {_ALL.format("east-west")} - ({_ALL.format("north-south")})',
+    ),
+    "Ingolstadt1-v0": (
+        f'"more for west" = {_ALL.format("west")} - ({_ALL.format("north-south")})',
+        f'"more for south" = {_ALL.format("south alone")} - ({_ALL.format("north-south")})',
+    ),
+}
+
 
 def cologne(**options: Any) -> TrafficLight:
     """Return the light of Cologne, from seven in the morning on."""

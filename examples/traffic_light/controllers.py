@@ -1,6 +1,7 @@
 """Controllers that a tree of the light has to beat. Each sees what the tree sees.
 
-With K phases an observation is waiting [K], coming [K], green [K], red for [K], unchanged for.
+With K phases an observation is waiting [K], coming [K], green [K], red for [K], unchanged for; and
+then what is derived of them.
 """
 
 from typing import Any
@@ -49,7 +50,7 @@ class FixedCycle:
 def _parts(observation: Any) -> tuple[Any, Any, Any, float]:
     n = (len(observation) - 1) // 4
     waiting, coming, green = (np.asarray(observation[k * n : (k + 1) * n]) for k in range(3))
-    return waiting, coming, green, float(observation[-1])
+    return waiting, coming, green, float(observation[4 * n])
 
 
 def _largest(counts: Any, green: Any) -> int:

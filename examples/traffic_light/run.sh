@@ -12,6 +12,8 @@ case $LIGHT in
 Ingolstadt1-v0) OTHER=west ;;
 *) OTHER=east-west ;;
 esac
+ALL="\"waiting for $OTHER\" + \"coming for $OTHER\""
+MORE="\"more for $OTHER\" = $ALL - \"waiting for north-south\" - \"coming for north-south\""
 ONE="always north-south when red for north-south >= 90"
 TWO="always $OTHER when red for $OTHER >= 90 and red for north-south < 90"
 
@@ -21,7 +23,7 @@ eutree record "$LIGHT" $WITH --expert examples.traffic_light:longest_queue --epi
 eutree fit "$OUT/shown" $WITH --release-8 --episodes 5 --out "$OUT/shown.json"
 
 echo "== It learns what is better."
-eutree learn "$LIGHT" $WITH --demos "$OUT/shown" --steps "$STEPS" --max-leaves 13 --seed 1000 \
+eutree learn "$LIGHT" $WITH --derive "$MORE" --demos "$OUT/shown" --steps "$STEPS" --max-leaves 13 --seed 1000 \
     --evaluate-every 1000 --evaluation-episodes 5 --judge-episodes 0 --front-steps 0 \
     --out "$OUT/run"
 

@@ -11,6 +11,7 @@ from examples.traffic_light.sumo import options_of
 from gymnasium.utils.env_checker import check_env
 
 import eutree
+from eutree.features import Derivation
 from eutree.inspection import enforce, verify
 from eutree.interaction import describe
 from eutree.trees import DecisionTree
@@ -232,6 +233,19 @@ def test_an_episode_that_another_has_ended_says_so():
     with pytest.raises(RuntimeError, match="one episode at a time"):
         one.step(0)
     two.close()
+
+
+@pytest.mark.parametrize("junction", [COLOGNE, INGOLSTADT])
+def test_its_differences_are_of_all_vehicles_and_disturb_no_rule_of_thumb(junction):
+    name = f"{junction.name.capitalize()}-v0"
+    plain = TrafficLight(junction, FewVehicles())
+    n = len(junction.phases)
+    derivation = Derivation.of(describe(plain).derive(traffic_light.DERIVED[name]))
+    measured = seen(range(n), [10 * k for k in range(n)], 0, 10)
+    derived = derivation.rows(measured, None)
+    assert derived[4 * n + 1] == 22  # the third phase's less the first's
+    for rule in (traffic_light.longest_queue, traffic_light.max_pressure, traffic_light.max_wave):
+        assert rule(derived) == rule(measured)
 
 
 @pytest.mark.parametrize("junction", [COLOGNE, INGOLSTADT])
