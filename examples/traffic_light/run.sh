@@ -9,18 +9,18 @@ LIGHT=${2:-Cologne1-v0}
 WITH="--import examples.traffic_light"
 
 case $LIGHT in
-Ingolstadt1-v0) OTHER=west ;;
-*) OTHER=east-west ;;
+Ingolstadt1-v0) OTHER=west RULE=longest_queue ;;
+*) OTHER=east-west RULE=max_wave ;;
 esac
 ALL="\"waiting for $OTHER\" + \"coming for $OTHER\""
-MORE="\"more for $OTHER\" = $ALL - \"waiting for north-south\" - \"coming for north-south\""
+MORE="more for $OTHER = $ALL - \"waiting for north-south\" - \"coming for north-south\""
 ONE="always north-south when red for north-south >= 90"
 TWO="always $OTHER when red for $OTHER >= 90 and red for north-south < 90"
 
 echo "== A rule of thumb shows how the light can be run, and a tree does the same."
-eutree record "$LIGHT" $WITH --expert examples.traffic_light:longest_queue --episodes "$EPISODES" \
+eutree record "$LIGHT" $WITH --expert examples.traffic_light:$RULE --episodes "$EPISODES" \
     --seed 1000 --out "$OUT/shown"
-eutree fit "$OUT/shown" $WITH --release-8 --episodes 5 --out "$OUT/shown.json"
+eutree fit "$OUT/shown" $WITH --derive "$MORE" --release-8 --episodes 5 --out "$OUT/shown.json"
 
 echo "== It learns what is better."
 eutree learn "$LIGHT" $WITH --derive "$MORE" --demos "$OUT/shown" --steps "$STEPS" --max-leaves 13 --seed 1000 \
@@ -34,7 +34,8 @@ eutree verify "$OUT/light.json" --property "$ONE" --property "$TWO"
 
 echo "== It plays beside what else could run the light."
 for RIVAL in longest_queue max_pressure max_wave; do
-    eutree evaluate "$OUT/light.json" $WITH --episodes "$EPISODES" --against "examples.traffic_light:$RIVAL"
+    eutree evaluate "$OUT/light.json" $WITH --episodes "$EPISODES" \
+        --against "examples.traffic_light:$RIVAL"
 done
 
 echo "== It goes to the controller."
