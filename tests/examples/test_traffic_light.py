@@ -1,6 +1,7 @@
 """The light of examples/traffic_light, with traffic of a few lines; and with SUMO where it is."""
 
 from importlib.util import find_spec
+from pathlib import Path
 
 import gymnasium
 import numpy as np
@@ -258,3 +259,10 @@ def test_its_two_rules_hold_above_any_tree(junction):
     ruled = enforce(always, rules).policy
     assert all(verify(ruled, rule).holds for rule in rules)
     assert ruled.n_leaves == always.n_leaves + 2
+
+
+def test_the_tree_of_the_page_is_the_file_and_keeps_the_two_rules():
+    folder = Path(traffic_light.__file__).parent
+    tree = eutree.TreePolicy.load(folder / "light.json")
+    assert all(verify(tree, rule).holds for rule in traffic_light.RULES["Cologne1-v0"])
+    assert str(tree).split("\nwhere ")[0] in (folder / "README.md").read_text(encoding="utf-8")
