@@ -52,11 +52,11 @@ RULES = {
 _ALL = '"waiting for {0}" + "coming for {0}"'
 DERIVED = {
     "Cologne1-v0": (
-        f'more for east-west = {_ALL.format("east-west")} - ({_ALL.format("north-south")})',
+        f"more for east-west = {_ALL.format('east-west')} - ({_ALL.format('north-south')})",
     ),
     "Ingolstadt1-v0": (
-        f'more for west = {_ALL.format("west")} - ({_ALL.format("north-south")})',
-        f'more for south = {_ALL.format("south alone")} - ({_ALL.format("north-south")})',
+        f"more for west = {_ALL.format('west')} - ({_ALL.format('north-south')})",
+        f"more for south = {_ALL.format('south alone')} - ({_ALL.format('north-south')})",
     ),
 }
 
