@@ -1,6 +1,7 @@
 """Derived features from the shell: declared once, they go with all that follows."""
 
 import shlex
+from dataclasses import replace
 from pathlib import Path
 
 from eutree.policies import TreePolicy
@@ -21,6 +22,20 @@ def test_from_the_shell(eutree):
         assert answer.code in (0, 1), answer.err
     policy = TreePolicy.load("p.json")
     assert [feature.name for feature in policy.schema.derived] == ["lean", "turn"]
+
+
+def test_pages_and_the_terminal_say_what_is_derived(eutree):
+    assert eutree("record", "CartPole-v1", "--expert", "fall", "--episodes", 4, "--out", "raw",
+                  "--seed", 1).code == 0  # fmt: skip
+    line = ["fit", "raw", "--derive", 'spin = 2 * "turn rate"', "--release-8", "--episodes", 0]
+    assert eutree(*line, "--history", 0, "--out", "p.json").code == 0
+    policy = TreePolicy.load("p.json")
+    spin = policy.tree.__class__.single_leaf(5).split(0, 4, 0.0)
+    replace(policy, tree=spin, actions=[0, 1], leaves=None).save("q.json")
+    said = "where spin [rad/s] = 2 * turn rate"
+    assert said in eutree("show", "q.json").out
+    assert eutree("show", "q.json", "--html", "q.html", "--episodes", 0).code == 0
+    assert said in Path("q.html").read_text()
 
 
 def test_a_run_goes_on_with_them(eutree):

@@ -17,7 +17,7 @@ from eutree.cli._options import (
 )
 from eutree.cli._output import Output
 from eutree.cli._policies import load_demonstrations, load_policy
-from eutree.trees.text import is_reversed, printable, question
+from eutree.trees.text import definitions, is_reversed, printable, question
 from eutree.wording import counted
 
 if TYPE_CHECKING:
@@ -151,6 +151,7 @@ def drawn(policy: "TreePolicy") -> "Text":
             line.append(guides[parent] + branch, style="dim")
             guides[node] = guides[parent] + ("│  " if is_left else "   ")
         lines.append(line + _words(policy, node, digits))
+    lines += map(Text, definitions(tree, policy.schema))
     return Text("\n").join(lines)
 
 

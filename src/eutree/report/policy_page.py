@@ -13,6 +13,7 @@ from eutree.policies import TreePolicy
 from eutree.report.html import Pointer, Verdict, as_json, asset, base_style, head, page
 from eutree.report.tree_data import SIZE_LIMIT, add_pictures, policy_features, tree_data
 from eutree.report.watching import WatchedEpisode
+from eutree.trees.text import definitions
 from eutree.wording import counted
 
 if TYPE_CHECKING:
@@ -47,7 +48,8 @@ def policy_page(
     heading = title or (policy.environment.id if policy.environment else "A decision tree")
     subtitle = f"{counted(policy.n_leaves, 'leaf')}, {policy.schema.n_features} features"
     subtitle += "".join(f", {words}" for words in _made_with(policy))
-    facts = [subtitle] if certificate is None else [subtitle, str(certificate)]
+    facts = [subtitle, *definitions(policy.tree, policy.schema)]
+    facts += [] if certificate is None else [str(certificate)]
     verdict = policy_verdict(policy, episodes, demonstrations)
     body = Template(asset("policy.html")).substitute(
         head=head(heading, verdict, facts, beside=asset("search.html")),
