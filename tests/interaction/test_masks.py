@@ -11,6 +11,7 @@ from gymnasium import spaces
 
 import eutree
 from eutree.data import Demonstrations
+from eutree.data.demonstrations import derive
 from eutree.data.episode import allowed_in
 from eutree.errors import EnvironmentFault, InvalidArgumentError
 from eutree.export import to_c, to_dot, to_python, to_structured_text, to_svg, to_text
@@ -119,6 +120,27 @@ def test_exports_take_a_mask_or_say_that_they_do_not(tmp_path):
     )
     for text in (to_structured_text(policy), to_dot(policy), to_text(policy), to_svg(policy)):
         assert "this takes all to be allowed" in text
+
+
+def test_derived_features_are_computed_before_the_order_is_asked_for(tmp_path):
+    """A last value is kept by the step, whichever function is asked; a reset forgets it."""
+    demos = eutree.record("Light-v0", Longest, episodes=3, seed=0)
+    demos = derive(demos, ["gap = north - east", "rise = south - last(south)"])
+    tree = DecisionTree.single_leaf(7).split_each([(0, 5, 0.0), (0, 6, 0.0), (2, 0, 2.5)])
+    policy = TreePolicy(tree, [0, 1, 2, 1], demos.schema, masked=True)
+    module, library = {}, compiled_c(to_c(policy), tmp_path)
+    exec(to_python(policy), module)  # the tests' own
+    for episode in demos:
+        module["decide_reset"]()
+        library.decide_reset()
+        state = None
+        rows = zip(episode.observations[:-1, :5], episode.allowed, strict=True)
+        for step, (row, mask) in enumerate(rows):
+            first = np.array(step == 0)
+            wanted, state = policy.predict(row, state, first, action_masks=mask)
+            measured = (ctypes.c_double * 5)(*row.tolist())
+            found = library.decide_allowed(measured, (ctypes.c_ubyte * 3)(*map(int, mask)))
+            assert module["decide_allowed"](row, mask) == found == wanted
 
 
 def compiled_c(source, folder):

@@ -62,7 +62,7 @@ def to_python(policy: TreePolicy, *, name: str = "decide") -> str:
     for root in roots:
         lines += ["", "", *_function(policy, tree_name, root, frozenset(roots))]
     if exported_features(policy):
-        lines += _entry(policy, tree_name)
+        lines += _entry(policy, tree_name, reset=f"{name}_reset")
     return "\n".join([*lines, *_masked(policy, name), *_values(policy, name)]) + "\n"
 
 
@@ -105,7 +105,7 @@ def _function(policy: TreePolicy, name: str, root: int, cut: frozenset[int]) -> 
     return heading + ["    " * (level + 1) + line for level, line in rules]
 
 
-def _entry(policy: TreePolicy, name: str) -> list[str]:
+def _entry(policy: TreePolicy, name: str, *, reset: str) -> list[str]:
     """Return the function that computes the derived features, with those that it needs."""
     first, formulas = policy.derivation.n_measured, policy.derivation.formulas
     remembers = bool(remembered_features(policy))
@@ -125,7 +125,7 @@ def _entry(policy: TreePolicy, name: str) -> list[str]:
     lines = called(computed, python_functions(f"_{name}"))
     if remembers:
         lines += ["", "", f"_{name}_last = []  # the features at the step before"]
-        lines += ["", "", f"def {name}_reset():", '    """Begin an episode."""']
+        lines += ["", "", f"def {reset}():", '    """Begin an episode."""']
         lines += [f"    _{name}_last.clear()"]
     lines += ["", "", f"def {name}(observation):"]
     lines += ['    """Return the index of the action; observation: the features in order."""']
