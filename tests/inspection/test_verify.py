@@ -180,15 +180,15 @@ def test_names_can_be_typed_as_they_are_printed(text, action, feature):
     features = tuple(map(Feature, ("turn", "turn rate", "turn rate, 1 ago")))
     found = parse(text, Schema(features, ("do", "do it")))
     assert found.actions == {action}
-    limited = np.isfinite(found.region.high) | np.isfinite(found.region.low)
+    limited = np.isfinite(found.regions[0].high) | np.isfinite(found.regions[0].low)
     assert np.flatnonzero(limited).tolist() == [feature]
 
 
 def test_names_with_blanks_stand_in_quotes():
     schema = Schema((Feature("when, 1 ago"), Feature('a "b"')), ("go on", "stop"))
     found = parse(r'never "go on" when 1 < "when, 1 ago" and "a \"b\"" <= 3', schema)
-    assert (found.kind, found.action) == ("never", 0)
-    assert (found.region.low.tolist(), found.region.high.tolist()) == (
+    assert (found.kind, found.actions) == ("never", {0})
+    assert (found.regions[0].low.tolist(), found.regions[0].high.tolist()) == (
         [1.0, -np.inf],
         [np.inf, 3.0],
     )
