@@ -37,7 +37,7 @@ def modules() -> Sources:
 BY_NAME = {
     "eutree": {"module", "'eutree.report.notebook'"},
     "eutree.lazy": {"home", "package"},
-    "eutree.cli.main": {"f'eutree.cli.{module}'"},
+    "eutree.cli.main": {"f'eutree.cli.{home}'"},
     "eutree.cli._policies": {"module"},
     "eutree.cli._options": {"name"},
     "eutree.data.minari_files": {

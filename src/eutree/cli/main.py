@@ -35,6 +35,8 @@ COMMANDS = {
     "warm-up": "Compile everything now, so that no later command waits for it.",
 }
 
+HOMES = {"diff": "why"}  # modules of commands that have none of their own
+
 EXIT_MISTAKE = 2
 EXIT_INTERRUPTED = 130
 MAX_LINE = 1500  # characters of an error
@@ -55,7 +57,8 @@ class LazyGroup(click.Group):
         if cmd_name not in COMMANDS:
             return _added_command(cmd_name)
         module = cmd_name.replace("-", "_")
-        command = getattr(importlib.import_module(f"eutree.cli.{module}"), module)
+        home = HOMES.get(module, module)
+        command = getattr(importlib.import_module(f"eutree.cli.{home}"), module)
         if not isinstance(command, click.Command):
             raise TypeError(f"eutree.cli.{cmd_name} must hold a click command of its name")
         return command
