@@ -26,6 +26,12 @@ WANDERS = (
 )  # fmt: skip
 """The learned tree of seed 15 of docs/results/task-CartPole.md, rounded: 500 steps on average."""
 
+LEARNED = (
+    TURNING, 0.2997847272665727,
+    (TURNING, -0.28567883818413276, LEFT, (ANGLE, -0.00046638708185523203, LEFT, RIGHT)), RIGHT,
+)  # fmt: skip
+"""The tree longer-0 of docs/results/proofs-cart-pole.md."""
+
 
 def plant_from(width, center=(0.01, 0.02, 0.01, 0.03)):
     """Return the plant with starts of a width around one of Gymnasium's."""
@@ -163,3 +169,13 @@ def test_what_is_to_be_avoided_is_looked_for():
     effort = Effort(refinements=(1,), box_steps=1000)
     found = prove(policy, plant, "avoids position > 0.15 for 60 steps", effort=effort)
     assert found.verdict == "refuted"
+
+
+def test_a_learned_tree_holds_the_pole_for_500_steps_from_a_part_of_the_starts():
+    plant, policy = plant_from(0.07, center=(0.0,) * 4), policy_of(LEARNED, "CartPole-v1")
+
+    def is_over(state):
+        far = (state[POSITION] > 2.4) | ~(state[POSITION] >= -2.4)
+        return far | (state[ANGLE] > 0.2094) | ~(state[ANGLE] >= -0.2094)
+
+    assert Layers(policy, plant, 8).keeps(is_over, 500, 10**8) == 500
