@@ -105,7 +105,7 @@ def serving(folder: Path, env=None, *, fps=None, maker=None, countdown=0.2, lost
 
     thread = threading.Thread(target=run, daemon=True)
     with (
-        mock.patch("eutree.interaction.pictures.VIEWER_SECONDS", lost_after),
+        mock.patch("eutree.interaction.play.VIEWER_SECONDS", lost_after),
         mock.patch("eutree.interaction.browser.server.PING_SECONDS", ENOUGH),
     ):
         thread.start()

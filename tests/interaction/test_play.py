@@ -8,8 +8,15 @@ from eutree.interaction.events import Command
 from eutree.interaction.guard import GuardedEnv
 from eutree.interaction.keys import keys_of_environment
 from eutree.interaction.pace import Pace
-from eutree.interaction.pictures import Pictures
-from eutree.interaction.play import COUNTDOWN, PAUSED, PLAYING, REVIEW, REVIEW_SECONDS, Play
+from eutree.interaction.play import (
+    COUNTDOWN,
+    PAUSED,
+    PLAYING,
+    REVIEW,
+    REVIEW_SECONDS,
+    Pictures,
+    Play,
+)
 from eutree.interaction.recording import Recording
 from eutree.interaction.settings import SessionSettings
 from eutree.interaction.trial import Trial

@@ -45,7 +45,6 @@ from eutree.interaction.events import (
 from eutree.interaction.guard import GuardedEnv
 from eutree.interaction.keys import KeyMap, keys_of_environment
 from eutree.interaction.pace import QUICK, SPEEDS, Pace
-from eutree.interaction.pictures import Pictures
 from eutree.interaction.play import (
     DRIVING,
     FAILED,
@@ -55,6 +54,7 @@ from eutree.interaction.play import (
     PLAYING,
     REVIEW,
     WATCHING,
+    Pictures,
     Play,
 )
 from eutree.interaction.recording import Recording

@@ -16,6 +16,7 @@ import msgspec
 from eutree.errors import EutreeError, InvalidArgumentError, MissingExtraError
 from eutree.interaction.browser.gate import PROTOCOL, SOCKET_PATH, Gate, is_loopback, new_token
 from eutree.interaction.browser.pages import page, safe_headers
+from eutree.interaction.browser.signals import orderly_end
 from eutree.interaction.browser.wire import (
     MAX_MESSAGE,
     Do,
@@ -33,7 +34,6 @@ from eutree.interaction.browser.wire import (
 from eutree.interaction.events import Away, Event, Frame, KeyDown, KeyUp, Present, Seen, Tick
 from eutree.interaction.recorder import Recorder
 from eutree.interaction.scenes import Programme
-from eutree.interaction.signals import orderly_end
 from eutree.interaction.tree_making import FAILED, FITTING, TreeMaker, TreeView
 
 if TYPE_CHECKING:
