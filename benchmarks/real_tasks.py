@@ -11,7 +11,8 @@
 Each row is written to docs/results/real-tasks.csv as soon as it is known and none is measured
 twice, so that a measurement can be stopped and gone on with; ``page`` writes real-tasks.md of all
 rows. Seeds of runs are from 1000 on (in Cologne choices were made with 1000 itself, so fresh ones
-are from 1001 on); episodes that judge have seeds of their own. The lights need ``pip install '.[sumo]'``, ``dqn`` Stable-Baselines3.
+are from 1001 on); episodes that judge have seeds of their own. The lights need
+``pip install '.[sumo]'``, ``dqn`` Stable-Baselines3.
 """
 
 import argparse
