@@ -16,7 +16,7 @@ FORBIDDEN_MODULES = {"pickle", "_pickle", "cPickle", "marshal", "shelve", "dill"
 FORBIDDEN_CALLS = {"eval", "exec", "compile", "__import__"}
 # Files are read and written in eutree.files only; the others open no data file.
 MAY_OPEN = {
-    "eutree/cli/_standard_output.py": "standard output itself, under another descriptor",
+    "eutree/cli/_output.py": "standard output itself, under another descriptor",
     "eutree/training/run_folder.py": "the lock of a run folder",
     "eutree/cli/main.py": "the null device, after a broken pipe",
 }

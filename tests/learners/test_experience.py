@@ -14,9 +14,7 @@ def rows(first: float, n: int) -> np.ndarray:
 
 
 def lived(first: float, n: int) -> FinishedEpisode:
-    return FinishedEpisode(
-        rows(first, n), np.zeros(n, np.int64), np.full(n, 0.5), np.zeros(n, np.bool_), True
-    )
+    return FinishedEpisode(rows(first, n), np.zeros(n, np.int64), np.full(n, 0.5), True)
 
 
 @pytest.fixture

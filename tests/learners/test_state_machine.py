@@ -72,12 +72,6 @@ class Learner(RuleBasedStateMachine):
     def update(self, seed):
         self.learner.update(np.random.default_rng(seed))
 
-    @rule(feature=st.integers(0, 1), threshold=NUMBERS)
-    def merge(self, feature, threshold):
-        """Take a smaller tree in place of the present one: all is labelled and counted anew."""
-        tree = DecisionTree.single_leaf(2).split(0, feature, threshold)
-        self.learner._replace_tree(tree, np.zeros(2, dtype=np.int64))
-
     @rule()
     def save_and_load(self):
         """Go on with what a file gives back, which saves to the same bytes again."""

@@ -220,15 +220,15 @@ def test_methods_that_ask_nobody_refuse_a_teacher(env, shown):
 
 @pytest.mark.parametrize(
     "place",
-    ["neural.double_dqn.kernels.update", "world_model.ensemble.kernels.fit",
+    ["neural.double_dqn._kernels.update", "world_model.ensemble.kernels.fit",
      "world_model.ensemble_rollouts.kernels.rival_returns"],
 )  # fmt: skip
 def test_an_interruption_in_the_middle_of_an_update_loses_nothing(
     place, whole, env, shown, tmp_path, monkeypatch
 ):
     """The last checkpoint is good, whatever was under way: networks, world model, imagination."""
-    module, _, name = place.rpartition(".kernels.")
-    kernels = importlib.import_module(f"eutree.{module}").kernels
+    module, where, name = place.rsplit(".", 2)
+    kernels = getattr(importlib.import_module(f"eutree.{module}"), where)
     plainly, calls = getattr(kernels, name), 0
 
     def interrupted(*arguments):
@@ -251,11 +251,11 @@ def test_an_interruption_in_the_middle_of_an_update_loses_nothing(
 def test_no_loop_runs_for_long_without_a_chance_to_interrupt(env, shown, monkeypatch):
     """A compiled loop ends after 256 updates, a third of a second, however many are to be made."""
     sizes = []
-    for module, name, rows in (
-        ("neural.double_dqn", "update", 2),
-        ("world_model.ensemble", "fit", 2),
+    for module, where, name, rows in (
+        ("neural.double_dqn", "_kernels", "update", 2),
+        ("world_model.ensemble", "kernels", "fit", 2),
     ):
-        kernels = importlib.import_module(f"eutree.{module}").kernels
+        kernels = getattr(importlib.import_module(f"eutree.{module}"), where)
         plainly = getattr(kernels, name)
 
         def counted(*arguments, plainly=plainly, rows=rows):

@@ -12,7 +12,7 @@ from eutree.compression.playing import Outcome
 from eutree.compression.report import FrontEntry
 from eutree.errors import InvalidArgumentError
 from eutree.schema import EnvironmentSpec
-from eutree.training import evaluations
+from eutree.training import front as front_of_runs
 from eutree.training.evaluations import ProvenFirst
 from tests.proof.policies import BAD, GOOD, SWITCH, policy_of
 
@@ -93,7 +93,7 @@ def of_one_run(tmp_path, monkeypatch, start, **options):
         entries = (entry(refuted, -98.0), entry(proven, -99.0), entry(refuted, -98.0))
         return Front(refuted, entries, None, 0)
 
-    monkeypatch.setattr(evaluations, "front_of_run", front)
+    monkeypatch.setattr(front_of_runs, "front_of_run", front)
     return eutree.learn(
         CAR, out=tmp_path / "run", expert=policy_of(start), start="tree", episodes=2,
         evaluate_every=2, evaluation_episodes=1, front_steps=100_000, judge_episodes=8, **options,

@@ -54,8 +54,7 @@ class Journal:
         self._unsynced = 0
         content = MAGIC + _record(encode_document(header))
         with atomic.reported("write", path):
-            flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND
-            self._descriptor = os.open(path, flags, 0o666)
+            self._descriptor = atomic.opened_new(path)
             try:
                 atomic.lock(self._descriptor)
                 atomic.write_all(self._descriptor, content)

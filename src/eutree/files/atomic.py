@@ -263,6 +263,11 @@ def is_running(pid: int) -> bool:
     return True
 
 
+def opened_new(path: str | Path) -> int:
+    """Return the descriptor of a file that was not there before, to append to."""
+    return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o666)
+
+
 def lock(descriptor: int) -> None:
     """Lock an open file until its process closes it or dies; a lock of another is an OSError."""
     if fcntl is not None:
