@@ -217,7 +217,7 @@ def inlined(function: _Function) -> _Function:
     """Put a part of a kernel into the kernel that calls it.
 
     A call hands over seven numbers for each array of a named tuple, which takes longer than a
-    short loop. Each use is compiled anew, so it is for the few parts of which that is true.
+    short loop. Each use is compiled again, so it is for the few parts of which that is true.
     """
     if not ENABLED:
         return function
@@ -246,7 +246,7 @@ def machine_code(kernel: _Function, *arguments: object) -> _Function:
 
     A call of a kernel looks at the type of each argument to find the machine code; for a named
     tuple of a dozen arrays that takes longer than the work of a learner's step. The function
-    returned does not look: whoever calls it answers for the types, dtypes and dimensions of the
+    returned does not look: a caller answers for the types, dtypes and dimensions of the
     arguments and for the order of arrays, which must be those of ``arguments``.
 
     Args:

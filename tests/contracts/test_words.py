@@ -93,3 +93,17 @@ def test_array_fields_say_their_shape() -> None:
                     and "# [" not in lines[field.lineno - 1]
                 ]
     assert found == []
+
+
+def test_docstrings_name_the_noun() -> None:
+    """At most 2 of 1,000 words are "Return what", "somebody", "whoever" or "anew"."""
+    texts = [
+        ast.get_docstring(node) or ""
+        for path in SOURCES
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef)
+    ]
+    vague = sum(
+        len(re.findall(r"Return what\b|\b(?:somebody|whoever)\b|\banew\b", one)) for one in texts
+    )
+    assert vague <= 2 * sum(len(one.split()) for one in texts) / 1000

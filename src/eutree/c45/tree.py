@@ -94,7 +94,7 @@ class RoutedCases:
 
 
 def read_only(array: Floats) -> Floats:
-    """Return a read-only view: kernels are compiled anew for arrays that differ in this."""
+    """Return a read-only view: kernels are compiled again for arrays that differ in this."""
     view = array.view()
     view.setflags(write=False)
     return view

@@ -1,6 +1,6 @@
 """Where a command's words go: results to standard output, everything else to standard error.
 
-Environments print, in Python and from libraries in C, and whoever reads the JSON must not see it:
+Environments print, in Python and from libraries in C, and a reader of the JSON must not see it:
 standard output is kept for the one JSON object.
 """
 

@@ -268,7 +268,7 @@ class Opener:
 
 
 def has_desktop() -> bool:
-    """Return whether somebody sits at a terminal on the desktop of this machine."""
+    """Return whether a person sits at a terminal on the desktop of this machine."""
     if not sys.stderr.isatty() or "SSH_CONNECTION" in os.environ:
         return False
     if sys.platform in ("win32", "darwin"):

@@ -153,7 +153,7 @@ def missing(table: Table, heat: Heat) -> list[tuple[int, list[int]]]:
 
 
 def held(rule: Rule, table: Table) -> Generator[tuple[int, list[int]], Floats | None, Verdict]:
-    """Hold a contest for whoever runs the episodes; the table is filled on the way.
+    """Hold a contest for a caller who runs the episodes; the table is filled on the way.
 
     Args:
         rule: Decides.

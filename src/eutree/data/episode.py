@@ -132,7 +132,7 @@ class Episode:
 
     @property
     def weights(self) -> Floats:
-        """Weight of each step for whoever imitates the episode, [T]: 1, or 0.
+        """Weight of each step for imitating the episode, [T]: 1, or 0.
 
         What a tree did and a person let pass is approved, but for the ``SPOILT`` steps before the
         person stepped in, or before a failure.

@@ -325,7 +325,7 @@ class DemonstrationFolder:
         return self.path / f"episode-{number:05d}.journal"
 
     def next_number(self) -> int:
-        """Return the number that the next episode will get, whoever starts it."""
+        """Return the number that the next episode will get, by any process."""
         return max(self._numbers("npz") + self._numbers("journal"), default=-1) + 1
 
     def _numbers(self, kind: str) -> list[int]:

@@ -1,6 +1,6 @@
 """The whole main job once: demonstrate, fit, learn, judge, compress, export, report.
 
-It tells what the program is for: somebody shows a task, C4.5 makes a tree of it, the world turns
+It tells what the program is for: a person shows a task, C4.5 makes a tree of it, the world turns
 out to be different, learning mends the tree, and what changed can be read.
 """
 

@@ -2,7 +2,7 @@
 
 *Cloning* fits a tree to what the teacher did. Where the tree errs it comes to observations that
 the teacher never showed. *DAgger* (Ross, Gordon, Bagnell 2011) lets the tree act, asks the teacher
-what it would have done there, adds that to the data and fits anew, round after round. *VIPER*
+what it would have done there, adds that to the data and fits again, round after round. *VIPER*
 (Bastani, Pu, Solar-Lezama 2018) moreover weights each observation by what a wrong action costs
 there. The best tree of all rounds is chosen on validation episodes, the same for all and used for
 nothing else.

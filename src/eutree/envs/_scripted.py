@@ -1,4 +1,4 @@
-"""Policies that decide by the present observation alone, by a rule somebody wrote."""
+"""Policies that decide by the present observation alone, by a written rule."""
 
 import math
 from abc import ABC, abstractmethod

@@ -214,7 +214,7 @@ class _Differing:
 
 
 def _fitted_value(rows: Floats, episodes: Sequence[Episode], discount: float) -> ModelTree:
-    """Return V of whoever acted, a tree with linear leaves."""
+    """Return V of the acting policy, a tree with linear leaves."""
     value = None
     for _ in range(1 if all(episode.terminated for episode in episodes) else SWEEPS):
         returns = np.concatenate([_returns(episode, value, discount) for episode in episodes])

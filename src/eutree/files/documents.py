@@ -117,7 +117,7 @@ def checksum_of(content: Mapping[str, Any] | Document) -> str:
     It is over what the content says and not over how it is spelled, so that a page can make the
     same one in JavaScript: a number counts as a double, however it is written, and the keys of an
     object in the order of their UTF-16. Left out are the checksum itself and who wrote the file.
-    It tells damage and edits by hand; it is no signature, because anybody can make it anew.
+    It tells damage and edits by hand; it is no signature, because anybody can make it again.
     """
     items = content if isinstance(content, Mapping) else _written(content)
     sealed = {key: value for key, value in items.items() if key not in ("checksum", "made_by")}

@@ -141,7 +141,7 @@ def numbered(env: gymnasium.Env[Any, Any]) -> gymnasium.Env[Any, Any]:
     """Return ``env`` if its actions are numbers from 0, else with its actions so numbered.
 
     Raises:
-        UnsupportedSpaceError: Its actions cannot be numbered, or somebody has to name the levels.
+        UnsupportedSpaceError: Its actions cannot be numbered, or a user has to name the levels.
     """
     return env if counts_from_zero(env.action_space) else GriddedAction(env)
 

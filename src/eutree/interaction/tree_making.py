@@ -109,13 +109,13 @@ class TreeMaker(Protocol):
 
 
 class Wishes:
-    """What the person wants done with the demonstrations, until somebody takes it up.
+    """What the person wants done with the demonstrations, until it is taken up.
 
     Args:
         are_offered: Whether there is a ``TreeMaker``.
 
     Attributes:
-        is_busy: Whether a tree is being made; set by whoever makes it.
+        is_busy: Whether a tree is being made; set by its maker.
         way: The way that was last chosen.
         look: Whether to look for what is missing in what was shown so far.
     """

@@ -54,7 +54,7 @@ class Evidence:
     Attributes:
         demonstrations: What it starts from, if anything.
         steps: The run's budget of environment steps; None where it is counted otherwise.
-        teacher: Whether there is somebody to ask.
+        teacher: Whether there is a teacher to ask.
     """
 
     demonstrations: Demonstrations | None

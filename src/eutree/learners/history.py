@@ -248,7 +248,7 @@ class History:
 
     @property
     def demonstrated(self) -> Booleans:
-        """Whether somebody else showed each transition, shape [N]; a view."""
+        """Whether another agent showed each transition, shape [N]; a view."""
         return self.columns["demonstrated"]
 
     def state(self) -> dict[str, NDArray[Any]]:

@@ -2,7 +2,7 @@
 
 Memory is proportional to the distinct triples (s, a, s'). Pr, and every sum over it, depends on the
 counts alone; a sum of rewards depends also on the order of the rows, so after a leaf was split
-``set_rewards`` sums the affected leaves anew: then counts that followed every split equal, bit for
+``set_rewards`` sums the affected leaves again: then counts that followed every split equal, bit for
 bit, those made of the history.
 """
 

@@ -77,7 +77,7 @@ class Plan:
 
     @property
     def own_episodes(self) -> tuple[int, ...]:
-        """The incumbent's episodes without the demonstrations, in which somebody else acted."""
+        """The incumbent's episodes without the demonstrations, in which others acted."""
         return tuple(n for n in self.incumbent_episodes if n >= self.demonstrations)
 
     def keeping(self, episodes: Integers) -> "Plan":
@@ -124,7 +124,7 @@ class Planner:
             acts in the challenger's place whenever it has no more than the challenger: one that was
             adopted after five lucky episodes would else stay a bar that no challenger passes.
         trust_demonstrations: Whether what was demonstrated counts as what the incumbent can do: if
-            it has played that itself. What somebody else has played is no evidence on it.
+            it has played that itself. What others have played is no evidence on it.
     """
 
     n_episodes: int = 1000

@@ -5,7 +5,7 @@ is in cell j with probability ``mean[j]``, but not quite as that cell's own refe
 value of what comes then is known as a mean over each cell and between two bounds within it; so
 what is computed from the means is off by at most the width between these bounds times half of the
 distance of the two densities, ``blur[j]``: an error of second order. An adversary who chooses the
-worst place of each cell anew at every step, as interval Markov chains have one, is off by a cell
+worst place of each cell again at every step, as interval Markov chains have one, is off by a cell
 after each.
 
 The same for one fixed state in place of the reference has ``most`` and ``spread``; its mean part is

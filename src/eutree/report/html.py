@@ -35,7 +35,7 @@ def page(*, title: str, body: str, style: str, script: str = "", data: Any = Non
 
     Args:
         title: The page's title, as plain text.
-        body: HTML of the body; whoever makes it escapes what it holds.
+        body: HTML of the body; its maker escapes what it holds.
         style: What it adds to the style that all pages share, for example ``asset("chart.css")``.
         script: The one script; it runs after the body.
         data: What the script reads as JSON from the element ``data``; numbers must be finite.

@@ -1,6 +1,6 @@
 """A log that is learned from offline: what is learned from, and what judges the result.
 
-What is learned from a log may be worse than an imitation of whoever acted in it, and no episode can
+What is learned from a log may be worse than an imitation of its actor, and no episode can
 be run to find out. So a third of the episodes is held out; the learned tree is cut to what they
 support, and unless they speak for it the result is the tree of ``fit``, which is fitted to all of
 them: it imitates actions and knows no rewards, so it is the tree to beat, too.

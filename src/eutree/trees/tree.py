@@ -187,7 +187,7 @@ class DecisionTree:
     def split_each(self, cuts: Sequence[tuple[int, int, float]]) -> "DecisionTree":
         """Return the tree after one ``split(leaf, feature, threshold)`` after another.
 
-        What the cuts leave as it is, is copied instead of checked and derived anew, and the lists
+        What the cuts leave as it is, is copied instead of checked and derived again, and the lists
         of ``leaf_of`` go over to the new tree: a learner's thousands of leaves grow by a few at a
         time.
         """

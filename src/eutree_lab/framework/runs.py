@@ -368,7 +368,7 @@ def _frozen(
 def _corrected(
     spec: FrameworkSpec, env: gymnasium.Env[Any, Any], shown: Demonstrations
 ) -> FrameworkRecord:
-    """Let the tree act, have its demonstrator say what was right, fit C4.5 anew: DAgger.
+    """Let the tree act, have its demonstrator say what was right, fit C4.5 again: DAgger.
 
     It has the episodes of the methods and is updated when they are.
     """

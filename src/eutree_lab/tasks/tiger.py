@@ -15,7 +15,7 @@ class TigerEnv(Domain):
 
     ## Description
     Behind one of two doors is a tiger, behind the other gold. Listening tells the tiger's side
-    with a chance of 85 %. After a door was opened, tiger and gold are put behind the doors anew
+    with a chance of 85 %. After a door was opened, tiger and gold are put behind the doors again
     and nothing is heard (L. P. Kaelbling, M. L. Littman and A. R. Cassandra, Artificial
     Intelligence 101, 1998; rewards of J. Veness et al., JAIR 40, 2011). Listening until one side
     was heard two times more than the other earns 1.084 a step, which is optimal; Veness et al.

@@ -201,7 +201,7 @@ class VectorQuantization:
             self._buffer.clear()
 
     def update(self, generator: np.random.Generator) -> Update:
-        """Design the codebook anew from all that is stored, and learn Q over its regions."""
+        """Design the codebook again from all that is stored, and learn Q over its regions."""
         before = self.book.n_regions
         self._learn()
         distances = self.book.distances(self.history.observations)

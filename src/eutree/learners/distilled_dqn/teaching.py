@@ -305,7 +305,7 @@ class GivenTeacher:
         """Do nothing."""
 
     def state(self) -> Arrays:
-        """Return nothing: it is given anew to a run that goes on."""
+        """Return nothing: it is given again to a run that goes on."""
         return {}
 
     def restore(self, state: Arrays, history: History, *, replay: bool) -> None:
