@@ -32,6 +32,7 @@ from eutree.interaction.spaces import describe
 from eutree.interaction.views import episode_views, task_description
 from tests.interaction.broken import Broken
 from tests.interaction.people import TICK, Corridor, Person
+from tests.interaction.versions import CLIFF, TAXI
 
 
 def kinds(outputs):
@@ -277,10 +278,8 @@ def test_a_grid_world_starts_with_one_step_a_key(env, fps, turns) -> None:
     assert Person(env, fps=fps).view.turn_based is turns
 
 
-@pytest.mark.parametrize("name", ["FrozenLake-v1", "CliffWalking-v1", "Taxi-v3"])
+@pytest.mark.parametrize("name", ["FrozenLake-v1", CLIFF, TAXI])
 def test_toy_tasks_of_gymnasium_take_turns(name: str) -> None:
-    if name not in gymnasium.registry:
-        name = next(known for known in gymnasium.registry if known.startswith(name.split("-")[0]))
     env = GuardedEnv(gymnasium.make(name, render_mode="ansi").unwrapped)
     assert takes_turns(env, keys_of_environment(env.env, env.schema))
 
@@ -500,7 +499,7 @@ class Described(gymnasium.Env):
 
 
 def test_gymnasium_s_own_tasks_are_told_in_plain_words() -> None:
-    for name in ("FrozenLake-v1", "CliffWalking-v1", "Taxi-v4", "Blackjack-v1", "CartPole-v1",
+    for name in ("FrozenLake-v1", CLIFF, TAXI, "Blackjack-v1", "CartPole-v1",
                  "MountainCar-v0", "Acrobot-v1"):  # fmt: skip
         told = task_description(gymnasium.make(name))
         assert told.endswith(".")
@@ -527,9 +526,9 @@ def ended(name, rewards, *, terminated):
         ("FrozenLake-v1", [0.0, 1.0], True, ("goal", True)),
         ("FrozenLake-v1", [0.0, 0.0], True, ("fell into a hole", False)),
         ("FrozenLake-v1", [0.0, 0.0], False, ("truncated", False)),
-        ("CliffWalking-v1", [-100.0, -1.0], True, ("goal", True)),
-        ("Taxi-v4", [-10.0, 20.0], True, ("delivered", True)),
-        ("Taxi-v4", [-1.0], False, ("truncated", False)),
+        (CLIFF, [-100.0, -1.0], True, ("goal", True)),
+        (TAXI, [-10.0, 20.0], True, ("delivered", True)),
+        (TAXI, [-1.0], False, ("truncated", False)),
         ("Blackjack-v1", [1.0], True, ("won", True)),
         ("Blackjack-v1", [0.0], True, ("not won", False)),
         ("CartPole-v1", [1.0, 1.0], True, ("fell or left the track", False)),
@@ -551,8 +550,8 @@ def test_an_episode_that_the_person_ended_is_no_failure() -> None:
 
 def test_a_task_without_an_end_says_so_before_the_first_episode() -> None:
     for name, arguments, endless in (
-        ("CliffWalking-v1", {}, True),
-        ("CliffWalking-v1", {"max_episode_steps": 200}, False),
+        (CLIFF, {}, True),
+        (CLIFF, {"max_episode_steps": 200}, False),
         ("FrozenLake-v1", {}, False),
         ("Blackjack-v1", {}, False),  # has no limit, and needs none
     ):
