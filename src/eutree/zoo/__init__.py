@@ -9,7 +9,6 @@ True
 """
 
 import json
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -132,22 +131,14 @@ def settings_of(task: str) -> Path:
     Raises:
         UnknownNameError: There is none of this task.
     """
+    files = {_task_of(file): file for file in (_HOME / "settings").glob("*.toml")}
     name = task.removeprefix(PREFIX)
-    found = _HOME / "settings" / f"{name.replace('/', '-')}.toml"
-    if name not in _tuned() or not found.exists():
-        raise UnknownNameError("task with settings", name, _tuned(), hint="eutree zoo lists them")
-    return found
-
-
-def _tuned() -> tuple[str, ...]:
-    """Return the tasks of which settings are known."""
-    return tuple(sorted(_task_of(one) for one in _files()))
-
-
-def _files() -> Iterator[Path]:
-    yield from (_HOME / "settings").glob("*.toml")
+    if name not in files:
+        raise UnknownNameError("task with settings", name, files)
+    return files[name]
 
 
 def _task_of(file: Path) -> str:
+    """Return the id of the task of a file, whose name has "-" where the id has "/"."""
     name = file.stem
     return name.replace("-", "/", 1) if name.startswith("eutree-") else name
