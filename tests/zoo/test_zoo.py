@@ -9,11 +9,13 @@ import pytest
 
 import eutree
 from eutree import zoo
+from eutree.cli.learn import _teacher
 from eutree.cli.main import run
 from eutree.envs.experts import EXPERTS
 from eutree.errors import InvalidArgumentError, UnknownNameError
 from eutree.learners import method
 from eutree.learners.registry import with_choices
+from eutree.schema import EnvironmentSpec
 
 CARDS = [pytest.param(one, id=one.name) for one in zoo.cards()]
 SETTINGS = sorted((Path(zoo.__file__).parent / "settings").glob("*.toml"))
@@ -104,3 +106,17 @@ def test_a_name_of_the_zoo_stands_where_a_file_does(
     assert (tmp_path / "car.c").exists()
     assert run(["show", "zoo:Nowhere-v0"]) == 2
     assert "eutree zoo" in capsys.readouterr().err
+
+
+def test_a_teacher_of_the_zoo_costs_the_steps_that_its_card_says() -> None:
+    spec = EnvironmentSpec("CartPole-v1")
+    teacher = _teacher("zoo:CartPole-v1", None, spec)
+    assert teacher is not None
+    assert teacher.cost == zoo.card("CartPole-v1").steps > 0
+
+
+def test_a_tree_of_the_zoo_is_not_written_over(capsys: pytest.CaptureFixture[str]) -> None:
+    before = zoo.path_of("CartPole-v1").read_bytes()
+    assert run(["edit", "zoo:CartPole-v1", "--reseal"]) == 2
+    assert "--out must name the file to write" in capsys.readouterr().err
+    assert zoo.path_of("CartPole-v1").read_bytes() == before

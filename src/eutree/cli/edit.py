@@ -18,7 +18,7 @@ from eutree.cli._options import (
     seed_option,
 )
 from eutree.cli._output import Output
-from eutree.cli._policies import load_policy, policy_file, renamed
+from eutree.cli._policies import in_zoo, load_policy, policy_file, renamed
 from eutree.errors import InvalidArgumentError, shown
 from eutree.trees.text import labelled
 
@@ -81,7 +81,10 @@ def edit(
     from eutree.interaction.names import Names
 
     output, before = Output(as_json=as_json), load_policy(policy, hand_edited=reseal)
-    out = policy_file(policy) if reseal and out is None else out
+    if reseal and out is None:
+        if in_zoo(policy):
+            raise InvalidArgumentError("--out must name the file to write: the zoo's are kept")
+        out = policy_file(policy)
     edited = change(
         before,
         thresholds={node: _number(value) for node, value in _pairs("threshold", thresholds)},

@@ -36,6 +36,7 @@ from eutree.cli._policies import (
     Rival,
     against_option,
     controller,
+    in_zoo,
     load_demonstrations,
     policy_file,
 )
@@ -273,6 +274,10 @@ def _teacher(name: str | None, steps: int | None, spec: EnvironmentSpec | None) 
     if spec is None:
         raise InvalidArgumentError("--teacher needs an environment to act in; leave out --offline")
     teaches = controller(name, "--teacher", spec)
+    if steps is None and in_zoo(name):
+        from eutree.zoo import card
+
+        steps = card(name).steps
     if steps is None and Path(name).exists():
         raise InvalidArgumentError(
             "--teacher-steps must say in how many steps the teacher was trained"
