@@ -11,6 +11,15 @@ import pytest
 SOURCE = Path(__file__).parents[2] / "src" / "eutree"
 
 
+PATIENT = """
+import sys
+from eutree import compiled
+from eutree.cli.main import run
+compiled.PATIENCE = 10.0  # a kernel of a small fit takes half a second here, twice that on others
+raise SystemExit(run(sys.argv[1:]))
+"""
+
+
 def first(folder, cache, *line, jit=None):
     """Run a command with an empty cache of kernels; return its output and what it said."""
     environment = {**os.environ, "PYTHONPATH": str(SOURCE.parent), "NUMBA_CACHE_DIR": str(cache)}
@@ -18,7 +27,7 @@ def first(folder, cache, *line, jit=None):
     if jit is None:
         environment.pop("EUTREE_JIT", None)
     done = subprocess.run(
-        [sys.executable, "-m", "eutree", *map(str, line)], cwd=folder, env=environment,
+        [sys.executable, "-c", PATIENT, *map(str, line)], cwd=folder, env=environment,
         capture_output=True, text=True, timeout=400, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
