@@ -1,6 +1,7 @@
 """Simulated people at the recorder: what they show, what `fit` makes of it, what practice adds.
 
     python benchmarks/people.py [--task evasion] [--folders 60] [--first 1000] [--keep FILE]
+    python benchmarks/people.py --task new-evasion --folders 24 --first 2000 [--keep FILE]
     python benchmarks/people.py --learn people|nothing [--learned 400] [...]
     python benchmarks/people.py --task paper-evasion --save people --folders 5
 
@@ -11,9 +12,13 @@ in 15 episodes. Folder k is drawn from the seed k alone: 0 to 999 are for tuning
 reports. Whoever wants to teach a learner like a person in a test takes ``person(task, k)``.
 
 For each folder a line is printed: what the person reaches in many episodes and in the folder; the
-tree of C4.5 release 8; what ``eutree.fit`` returns alone and after 100 episodes of practice, each
-played in the same further episodes. ``--learn people`` prints what ``eutree.learn`` makes of the
-tree of release 8, of a folder as bad as it may be, in half of ``--learned`` episodes and in all;
+tree of C4.5 release 8; what ``eutree.fit`` returns alone, after the person has watched it in ten
+episodes and taken over where it was wrong, and after 100 episodes of practice, each played in the
+same further episodes. Steps are those of an episode; minutes are the person's, at speed 1, with
+the countdowns. ``new-evasion`` has six further styles, some of which change as they play; what
+such a person reaches is counted in sessions of 15 episodes, each begun afresh. ``--learn people``
+prints what ``eutree.learn`` makes of the tree of release 8, of a folder as bad as it may be, in
+half of ``--learned`` episodes and in all;
 ``--learn nothing`` what it makes of nothing, with the folders' numbers as seeds. (An episode of
 CartPole has up to 500 decisions: ``--task cartpole --learned 100``.) ``--keep`` names a file of
 finished folders: a run that is started again goes on from there. ``--save`` names a folder in which
@@ -24,7 +29,7 @@ import argparse
 import json
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cache
 from pathlib import Path
 from types import ModuleType
@@ -35,10 +40,16 @@ import numpy as np
 
 import eutree
 from eutree.arrays import Booleans, Floats, Integers
+from eutree.data import Episode
+from eutree.evaluation import Evaluation
+from eutree.interaction import GuardedEnv, episode_seed
+from eutree.interaction.scenes import Course
 
 ROOT = Path(__file__).resolve().parent.parent
 FIRST_REPORTED = 1000
 EPISODES = 15  # of a folder
+WATCHED, NOTICED, HOLD = 10, 0.8, 3  # episodes; share of disagreements; steps a key is then held
+BETWEEN = 4.0  # seconds between two episodes: the countdown, and a look at the end
 JUDGED = 500  # episodes that say how good a person or a tree is
 JUDGING_SEED = 77
 # What is seen [..., d], how it moves [..., d], the action of the key that is held [...]: an action.
@@ -72,6 +83,8 @@ class Task:
         spread: What a noise of 1 means in each attribute, shape [d].
         idle: The action without a key.
         styles: Ways of playing, by name.
+        remembers: Whether a way of playing remembers what was: then only one episode is played at a
+            time, and in sessions.
     """
 
     make: Callable[[], gymnasium.Env[Any, Any]]
@@ -79,6 +92,21 @@ class Task:
     spread: tuple[float, ...]
     idle: int
     styles: Mapping[str, Callable[[Traits, np.random.Generator], Wants]]
+    remembers: bool = False
+
+
+def _tired(own: Traits, decisions: int) -> Traits:
+    """React later and later, by 0.3 s after 300 decisions."""
+    return replace(own, delay=own.delay + 0.3 * min(decisions / 300.0, 1.0))
+
+
+def _learning(own: Traits, decisions: int) -> Traits:
+    """Misjudge and lapse a lot at first, and be as good as one gets after 100 decisions."""
+    strange = 1.0 - min(decisions / 100.0, 1.0)
+    return replace(own, noise=own.noise + 0.8 * strange, lapse=own.lapse + 0.2 * strange)
+
+
+CHANGING = {"tired": _tired, "learning": _learning}  # styles whose traits change as they play
 
 
 class Person:
@@ -104,6 +132,7 @@ class Person:
     ) -> None:
         self.__name__ = name
         self.traits = traits
+        self._own, self._decisions = traits, 0
         self._wants = wants
         self._task = task
         self._generator = generator
@@ -117,6 +146,9 @@ class Person:
     ) -> tuple[Any, Any]:
         """Return the action that the keys mean at the moment of the decision."""
         now = np.asarray(observation, dtype=np.float64)  # [..., d]
+        if self.__name__ in CHANGING:
+            self.traits = CHANGING[self.__name__](self._own, self._decisions)
+            self._decisions += 1
         if state is None:
             past, held = (now,), np.full(now.shape[:-1], self._task.idle)
             asleep = np.full(now.shape[:-1], self.traits.misses_first)
@@ -219,6 +251,66 @@ def _stops_early(margins: Margins, early: float, taps: bool) -> Wants:
     return wants
 
 
+def divided(margins: Margins, generator: np.random.Generator) -> Wants:
+    """Wait at a line, but look at one opponent only for a step or two, now and then."""
+    wait, glance = _waits(margins), [0, 0]  # steps left, the opponent looked at
+
+    def wants(seen: Floats, moved: Floats, held: Integers) -> Integers:
+        if glance[0] == 0 and generator.random() < 0.25:
+            glance[:] = int(generator.integers(1, 3)), int(generator.integers(1, 3))
+        if glance[0] > 0:
+            glance[0] -= 1
+            seen = seen.copy()
+            seen[..., 3 - glance[1]] = 12.0
+        return wait(seen, moved, held)
+
+    return wants
+
+
+def hesitant(margins: Margins) -> Wants:
+    """Stop far from a line, and let the first chance pass."""
+    state = {"at": 0.0, "line": -1, "was_near": False, "chances": 0}
+
+    def wants(seen: Floats, moved: Floats, held: Integers) -> Integers:
+        position = float(seen[0])
+        if position < state["at"] - 2.0:
+            state.update(line=-1, was_near=False, chances=0)
+        state["at"] = position
+        ahead = margins.ahead(seen)
+        lines = np.flatnonzero((ahead > margins.last) & (ahead <= margins.near))
+        if not lines.size:
+            return np.array(GO)
+        line = int(lines[0])
+        if line != state["line"]:
+            state.update(line=line, was_near=False, chances=0)
+        near = bool(abs(seen[1 + line]) < margins.far)
+        state["chances"] += state["was_near"] and not near
+        state["was_near"] = near
+        patient = state["chances"] < (2 if line == 0 else 1)
+        return np.array(STOP if near or (patient and held == STOP) else GO)
+
+    return wants
+
+
+def _by_waiting(margins: Margins, *, least: int, tires_by: float) -> Wants:
+    """Wait at a line for ``least`` steps in any case, then as the patience lasts.
+
+    With each further step of waiting an opponent may be nearer by ``tires_by`` [m], down to 4 m.
+    """
+    waited = [0]
+
+    def wants(seen: Floats, moved: Floats, held: Integers) -> Integers:
+        distance = margins.ahead(seen)
+        at_line = (distance > margins.last) & (distance <= margins.near)
+        far = max(margins.far - tires_by * max(waited[0] - 2, 0), 4.0)
+        near = (at_line & (np.abs(seen[1:]) < far)).any()
+        stops = near or (at_line.any() and waited[0] < least)
+        waited[0] = waited[0] + 1 if stops else (waited[0] if at_line.any() else 0)
+        return np.array(STOP if stops else GO)
+
+    return wants
+
+
 def _push(lead: float, center: float = 0.0, slack: float = 0.0) -> Wants:
     """Push to where the pole will be ``lead`` seconds later; ``slack`` keeps the last key."""
 
@@ -277,6 +369,19 @@ def _evasion_styles(
     }
 
 
+def _new_styles() -> Mapping[str, Callable[[Traits, np.random.Generator], Wants]]:
+    """Return further ways of playing Evasion, all of which took no part in any choice."""
+    drawn = Margins.drawn
+    return {
+        "divided": lambda t, g: divided(drawn(3.0, 8.6, t, g), g),
+        "hesitant": lambda t, g: hesitant(drawn(5.0, 8.6, t, g)),
+        "tired": lambda t, g: _waits(drawn(3.2, 8.8, t, g)),
+        "learning": lambda t, g: _waits(drawn(3.0, 8.6, t, g)),
+        "impatient": lambda t, g: _by_waiting(drawn(3.0, 8.8, t, g), least=0, tires_by=0.8),
+        "stop-sign": lambda t, g: _by_waiting(drawn(3.0, 8.4, t, g), least=1, tires_by=0.0),
+    }
+
+
 def _evasion(env: str, lines: tuple[float, float]) -> Task:
     """Return 2-Evasion with the lines at which its people wait."""
     return Task(
@@ -291,6 +396,9 @@ def _evasion(env: str, lines: tuple[float, float]) -> Task:
 TASKS = {
     "evasion": _evasion("eutree/Evasion2-v0", LINES),
     "paper-evasion": _evasion("eutree/PaperEvasion2-v0", PAPER_LINES),
+    "new-evasion": replace(
+        _evasion("eutree/Evasion2-v0", LINES), styles=_new_styles(), remembers=True
+    ),
     "cartpole": Task(
         make=lambda: gymnasium.make("CartPole-v1"),
         interval=0.02 / 0.25,  # at a quarter of its speed
@@ -354,6 +462,11 @@ class Line:
     fitted: float
     warnings: tuple[str, ...]
     practised: float
+    taken_over: float = float("nan")
+    by_hand: int = 0  # steps in which the person took over
+    watched: int = 0  # further steps of those episodes
+    steps: tuple[float, float, float] = (0.0, 0.0, 0.0)  # person, fitted, practised
+    minutes: tuple[float, float] = (0.0, 0.0)  # recording, watching
 
     def __str__(self) -> str:
         """Return the line of the table."""
@@ -367,14 +480,18 @@ class Line:
             self.leaves,
             _figure(self.fitted),
             len(self.warnings),
+            _figure(self.taken_over),
+            f"{self.by_hand} of {self.by_hand + self.watched}",
             _figure(self.practised),
+            ", ".join(f"{value:.1f}" for value in self.steps),
+            " + ".join(f"{value:.1f}" for value in self.minutes),
         )
         return f"| {' | '.join(map(str, cells))} |"
 
 
 HEAD = """| folder | style | delay, noise, lapses | person | shown | release 8 | leaves | `fit` | \
-warnings | `fit --practise 100` |
-|---|---|---|---|---|---|---|---|---|---|"""
+warnings | taken over | by hand | `fit --practise 100` | steps | minutes |
+|---|---|---|---|---|---|---|---|---|---|---|---|---|---|"""
 
 
 def _figure(value: float) -> str:
@@ -397,35 +514,120 @@ def line(task: str, number: int, *, judged: int, episodes: int) -> Line:
     """
     env = TASKS[task].make()
 
-    def reached(policy: Any) -> float:
-        return _merit(eutree.evaluate(policy, env, episodes=judged, seed=JUDGING_SEED))
+    def plays(policy: Any) -> Any:
+        return eutree.evaluate(policy, env, episodes=judged, seed=JUDGING_SEED)
 
     demonstrations = folder(task, number)
-    expert = eutree.fit_expert_tree(demonstrations)
     practised = eutree.fit(demonstrations, env, episodes=episodes, practise=100, seed=number)
     alone = practised.before_practice
     assert alone is not None
+    corrected = take_over(task, number, demonstrations, alone.policy)
+    taken = eutree.fit(corrected, env, episodes=episodes, seed=number).policy
+    driven = [episode for episode in corrected if episode.by_hand is not None]
+    by_hand = int(sum(episode.by_hand.sum() for episode in driven))
+    watched = sum(map(len, driven)) - by_hand
     hands = person(task, number)
+    own = _sessions(task, number, judged) if TASKS[task].remembers else plays(hands)
+    fitted, better = plays(alone.policy), plays(practised.policy)
     shown = alone.person
     return Line(
         number=number,
         style=hands.__name__,
         traits=hands.traits,
-        person=reached(hands),
+        person=_merit(own),
         shown=shown.mean_return if shown.success_rate is None else shown.success_rate,
-        release_8=reached(expert),
+        release_8=_merit(plays(eutree.fit_expert_tree(demonstrations))),
         leaves=alone.policy.n_leaves,
-        fitted=reached(alone.policy),
+        fitted=_merit(fitted),
         warnings=alone.warnings,
-        practised=reached(practised.policy),
+        practised=_merit(better),
+        taken_over=_merit(plays(taken)),
+        by_hand=by_hand,
+        watched=watched,
+        steps=tuple(one.mean_length for one in (own, fitted, better)),
+        minutes=(
+            _minutes(task, demonstrations.n_transitions, EPISODES),
+            _minutes(task, by_hand + watched, WATCHED),
+        ),
     )
+
+
+def _minutes(task: str, steps: int, episodes: int) -> float:
+    return (steps * TASKS[task].interval + episodes * BETWEEN) / 60.0
+
+
+def _sessions(task: str, number: int, judged: int) -> Any:
+    """Return what a person reaches who changes as they play: in many sessions, each the first."""
+    shown = [
+        episode
+        for session in range(judged // EPISODES)
+        for episode in eutree.record(
+            TASKS[task].make(), person(task, number), episodes=EPISODES, seed=10**6 + session
+        )
+    ]
+    return Evaluation(
+        returns=np.array([episode.undiscounted_return for episode in shown]),
+        lengths=np.array([len(episode) for episode in shown]),
+        endings=np.array([episode.ending for episode in shown]),
+        successes=np.array([episode.is_success for episode in shown], dtype=bool),
+    )
+
+
+def take_over(
+    task: str, number: int, shown: eutree.Demonstrations, tree: eutree.TreePolicy
+) -> eutree.Demonstrations:
+    """Return the demonstrations after a person watched the tree drive and stepped in.
+
+    As in the recorder's page: what was let pass counts, and C4.5 is fitted after each episode.
+    """
+    env, hands = TASKS[task].make(), person(task, number)
+    generator = np.random.default_rng(np.random.SeedSequence((number, 31)))
+    known = shown
+    for watched in range(WATCHED):
+        episode = _driven(env, hands, tree, episode_seed(number, 5000 + watched), generator)
+        known = replace(known, episodes=(*known.episodes, episode))
+        tree = eutree.fit_expert_tree(known)
+    return known
+
+
+def _driven(
+    env: gymnasium.Env[Any, Any],
+    hands: Person,
+    tree: eutree.TreePolicy,
+    seed: int,
+    generator: np.random.Generator,
+) -> Episode:
+    """Return an episode in which a tree drove and a person took over."""
+    guarded = GuardedEnv(env)
+    observations, actions, rewards, by_hand = [guarded.reset(seed)], [], [], []
+    state, left, course = None, 0, Course(tree)
+    while True:
+        wanted, state = hands.predict(observations[-1], state)
+        proposed = course.decide(observations[-1], guarded.allowed)
+        if left == 0 and wanted != proposed and generator.random() < NOTICED:
+            left = HOLD
+        by_hand.append(left > 0)
+        left = max(left - 1, 0)
+        actions.append(int(wanted if by_hand[-1] else proposed))
+        state = (state[0], np.array(actions[-1]))  # what is under way
+        observation, reward, terminated, truncated, info = guarded.step(actions[-1])
+        observations.append(observation)
+        rewards.append(reward)
+        if terminated or truncated:
+            return Episode(
+                observations=np.array(observations), actions=np.array(actions),
+                rewards=np.array(rewards), terminated=terminated,
+                truncated=truncated and not terminated, seed=seed,
+                is_success=info.get("is_success"), ending=str(info.get("ending", "")),
+                steps={"by_hand": np.array(by_hand)},
+            )  # fmt: skip
 
 
 def summary(lines: list[Line]) -> str:
     """Return the figures of all folders."""
-    own, shown, plain, fitted, practised = (
+    own, shown, plain, fitted, taken, practised = (
         np.array([getattr(entry, name) for entry in lines])
-        for name in ("person", "shown", "release_8", "fitted", "practised")
+        for name in ("person", "shown", "release_8", "fitted", "taken_over", "practised")
     )
 
     def as_good(tree: Floats, base: Floats) -> Booleans:
@@ -438,12 +640,16 @@ def summary(lines: list[Line]) -> str:
         if not good and not entry.warnings
     )
     rows = [f"{len(lines)} folders; the person {own.mean():.3f} (in the folder {shown.mean():.3f})"]
-    for name, tree in (("release 8", plain), ("fit", fitted), ("practised", practised)):
+    trees = (("release 8", plain), ("fit", fitted), ("taken over", taken), ("practised", practised))
+    for name, tree in trees:
         rows.append(
             f"{name}: mean {tree.mean():.3f}, worst {tree.min():.3f}, as good as the person in "
             f"{as_good(tree, own).mean():.0%} of folders, as what was shown in "
             f"{as_good(tree, shown).mean():.0%}"
         )
+    steps, minutes = (np.mean([getattr(e, name) for e in lines], axis=0).round(1)
+                      for name in ("steps", "minutes"))  # fmt: skip
+    rows.append(f"steps of person, fit, practised {steps}; minutes recording, watching {minutes}")
     return "\n".join([*rows, f"worse than person and folder without a warning: {silent}"])
 
 
@@ -533,8 +739,8 @@ class Finished:
 
 
 def _line_of(known: dict[str, Any]) -> Line:
-    traits, warnings = Traits(**known["traits"]), tuple(known["warnings"])
-    return Line(**{**known, "traits": traits, "warnings": warnings})
+    plural = {name: tuple(known[name]) for name in ("warnings", "steps", "minutes")}
+    return Line(**{**known, **plural, "traits": Traits(**known["traits"])})
 
 
 def main() -> None:

@@ -23,16 +23,14 @@ from typing import Any
 import numpy as np
 
 import eutree
-from eutree.arrays import Booleans, Floats, Integers
+from eutree.arrays import Booleans, Floats
 from eutree.data import Demonstrations, Episode
 from eutree.fitting.fit import mend, race
 from eutree.fitting.playing import Player
 from eutree.interaction import GuardedEnv, episode_seed
 from eutree.learners.starts import SETTINGS, candidates, promising
 from people import (
-    GO,
     JUDGING_SEED,
-    STOP,
     TASKS,
     Margins,
     Person,
@@ -40,6 +38,8 @@ from people import (
     Wants,
     _looks_ahead,
     _waits,
+    divided,
+    hesitant,
 )
 
 CHECKED = (120, 200, 300)  # steps in which the person acted
@@ -86,47 +86,6 @@ WAYS = {
 CHOSEN = "approval 1, hold 3, 2 spoilt"
 
 
-def _divided(margins: Margins, generator: np.random.Generator) -> Wants:
-    """Wait at a line, but look at one opponent only for a step or two, now and then."""
-    wait, glance = _waits(margins), [0, 0]  # steps left, the opponent looked at
-
-    def wants(seen: Floats, moved: Floats, held: Integers) -> Integers:
-        if glance[0] == 0 and generator.random() < 0.25:
-            glance[:] = int(generator.integers(1, 3)), int(generator.integers(1, 3))
-        if glance[0] > 0:
-            glance[0] -= 1
-            seen = seen.copy()
-            seen[..., 3 - glance[1]] = 12.0
-        return wait(seen, moved, held)
-
-    return wants
-
-
-def _hesitant(margins: Margins) -> Wants:
-    """Stop far from a line, and let the first chance pass."""
-    state = {"at": 0.0, "line": -1, "was_near": False, "chances": 0}
-
-    def wants(seen: Floats, moved: Floats, held: Integers) -> Integers:
-        position = float(seen[0])
-        if position < state["at"] - 2.0:
-            state.update(line=-1, was_near=False, chances=0)
-        state["at"] = position
-        ahead = margins.ahead(seen)
-        lines = np.flatnonzero((ahead > margins.last) & (ahead <= margins.near))
-        if not lines.size:
-            return np.array(GO)
-        line = int(lines[0])
-        if line != state["line"]:
-            state.update(line=line, was_near=False, chances=0)
-        near = bool(abs(seen[1 + line]) < margins.far)
-        state["chances"] += state["was_near"] and not near
-        state["was_near"] = near
-        patient = state["chances"] < (2 if line == 0 else 1)
-        return np.array(STOP if near or (patient and held == STOP) else GO)
-
-    return wants
-
-
 def _drawn(near: float, far: float, t: Traits, g: np.random.Generator) -> Margins:
     return Margins.drawn(near, far, t, g)
 
@@ -139,8 +98,8 @@ REPORTED: Mapping[str, Draw] = {
     "brisk": EVASION.styles["brisk"],
     "slows-early": EVASION.styles["slows-early"],
     "tails": lambda t, g: _looks_ahead(_drawn(3.5, 7.5, t, g)),
-    "divided": lambda t, g: _divided(_drawn(3.0, 8.6, t, g), g),
-    "hesitant": lambda t, g: _hesitant(_drawn(5.0, 8.6, t, g)),
+    "divided": lambda t, g: divided(_drawn(3.0, 8.6, t, g), g),
+    "hesitant": lambda t, g: hesitant(_drawn(5.0, 8.6, t, g)),
     "tired": lambda t, g: _waits(_drawn(3.2, 8.8, t, g)),
 }
 

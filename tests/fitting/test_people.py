@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from benchmarks.people import TASKS, Person, Task, Traits, folder, person
+from benchmarks.people import TASKS, Person, Task, Traits, folder, person, take_over
 
 import eutree
 
@@ -17,7 +17,7 @@ def hands(traits, wants=lambda seen, moved, held: (seen[..., 0] > 0.5).astype(in
 def actions_of(hands, observations):
     state, actions = None, []
     for observation in observations:
-        action, state = hands.predict(np.array([observation]), state)
+        action, state = hands.predict(np.atleast_1d(observation), state)
         actions.append(int(action))
     return actions
 
@@ -60,8 +60,30 @@ def test_what_is_misjudged_has_the_spread_of_the_noise():
 def test_a_folder_repeats_and_another_one_differs(task):
     first, again = (folder(task, 3, episodes=2) for _ in range(2))
     assert first.digest == again.digest
-    assert first.digest != folder(task, 8, episodes=2).digest
-    assert first.expert == person(task, 8).__name__  # the same style, with other hands
+    other = 3 + len(TASKS[task].styles)
+    assert first.digest != folder(task, other, episodes=2).digest
+    assert first.expert == person(task, other).__name__  # the same style, with other hands
+
+
+def test_who_tires_reacts_later_and_who_learns_misjudges_less():
+    tired, learning = (person("new-evasion", number) for number in (2, 3))
+    assert (tired.__name__, learning.__name__) == ("tired", "learning")
+    before = tired.traits.delay, learning.traits.noise
+    for hands in (tired, learning):
+        actions_of(hands, [[float(k), 0.0, 0.0] for k in range(150)])
+    assert tired.traits.delay > before[0] + 0.1
+    assert learning.traits.noise <= before[1]
+
+
+def test_whoever_takes_over_leaves_episodes_that_say_so():
+    shown = folder("evasion", 2, episodes=3)
+    known = take_over("evasion", 2, shown, eutree.fit_expert_tree(shown))
+    assert known.episodes[:3] == shown.episodes
+    driven = known.episodes[3:]
+    assert driven
+    assert not any(episode.is_evidence for episode in driven)
+    acted = [episode.by_hand.mean() for episode in driven]
+    assert 0.0 < sum(acted) < len(acted)
 
 
 def test_one_episode_and_many_side_by_side_are_the_same_person():
