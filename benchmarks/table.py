@@ -25,7 +25,9 @@ import subprocess
 import time
 import tomllib
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +46,7 @@ ROOT = Path(__file__).resolve().parents[1]
 ROWS = ROOT / "docs" / "results" / "table"
 STEPS, LEAVES = (10_000, 50_000, 100_000), (4, 8, 16, 32)
 SEEDS, FIRST, FINAL_EPISODES = 10, 20_000, 200
+STUDENTS = ("dagger", "viper")
 ROUNDS, TEACHERS = 8, 0.5  # of DAgger and VIPER; the share of the steps that their teacher takes
 COLUMNS = ("who", "task", "steps", "leaves", "seed", "return", "error", "success", "worst",
            "has_leaves", "used", "cpu_s", "peak_mb", "commit")  # fmt: skip
@@ -137,27 +140,29 @@ def learned(cell: Cell, env: Any) -> tuple[eutree.TreePolicy, int]:
     return result.policy, result.environment_steps.total
 
 
-def network(task: str, env: Any, steps: int, seed: int) -> Any:
-    """Return a DQN of Stable-Baselines3 that learned for so many steps."""
+@cache
+def network(task: str, steps: int, seed: int) -> tuple[Any, float]:
+    """Return a DQN of Stable-Baselines3 that learned for so many steps, and its CPU seconds."""
     import stable_baselines3
     import torch
 
+    begin = time.process_time()
     torch.set_num_threads(1)
     model = stable_baselines3.DQN(
         "MlpPolicy",
-        env,
+        gymnasium.make(task),
         policy_kwargs={"net_arch": [256, 256]},
         seed=seed,
         device="cpu",
         **DQN[task],
     )
-    return model.learn(steps)
+    return model.learn(steps), time.process_time() - begin
 
 
 def distilled(cell: Cell, env: Any) -> tuple[eutree.TreePolicy, int]:
     """Return the best tree that DAgger or VIPER makes of a network; all steps are counted."""
     steps = int(TEACHERS * cell.steps)
-    model = network(cell.task, gymnasium.make(cell.task), steps, cell.seed)
+    model, _ = network(cell.task, steps, cell.seed)
 
     def action_values(observations: np.ndarray) -> np.ndarray:
         tensor, _ = model.policy.obs_to_tensor(observations.astype(np.float32))
@@ -177,9 +182,11 @@ def distilled(cell: Cell, env: Any) -> tuple[eutree.TreePolicy, int]:
 def measured(cell: Cell, trees: Path | None) -> dict[str, Any]:
     """Run a cell and return its row; its tree is kept in a folder, if there is one."""
     env = gymnasium.make(cell.task)
-    begin = time.process_time()
+    taught = int(TEACHERS * cell.steps) if cell.who in STUDENTS else 0
+    teacher = network(cell.task, taught, cell.seed)[1] if taught else 0.0
+    begin = time.process_time() - teacher
     if cell.who == "network":
-        policy: Any = network(cell.task, env, cell.steps, cell.seed)
+        policy: Any = network(cell.task, cell.steps, cell.seed)[0]
         used, has_leaves = cell.steps, 0
     else:
         policy, used = (learned if cell.who == "eutree" else distilled)(cell, env)
@@ -229,22 +236,30 @@ def known(path: Path) -> set[Cell]:
 
 
 def run(cells: Iterable[Cell], folder: Path, trees: Path | None) -> None:
-    """Run what is not known yet, each cell in a fresh process, one after the other."""
+    """Run what is not known yet, one after the other: trees of one network in one process."""
     context = multiprocessing.get_context("spawn")
-    for cell in cells:
-        path = file_of(folder, cell.task)
-        if cell in known(path):
-            continue
+    new = [cell for cell in cells if cell not in known(file_of(folder, cell.task))]
+    for _, together in groupby(new, key=process_of):
         with context.Pool(1) as pool:
-            row = pool.apply(measured, (cell, trees))
-        fresh = not path.exists()
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("a", newline="") as file:
-            writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-            if fresh:
-                writer.writeheader()
-            writer.writerow(row)
-        print(*(f"{key}={row[key]}" for key in COLUMNS), flush=True)
+            for cell in together:
+                keep(pool.apply(measured, (cell, trees)), file_of(folder, cell.task))
+
+
+def process_of(cell: Cell) -> Cell:
+    """Return what cells that may share a process have in common: the network that teaches."""
+    return replace(cell, who="student", leaves=0) if cell.who in STUDENTS else cell
+
+
+def keep(row: dict[str, Any], path: Path) -> None:
+    """Append a row to a file of rows."""
+    fresh = not path.exists()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("a", newline="") as file:
+        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        if fresh:
+            writer.writeheader()
+        writer.writerow(row)
+    print(*(f"{key}={row[key]}" for key in COLUMNS), flush=True)
 
 
 def cells_of(arguments: argparse.Namespace) -> list[Cell]:
@@ -252,10 +267,10 @@ def cells_of(arguments: argparse.Namespace) -> list[Cell]:
     return [
         Cell(who, task, steps, leaves, seed)
         for task in arguments.tasks
-        for who in arguments.who
         for steps in arguments.steps
-        for leaves in ([0] if who == "network" else arguments.leaves)
         for seed in range(arguments.first, arguments.first + arguments.seeds)
+        for who in arguments.who
+        for leaves in ([0] if who == "network" else arguments.leaves)
     ]
 
 

@@ -1,7 +1,7 @@
 """Learned trees that come with the package: the best of each task at each size.
 
 Every tree was learned by this package, in a run whose command, seed and counted steps its card
-names, and evaluated on episodes that chose nothing (``benchmarks/table.py``, docs/results/zoo.md).
+names, and evaluated on episodes that chose nothing (``benchmarks/table.py``, docs/zoo.md).
 
 >>> from eutree import zoo
 >>> zoo.load("MountainCar-v0").tree.n_leaves <= 8

@@ -1,0 +1,153 @@
+"""Make the page of the zoo: a card for each tree, at play, and as a program.
+
+Run: python benchmarks/zoo_page.py
+
+A tree is drawn at play in its first fresh episode, and written as the shortest Python program that
+decides like it, ``play(x)``, after the protocol of Kohler and others (2025): its bytes, and the
+time of a decision. Times are of this machine, so beside them stands a thing that was timed in the
+same seconds: a forward pass in numpy of a network with two layers of 64, for the same observation.
+"""
+
+import timeit
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+from PIL import Image
+
+import eutree
+from eutree import zoo
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+BEGIN, SHOWN = (
+    "## The trees\n",
+    8,
+)  # what follows is made here; programs of so many leaves are shown
+EPISODE = 9_000_000  # seed of the episode that is drawn
+WIDTH, FRAMES, FRAME_MS, COLOURS = 240, 60, 100, 64
+DECISIONS, REPEATS, HIDDEN = 2000, 7, 64
+
+
+def play_program(policy: eutree.TreePolicy) -> str:
+    """Return the shortest program that decides like a tree; NaN fails every test here too."""
+    tree = policy.tree
+
+    def written(node: int) -> str:
+        if tree.leaf[node] != tree.NO_LEAF:
+            return str(int(policy.actions[tree.leaf[node]]))
+        yes, no = written(int(tree.left[node])), written(int(tree.right[node]))
+        yes = f"({yes})" if "if" in yes else yes
+        test = f"x[{int(tree.feature[node])}]<={float(tree.threshold[node])!r}"
+        return f"{yes} if {test} else {no}"
+
+    return f"def play(x):return {written(0)}\n"
+
+
+def compiled(program: str) -> Callable[[Any], int]:
+    names: dict[str, Any] = {}
+    exec(program, names)
+    return names["play"]  # type: ignore[no-any-return]
+
+
+def seen_by(policy: eutree.TreePolicy, env: Any) -> tuple[np.ndarray, list[Any]]:
+    """Return the observations of one episode, and its pictures."""
+    observation, _ = env.reset(seed=EPISODE)
+    rows, pictures, over = [], [env.render()], False
+    while not over:
+        rows.append(np.asarray(observation, dtype=np.float64).ravel())
+        action = policy.predict(observation)[0]
+        observation, _, terminated, truncated, _ = env.step(action)
+        pictures.append(env.render())
+        over = terminated or truncated
+    return np.array(rows), pictures
+
+
+def draw(pictures: list[Any], path: Path) -> None:
+    """Write an animation of an episode: few pictures, few colours."""
+    chosen = np.linspace(0, len(pictures) - 1, min(len(pictures), FRAMES)).astype(int)
+    small = []
+    for index in chosen:
+        whole = Image.fromarray(pictures[index])
+        size = (WIDTH, round(WIDTH * whole.height / whole.width))
+        small.append(whole.resize(size, Image.Resampling.LANCZOS))
+    palette = small[len(small) // 2].quantize(COLOURS)
+    frames = [one.quantize(palette=palette, dither=Image.Dither.NONE) for one in small]
+    frames[0].save(
+        path, save_all=True, append_images=frames[1:], duration=FRAME_MS, loop=0, optimize=True
+    )
+
+
+def times(program: str, rows: np.ndarray, n_actions: int) -> tuple[float, float]:
+    """Return nanoseconds of a decision, and those of the network's, the least of some repeats."""
+    play = compiled(program)
+    rng = np.random.default_rng(0)
+    sizes = (rows.shape[1], HIDDEN, HIDDEN, n_actions)
+    weights = [rng.normal(size=pair) for pair in pairwise(sizes)]
+    first, second, last = weights
+
+    def network(x: np.ndarray) -> int:
+        hidden = np.maximum(np.maximum(x @ first, 0.0) @ second, 0.0)
+        return int((hidden @ last).argmax())
+
+    chosen = rows[np.linspace(0, len(rows) - 1, DECISIONS).astype(int)]
+    lists = chosen.tolist()
+
+    def least(decide: Callable[[Any], int], inputs: Any) -> float:
+        run = timeit.Timer(lambda: [decide(one) for one in inputs]).repeat(REPEATS, 1)
+        return min(run) / len(inputs) * 1e9
+
+    return least(play, lists), least(network, chosen)
+
+
+def card_lines(card: zoo.Card) -> Iterator[str]:
+    """Yield the card of a tree; its picture is drawn on the way."""
+    policy = zoo.load(card.name)
+    env = gymnasium.make(card.task, render_mode="rgb_array")
+    rows, pictures = seen_by(policy, env)
+    stem = Path(card.file).stem
+    draw(pictures, DOCS / "images" / f"zoo-{stem}.gif")
+    program = play_program(policy)
+    decision, network = times(program, rows, policy.schema.n_actions)
+    low, high = card.interval
+    yield f"### {card.name}\n"
+    picture = f"images/zoo-{stem}.gif"
+    yield f"![{card.task}, an episode of the tree with {card.leaves} leaves]({picture})\n"
+    yield "| | |\n|---|---|"
+    yield f"| leaves | {card.leaves} |"
+    yield f"| return of {card.episodes:,} fresh episodes | {card.mean_return} [{low}, {high}] |"
+    yield f"| worst of them | {card.worst} |"
+    if card.success is not None:
+        yield f"| success | {card.success:.1%} |"
+    yield f"| counted steps, seed | {card.steps:,}, {card.seed} |"
+    yield f"| learned by | `{card.command}` |"
+    yield f"| proven | {card.proven or 'nothing'} |"
+    yield f"| `play(x)` | {len(program.encode())} bytes |"
+    share = f"1/{network / decision:.0f}"
+    yield f"| a decision | {decision:.0f} ns, {share} of the network's |\n"
+    if card.leaves <= SHOWN:
+        yield f"```text\n{program}```\n"
+
+
+def main() -> None:
+    page = DOCS / "zoo.md"
+    head, _, _ = page.read_text().partition(BEGIN)
+    lines = [head.rstrip(), "", BEGIN, NOTE]
+    for card in zoo.cards():
+        lines += card_lines(card)
+        print(card.name, flush=True)
+    page.write_text("\n".join(lines).rstrip() + "\n")
+
+
+NOTE = """\
+Made by `python benchmarks/zoo_page.py`. Each tree is shown in an episode that chose nothing, and
+as the shortest Python program that decides like it, `play(x)`: its bytes, and the time of a
+decision beside that of a network with two layers of 64 in numpy, timed in the same seconds on one
+machine (the protocol of Kohler and others, 2025).
+"""
+
+
+if __name__ == "__main__":
+    main()

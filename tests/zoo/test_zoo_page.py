@@ -1,0 +1,44 @@
+"""The page of the zoo: every tree has its card, its picture, and the program that decides alike."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from benchmarks.zoo_page import DOCS, compiled, play_program
+
+from eutree import zoo
+
+CARDS = [pytest.param(one, id=one.name) for one in zoo.cards()]
+PAGE = (DOCS / "zoo.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("card", CARDS)
+def test_the_program_of_a_tree_decides_like_it_on_every_threshold(card: zoo.Card) -> None:
+    policy = zoo.load(card.name)
+    play = compiled(play_program(policy))
+    tests = policy.tree.leaf == policy.tree.NO_LEAF
+    cuts = policy.tree.threshold[tests]
+    near = np.concatenate([cuts, np.nextafter(cuts, np.inf), np.nextafter(cuts, -np.inf)])
+    values = np.array([*near, -np.inf, np.inf, np.nan])
+    rows = np.random.default_rng(0).choice(values, size=(4000, policy.tree.n_features))
+    expected = policy.actions[policy.tree.leaf_index(rows)]
+    assert [play(row) for row in rows.tolist()] == expected.tolist()
+
+
+@pytest.mark.parametrize("card", CARDS)
+def test_the_card_on_the_page_is_that_of_the_tree(card: zoo.Card) -> None:
+    found = re.search(rf"### {re.escape(card.name)}\n(.*?)(?=\n### |\Z)", PAGE, re.DOTALL)
+    assert found is not None, "python benchmarks/zoo_page.py makes the page"
+    low, high = card.interval
+    size = len(play_program(zoo.load(card.name)).encode())
+    assert f"| leaves | {card.leaves} |" in found[1]
+    assert f"{card.mean_return} [{low}, {high}]" in found[1]
+    assert f"| `play(x)` | {size} bytes |" in found[1]
+    picture = DOCS / f"images/zoo-{Path(card.file).stem}.gif"
+    assert picture.name in found[1]
+    assert picture.stat().st_size < 100_000
+
+
+def test_the_page_has_no_card_of_a_tree_that_is_gone() -> None:
+    assert re.findall(r"^### (.*)$", PAGE, re.MULTILINE) == [one.name for one in zoo.cards()]
