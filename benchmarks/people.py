@@ -43,7 +43,7 @@ from eutree.arrays import Booleans, Floats, Integers
 from eutree.data import Episode
 from eutree.evaluation import Evaluation
 from eutree.interaction import GuardedEnv, episode_seed
-from eutree.interaction.scenes import Course
+from eutree.recording.scenes import Course
 
 ROOT = Path(__file__).resolve().parent.parent
 FIRST_REPORTED = 1000

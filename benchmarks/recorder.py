@@ -24,9 +24,9 @@ import gymnasium
 import numpy as np
 
 import eutree  # noqa: F401 - registers the environments
-from eutree.interaction.browser import record_in_browser
-from eutree.interaction.recorder import Recorder
-from eutree.interaction.settings import SessionSettings
+from eutree.recording.browser import record_in_browser
+from eutree.recording.recorder import Recorder
+from eutree.recording.settings import SessionSettings
 
 BROWSERS = ("/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome")
 QUIET = (

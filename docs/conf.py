@@ -19,7 +19,7 @@ sys.path.insert(0, str(ROOT / "src"))
 sys.path[:0] = [str(ROOT / "docs" / name) for name in ("pictures", "notebooks", "results")]
 
 # What a package loads when it is asked for (``eutree.lazy``) is on its page, too.
-for _name in ("c45", "evaluation", "interaction", "learners", "world_model"):
+for _name in ("c45", "evaluation", "learners", "recording", "world_model"):
     _package = importlib.import_module(f"eutree.{_name}")
     for _offered in _package.__all__:
         getattr(_package, _offered)

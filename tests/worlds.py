@@ -12,8 +12,9 @@ import numpy as np
 from gymnasium import spaces
 
 from eutree.data import Demonstrations, Episode
-from eutree.interaction import GuardedEnv, record
+from eutree.interaction import GuardedEnv
 from eutree.learners import CORRECTED, DEFAULT, Problem, Start, Step
+from eutree.recording import record
 from eutree.schema import Schema
 from eutree.splitting import Permutation
 

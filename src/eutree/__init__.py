@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from eutree import interaction as interaction
     from eutree import learners as learners
     from eutree import mdp as mdp
+    from eutree import recording as recording
     from eutree import report as report
     from eutree import splitting as splitting
     from eutree import zoo as zoo
@@ -46,13 +47,13 @@ if TYPE_CHECKING:
     from eutree.inspection.diff import diff as diff
     from eutree.inspection.verify import verify as verify
     from eutree.inspection.why import why as why
-    from eutree.interaction import record as record
-    from eutree.interaction.record import play as play
     from eutree.learners.starts import fit_expert_tree as fit_expert_tree
     from eutree.policies import LeafStatistics as LeafStatistics
     from eutree.policies import Policy as Policy
     from eutree.policies import TreePolicy as TreePolicy
     from eutree.policies.estimator import TreePolicyClassifier as TreePolicyClassifier
+    from eutree.recording import record as record
+    from eutree.recording.record import play as play
     from eutree.schema import EnvironmentSpec as EnvironmentSpec
     from eutree.schema import Feature as Feature
     from eutree.schema import Schema as Schema
@@ -110,9 +111,10 @@ _PUBLIC = {
     "LearningResult": "eutree.training:LearningResult",
     "mdp": "eutree.mdp",
     "MissingExtraError": "eutree.errors:MissingExtraError",
-    "play": "eutree.interaction.record:play",
+    "play": "eutree.recording.record:play",
     "Policy": "eutree.policies:Policy",
-    "record": "eutree.interaction:record",
+    "record": "eutree.recording:record",
+    "recording": "eutree.recording",
     "report": "eutree.report",
     "RunFolderError": "eutree.errors:RunFolderError",
     "Schedule": "eutree.training.values:Schedule",

@@ -16,7 +16,7 @@ from eutree.fitting import page_tree
 from eutree.fitting.page_tree import PageTree
 from eutree.interaction import GuardedEnv, run_episode
 from eutree.schema import EnvironmentSpec
-from tests.interaction.people import Corridor
+from tests.recording.people import Corridor
 
 EVASION = EnvironmentSpec("eutree/Evasion2-v0")
 

@@ -62,7 +62,7 @@ def test_the_wheel_holds_the_package_and_nothing_else(wheel: Path) -> None:
     assert {name for name in names if not name.startswith(information)} == sources
     own = {name.removeprefix(information) for name in names if name.startswith(information)}
     assert own == {"METADATA", "WHEEL", "RECORD", "entry_points.txt", "licenses/LICENSE"}
-    for needed in ("py.typed", "interaction/browser/page.html", "report/assets/policy.html"):
+    for needed in ("py.typed", "recording/browser/page.html", "report/assets/policy.html"):
         assert f"eutree/{needed}" in names
 
 

@@ -10,8 +10,9 @@ import pytest
 from gymnasium.wrappers import TimeLimit
 
 import eutree
-from eutree.interaction import Recorder, first_look
+from eutree.interaction import first_look
 from eutree.interaction.first_look import first_difference, look_at
+from eutree.recording import Recorder
 from tests.interaction.sick import Healthy, raising
 
 

@@ -8,9 +8,9 @@ from gymnasium.wrappers import FilterObservation, FlattenObservation, TimeLimit
 
 from eutree.errors import UnsupportedSpaceError
 from eutree.interaction import GuardedEnv
-from eutree.interaction.keys import keys_of_environment
 from eutree.interaction.making import make
 from eutree.interaction.spaces import describe, encoder, spec_of
+from eutree.recording.keys import keys_of_environment
 from tests.interaction.sick import Healthy
 from tests.interaction.versions import CLIFF
 

@@ -10,13 +10,14 @@ from eutree.contests.rules import Lead
 from eutree.data import Demonstrations
 from eutree.envs.experts import follow_the_fall
 from eutree.errors import FormatError, InvalidArgumentError
-from eutree.interaction import GuardedEnv, episode_seed, record
+from eutree.interaction import GuardedEnv, episode_seed
 from eutree.learners.distilled_dqn import DistilledDQN
 from eutree.learners.distilled_dqn.learner import Stage
 from eutree.learners.distilled_dqn.races import Contender
 from eutree.learners.learner import Problem, Start, Step
 from eutree.learners.registry import checked_state
 from eutree.neural import DoubleDQNSettings
+from eutree.recording import record
 from eutree.world_model.action_trees import packed, single_action
 from eutree.world_model.ensemble import EnsembleSettings
 from eutree.world_model.ensemble_rollouts import EnsembleRollouts

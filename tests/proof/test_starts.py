@@ -168,8 +168,8 @@ def test_learning_from_there_on_the_command_line(file, tmp_path, capsys):
 
 
 def test_a_person_records_from_there(bad, tmp_path):
-    from eutree.interaction import Recorder, SessionSettings
-    from eutree.interaction.events import Command
+    from eutree.recording import Recorder, SessionSettings
+    from eutree.recording.events import Command
 
     env = BeginningThere(gymnasium.make("MountainCar-v0", render_mode="rgb_array"), [bad])
     recorder = Recorder(env, tmp_path, settings=SessionSettings(target=1, countdown=0.0))

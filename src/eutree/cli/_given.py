@@ -226,8 +226,8 @@ class RunSettings:
     def shown(self, spec: "EnvironmentSpec", seed: int) -> "Demonstrations | None":
         """Return the episodes of who demonstrates, recorded now."""
         from eutree.cli._policies import controller
-        from eutree.interaction import record
         from eutree.interaction.making import make
+        from eutree.recording import record
 
         if self.expert is None:
             return None

@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     import gymnasium
 
     from eutree.data import Episode
-    from eutree.interaction import Recorder
-    from eutree.interaction.browser import PageServer
+    from eutree.recording import Recorder
+    from eutree.recording.browser import PageServer
 
 _REDIRECT = '<!doctype html><meta http-equiv="refresh" content="0;url={}">\n'
 
@@ -78,7 +78,7 @@ def record(
     **person: Any,
 ) -> None:
     """Record demonstrations in ENVIRONMENT, by a person or by a scripted expert."""
-    from eutree.interaction import Recorder, SessionSettings
+    from eutree.recording import Recorder, SessionSettings
 
     output = Output(as_json=as_json)
     spec = EnvironmentSpec(environment, env_arguments)
@@ -128,8 +128,8 @@ def _record_expert(
 ) -> None:
     from eutree.envs import experts
     from eutree.files import check_new_folder
-    from eutree.interaction import record as record_episodes
     from eutree.interaction.acting import FullPolicy, as_policy
+    from eutree.recording import record as record_episodes
 
     check_new_folder(out)
     shows = controller(expert, "--expert", spec)
@@ -192,9 +192,9 @@ def _record_in_browser(
     drive: Path | None,
 ) -> None:
     from eutree.fitting.page_tree import PageTree
-    from eutree.interaction.browser import record_in_browser
-    from eutree.interaction.browser.gate import is_loopback
     from eutree.interaction.making import make
+    from eutree.recording.browser import record_in_browser
+    from eutree.recording.browser.gate import is_loopback
 
     maker = PageTree(out, spec, lambda: make(spec), seed=recorder.session.settings.seed)
     tree = None if drive is None else load_policy(drive)

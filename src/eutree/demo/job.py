@@ -25,11 +25,12 @@ from eutree.evaluation import Evaluation, evaluate
 from eutree.export import to_c, to_svg
 from eutree.files import make_folder, write_text
 from eutree.inspection import PolicyDiff, diff
-from eutree.interaction import episode_seed, record
+from eutree.interaction import episode_seed
 from eutree.interaction.making import make
 from eutree.interaction.seeding import Stream
 from eutree.learners import fit_expert_tree
 from eutree.policies import TreePolicy
+from eutree.recording import record
 from eutree.report import run_page
 from eutree.schema import EnvironmentSpec
 from eutree.training import Judgement, learn

@@ -23,7 +23,7 @@ from eutree.data import Demonstrations, Episode
 from eutree.data.episode import allowed_in
 from eutree.errors import InvalidArgumentError, MissingExtraError
 from eutree.evaluation import Evaluation, Interval, evaluate
-from eutree.interaction import GuardedEnv, episode_seed, record, run_episode
+from eutree.interaction import GuardedEnv, episode_seed, run_episode
 from eutree.interaction.acting import Actor, Controller, as_policy, trained_steps
 from eutree.interaction.decoding import warn_of_codes
 from eutree.interaction.deriving import acting_as
@@ -32,6 +32,7 @@ from eutree.interaction.seeding import Stream
 from eutree.parallel import Workers
 from eutree.policies import Policy, TreePolicy
 from eutree.policies.sklearn_tree import exact_tree
+from eutree.recording import record
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.trees import DecisionTree
 from eutree.validation import check_choice, check_integer, check_seed

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from eutree.data import Demonstrations
     from eutree.evaluation import Evaluation
     from eutree.fitting import FitReport, Person
-    from eutree.interaction.scenes import Programme, Scene
-    from eutree.interaction.tree_making import Show, TreeView
     from eutree.policies import TreePolicy
+    from eutree.recording.scenes import Programme, Scene
+    from eutree.recording.tree_making import Show, TreeView
 
 FITTED = 200  # episodes that judge the fit; practice begins with them too
 PLAYED = 200  # episodes of the verdict, the same for every tree
@@ -69,7 +69,7 @@ class PageTree:
     def make(self, show: "Show", stop: Callable[[], bool]) -> None:
         """Fit a tree to the demonstrations recorded so far, and let it play."""
         from eutree.fitting import Person
-        from eutree.interaction.tree_making import FITTING, TreeView
+        from eutree.recording.tree_making import FITTING, TreeView
 
         show(TreeView(phase=FITTING, message="Fitting trees to what you showed"))
         demonstrations = Demonstrations.load(self._folder)
@@ -90,7 +90,7 @@ class PageTree:
     ) -> "FitReport | None":
         """Return the tree chosen by playing, and what to know of it; None if nobody waits."""
         from eutree.fitting.fit import fit
-        from eutree.interaction.tree_making import FITTING, TreeView
+        from eutree.recording.tree_making import FITTING, TreeView
 
         def progress(purpose: str, played: int, most: int) -> None:
             if stop():
@@ -163,8 +163,8 @@ class PageTree:
         """Return what was not shown yet, and where; the tree of C4.5 fails for want of it."""
         from eutree.evaluation import evaluate
         from eutree.interaction import GuardedEnv, episode_seed
-        from eutree.interaction.scenes import missing
         from eutree.learners import fit_expert_tree
+        from eutree.recording.scenes import missing
 
         known = Demonstrations.load(self._folder)
         tree, seed = fit_expert_tree(known), self._seed + MISSING + len(known)
@@ -196,7 +196,7 @@ class PageTree:
         Between the tree that was fitted and the practised one lie smaller ones of the latter: the
         best of each size, those that do no worse than the fitted one.
         """
-        from eutree.interaction.tree_making import PRACTISING, TreeView
+        from eutree.recording.tree_making import PRACTISING, TreeView
 
         if self._best is None:
             raise AssertionError("practice needs a tree")
@@ -226,14 +226,14 @@ class PageTree:
 
     def driving(self, tree: "TreePolicy", show: "Show") -> "Programme":
         """Return how the person may correct a tree: it is fitted again after each episode."""
-        from eutree.interaction.scenes import Programme
+        from eutree.recording.scenes import Programme
 
         return Programme(tree, refit=lambda: self._refitted(show))
 
     def _refitted(self, show: "Show") -> "TreePolicy":
         """Return the tree of all that is stored by now, corrections included; the page shows it."""
-        from eutree.interaction.tree_making import READY, TreeView
         from eutree.learners import fit_expert_tree
+        from eutree.recording.tree_making import READY, TreeView
 
         known = Demonstrations.load(self._folder)
         tree = fit_expert_tree(known)
@@ -255,7 +255,7 @@ class PageTree:
     def _programme(self, show: "Show") -> "Programme":
         """Return what to watch of the best tree: the episodes that judged it, worst first."""
         from eutree.interaction import GuardedEnv, episode_seed
-        from eutree.interaction.scenes import scenes
+        from eutree.recording.scenes import scenes
 
         if self._best is None:
             raise AssertionError("only a tree can be watched")
@@ -274,7 +274,7 @@ class PageTree:
     ) -> "Evaluation | None":
         """Let the tree play, the same episodes for every tree; None if nobody waits for it."""
         from eutree.evaluation import Evaluation, evaluate
-        from eutree.interaction.tree_making import PLAYING, TreeView
+        from eutree.recording.tree_making import PLAYING, TreeView
 
         env, parts = self._make(), list[Evaluation]()
         try:
@@ -296,7 +296,7 @@ class PageTree:
         return Evaluation.join(parts)
 
     def _practising(self, person: "Person", episodes: int) -> "TreeView":
-        from eutree.interaction.tree_making import PRACTISING, TreeView
+        from eutree.recording.tree_making import PRACTISING, TreeView
 
         if self._best is None:
             raise AssertionError("practice needs a tree")
@@ -311,7 +311,7 @@ class PageTree:
 
     def _verdict(self, person: "Person", *, note: str) -> "TreeView":
         from eutree.fitting.report import result_in_words, verdict
-        from eutree.interaction.tree_making import READY, TreeView
+        from eutree.recording.tree_making import READY, TreeView
 
         if self._best is None:
             raise AssertionError("a verdict needs a tree")

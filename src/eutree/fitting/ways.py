@@ -15,9 +15,10 @@ from eutree.data import Demonstrations, Episode
 from eutree.evaluation import Evaluation
 from eutree.fitting.report import Person, result_in_words
 from eutree.inspection import diff
-from eutree.interaction import GuardedEnv, describe, keys_of_environment, run_episode
-from eutree.interaction.tree_making import WayView
+from eutree.interaction import GuardedEnv, describe, run_episode
 from eutree.policies import TreePolicy
+from eutree.recording import keys_of_environment
+from eutree.recording.tree_making import WayView
 
 PLAYED = 200  # episodes that each size plays
 COUNTED = 50  # episodes that say how much a tree waits

@@ -25,7 +25,7 @@ from eutree.envs.experts import Expert, experts_for, late
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import evaluate
 from eutree.files import Document
-from eutree.interaction import GuardedEnv, episode_seed, record, run_episode
+from eutree.interaction import GuardedEnv, episode_seed, run_episode
 from eutree.interaction.acting import as_policy
 from eutree.interaction.making import make
 from eutree.interaction.seeding import Stream
@@ -34,6 +34,7 @@ from eutree.learners.learner import HasPolicy
 from eutree.learners.registry import to_document
 from eutree.policies import Policy, TreePolicy
 from eutree.policy_search.planner import Planner
+from eutree.recording import record
 from eutree.schema import EnvironmentSpec
 from eutree.training import LearningResult, Run, learn
 from eutree.validation import check_choice

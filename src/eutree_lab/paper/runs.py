@@ -18,10 +18,10 @@ from eutree.data import Demonstrations
 from eutree.envs.experts import experts_for
 from eutree.evaluation import evaluate
 from eutree.files import Document
-from eutree.interaction import record
 from eutree.interaction.making import make
 from eutree.learners import fit_expert_tree
 from eutree.policies import TreePolicy
+from eutree.recording import record
 from eutree.schema import EnvironmentSpec
 from eutree.training import LearningResult, Run, learn
 from eutree_lab.paper.finals import FINALS

@@ -14,9 +14,9 @@ import numpy as np
 
 import eutree
 from eutree.envs.experts import experts_for
-from eutree.interaction import record
 from eutree.interaction.making import make
 from eutree.learners import PAPER, PAPER_D
+from eutree.recording import record
 from eutree.schema import EnvironmentSpec
 
 SEEDS = range(5)

@@ -9,10 +9,11 @@ from gymnasium import spaces
 
 import eutree
 from eutree.c45 import C45Settings, grow
-from eutree.interaction import GuardedEnv, record
+from eutree.interaction import GuardedEnv
 from eutree.learners import Start
 from eutree.learners.starts import start_of
 from eutree.learners.u_tree import UTreeMethod
+from eutree.recording import record
 from eutree.splitting import LeafSample
 from eutree_lab.history_u_tree.method import HistoryUTreeMethod
 from tests.worlds import FEW_DRAWS, Corridor, play, problem_of, recorded

@@ -1,0 +1,472 @@
+"""The server of the recorder's page: one loop in which a session, its clock and pages meet."""
+
+import asyncio
+import logging
+import socket
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from http import HTTPStatus
+from typing import TYPE_CHECKING, Any
+from weakref import WeakSet
+
+import msgspec
+
+from eutree.errors import EutreeError, InvalidArgumentError, MissingExtraError
+from eutree.recording.browser.gate import PROTOCOL, SOCKET_PATH, Gate, is_loopback, new_token
+from eutree.recording.browser.pages import page, safe_headers
+from eutree.recording.browser.signals import orderly_end
+from eutree.recording.browser.wire import (
+    MAX_MESSAGE,
+    Do,
+    Drawn,
+    Gone,
+    Hello,
+    Key,
+    Message,
+    Take,
+    command_of,
+    decode,
+    encode_picture,
+    view_fields,
+)
+from eutree.recording.events import Away, Event, Frame, KeyDown, KeyUp, Present, Seen, Tick
+from eutree.recording.recorder import Recorder
+from eutree.recording.scenes import Programme
+from eutree.recording.tree_making import FAILED, FITTING, TreeMaker, TreeView
+
+if TYPE_CHECKING:
+    from websockets.asyncio.server import Server, ServerConnection
+    from websockets.http11 import Request, Response
+
+    from eutree.recording.browser.viewer import Viewer
+
+PORT = 8765
+PORTS_TO_TRY = 10
+MAX_SOCKETS = 8
+PING_SECONDS = 5.0
+IDLE_SECONDS = 0.1  # between two ticks of a session that waits for nothing
+
+# Of the loop, from accepting a connection to the handler that attends to it, and from aborting one
+# to the end of its socket: each takes three.
+TURNS = 6
+STATUS_PATH = "/status"  # what a page asks whose socket was refused
+FULL, READY = "full", "ready"
+
+UNOPENED = "No page is open."
+LEFT = "The page was closed or the connection was lost."
+HIDDEN = "The page was hidden or lost the focus."
+TAKEN = "Another page has taken over."
+
+# The head of a request holds the token: nothing of it may reach a log.
+_silent = logging.Logger("eutree.recording.browser")
+_silent.addHandler(logging.NullHandler())
+_silent.setLevel(logging.CRITICAL + 1)
+
+
+class PageServer:
+    """Serves the recorder's page and plays its session.
+
+    Args:
+        recorder: What is recorded, and where.
+        host: Address to bind to; anything but loopback can be reached from other machines.
+        port: Port; None for 8765 or the next free one, 0 for any.
+        details: Further facts for the page to show, such as the next commands.
+        maker: Makes a tree of what is recorded, when the person wants it.
+    """
+
+    def __init__(
+        self,
+        recorder: Recorder,
+        *,
+        host: str = "127.0.0.1",
+        port: int | None = None,
+        details: dict[str, Any] | None = None,
+        maker: TreeMaker | None = None,
+    ) -> None:
+        self.recorder = recorder
+        self.token = new_token()
+        self.host = host
+        self.port = PORT if port is None else port
+        self._wish = port
+        self._gate = Gate(self.token, host)
+        self._details = dict(details or {})
+        self._maker = maker
+        self._work: threading.Thread | None = None
+        self._is_closing = False
+        self._viewers: list[Viewer] = []
+        self._driver: Viewer | None = None
+        self._events: list[Event] = []
+        self._woken = asyncio.Event()
+        self._sequence = 0
+        self._fields: dict[str, Any] = {}
+        self._picture: tuple[int, bytes] | None = None
+        self._n_sockets = 0
+        self._opened: WeakSet[ServerConnection] = WeakSet()
+
+    @property
+    def url(self) -> str:
+        """The page's address, with the token in its fragment."""
+        name = f"[{self.host}]" if ":" in self.host else self.host
+        if not is_loopback(self.host) and self.host in ("0.0.0.0", "::"):  # noqa: S104 - compared
+            name = _own_address()
+        return f"http://{name}:{self.port}/#{self.token}"
+
+    async def run(self, on_ready: Callable[["PageServer"], None] | None = None) -> None:
+        """Serve until the session is over.
+
+        Args:
+            on_ready: Called once the port is open.
+
+        Raises:
+            InvalidArgumentError: The port is taken, or the address is not this machine's.
+        """
+        server = await self._listen()
+        self._add(Away(UNOPENED, gone=True))
+        try:
+            if on_ready is not None:
+                on_ready(self)
+            await self._play()
+            await self._say_goodbye()
+        finally:
+            self._is_closing = True
+            await self._end(server)
+
+    async def _listen(self) -> "Server":
+        try:
+            from websockets.asyncio.server import ServerConnection, serve
+        except ImportError:
+            raise MissingExtraError("websockets", "record") from None
+
+        def opened(*arguments: Any, **options: Any) -> ServerConnection:
+            connection = ServerConnection(*arguments, **options)
+            self._opened.add(connection)
+            return connection
+
+        attempts = range(PORT, PORT + PORTS_TO_TRY) if self._wish is None else [self._wish]
+        for port in attempts:
+            try:
+                server = await serve(
+                    self._attend,
+                    self.host,
+                    port,
+                    create_connection=opened,  # type: ignore[arg-type]  # a class is not needed
+                    process_request=self._answer,
+                    subprotocols=[PROTOCOL],  # type: ignore[list-item]  # a NewType of str
+                    max_size=MAX_MESSAGE,
+                    compression=None,
+                    ping_interval=PING_SECONDS,
+                    ping_timeout=PING_SECONDS,
+                    open_timeout=PING_SECONDS,
+                    close_timeout=1.0,
+                    server_header=None,
+                    logger=_silent,
+                )
+            except OSError as error:
+                reason = error.strerror or str(error)
+                continue
+            self.port = next(iter(server.sockets)).getsockname()[1]
+            return server
+        raise InvalidArgumentError(
+            f"cannot listen at {self.host}:{attempts[0]}: {reason}; choose another --port or --host"
+        )
+
+    async def _end(self, server: "Server") -> None:
+        """Stop listening and close every connection, also those that come in the last moment.
+
+        asyncio cannot close a server in the turn in which it accepts: the connection's transport
+        would find no server to belong to, and nobody would close its socket. So nothing more is
+        accepted first. A browser also opens sockets in advance, on which it may never ask for
+        anything. The server knows them only when they have asked; ``_opened`` has them from their
+        first moment.
+        """
+        loop = asyncio.get_running_loop()
+        with suppress(NotImplementedError):  # not every loop waits for sockets by their numbers
+            for listener in server.sockets:
+                loop.remove_reader(listener.fileno())
+        for _ in range(TURNS):
+            await asyncio.sleep(0)
+        for connection in self._opened:
+            if connection.state.name == "CONNECTING":
+                connection.transport.abort()
+        server.close()
+        with suppress(TimeoutError):
+            await asyncio.wait_for(server.wait_closed(), 2.0)
+        for connection in self._opened:
+            connection.transport.abort()
+        for _ in range(TURNS):
+            await asyncio.sleep(0)
+
+    # ---- requests
+
+    def _answer(self, connection: "ServerConnection", request: "Request") -> "Response | None":
+        """Answer a request for a file, refuse a wrong one, or let a socket open (None)."""
+        headers = request.headers
+        hosts = headers.get_all("Host")
+        path = request.path.partition("?")[0]
+        refused = self._gate.refusal(
+            path, hosts, headers.get_all("Origin"), headers.get_all("Sec-WebSocket-Protocol")
+        )
+        if refused is not None:
+            return _response(refused, refused.phrase.encode(), safe_headers("", "localhost"))
+        if getattr(request, "method", "GET") != "GET":  # older versions of websockets refuse others
+            refused = HTTPStatus.METHOD_NOT_ALLOWED
+            return _response(refused, refused.phrase.encode(), safe_headers("", hosts[0]))
+        if path == STATUS_PATH:
+            status = FULL if self._n_sockets >= MAX_SOCKETS else READY
+            return _response(HTTPStatus.OK, status.encode(), safe_headers("", hosts[0]))
+        if path == SOCKET_PATH:
+            if self._n_sockets >= MAX_SOCKETS:
+                full = HTTPStatus.SERVICE_UNAVAILABLE
+                return _response(full, b"too many pages", safe_headers("", hosts[0]))
+            return None
+        found = page(path, hosts[0])
+        if found is None:
+            return _response(HTTPStatus.NOT_FOUND, b"not found", safe_headers("", hosts[0]))
+        return _response(HTTPStatus.OK, *found)
+
+    async def _attend(self, connection: "ServerConnection") -> None:
+        """Talk to one page until its socket closes."""
+        from websockets.exceptions import ConnectionClosed
+
+        viewer, sender = None, None
+        self._n_sockets += 1
+        try:
+            hello = decode(await asyncio.wait_for(connection.recv(), PING_SECONDS))
+            if not isinstance(hello, Hello):
+                raise InvalidArgumentError("the first message must be hello")
+            viewer = self._welcome(connection, hello.client)
+            sender = asyncio.create_task(viewer.send_all())
+            async for text in connection:
+                if not viewer.limit.admits(time.monotonic()):
+                    raise InvalidArgumentError("too many messages")
+                self._hear(viewer, decode(text))
+        except (ConnectionClosed, TimeoutError):
+            pass
+        except InvalidArgumentError as error:
+            self._farewell(viewer)
+            await connection.close(1008, str(error)[:100])
+        finally:
+            self._n_sockets -= 1
+            self._farewell(viewer)
+            if sender is not None:
+                sender.cancel()
+
+    def _welcome(self, connection: "ServerConnection", client: str) -> "Viewer":
+        """Take in a page: it acts if nobody else does, or if it did before; else it watches."""
+        from eutree.recording.browser.viewer import Viewer
+
+        viewer = Viewer(connection, client)
+        self._viewers.append(viewer)
+        if self._driver is None or self._driver.client == client:
+            self._set_driver(viewer)
+        viewer.show({**self._fields, **self._details, "role": self._role(viewer)})
+        if self._picture is not None:
+            viewer.picture(*self._picture)
+        return viewer
+
+    def _farewell(self, viewer: "Viewer | None") -> None:
+        if viewer in self._viewers:
+            self._viewers.remove(viewer)
+        if viewer is not None and viewer is self._driver:
+            self._driver = None
+            self._add(Away(LEFT, gone=True))
+        for other in self._viewers:
+            other.show({"role": self._role(other)})
+
+    def _set_driver(self, viewer: "Viewer") -> None:
+        if self._driver is not None:
+            self._add(Away(TAKEN))
+        self._driver, self._sequence = viewer, 0
+        self._add(Present())
+        for other in self._viewers:
+            other.show({"role": self._role(other)})
+
+    def _role(self, viewer: "Viewer") -> str:
+        if viewer is self._driver:
+            return "acting"
+        return "idle" if self._driver is None else "watching"
+
+    # ---- messages
+
+    def _hear(self, viewer: "Viewer", message: Message) -> None:
+        if isinstance(message, Drawn):
+            viewer.drawn(message.frame)
+        if isinstance(message, Take):
+            self._set_driver(viewer)
+        if viewer is not self._driver:
+            return  # who watches changes nothing
+        sent = 0 if self._picture is None else self._picture[0]
+        if isinstance(message, Drawn | Key) and message.frame > sent:
+            raise InvalidArgumentError("this picture was never sent")
+        if isinstance(message, Drawn):
+            self._add(Seen(message.frame))
+        elif isinstance(message, Key):
+            if message.sequence != viewer.sequence + 1:
+                raise InvalidArgumentError("a key is missing")
+            viewer.sequence = self._sequence = message.sequence
+            kind = KeyDown if message.down else KeyUp
+            self._add(kind(message.key, message.frame))
+        elif isinstance(message, Gone):
+            self._add(Away(HIDDEN))
+        elif isinstance(message, Do):
+            self._add(command_of(message))
+
+    def _add(self, event: Event) -> None:
+        self._events.append(event)
+        if not isinstance(event, Seen):
+            self._woken.set()
+
+    # ---- the session
+
+    async def _play(self) -> None:
+        """Tick until the session is over."""
+        began = time.monotonic()
+        session = self.recorder.session
+        while not session.is_over:
+            now = time.monotonic() - began
+            events, self._events = self._events, []
+            self._woken.clear()
+            self._publish(self.recorder.tick(now, events))
+            self._begin_work(session.wishes.take())
+            self._look_for_what_is_missing()
+            elapsed = time.monotonic() - began
+            wait = min(max(session.due(elapsed) - elapsed, 0.0), IDLE_SECONDS)
+            with suppress(TimeoutError):
+                async with asyncio.timeout(wait or 0.001):
+                    await self._woken.wait()
+
+    def _publish(self, tick: Tick) -> None:
+        self._fields = view_fields(tick.view)
+        if tick.frame is not None:
+            self._picture = self._encoded(tick.frame)
+        for viewer in self._viewers:
+            viewer.show(self._fields)
+            if tick.frame is not None and self._picture is not None:
+                viewer.picture(*self._picture)
+
+    # ---- the tree
+
+    def _begin_work(self, wish: str) -> None:
+        """Let the tree be made, or practise, in a thread; one at a time."""
+        if not wish or self._maker is None or (self._work is not None and self._work.is_alive()):
+            return
+        maker, wishes = self._maker, self.recorder.session.wishes
+        loop, way = asyncio.get_running_loop(), wishes.way
+
+        def show(view: TreeView, programme: Programme | None = None) -> None:
+            with suppress(RuntimeError):  # the loop is closed: nobody looks any more
+                loop.call_soon_threadsafe(self.show_tree, view, programme)
+
+        def run() -> None:
+            try:
+                if wish == "choose":
+                    maker.choose(way, show)
+                else:
+                    work = maker.make if wish == "make" else maker.practise
+                    work(show, lambda: self._is_closing)
+            except EutreeError as error:
+                show(TreeView(phase=FAILED, message=str(error)))
+            except Exception as error:
+                show(TreeView(phase=FAILED, message=f"{type(error).__name__}: {error}"))
+            finally:
+                wishes.is_busy = False
+
+        wishes.is_busy = True
+        if wish != "choose":
+            self.show_tree(TreeView(phase=FITTING, message="Making your tree"))
+        self._work = threading.Thread(target=run, name="eutree tree", daemon=True)
+        self._work.start()
+
+    def _look_for_what_is_missing(self) -> None:
+        """Let the maker look in a thread, after an episode; the last answer counts."""
+        session, maker = self.recorder.session, self._maker
+        wanted, session.wishes.look = session.wishes.look, False
+        if not wanted or maker is None:
+            return
+
+        def look() -> None:
+            before = session.recording.n_kept
+            with suppress(EutreeError):  # making the tree will say it
+                found = maker.missing()
+                if session.recording.n_kept == before:
+                    session.recording.missing = found
+
+        threading.Thread(target=look, name="eutree looks", daemon=True).start()
+
+    def show_tree(self, view: TreeView, programme: Programme | None = None) -> None:
+        """Let every page show a tree, and the tree drive if there is a programme."""
+        if programme is not None:
+            self.recorder.session.driving.offer(programme)
+        self._details["tree"] = msgspec.to_builtins(view)
+        for viewer in self._viewers:
+            viewer.show({"tree": self._details["tree"]})
+
+    def _encoded(self, frame: Frame) -> tuple[int, bytes]:
+        return frame.number, encode_picture(frame.number, self._sequence, frame.pixels)
+
+    async def _say_goodbye(self) -> None:
+        """Send the last view to every page and close its socket."""
+        from websockets.exceptions import ConnectionClosed
+
+        for viewer in list(self._viewers):
+            with suppress(ConnectionClosed, TimeoutError):
+                async with asyncio.timeout(2.0):
+                    await viewer.flush()
+                    await viewer.connection.close(1000, "the session is over")
+
+
+def record_in_browser(
+    recorder: Recorder,
+    *,
+    host: str = "127.0.0.1",
+    port: int | None = None,
+    details: dict[str, Any] | None = None,
+    maker: TreeMaker | None = None,
+    on_ready: Callable[[PageServer], None] | None = None,
+) -> None:
+    """Let a person record in a browser until the session is over.
+
+    Args:
+        recorder: What is recorded, and where.
+        host: Address to bind to.
+        port: Port; None for 8765 or the next free one, 0 for any.
+        details: Further facts for the page to show.
+        maker: Makes a tree of what is recorded; ``settings.makes`` of the recorder offers it.
+        on_ready: Called once the port is open; ``url`` of its argument is the page's address.
+
+    Raises:
+        EnvironmentFault: The environment broke its contract; what was recorded is stored.
+        FileError: The folder can no longer be written; what was recorded before is stored.
+    """
+
+    async def serve_page() -> None:
+        server = PageServer(recorder, host=host, port=port, details=details, maker=maker)
+        await server.run(on_ready)
+
+    with orderly_end():
+        try:
+            asyncio.run(serve_page())
+        finally:
+            recorder.close()
+    recorder.raise_failure()
+
+
+def _response(status: HTTPStatus, body: bytes, headers: dict[str, str]) -> "Response":
+    from websockets.datastructures import Headers
+    from websockets.http11 import Response
+
+    plain = {"Content-Type": "text/plain; charset=utf-8"}
+    rest = {"Content-Length": str(len(body)), "Connection": "close"}
+    return Response(status.value, status.phrase, Headers({**plain, **headers, **rest}), body)
+
+
+def _own_address() -> str:
+    """Return the address by which others reach this machine; no packet is sent."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(("192.0.2.1", 9))
+            return str(probe.getsockname()[0])
+        except OSError:
+            return socket.gethostname()

@@ -1,0 +1,120 @@
+"""What goes over the socket: JSON messages both ways, and pictures as JPEG behind a header."""
+
+import io
+import struct
+from typing import Annotated, Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from eutree.errors import InvalidArgumentError, MissingExtraError, UnknownNameError
+from eutree.recording.events import Command, View
+from eutree.recording.keys import check_key
+from eutree.recording.session import Session
+
+MAX_MESSAGE = 2048  # bytes
+_INDEXED = ("bind", "keep", "drop", "choose")  # commands whose value is a place in a list
+
+Number = Annotated[int, msgspec.Meta(ge=0, lt=2**32)]  # of a picture or of a key
+HEADER = struct.Struct(">III")  # picture's number, last key's sequence number, size in bytes
+JPEG_QUALITY = 80
+
+
+class Hello(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="hello"):
+    """The first message: which page this is, the same after a reload."""
+
+    client: str
+
+
+class Key(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="key"):
+    """A key went down or up, over the picture ``frame``."""
+
+    sequence: Number
+    key: str
+    down: bool
+    frame: Number
+
+
+class Drawn(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="drawn"):
+    """A picture is on the screen."""
+
+    frame: Number
+
+
+class Gone(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="gone"):
+    """The page was hidden or lost the focus."""
+
+
+class Do(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="do"):
+    """A button was pressed or a setting chosen."""
+
+    name: str
+    value: float | bool | None = None
+    key: str = ""
+
+
+class Take(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="take"):
+    """A page that watches wants to be the one that acts."""
+
+
+Message = Hello | Key | Drawn | Gone | Do | Take
+
+_decoder: msgspec.json.Decoder[Message] = msgspec.json.Decoder(Message)
+_encoder = msgspec.json.Encoder()
+
+
+def decode(text: str | bytes) -> Message:
+    """Return the message, or raise InvalidArgumentError."""
+    if isinstance(text, bytes):
+        raise InvalidArgumentError("a message must be text")
+    try:
+        message = _decoder.decode(text)
+    except (msgspec.MsgspecError, ValueError, RecursionError) as error:
+        raise InvalidArgumentError(f"malformed message: {error}") from None
+    if isinstance(message, Key):
+        check_key(message.key)
+    if isinstance(message, Hello) and not 8 <= len(message.client) <= 64:
+        raise InvalidArgumentError("client must have 8 to 64 characters")
+    if isinstance(message, Do) and message.name not in Session.COMMANDS:
+        raise UnknownNameError("command", message.name, Session.COMMANDS)
+    if isinstance(message, Do) and message.name in _INDEXED and not _is_index(message.value):
+        raise InvalidArgumentError(
+            f"{message.name} must have a whole number of at least 0, got {message.value!r}"
+        )
+    return message
+
+
+def _is_index(value: float | bool | None) -> bool:
+    if value is None or isinstance(value, bool):
+        return False
+    return 0 <= value < 2**32 and value == int(value)
+
+
+def command_of(message: Do) -> Command:
+    """Return the session's command."""
+    value = None if message.value is None else float(message.value)
+    return Command(message.name, value, message.key)
+
+
+def view_fields(view: View) -> dict[str, Any]:
+    """Return the view as JSON's types, so that fields can be compared and sent singly."""
+    fields: dict[str, Any] = msgspec.to_builtins(view)
+    return fields
+
+
+def encode(fields: dict[str, Any]) -> str:
+    """Return a message for the page."""
+    return _encoder.encode(fields).decode()
+
+
+def encode_picture(number: int, sequence: int, pixels: NDArray[np.uint8]) -> bytes:
+    """Return a picture's message: its header and the JPEG."""
+    try:
+        from PIL import Image
+    except ImportError:
+        raise MissingExtraError("pillow", "record") from None
+    buffer = io.BytesIO()
+    Image.fromarray(pixels).save(buffer, "JPEG", quality=JPEG_QUALITY)
+    jpeg = buffer.getvalue()
+    return HEADER.pack(number, sequence, len(jpeg)) + jpeg

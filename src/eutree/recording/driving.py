@@ -1,0 +1,234 @@
+"""A tree drives in the recorder's own picture: to be watched, or to be corrected.
+
+*Watched*, it shows the episodes that judged it, scene after scene, and nothing is stored.
+*Corrected*, it drives from fresh starts: the person holds a key to act and lets go to hand back.
+Each episode is stored with the steps in which the person acted (``steps["by_hand"]``), the tree is
+fitted again to all that is stored, and the new one drives on.
+"""
+
+from dataclasses import replace
+
+from eutree.interaction import GuardedEnv
+from eutree.recording.episodes import Recording
+from eutree.recording.events import Command, DrivingView
+from eutree.recording.play import DRIVING, OPENING, REVIEW, WATCHING, Play
+from eutree.recording.scenes import Course, Programme
+from eutree.recording.trial import Trial
+from eutree.recording.views import told
+
+READ_SECONDS = 1.5  # after the end of an episode of which nothing is to be read
+_COMMANDS = ("start", "pause", "redo", "end", "discard", "finish")
+
+
+class Driving:
+    """What a tree does while a person watches, or corrects it.
+
+    After an episode of which there is something to read it waits for a key; after any other it goes
+    on by itself.
+
+    Args:
+        env: The environment of the session.
+        play: What the person sees, and at which pace.
+        recording: Where corrected episodes go.
+    """
+
+    def __init__(self, env: GuardedEnv, play: Play, recording: Recording) -> None:
+        self._env, self._play, self._recording = env, play, recording
+        self._programme: Programme | None = None
+        self._is_new = self._is_paused = False
+        self._number = self._n_by_hand = 0
+        self._course: Course | None = None
+        self._over_at: float | None = None
+        self._ending = ""
+        self._success: bool | None = None
+        self._by_hand = False
+        self._before: tuple[str, Trial] = (OPENING, Trial.unused())
+
+    @property
+    def is_on(self) -> bool:
+        """Whether the tree drives at present."""
+        return self._play.state in (WATCHING, DRIVING)
+
+    @property
+    def waits(self) -> bool:
+        """Whether the tree drives, but not at this moment: it is paused, or at an end."""
+        return self.is_on and (self._is_paused or self._over_at is not None)
+
+    @property
+    def can_watch(self) -> bool:
+        """Whether there is something to watch."""
+        return self._programme is not None and bool(self._programme.scenes)
+
+    @property
+    def can_correct(self) -> bool:
+        """Whether there is a tree that the person may correct."""
+        return self._programme is not None and self._programme.refit is not None
+
+    def offer(self, programme: Programme) -> None:
+        """Show these episodes, as soon as no episode of the person is under way."""
+        self._programme = programme
+        self._is_new = bool(programme.scenes)
+
+    def obey(self, command: Command, now: float) -> bool:
+        """Obey a command if it is about the tree that drives; return whether it was."""
+        name = command.name
+        if name == "watch":
+            self._is_new = self.can_watch
+        elif name == "correct":
+            if self.can_correct and self._play.state in (OPENING, REVIEW, WATCHING):
+                self._begin(now, DRIVING)
+        elif not self.is_on or name not in _COMMANDS:
+            return False
+        elif name == "finish":
+            self._stop()
+        elif name in ("end", "discard") or (name == "start" and self._over_at is not None):
+            self._drop("discarded" if name == "discard" else "")
+            self._go_on(now, self._number + 1)
+        elif name == "redo" and self._play.state == WATCHING:
+            self._go_on(now, self._number)
+        elif name == "pause" or self._is_paused:
+            self._pause(now, on=not self._is_paused)
+        return True
+
+    def leave(self, now: float) -> None:
+        """Wait, because nobody looks."""
+        if self.is_on:
+            self._pause(now, on=True)
+
+    def advance(self, now: float) -> None:
+        """Take the next step if it is due, or go on to the next episode."""
+        play = self._play
+        if self._is_new and play.state in (OPENING, REVIEW, WATCHING):
+            self._begin(now, WATCHING)
+        if not self.is_on or self._is_paused:
+            return
+        if play.pictures.is_unanswered(now):
+            self._pause(now, on=True)
+        elif self._over_at is not None:
+            if not self._why and now >= self._over_at + READ_SECONDS:
+                self._go_on(now, self._number + 1)
+        elif play.pictures.is_complete and play.controls.pace.is_over(now):
+            self._step(now)
+
+    def view(self) -> DrivingView | None:
+        """Return what the page shows of it; None while the person alone acts."""
+        if not self.is_on or self._programme is None or self._course is None:
+            return None
+        watched = self._play.state == WATCHING
+        return DrivingView(
+            number=self._number + 1,
+            of=len(self._programme.scenes) if watched else 0,
+            action=self._course.action,
+            by_hand=self._by_hand,
+            n_by_hand=self._n_by_hand,
+            note=self._programme.note,
+            is_over=self._over_at is not None,
+            is_paused=self._is_paused,
+            ending=self._ending,
+            success=self._success,
+            why=self._why,
+            nodes=self._course.nodes,
+            tests=self._course.tests,
+        )
+
+    @property
+    def _why(self) -> str:
+        """What went wrong in the watched episode that is over."""
+        programme, is_over = self._programme, self._over_at is not None
+        if programme is None or self._play.state != WATCHING or not is_over or self._success:
+            return ""
+        return programme.scenes[self._number].why
+
+    def _begin(self, now: float, state: str) -> None:
+        if not self.is_on:
+            self._before = (self._play.state, self._play.trial)
+        self._is_new = False
+        self._play.state = state
+        self._go_on(now, 0)
+
+    def _go_on(self, now: float, number: int) -> None:
+        """Begin an episode; after the last one it is the person's turn again."""
+        programme, play = self._programme, self._play
+        watched = play.state == WATCHING
+        if programme is None or (watched and number >= len(programme.scenes)):
+            self._stop()
+            return
+        self._number, self._over_at, self._is_paused = number, None, False
+        self._ending, self._success = "", None
+        self._by_hand, self._n_by_hand = False, 0
+        self._course = Course(programme.policy)
+        play.controls.hands.start()
+        if watched:
+            seed = programme.scenes[number].seed
+            play.show(Trial(self._env.reset(seed), seed))
+        else:
+            self._recording.choose_start()
+            held = list(play.controls.hands.held)
+            play.show(self._recording.begin(play.controls.facts(), held))
+        play.message = ""
+        play.pictures.wait_from(now)
+        play.controls.pace.restart(now)  # the first step is an interval away
+
+    def _step(self, now: float) -> None:
+        play, trial = self._play, self._play.trial
+        if self._course is None or trial.observation is None:
+            return
+        if trial.is_over:
+            if play.pictures.are_seen(now):
+                self._over_at = now
+                self._refit()
+            return
+        action = self._decided(self._course.decide(trial.observation, self._env.allowed))
+        play.controls.hands.action = action
+        if play.state == WATCHING:
+            row = trial.step(action, self._env.step(action), now, {})
+            episode = trial.finish() if row.terminated or row.truncated else None
+        else:
+            measured = play.pictures.facts() | {"speed": play.controls.pace.speed}
+            self._recording.step(trial, action, now, {**measured, "by_hand": self._by_hand})
+            episode = self._recording.episodes[-1] if trial.is_over else None
+        if episode is not None:
+            self._ending, self._success = told(episode, self._env.env)
+        play.controls.pace.begin(now)
+        play.pictures.expect()
+
+    def _decided(self, action: int) -> int:
+        """Return the tree's action, or the person's where a key is held."""
+        hands = self._play.controls.hands
+        waits = hands.keys.controls().get("wait") in hands.held  # the action that has no key
+        self._by_hand = self._play.state == DRIVING and (hands.is_active or waits)
+        self._n_by_hand += self._by_hand
+        return self._play.controls.chosen() if self._by_hand else action
+
+    def _refit(self) -> None:
+        """Let the tree of all that is stored by now drive on."""
+        if self._play.state == DRIVING and self._programme is not None and self._programme.refit:
+            self._programme = replace(self._programme, policy=self._programme.refit())
+
+    def _drop(self, comment: str) -> None:
+        """End the driven episode that is under way, or discard the one that is over."""
+        if self._play.state != DRIVING:
+            return
+        if not self._play.trial.is_over:
+            self._recording.stop(self._play.trial, kept=not comment, comment=comment)
+        elif comment and self._recording.last is not None:
+            self._recording.mark(self._recording.last, kept=False, comment=comment)
+        else:
+            return
+        self._refit()
+
+    def _pause(self, now: float, *, on: bool) -> None:
+        self._is_paused = on
+        pace, hands = self._play.controls.pace, self._play.controls.hands
+        pace.stop(now) if on else pace.resume(now)
+        if on:
+            hands.release()
+        self._play.pictures.wait_from(now)
+
+    def _stop(self) -> None:
+        """Give the person the picture back."""
+        if self._play.state == DRIVING and not self._play.trial.is_over:
+            self._recording.stop(self._play.trial, kept=False, comment="left early")
+        self._play.state, self._play.trial = self._before
+        self._play.controls.pace.finish()
+        self._play.controls.hands.start()

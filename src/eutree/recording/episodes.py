@@ -1,0 +1,145 @@
+"""What a session records: its episodes, each from a start of its own, and what is to be stored."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+from eutree.data import Episode
+from eutree.data.episode import ALLOWED
+from eutree.interaction import GuardedEnv, episode_seed
+from eutree.interaction.seeding import Stream
+from eutree.recording.events import EpisodeChanged, EpisodeView, Output
+from eutree.recording.scenes import Scene
+from eutree.recording.settings import SessionSettings
+from eutree.recording.trial import Trial
+from eutree.recording.views import episode_views
+
+
+class Recording:
+    """The episodes of one session in one environment, after those recorded before.
+
+    Args:
+        env: The environment.
+        settings: The seed, the first start, and how many episodes are wanted.
+        recorded: Episodes recorded before, with their numbers, in order.
+        free_start: The least number of a start that nobody else has taken, asked before each new
+            one: two recorders may share a folder.
+
+    Attributes:
+        episodes: All episodes, discarded ones included.
+        numbers: Their numbers.
+        last: Place of this session's last episode in the list; None before the first, and after
+            one that ended before its first step.
+        start: Number of the present start. It is advanced when an episode is stored.
+        missing: An episode that lacks what was not shown yet, to begin one like it; None if none is
+            known.
+    """
+
+    def __init__(
+        self,
+        env: GuardedEnv,
+        settings: SessionSettings,
+        recorded: Sequence[tuple[int, Episode]] = (),
+        free_start: Callable[[], int] = lambda: 0,
+    ) -> None:
+        self._env = env
+        self._settings = settings
+        self._free_start = free_start
+        self._outputs: list[Output] = []
+        self.episodes = [episode for _, episode in recorded]
+        self.numbers = [number for number, _ in recorded]
+        self.last: int | None = None
+        self.start = settings.first
+        self.missing: Scene | None = None
+        self._chosen: int | None = None  # seed of a start that the person chose
+
+    @property
+    def n_kept(self) -> int:
+        """Number of kept episodes that the person played alone."""
+        return sum(episode.kept and episode.by_hand is None for episode in self.episodes)
+
+    @property
+    def is_enough(self) -> bool:
+        """Whether as many episodes are kept as are wanted."""
+        return self.n_kept >= self._settings.target
+
+    def views(self) -> list[EpisodeView]:
+        """Return the lines of the list of episodes."""
+        return episode_views(self.numbers, self.episodes, self._env.env)
+
+    def take_outputs(self) -> list[Output]:
+        """Return what is to be stored, once."""
+        outputs, self._outputs = self._outputs, []
+        return outputs
+
+    def preview(self) -> Trial:
+        """Reset the environment for a first picture; nothing is recorded."""
+        self._env.reset(self._seed())
+        return Trial.unused()
+
+    def choose_start(self, chosen: int | None = None) -> None:
+        """Go on to a start that nobody has taken, or to one that the person chose by its seed."""
+        self.start, self._chosen = max(self.start, self._free_start()), chosen
+
+    def begin(self, extras: dict[str, Any], held: Sequence[str]) -> Trial:
+        """Reset the environment for an episode.
+
+        Args:
+            extras: Facts about it.
+            held: Keys held at its beginning.
+        """
+        observation = self._env.reset(self._seed())
+        if self._chosen is not None:
+            extras = {**extras, "chosen_start": True}
+        trial = Trial(observation, self._seed(), extras, held)
+        self._outputs.append(trial.started())
+        return trial
+
+    def step(self, trial: Trial, action: int, now: float, measured: dict[str, Any]) -> None:
+        """Take a step in the environment; store the episode if it ends there.
+
+        In place of an action that is masked the first that is allowed is taken.
+        """
+        allowed = self._env.allowed
+        if allowed is not None:
+            action = action if allowed[action] else int(allowed.argmax())
+            measured = {**measured, ALLOWED: allowed.tolist()}
+        output = trial.step(action, self._env.step(action), now, measured)
+        self._outputs.append(output)
+        if output.terminated or output.truncated:
+            self._keep(trial, trial.finish())
+
+    def stop(self, trial: Trial, *, kept: bool, comment: str = "") -> None:
+        """End an episode by the person's wish."""
+        if trial.n_steps:
+            self._keep(trial, replace(trial.stop(), kept=kept, comment=comment))
+        else:
+            self._outputs.append(trial.abandoned())  # nothing was shown: the start is unused
+            self.last = None
+
+    def interrupt(self, trial: Trial, reason: str) -> None:
+        """End an episode because of a fault: the steps so far are stored, but not used."""
+        if trial.n_steps:
+            self._keep(trial, replace(trial.stop("fault"), kept=False, comment=reason))
+        else:
+            self._outputs.append(trial.abandoned())
+
+    def mark(self, index: int, *, kept: bool, comment: str = "") -> None:
+        """Keep or discard an episode of the list."""
+        if 0 <= index < len(self.episodes) and self.episodes[index].kept != kept:
+            changed = replace(self.episodes[index], kept=kept, comment=comment)
+            self.episodes[index] = changed
+            self._outputs.append(EpisodeChanged(index, changed))
+
+    def _keep(self, trial: Trial, episode: Episode) -> None:
+        """Put a finished episode into the list, to be stored at once."""
+        self.last, self.missing = len(self.episodes), None
+        self.episodes.append(episode)
+        self.numbers.append(max(self.numbers, default=-1) + 1)
+        self.start += 1
+        self._outputs.append(trial.ended(self.last, episode))
+
+    def _seed(self) -> int:
+        if self._chosen is not None:
+            return self._chosen
+        return episode_seed(self._settings.seed, self.start, Stream.PERSON)

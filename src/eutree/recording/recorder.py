@@ -1,0 +1,140 @@
+"""A session with a folder: what it says is to be stored is stored before anything is shown."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+
+from eutree.data import DemonstrationFolder, RunningEpisode
+from eutree.errors import FileError
+from eutree.interaction import GuardedEnv, episode_seed
+from eutree.interaction.first_look import look_at
+from eutree.interaction.seeding import Stream
+from eutree.recording.events import (
+    EpisodeAbandoned,
+    EpisodeChanged,
+    EpisodeEnded,
+    EpisodeStarted,
+    Event,
+    Output,
+    StepTaken,
+    Tick,
+)
+from eutree.recording.keys import KeyMap, keys_of_environment, parse_keys
+from eutree.recording.session import Session
+from eutree.recording.settings import SessionSettings
+
+PERSON = "a person"
+
+
+class Recorder:
+    """A session whose episodes go into a folder of demonstrations.
+
+    A finished episode is written at once and completely; the running one is in a journal, step by
+    step, so that the death of the process loses at most the step in flight. An existing folder of
+    the same environment is continued; what a dead recorder left in it becomes an episode that
+    ended ``"interrupted"``.
+
+    Args:
+        env: The environment, made with ``render_mode="rgb_array"``.
+        folder: Where to record.
+        keys: What the keys mean, as text (``"left=0,right=1"``) or as a map; None for the
+            environment's own.
+        settings: Everything else; ``first`` is set to follow the folder's last episode.
+
+    Raises:
+        InvalidArgumentError: The folder holds demonstrations of another environment, or the keys
+            name an unknown key or action.
+        FileError: The folder cannot be written.
+    """
+
+    def __init__(
+        self,
+        env: gymnasium.Env[Any, Any],
+        folder: str | Path,
+        *,
+        keys: str | KeyMap | None = None,
+        settings: SessionSettings | None = None,
+    ) -> None:
+        guarded = GuardedEnv(env)
+        if isinstance(keys, str):
+            keys = parse_keys(keys, guarded.schema)
+        keys = keys or keys_of_environment(env, guarded.schema)
+        self.folder = DemonstrationFolder.create(folder, guarded.schema, guarded.spec, PERSON)
+        self.recovered = self.folder.recover()
+        recorded = sorted(self.folder.read_all().items())
+        self._files = [number for number, _ in recorded]
+        self._running: RunningEpisode | None = None
+        self._failure: FileError | None = None
+        settings = settings or SessionSettings()
+        look_at(env, None if recorded else episode_seed(settings.seed, 0, Stream.PERSON))
+        first = max(settings.first, max(self._files, default=-1) + 1)
+        self.session = Session(
+            guarded,
+            keys=keys,
+            settings=replace(settings, first=first),
+            recorded=recorded,
+            free_start=self.folder.next_number,
+        )
+
+    def tick(self, now: float, events: Iterable[Event] = ()) -> Tick:
+        """Let the session take in what happened; store what it says, then return it."""
+        tick = self.session.tick(now, events)
+        try:
+            for output in tick.outputs:
+                self._store(output)
+        except FileError as error:
+            self._fail(error)
+            return self.session.tick(now)
+        return tick
+
+    def close(self) -> None:
+        """Leave the running episode in its journal, to be found as ``"interrupted"``."""
+        if self._running is not None:
+            self._running.journal.close()
+            self._running = None
+            self.folder.recover()
+
+    def raise_failure(self) -> None:
+        """Raise what ended the session, if it was a fault of the environment or of the folder."""
+        failure = self._failure or self.session.fault
+        if failure is not None:
+            raise failure
+
+    def _fail(self, error: FileError) -> None:
+        """End the session; the journal keeps what was written before the disk was full."""
+        self._failure = error
+        self.session.fail(str(error))
+        if self._running is not None:
+            self._running.journal.close()
+            self._running = None
+
+    def _store(self, output: Output) -> None:
+        if isinstance(output, EpisodeStarted):
+            self._running = self.folder.start_episode(
+                output.observation, seed=output.seed, extras=output.extras
+            )
+        elif isinstance(output, EpisodeChanged):
+            self.folder.write(self._files[output.index], output.episode)
+        elif self._running is not None:
+            self._store_running(self._running, output)
+
+    def _store_running(self, running: RunningEpisode, output: Output) -> None:
+        if isinstance(output, StepTaken):
+            running.journal.append(
+                output.action,
+                output.reward,
+                output.observation,
+                terminated=output.terminated,
+                truncated=output.truncated,
+                steps=output.steps,
+            )
+        elif isinstance(output, EpisodeEnded):
+            running.finish(output.episode)
+            self._files.append(running.number)
+            self._running = None
+        elif isinstance(output, EpisodeAbandoned):
+            running.discard()
+            self._running = None

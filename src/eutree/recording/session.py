@@ -1,0 +1,329 @@
+"""The recording engine: a person acts in an environment, step by step, on anybody's clock.
+
+A session has no clock and does no input or output. ``tick`` is told what time it is and what
+happened since the last tick; it answers with what to show and what to store. So a page and
+a test drive the same engine.
+
+What is stored is what the person saw:
+
+* The picture of step t is given out before the action of step t is read.
+* The first action is read one interval after the countdown, so that whoever reacts to what they
+  see has the time to; without an idle action it is read when the first action key goes down.
+* With each step go the time, the last picture that the viewer reported as drawn, the keys held,
+  and when and over which picture they last changed. A late reaction stays in the data as it was.
+* An episode that the person ends is ``"stopped"``, neither terminated nor truncated.
+* When focus or connection is lost, all keys count as released and the episode pauses.
+
+States::
+
+    opening -> countdown -> playing -> review -> countdown ...      failed: the environment broke
+                   ^           |         |
+                   +-------- paused      +--> finished
+
+While a tree drives (:mod:`eutree.recording.driving`) the state is ``"watching"``, or
+``"driving"`` where the person may take over; then it is what it was, opening or review.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import ClassVar
+
+from eutree.data import Episode
+from eutree.errors import EnvironmentFault, InvalidArgumentError
+from eutree.interaction import GuardedEnv
+from eutree.recording.controls import Controls
+from eutree.recording.driving import Driving
+from eutree.recording.episodes import Recording
+from eutree.recording.events import (
+    Away,
+    Command,
+    Event,
+    KeyDown,
+    KeyUp,
+    Present,
+    Seen,
+    Tick,
+    View,
+)
+from eutree.recording.keys import KeyMap, keys_of_environment
+from eutree.recording.pace import QUICK, SPEEDS, Pace
+from eutree.recording.play import (
+    DRIVING,
+    FAILED,
+    FINISHED,
+    OPENING,
+    PAUSED,
+    PLAYING,
+    REVIEW,
+    WATCHING,
+    Pictures,
+    Play,
+)
+from eutree.recording.settings import SessionSettings, frames_per_second, takes_turns
+from eutree.recording.tree_making import Wishes
+from eutree.recording.views import (
+    ENDLESS,
+    hands_fields,
+    never_ends,
+    pace_fields,
+    sensed,
+    task_description,
+)
+
+FEW = 2  # demonstrations before one says what is missing
+
+
+class Session:
+    """A person's recording session in one environment.
+
+    Args:
+        env: The environment, made with ``render_mode="rgb_array"``.
+        keys: What the keys mean; None for the environment's own keys, else a suggestion.
+        settings: Everything else.
+        recorded: Episodes recorded before, with their numbers, in order.
+        free_start: The least number of a start that nobody else has taken, asked before each new
+            one: two recorders may share a folder.
+
+    Attributes:
+        env: The environment.
+        settings: What the session was told at its start.
+        play: The course of the present episode.
+        recording: The episodes.
+        wishes: What is to be done with them.
+        driving: The tree that the person watches, if there is one.
+        task: The task in the environment's own words; may be empty.
+        fault: What the environment did wrong; None as long as it did not.
+    """
+
+    COMMANDS: ClassVar[tuple[str, ...]] = (
+        "start", "pause", "end", "redo", "discard", "finish", "slower", "faster", "wait", "mode",
+        "speed", "toggle", "turn_based", "keep", "drop", "bind", "make", "practise", "stay",
+        "watch", "correct", "choose", "missing",
+    )  # fmt: skip
+
+    def __init__(
+        self,
+        env: GuardedEnv,
+        *,
+        keys: KeyMap | None = None,
+        settings: SessionSettings | None = None,
+        recorded: Sequence[tuple[int, Episode]] = (),
+        free_start: Callable[[], int] = lambda: 0,
+    ) -> None:
+        if env.env.render_mode != "rgb_array":
+            raise InvalidArgumentError(
+                "env must be made with render_mode='rgb_array' so that a person sees it, "
+                f"got {env.env.render_mode!r}"
+            )
+        self.settings = settings or SessionSettings()
+        self.env = env
+        pace = Pace(self.settings.fps or frames_per_second(env))
+        if self.settings.fps is None and pace.fps > QUICK:
+            pace.speed = SPEEDS[0]
+        controls = Controls(keys or keys_of_environment(env.env, env.schema), pace)
+        if self.settings.fps is None and takes_turns(env, controls.keys):
+            controls.set_mode(Command("turn_based", 1.0))
+        self.play = Play(controls, Pictures(env), self.settings.countdown)
+        self.recording = Recording(env, self.settings, recorded, free_start)
+        self.wishes = Wishes(self.settings.makes)
+        self.driving = Driving(env, self.play, self.recording)
+        self.task = task_description(env.env)
+        if never_ends(env.env):
+            self.task = f"{self.task} {ENDLESS}".strip()
+        self.fault: EnvironmentFault | None = None
+        self._is_prepared = False
+
+    @property
+    def state(self) -> str:
+        """What the session is doing: one of the states above."""
+        return self.play.state
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the session has ended."""
+        return self.state in (FINISHED, FAILED)
+
+    @property
+    def episodes(self) -> list[Episode]:
+        """All episodes, discarded ones included."""
+        return self.recording.episodes
+
+    def tick(self, now: float, events: Iterable[Event] = ()) -> Tick:
+        """Take in what happened until ``now``; return what to show and to store."""
+        frame, known = None, self.recording.n_kept
+        try:
+            if self.state == OPENING and not self._is_prepared:
+                self.play.show(self.recording.preview())
+                self._is_prepared = True
+            for event in events:
+                self._take(event, now)
+            self._advance(now)
+            frame = self.play.picture(now)
+            if FEW <= known < self.recording.n_kept < self.settings.target:
+                self.wishes.look = True
+        except EnvironmentFault as error:
+            self.fault = error
+            self.fail(str(error))
+        return Tick(self._view(now), frame, self.recording.take_outputs())
+
+    def due(self, now: float) -> float:
+        """Return when ``tick`` next has something to do of its own accord."""
+        return self.play.due(now)
+
+    def fail(self, reason: str) -> None:
+        """End with a clear screen after a fault; the steps so far are stored, but not used."""
+        if not self.play.trial.is_over:
+            self.recording.interrupt(self.play.trial, reason)
+        self.play.state, self.play.message = FAILED, reason
+
+    def _take(self, event: Event, now: float) -> None:
+        """Take in one thing that happened."""
+        if self.is_over:
+            return
+        if isinstance(event, KeyDown):
+            free = self.play.key_down(event.key, event.frame, now)
+            playing = self.play.is_on and not self.driving.waits
+            command = self.play.controls.command(event.key, playing=playing)
+            if free and command is not None:
+                self._obey(command, now)
+        elif isinstance(event, KeyUp):
+            self.play.key_up(event.key, event.frame, now)
+        elif isinstance(event, Seen):
+            self.play.pictures.saw(event.frame, now)
+        elif isinstance(event, Away):
+            self.driving.leave(now)
+            self.play.leave(event.reason, now)
+        elif not isinstance(event, Present):
+            self._obey(event, now)
+
+    def _obey(self, command: Command, now: float) -> None:
+        name, value, play = command.name, command.value, self.play
+        if (name != "finish" and self.wishes.stay()) or self.driving.obey(command, now):
+            return
+        if name in ("start", "pause", "end", "redo", "discard", "finish"):
+            getattr(self, f"_obey_{name}")(now)
+        elif name in ("make", "practise", "choose"):
+            known = any(episode.kept for episode in self.episodes)
+            if known and self.state in (OPENING, REVIEW, WATCHING):
+                self.wishes.express(name, value)
+        elif name == "missing":
+            if self.recording.missing is not None and self.play.was_reviewed(now):
+                self._begin(now, chosen=self.recording.missing.seed)
+        elif name in ("slower", "faster", "speed"):
+            play.controls.set_speed(command, now)
+        elif name in ("mode", "toggle", "turn_based"):
+            if not play.is_on:
+                play.controls.set_mode(command)
+        elif name == "wait":
+            if play.controls.pace.turn_based and play.awaits_turn():
+                play.controls.hands.turn = []
+        elif name in ("keep", "drop") and isinstance(value, int | float) and value == int(value):
+            self.recording.mark(int(value), kept=name == "keep")
+        elif name == "bind" and self.state == OPENING and isinstance(value, int | float):
+            known = 0 <= int(value) < self.env.schema.n_actions
+            refused = play.controls.bind(command.key, int(value)) if known else ""
+            play.message = refused or play.message
+
+    def _obey_start(self, now: float) -> None:
+        if self.state == OPENING and self.driving.can_correct and not self.recording.n_kept:
+            self.driving.obey(Command("correct"), now)
+        elif self.state == OPENING or self.play.was_reviewed(now):
+            if self.recording.is_enough and self.wishes.are_offered:
+                self.wishes.express_first()
+            elif self.recording.is_enough and self.state == REVIEW:
+                self.play.state = FINISHED
+            else:
+                self._begin(now)
+        elif self.state == PAUSED:
+            self.play.count_down(now)
+
+    def _obey_pause(self, now: float) -> None:
+        if self.state == PAUSED:
+            self._obey_start(now)
+        elif self.play.is_on and not self.play.trial.is_over:
+            self.play.pause(now)
+            self.play.message = ""
+
+    def _obey_end(self, now: float) -> None:
+        if self.play.is_on or self.state == PAUSED:
+            self._stop(now, kept=True)
+        elif self.state == REVIEW or (self.state == OPENING and self.recording.is_enough):
+            self._begin(now)  # also when the target is reached: one more
+
+    def _obey_redo(self, now: float) -> None:
+        recording = self.recording
+        start = recording.start  # it is advanced when an episode is kept
+        if self.play.is_running:
+            self._stop(now, kept=False, comment="redone")
+        elif self.state in (PLAYING, REVIEW) and recording.last is not None:
+            recording.mark(recording.last, kept=False, comment="redone")
+            start -= 1
+        else:
+            return
+        recording.start = start
+        self._begin(now, again=True)
+
+    def _obey_discard(self, now: float) -> None:
+        if self.play.is_running:
+            self._stop(now, kept=False, comment="discarded")
+        elif self.state in (PLAYING, REVIEW) and self.recording.last is not None:
+            self.recording.mark(self.recording.last, kept=False, comment="discarded")
+
+    def _obey_finish(self, now: float) -> None:
+        if self.play.is_on:
+            self._obey_pause(now)
+        elif self.state == PAUSED:
+            self._stop(now, kept=False, comment="left early")
+        elif self.state in (OPENING, REVIEW) and self.wishes.leave():
+            self.play.state = FINISHED
+
+    def _begin(self, now: float, *, again: bool = False, chosen: int | None = None) -> None:
+        """Reset for the next episode, for the same one again or one by its seed; count down."""
+        if not again:
+            self.recording.choose_start(chosen)
+        controls = self.play.controls
+        extras = {**controls.facts(), "viewer": self.settings.viewer}
+        self.play.show(self.recording.begin(extras, list(controls.hands.held)))
+        self.play.count_in(now)
+
+    def _stop(self, now: float, *, kept: bool, comment: str = "") -> None:
+        """End the running episode, by the person's wish."""
+        if not self.play.trial.is_over:
+            self.recording.stop(self.play.trial, kept=kept, comment=comment)
+            self.play.review(now)
+
+    def _advance(self, now: float) -> None:
+        """Take the step that is due, the tree's or the person's."""
+        play, pictures = self.play, self.play.pictures
+        self.driving.advance(now)
+        action = play.decision(now)
+        if action is not None:
+            speed = play.controls.pace.speed
+            measured = {**pictures.facts(), "speed": speed}
+            play.controls.hands.action = action
+            self.recording.step(play.trial, action, now, measured)
+            play.controls.pace.begin(now)
+            pictures.expect()
+
+    def _view(self, now: float) -> View:
+        controls, schema = self.play.controls, self.env.schema
+        episodes = self.recording.views()
+        if self.state in (PLAYING, DRIVING) and self.play.trial.is_over:
+            # Nothing is said of an end that is still to be seen.
+            episodes = episodes[: self.recording.last]
+        return View(
+            environment=self.env.name,
+            saved=sum(episode.kept and episode.by_hand is None for episode in episodes),
+            target=self.settings.target,
+            episodes=episodes,
+            leaving=self.wishes.is_leaving,
+            task=self.task,
+            makes=self.settings.makes,
+            missing="" if self.recording.missing is None else self.recording.missing.why,
+            can_watch=self.driving.can_watch,
+            can_correct=self.driving.can_correct,
+            driving=self.driving.view(),
+            numbers=sensed(schema, self.play.trial) if self.settings.hud else None,
+            **self.play.view_fields(now),
+            **hands_fields(controls.hands, schema),
+            **pace_fields(controls.pace, is_own=self.settings.fps is None),
+        )

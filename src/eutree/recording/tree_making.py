@@ -1,0 +1,160 @@
+"""What a page shows of the tree that is made of its demonstrations, and who makes it.
+
+Recording knows nothing of learning: whoever opens the page hands in a ``TreeMaker``.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+from eutree.recording.scenes import Programme, Scene
+
+FITTING, PLAYING, PRACTISING = "fitting", "playing", "practising"
+READY, FAILED = "ready", "failed"
+
+
+@dataclass(frozen=True, kw_only=True)
+class WayView:
+    """One way of doing the task, beside others, in JSON's types.
+
+    Attributes:
+        name: Whose it is: ``"your tree"``, ``"practised"``.
+        cells: What it reaches, how long it takes, waits and risks, in words.
+        keep: The words of the button that chooses it; empty for what is no tree.
+        is_kept: Whether it is the one on the page.
+    """
+
+    name: str
+    cells: tuple[str, ...]
+    keep: str = ""
+    is_kept: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class TreeView:
+    """How far a tree is, in JSON's types.
+
+    Attributes:
+        phase: ``"fitting"``, ``"playing"``, ``"practising"``, ``"ready"`` or ``"failed"``.
+        message: What is going on, or the verdict: ``"you 13 of 15 (62 to
+            97 %); this tree 196 of 200 (94 to 100 %): better"``.
+        note: What follows from it; may be empty.
+        finished: Episodes played or practised so far.
+        of: How many there will be; 0 where that is not known.
+        verdict: How it compares with the person: ``"better"``, ``"as good"``, ``"worse"``, ``"too
+            close to tell"`` or ``"not comparable"``; empty before.
+        may_gain: Whether practice may make it better, so that it is offered.
+        n_leaves: Leaves of the tree; 0 before there is one.
+        svg: Drawing of the tree; empty before there is one.
+        rules: The tree as nested rules.
+        curve: Episodes of practice, and what the tree reached after them.
+        yours: What the person reached, on the curve's scale; None if unknown.
+        is_share: Whether curve and ``yours`` are shares of successful episodes, else mean returns.
+        commands: What to type next in a shell, one a line.
+        columns: Heads of the columns of ``ways``.
+        ways: The person's own way, the tree of it, the practised one and smaller ones; empty before
+            practice.
+        changes: Sentences on what practice changed.
+    """
+
+    phase: str
+    message: str = ""
+    note: str = ""
+    finished: int = 0
+    of: int = 0
+    verdict: str = ""
+    may_gain: bool = False
+    n_leaves: int = 0
+    svg: str = ""
+    rules: str = ""
+    curve: tuple[tuple[int, float], ...] = ()
+    yours: float | None = None
+    is_share: bool = True
+    commands: tuple[str, ...] = ()
+    columns: tuple[str, ...] = ()
+    ways: tuple[WayView, ...] = ()
+    changes: tuple[str, ...] = ()
+
+
+class Show(Protocol):
+    """Lets the page show how far a tree is, and once it is ready what to watch of it."""
+
+    def __call__(self, view: TreeView, programme: Programme | None = None) -> None:
+        """Show a view; let the tree drive in the page's picture if there is a programme."""
+        ...
+
+
+class TreeMaker(Protocol):
+    """Makes a tree of what was recorded, in a thread beside the page.
+
+    All methods call ``show`` as they go on, with ``"ready"`` last. ``stop`` becomes true when the
+    page is closed for good; what is unfinished then is given up.
+    """
+
+    def make(self, show: Show, stop: Callable[[], bool]) -> None:
+        """Fit a tree to the demonstrations recorded so far, and let it play."""
+        ...
+
+    def practise(self, show: Show, stop: Callable[[], bool]) -> None:
+        """Let the tree learn for a while, and keep the better one."""
+        ...
+
+    def missing(self) -> Scene | None:
+        """Return what was not shown yet, and where to show it; None if nothing is found."""
+        ...
+
+    def choose(self, way: int, show: Show) -> None:
+        """Keep the tree of one of the ways that were shown."""
+        ...
+
+
+class Wishes:
+    """What the person wants done with the demonstrations, until it is taken up.
+
+    Args:
+        are_offered: Whether there is a ``TreeMaker``.
+
+    Attributes:
+        is_busy: Whether a tree is being made; set by its maker.
+        way: The way that was last chosen.
+        look: Whether to look for what is missing in what was shown so far.
+    """
+
+    def __init__(self, are_offered: bool) -> None:
+        self.are_offered = are_offered
+        self.is_busy = False
+        self.way, self.look = 0, False
+        self._is_leaving = False
+        self._wish = ""
+        self._was_made = False
+
+    def express(self, name: str, way: float | str | None = None) -> None:
+        """Wish for ``"make"`` or ``"practise"``, or ``"choose"`` one of the ways."""
+        if self.are_offered:
+            self._wish, self._was_made = name, True
+            self.way = int(way or 0)
+
+    def express_first(self) -> None:
+        """Wish for a tree unless one has been wished for."""
+        if not self._was_made:
+            self.express("make")
+
+    @property
+    def is_leaving(self) -> bool:
+        """Whether the person wanted to leave while a tree is being made, and is asked again."""
+        return self._is_leaving and self.is_busy
+
+    def leave(self) -> bool:
+        """Return whether to leave now: while a tree is being made, at the second wish only."""
+        asked, self._is_leaving = self.is_leaving, True
+        return asked or not self.is_busy
+
+    def stay(self) -> bool:
+        """Take back a wish to leave; return whether there was one to answer."""
+        asked, self._is_leaving = self.is_leaving, False
+        return asked
+
+    def take(self) -> str:
+        """Return the wish, once; empty if there is none."""
+        wish, self._wish = self._wish, ""
+        return wish

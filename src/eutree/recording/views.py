@@ -1,0 +1,190 @@
+"""The parts of a session's view: actions with their keys, lines of the list, the sensed numbers."""
+
+import inspect
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium
+
+from eutree.data import Episode
+from eutree.interaction.first_look import is_limited
+from eutree.recording.controls import Hands
+from eutree.recording.events import ActionView, EpisodeView
+from eutree.recording.keys import KeyMap
+from eutree.recording.pace import QUICK, Pace
+from eutree.recording.trial import Trial
+from eutree.schema import Schema
+
+
+def action_views(keys: KeyMap, schema: Schema) -> list[ActionView]:
+    """Return every action with the keys that mean it."""
+    return [
+        ActionView(name, keys.keys_of(action), action == keys.idle)
+        for action, name in enumerate(schema.actions)
+    ]
+
+
+def hands_fields(hands: Hands, schema: Schema) -> dict[str, Any]:
+    """Return the view's fields on keys and what is done with them."""
+    return {
+        "action": hands.action,
+        "held": list(hands.held),
+        "toggle": hands.toggle,
+        "keys_chosen": hands.keys.chosen,
+        "actions": action_views(hands.keys, schema),
+        "controls": hands.keys.controls(),
+    }
+
+
+def pace_fields(pace: Pace, *, is_own: bool) -> dict[str, Any]:
+    """Return the view's fields on the pace; ``is_own`` if it is the environment's."""
+    return {
+        "speed": pace.speed,
+        "turn_based": pace.turn_based,
+        "interval": pace.interval,
+        "beat": pace.beat,
+        "is_slowed": is_own and pace.fps > QUICK and pace.speed < 1.0,
+    }
+
+
+def episode_views(
+    numbers: Iterable[int], episodes: Iterable[Episode], env: gymnasium.Env[Any, Any] | None = None
+) -> list[EpisodeView]:
+    """Return the lines of the list of episodes, in the words of their environment."""
+    return [
+        EpisodeView(
+            number=number,
+            result=told(episode, env)[0],
+            success=told(episode, env)[1],
+            length=len(episode),
+            total=episode.undiscounted_return,
+            kept=episode.kept,
+            comment=episode.comment,
+            by_hand=None if episode.by_hand is None else int(episode.by_hand.sum()),
+        )
+        for number, episode in zip(numbers, episodes, strict=True)
+    ]
+
+
+@dataclass(frozen=True)
+class _Told:
+    """How one of Gymnasium's own tasks says what a person wants to know: it reports no success.
+
+    Attributes:
+        task: The task in a sentence.
+        by: What is true of a success: ``"return"`` is above 0, or it was ``"terminated"``, or
+            ``"truncated"``.
+        good: What a success is called.
+        bad: What ends an episode that is none; empty for the time limit alone.
+    """
+
+    task: str
+    by: str
+    good: str = "goal"
+    bad: str = ""
+    always_ends: bool = False
+
+
+# By the name of the environment's class.
+_TOLD = {
+    "FrozenLakeEnv": _Told(
+        "Walk over the ice to the goal, and into no hole. The ice may be slippery: then a step "
+        "often goes aside.", "return", "goal", "fell into a hole"),
+    "CliffWalkingEnv": _Told(
+        "Walk along the cliff to the goal in the corner, in few steps. Whoever steps off the cliff "
+        "begins again.", "terminated"),
+    "TaxiEnv": _Told(
+        "Drive to the passenger, pick them up, drive to their destination and drop them off there.",
+        "terminated", "delivered"),
+    "BlackjackEnv": _Told(
+        "Come nearer to 21 than the dealer, and not above it: hit for one more card, or stick.",
+        "return", "won", "not won", always_ends=True),
+    "CartPoleEnv": _Told(
+        "Keep the pole upright and the cart on its track, by pushing the cart to the left or to "
+        "the right.", "truncated", "kept upright to the end", "fell or left the track"),
+    "MountainCarEnv": _Told(
+        "Rock the car to and fro until it reaches the flag on the right hill: its engine is too "
+        "weak to climb it at once.", "terminated"),
+    "AcrobotEnv": _Told(
+        "Swing the lower end of the two links above the line, by turning the joint between them.",
+        "terminated"),
+    "LunarLander": _Told(
+        "Land softly between the two flags, upright and with little fuel.", ""),
+}  # fmt: skip
+
+
+ENDLESS = (
+    "Nothing but the task itself ends an episode: it has no time limit, and a tree that stands "
+    "still would stand for ever. Start with --env-arg max_episode_steps=200 to set one."
+)
+
+
+def never_ends(env: gymnasium.Env[Any, Any]) -> bool:
+    """Return whether an episode may go on for ever, as far as the environment says."""
+    known = _TOLD.get(type(env.unwrapped).__name__)
+    return not is_limited(env) and not (known is not None and known.always_ends)
+
+
+def told(episode: Episode, env: gymnasium.Env[Any, Any] | None) -> tuple[str, bool | None]:
+    """Return how an episode ended, and whether that is a success, where its return tells it."""
+    plain = episode.ending or "ended"
+    known = None if env is None else _TOLD.get(type(env.unwrapped).__name__)
+    ended = episode.terminated or episode.truncated
+    if known is None or not known.by or episode.is_success is not None or not ended:
+        return plain, episode.is_success
+    by_return = episode.undiscounted_return > 0.0
+    success = by_return if known.by == "return" else bool(getattr(episode, known.by))
+    if success:
+        return known.good, True
+    return (known.bad if episode.terminated and known.bad else plain), False
+
+
+def sensed(schema: Schema, trial: Trial | None) -> list[tuple[str, str]]:
+    """Return names and values of the last observation, for people."""
+    if trial is None or trial.observation is None:
+        return []
+    return [
+        (feature.name, f"{feature.text(float(value))} {feature.unit}".strip())
+        for feature, value in zip(schema.features, trial.observation, strict=True)
+    ]
+
+
+_SECTION = re.compile(r"^#+ *Description\s*\n(.*?)(?=^#|\Z)", re.DOTALL | re.MULTILINE)
+_LINK = re.compile(r"\[([^\]]*)\](\([^)]*\))?")
+_GOAL = re.compile(r"\b(goal|objective|aim) (is|of)\b", re.IGNORECASE)
+_LONGEST_TASK = 420
+
+
+def task_description(env: gymnasium.Env[Any, Any]) -> str:
+    """Return the task in the environment's own words, or an empty string.
+
+    These are its ``task_description``, or for Gymnasium's own a sentence that is known here; else
+    the first paragraph under *Description* in its docstring, without markup. Of a long one whole
+    sentences are left: the first that names a goal and what leads to it, else the first ones.
+    """
+    own = getattr(env.unwrapped, "task_description", None)
+    if isinstance(own, str):
+        return " ".join(own.split())
+    known = _TOLD.get(type(env.unwrapped).__name__)
+    if known is not None:
+        return known.task
+    found = _SECTION.search(inspect.cleandoc(type(env.unwrapped).__doc__ or ""))
+    if found is None:
+        return ""
+    paragraph = found[1].strip().split("\n\n")[0]
+    text = " ".join(_LINK.sub(r"\1", paragraph).replace("`", "").replace("*", "").split())
+    return text if len(text) <= _LONGEST_TASK else _shortened(text)
+
+
+def _shortened(text: str) -> str:
+    """Return whole sentences of a long text: what leads to the goal, and the goal."""
+    sentences = re.split(r"(?<=\.) ", text)
+    goals = (n for n, sentence in enumerate(sentences) if _GOAL.search(sentence))
+    if (goal := next(goals, None)) is None:
+        return text[:_LONGEST_TASK].rpartition(". ")[0] + "."
+    first = goal
+    while first > 0 and len(" ".join(sentences[first - 1 : goal + 1])) <= _LONGEST_TASK:
+        first -= 1
+    return " ".join(sentences[first : goal + 1])

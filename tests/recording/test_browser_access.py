@@ -1,0 +1,247 @@
+"""The page for everybody: low screens, 200 %, screen readers, and a tree that can be seen whole."""
+
+import time
+from dataclasses import replace
+from importlib import resources
+
+import gymnasium
+import pytest
+
+from eutree.recording.tree_making import TreeView
+from tests.recording.people import Corridor
+from tests.recording.serving import serving
+from tests.recording.typists import PATIENCE, Person, ScriptedMaker, box, evasion, goes_on_and_on
+
+PHONE = {"has_touch": True, "is_mobile": True}
+SCREENS = {
+    "desk": ((1180, 800), {}),
+    "phone": ((390, 844), PHONE),
+    "phone on its side": ((844, 390), PHONE),
+    "200 %": ((640, 430), {}),  # of 1280 x 860
+}
+
+# What is not wholly on the screen, or has something over it.
+OUT_OF_SIGHT = """(selectors) => selectors.flatMap((s) => [...document.querySelectorAll(s)])
+  .filter((e) => {
+    const { left, top, right, bottom } = e.getBoundingClientRect();
+    const inside = left >= 0 && top >= 0 && right <= innerWidth && bottom <= innerHeight;
+    const seen = document.elementFromPoint((left + right) / 2, (top + bottom) / 2);
+    return !(inside && right > left && bottom > top && (e === seen || e.contains(seen)));
+  }).map((e) => e.id || e.textContent)"""
+
+
+class Many(Corridor):
+    """Seven actions, in steps of one key, as in a grid world."""
+
+    action_space = gymnasium.spaces.Discrete(7)
+    action_names = ("north", "south", "west", "east", "pick up", "drop off", "look around")
+    observation_space = gymnasium.spaces.Tuple([gymnasium.spaces.Discrete(100)] * 2)
+    get_keys_to_action = None
+
+    def _observation(self):
+        return int(self.place), self.steps
+
+
+def person_at(chromium, served, screen, **options) -> Person:
+    (width, height), own = SCREENS[screen]
+    person = Person(chromium, served, **own, **options).until(state="opening")
+    person.page.set_viewport_size({"width": width, "height": height})
+    return person
+
+
+@pytest.mark.parametrize("screen", SCREENS)
+@pytest.mark.parametrize("world", [evasion, Corridor, Many])
+def test_what_is_held_and_said_is_in_sight(chromium, tmp_path, screen, world) -> None:
+    """A phone on its side hid the button to hold, and a zoom of 200 % hid *Paused*."""
+    with serving(tmp_path, world(), fps=8.0) as served:
+        person = person_at(chromium, served, screen)
+
+        def hidden(*more):
+            return person.page.evaluate(OUT_OF_SIGHT, ["#picture", "#title", *more])
+
+        person.page.locator("body[data-frame]").wait_for(timeout=PATIENCE)
+        assert hidden("#buttons .first") == []
+        person.tap("Enter").until(state="playing").down("ArrowLeft").until(step=1)
+        person.up("ArrowLeft")
+        on_desk = screen == "desk"  # where keys are what is held
+        held = [] if on_desk else ["#pads button"]
+        assert hidden(*held) == []
+        person.tap("p").until(state="paused")
+        assert person.page.locator("#title").inner_text() == "Paused"
+        assert hidden(*held, "#buttons .first") == []
+        person.tap("e").until(state="review")
+        assert hidden("#buttons .first") == []
+        wide = "() => document.documentElement.scrollWidth - document.documentElement.clientWidth"
+        assert person.page.evaluate(wide) == 0
+
+
+FINDINGS = """async () => {
+  const rules = { "label-content-name-mismatch": { enabled: true } };
+  const found = await axe.run(document, { rules, resultTypes: ["violations"] });
+  return found.violations.flatMap((v) => v.nodes.map((n) => `${v.id}: ${n.html}`));
+}"""
+
+
+@pytest.fixture(scope="module")
+def axe() -> str:
+    """The script of axe-core."""
+    package = pytest.importorskip("axe_playwright_python", reason="needs the test requirements")
+    return (resources.files(package) / "axe.min.js").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("screen", "scheme"),
+    [("desk", "light"), ("desk", "dark"), ("phone", "dark"), ("phone on its side", "light"),
+     ("200 %", "dark")],
+)  # fmt: skip
+def test_axe_finds_nothing(chromium, tmp_path, axe, screen, scheme) -> None:
+    env = evasion()
+    maker = goes_on_and_on(env)
+    with serving(tmp_path, env, fps=8.0, maker=maker) as served:
+        person = person_at(chromium, served, screen, color_scheme=scheme)
+        person.page.evaluate(axe)
+
+        def findings():
+            return person.page.evaluate(FINDINGS)
+
+        assert findings() == []
+        person.tap("Enter").until(state="playing", step=1)
+        assert findings() == []
+        person.tap("p").until(state="paused")
+        assert findings() == []
+        person.tap("e").until(state="review")
+        assert person.page.locator("#episodes").is_visible()
+        served.session.wishes.express("make")
+        person.until(tree="ready")
+        assert person.page.locator("#episodes").is_hidden()  # folded
+        person.until(state="watching", step=2)
+        assert findings() == []
+        person.until(seen="over 1")
+        seen = ["#title", "#text", "#buttons .first"]  # the picture may have been scrolled away
+        assert person.page.evaluate(OUT_OF_SIGHT, ["#picture", *seen]) == []
+        assert findings() == []
+        served.session.wishes.express("practise")
+        person.page.locator("#ways-section").wait_for(timeout=PATIENCE)
+        assert findings() == []
+        person.tap("Escape").until(state="review")
+        again = replace(maker.programme, refit=lambda: maker.programme.policy)
+        served.session.driving.offer(replace(again, scenes=()))
+        person.page.get_by_role("button", name="Correct it").click()
+        person.until(state="driving", step=1)
+        held = [] if screen == "desk" else ["#pads button"]
+        assert person.page.evaluate(OUT_OF_SIGHT, ["#picture", "#title", *held]) == []
+        assert findings() == []
+        person.tap("Escape").until(state="review")
+        person.rest().tap("Escape").until(state="finished")
+        assert findings() == []
+
+
+def test_axe_would_find_a_name_without_its_words(chromium, tmp_path, axe) -> None:
+    """The check above must be able to fail."""
+    with serving(tmp_path) as served:
+        person = person_at(chromium, served, "desk")
+        person.page.evaluate(axe)
+        person.page.evaluate("""() => {
+          document.querySelector("#buttons button").setAttribute("aria-label", "Begin to record");
+        }""")
+        assert "label-content-name-mismatch" in "".join(person.page.evaluate(FINDINGS))
+
+
+class SlowMaker(ScriptedMaker):
+    """Practises until the page is closed."""
+
+    def practise(self, show, stop) -> None:
+        self.calls.append("practise")
+        for episode in range(200):
+            said = f"The tree practises: {episode} of 200 episodes"
+            show(TreeView(phase="practising", message=said, finished=episode, of=200))
+        while not stop():
+            time.sleep(0.01)
+
+
+def with_an_episode(person) -> Person:
+    person.tap("Enter").until(state="playing").down("ArrowRight").until(state="review")
+    return person.up("ArrowRight").rest(0.8)
+
+
+def test_whoever_finishes_during_practice_is_asked(chromium, tmp_path) -> None:
+    """It was thrown away without a word."""
+    with serving(tmp_path, maker=SlowMaker()) as served:
+        person = with_an_episode(person_at(chromium, served, "desk"))
+        served.session.wishes.express("practise")
+        person.until(tree="practising").tap("Escape")
+        title = person.page.locator("#title", has_text="Finish without your tree?")
+        title.wait_for(timeout=PATIENCE)
+        person.page.get_by_role("button", name="Wait for it").click()
+        title.wait_for(state="detached", timeout=PATIENCE)
+        assert person.data("state") == "review"
+        person.tap("Escape")
+        person.page.get_by_role("button", name="Finish without it").click()
+        person.until(state="finished")
+
+
+def test_screen_readers_hear_the_beginning_and_the_end_of_practice(chromium, tmp_path) -> None:
+    """Every episode of 200 was read out."""
+    listen = """() => {
+      window.heard = [];
+      const hear = () => heard.push(document.getElementById("announce").textContent);
+      new MutationObserver(hear).observe(document.getElementById("announce"), { childList: true });
+    }"""
+    with serving(tmp_path, maker=SlowMaker()) as served:
+        person = with_an_episode(person_at(chromium, served, "desk"))
+        live = "[role=status], [role=alert], [aria-live]"
+        assert person.page.locator(live).count() == 2  # what is announced, and the banner
+        person.page.evaluate(listen)
+        served.session.wishes.express("practise")
+        person.page.locator("#verdict", has_text="199 of 200").wait_for(timeout=PATIENCE)
+        assert person.page.evaluate("() => heard") == ["Making your tree"]
+
+
+def test_what_comes_after_the_last_wanted_episode_has_no_total(chromium, tmp_path) -> None:
+    """It said "Episode 16 of 15"."""
+    with serving(tmp_path) as served:
+        person = person_at(chromium, served, "desk")
+        for number in range(1, 4):
+            person.tap("Enter").until(state="playing", step=1)
+            assert person.page.locator("#title").inner_text() == f"Episode {number} of 3"
+            person.down("ArrowRight").until(state="review").up("ArrowRight").rest(0.8)
+        person.page.get_by_role("button", name="One more").click()
+        person.until(state="playing")
+        assert person.page.locator("#title").inner_text() == "Episode 4"
+
+
+@pytest.mark.parametrize(("own", "large"), [(1800, False), (4000, True)])
+def test_a_tree_is_seen_whole_or_a_button_shows_it_whole(chromium, tmp_path, own, large) -> None:
+    """What did not fit was cut off at the right, and nothing said so."""
+    maker = ScriptedMaker()
+    drawing = maker.ready.svg.replace('width="80"', f'width="{own}"')
+    maker.ready = replace(maker.ready, svg=drawing, rules="if a_long_name <= 1: go " * 9)
+    cut = "() => ((d) => d.scrollWidth - d.clientWidth)(document.getElementById('drawing'))"
+    with serving(tmp_path, maker=maker) as served:
+        person = with_an_episode(person_at(chromium, served, "desk"))
+        served.session.wishes.express("make")
+        person.until(tree="ready")
+        button = person.page.locator("#larger")
+        button.wait_for(timeout=PATIENCE)
+        assert (person.page.evaluate(cut) > 0) == large
+        assert button.inner_text() == ("The whole tree" if large else "Larger")
+        button.click()
+        assert (person.page.evaluate(cut) > 0) != large
+        assert person.page.locator("#rules").is_visible()  # what is small stands there in words
+
+
+@pytest.mark.parametrize("screen", SCREENS)
+def test_the_verdict_is_in_sight_when_it_is_given(chromium, tmp_path, screen) -> None:
+    """It stood below the picture, off the screen."""
+    maker = ScriptedMaker()
+    maker.ready = replace(maker.ready, rules="if a_long_name <= 1: go " * 9)
+    with serving(tmp_path, maker=maker) as served:
+        person = with_an_episode(person_at(chromium, served, screen))
+        served.session.wishes.express("make")
+        person.until(tree="ready").rest(0.3)
+        seen = ["#verdict", "#tree-buttons button"]
+        assert person.page.evaluate(OUT_OF_SIGHT, seen) == []
+        wide = "() => document.documentElement.scrollWidth - document.documentElement.clientWidth"
+        person.page.evaluate("() => { document.getElementById('rules-details').open = true; }")
+        assert person.page.evaluate(wide) == 0
+        assert box(person, "#verdict-section")["y"] < box(person, "#tree-section")["y"]
