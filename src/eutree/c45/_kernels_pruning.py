@@ -15,7 +15,7 @@ from eutree.c45._kernels import branch_of
 from eutree.compiled import compiled_later
 
 
-class Branches(NamedTuple):
+class TreeTests(NamedTuple):
     """The tests of a tree and where their branches lead; see ``C45Tree``."""
 
     feature: Int32s  # [M]
@@ -28,7 +28,7 @@ class Branches(NamedTuple):
 
 @compiled_later
 def find_leaves(
-    tree: Branches,
+    tree: TreeTests,
     observations: Floats,  # [N, d]
     out: Int32s,  # [N]
 ) -> int:
@@ -66,7 +66,7 @@ def find_leaves(
 
 @compiled_later
 def share_out(
-    tree: Branches,
+    tree: TreeTests,
     size: Floats,  # [M] training weight of each node
     probability: Floats,  # [M, A]
     observations: Floats,  # [N, d]
@@ -132,7 +132,7 @@ class TreeArrays(NamedTuple):
     value_branch: Int32s  # [V]
 
 
-class Rows(NamedTuple):
+class TrainingCases(NamedTuple):
     """The training set."""
 
     observations: Floats  # [N, d]
@@ -140,7 +140,7 @@ class Rows(NamedTuple):
     weight: Floats  # [N]
 
 
-class Estimate(NamedTuple):
+class ErrorEstimate(NamedTuple):
     """How errors beyond those seen are estimated."""
 
     confidence: float
@@ -148,7 +148,7 @@ class Estimate(NamedTuple):
     normal: bool  # J48's variant
 
 
-class Arena(NamedTuple):
+class CaseRoom(NamedTuple):
     """Where the cases of the nodes under work stand, one node's after the other's."""
 
     rows: Int32s  # [room]
@@ -165,7 +165,7 @@ class Place(NamedTuple):
     top: int
 
 
-class Scratch(NamedTuple):
+class WalkRoom(NamedTuple):
     """What the walk through a branch works on."""
 
     bounds: Int32s  # [forks + 1]
@@ -206,7 +206,7 @@ def add_errors_from_one(n: float, e: float, z: float, normal: bool) -> float:
 
 
 @compiled_later
-def estimated_errors(distribution: Floats, estimate: Estimate) -> float:
+def estimated_errors(distribution: Floats, estimate: ErrorEstimate) -> float:
     """Return the pessimistic number of errors of a leaf with these classes [A]."""
     total = float(distribution.sum())
     e = total - float(distribution.max())
@@ -231,9 +231,9 @@ def room(array: NDArray[_Number], needed: int) -> NDArray[_Number]:
 
 
 @compiled_later
-def with_room(arena: Arena, size: int, own: int) -> Arena:
+def with_room(arena: CaseRoom, size: int, own: int) -> CaseRoom:
     """Return the arena with room for ``size`` cases in all, and ``own`` of one node."""
-    return Arena(
+    return CaseRoom(
         room(arena.rows, size),
         room(arena.weights, size),
         room(arena.scratch_rows, own),
@@ -245,7 +245,7 @@ def with_room(arena: Arena, size: int, own: int) -> Arena:
 def hand_down(
     node: int,
     place: Place,
-    arena: Arena,
+    arena: CaseRoom,
     tree: TreeArrays,
     observations: Floats,  # [N, d]
     bounds: Int32s,  # [forks + 1] out, relative to the returned place
@@ -311,8 +311,8 @@ def hand_down(
 def prune(
     tree: TreeArrays,
     distribution: Floats,  # [M, A] out: classes of the cases of each node
-    training: Rows,
-    estimate: Estimate,
+    training: TrainingCases,
+    estimate: ErrorEstimate,
     raising: bool,
 ) -> None:
     """Prune by estimated errors: a node may become a leaf or be replaced by its largest branch.
@@ -327,7 +327,7 @@ def prune(
     n_rows, n_nodes = training.observations.shape[0], feature.size
     rows = np.arange(n_rows).astype(np.int32)
     weights = training.weight.copy()
-    arena = Arena(rows, weights, rows.copy(), weights.copy())
+    arena = CaseRoom(rows, weights, rows.copy(), weights.copy())
     error = np.zeros(n_nodes)
     bounds = np.zeros(n_children.max() + 1, np.int32)
     # Columns: node, first and last of its cases in the arena, phase, where the arena is free. Nodes
@@ -337,7 +337,7 @@ def prune(
     stack[0, 4] = n_rows
     depth = 1
     counts = np.zeros(distribution.shape[1])
-    scratch = Scratch(bounds, np.zeros((n_nodes + 1, 3), np.int64), counts)
+    scratch = WalkRoom(bounds, np.zeros((n_nodes + 1, 3), np.int64), counts)
     while depth > 0:
         depth -= 1
         node, start, stop = stack[depth, 0], stack[depth, 1], stack[depth, 2]
@@ -406,12 +406,12 @@ def errors_of_branch(
     branch: int,
     place: Place,
     limit: float,
-    arena: Arena,
+    arena: CaseRoom,
     tree: TreeArrays,
-    training: Rows,
-    estimate: Estimate,
-    scratch: Scratch,
-) -> tuple[float, Arena]:
+    training: TrainingCases,
+    estimate: ErrorEstimate,
+    scratch: WalkRoom,
+) -> tuple[float, CaseRoom]:
     """Return the estimated errors of a branch on all cases of its parent, and the arena.
 
     Stops early once the sum exceeds ``limit``, where it no longer changes any decision.

@@ -22,8 +22,8 @@ def prune_nodes(nodes: Nodes, training: Training, settings: C45Settings) -> None
         nodes.value_start,
         nodes.value_branch,
     )
-    rows = _kernels.Rows(training.observations, training.actions, training.weights)
-    estimate = _kernels.Estimate(
+    rows = _kernels.TrainingCases(training.observations, training.actions, training.weights)
+    estimate = _kernels.ErrorEstimate(
         float(settings.confidence), settings.deviate, settings.z == "normal"
     )
     _kernels.prune(tree, nodes.distribution, rows, estimate, settings.subtree_raising)

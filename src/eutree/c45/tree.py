@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from eutree.arrays import Floats, Int32s, Integers, frozen
 from eutree.c45 import _kernels_pruning
-from eutree.c45._kernels_pruning import Branches
+from eutree.c45._kernels_pruning import TreeTests
 from eutree.errors import InvalidArgumentError
 from eutree.trees import DecisionTree
 from eutree.trees.tree import longest_path
@@ -27,7 +27,7 @@ class Routes(NamedTuple):
     """What a case that is led down a tree meets; see ``C45Tree``."""
 
     n_features: int
-    branches: Branches
+    branches: TreeTests
     distribution: Floats  # [M, A]
     probability: Floats  # [M, A]
     label: Integers  # [M]
@@ -237,7 +237,7 @@ class C45Tree:
 
     @cached_property
     def _routes(self) -> Routes:
-        branches = Branches(
+        branches = TreeTests(
             self.feature, self.threshold, self.first_child, self.n_children,
             self.value_start, self.value_branch,
         )  # fmt: skip

@@ -49,8 +49,8 @@ def grow_cart(
     order = np.argsort(X, axis=1, kind="stable").astype(np.int32)
     feature, left, right = (np.full(size, -1, dtype=np.int32) for _ in range(3))
     threshold, counts = np.full(size, np.nan), np.zeros((size, n_classes))
-    nodes = _kernels.Nodes(feature, threshold, left, right, counts)
-    n_nodes = _kernels.grow(_kernels.Rows(X, order, classes, counted), nodes)
+    nodes = _kernels.CartNodes(feature, threshold, left, right, counts)
+    n_nodes = _kernels.grow(_kernels.CartRows(X, order, classes, counted), nodes)
     feature = feature[:n_nodes]
     is_leaf = feature < 0
     tree = DecisionTree(

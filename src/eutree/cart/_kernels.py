@@ -13,7 +13,7 @@ threshold_between = compiled(thresholds.threshold_between)
 SAME = 1e-12  # share of a node's impurity that counts as no gain
 
 
-class Rows(NamedTuple):
+class CartRows(NamedTuple):
     """What a tree is grown from."""
 
     X: Floats  # [d, N]
@@ -22,7 +22,7 @@ class Rows(NamedTuple):
     weights: Floats  # [N]
 
 
-class Nodes(NamedTuple):
+class CartNodes(NamedTuple):
     """A tree while it grows, with room for M nodes."""
 
     feature: Int32s  # [M] -1 at a leaf
@@ -34,7 +34,7 @@ class Nodes(NamedTuple):
 
 @compiled
 def best_cut(
-    rows: Rows,
+    rows: CartRows,
     begin: int,
     end: int,
     counts: Floats,  # [C] weight of each class in the node
@@ -112,7 +112,7 @@ def cut(
 
 
 @compiled
-def grow(rows: Rows, out: Nodes) -> int:
+def grow(rows: CartRows, out: CartNodes) -> int:
     """Grow a tree, always cutting the leaf that gains most; return its number of nodes.
 
     The rows' order changes.

@@ -33,7 +33,7 @@ class RowLists(NamedTuple):
     counts: Integers  # [L]
 
 
-class EpisodeRows(NamedTuple):
+class EpisodeColumns(NamedTuple):
     """An episode to be stored."""
 
     observations: Floats  # [T + 1, d]
@@ -48,7 +48,7 @@ def append_rows(
     rows: StoredRows,
     left: RowLists,
     entered: RowLists,
-    episode: EpisodeRows,
+    episode: EpisodeColumns,
     stored: Booleans,  # [T] which transitions to write
     first: int,
     number: int,

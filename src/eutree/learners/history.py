@@ -316,7 +316,7 @@ class History:
         steps = len(actions)
         if isinstance(demonstrated, bool):
             demonstrated = np.full(steps, demonstrated)
-        episode = _kernels.EpisodeRows(
+        episode = _kernels.EpisodeColumns(
             np.ascontiguousarray(observations, dtype=np.float64),
             np.ascontiguousarray(actions, dtype=np.int64),
             np.ascontiguousarray(rewards, dtype=np.float64),

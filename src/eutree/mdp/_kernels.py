@@ -44,7 +44,7 @@ class CountArrays(NamedTuple):
     reward_sums: Floats  # [S, A]
 
 
-class Transitions(NamedTuple):
+class DiscreteTransitions(NamedTuple):
     """Transitions (s, a, r, s')."""
 
     states: Int32s  # [N]
@@ -169,7 +169,7 @@ def _unlink(table: Int32s, pool: Int32s, n_actions: int, pair: int, next_state: 
 
 
 @compiled
-def observe_rows(counts: CountArrays, rows: Transitions, first: int) -> int:
+def observe_rows(counts: CountArrays, rows: DiscreteTransitions, first: int) -> int:
     """Count the transitions from row ``first`` on; return the row at which room ran out, or N."""
     table, pool, counters = counts.table, counts.pool, counts.counters
     n_actions = counts.visits.shape[1]
@@ -185,7 +185,7 @@ def observe_rows(counts: CountArrays, rows: Transitions, first: int) -> int:
 
 
 @compiled
-def forget_rows(counts: CountArrays, rows: Transitions) -> int:
+def forget_rows(counts: CountArrays, rows: DiscreteTransitions) -> int:
     """Take the transitions back; return the row that was never counted, or N."""
     visits, reward_sums = counts.visits, counts.reward_sums
     n_actions = visits.shape[1]
@@ -203,7 +203,7 @@ def forget_rows(counts: CountArrays, rows: Transitions) -> int:
 
 @compiled
 def relabel_rows(
-    counts: CountArrays, old: Transitions, new: Transitions, first: int
+    counts: CountArrays, old: DiscreteTransitions, new: DiscreteTransitions, first: int
 ) -> tuple[int, int]:
     """Move counts from old to new labels; return the row where it stopped (or N) and why."""
     table, pool, counters = counts.table, counts.pool, counts.counters
@@ -246,7 +246,7 @@ def repack(
 
 @compiled
 def count_successors(
-    rows: Transitions,
+    rows: DiscreteTransitions,
     visits: Integers,  # [S, A]
     reward_sums: Floats,  # [S, A]
     out: Successors,

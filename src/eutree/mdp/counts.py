@@ -260,7 +260,7 @@ class TransitionCounts:
     def _checked(
         self, states: ArrayLike, actions: ArrayLike, rewards: ArrayLike | None,
         next_states: ArrayLike,
-    ) -> _kernels.Transitions:  # fmt: skip
+    ) -> _kernels.DiscreteTransitions:  # fmt: skip
         """Return the columns as arrays of the kernels' types, or raise."""
         columns = (
             labels("states", states, 0, self.n_states),
@@ -275,7 +275,7 @@ class TransitionCounts:
                 "states, actions, rewards and next_states must be vectors of one size, "
                 f"got {columns[0].shape}, {columns[1].shape}, {sums.shape}, {columns[2].shape}"
             )
-        return _kernels.Transitions(columns[0], columns[1], sums, columns[2])
+        return _kernels.DiscreteTransitions(columns[0], columns[1], sums, columns[2])
 
 
 def grown(array: NDArray[Any], size: int, fill: float) -> Any:

@@ -221,7 +221,7 @@ def outputs(network: Network, x: Float32s) -> Float32s:
     return at.out
 
 
-class Experience(NamedTuple):
+class StretchRows(NamedTuple):
     """Stretches of n steps, one row each."""
 
     observations: Float32s  # [N, d] o, scaled
@@ -253,7 +253,7 @@ class Rates(NamedTuple):
 
 
 @compiled
-def take_batch(experience: Experience, rows: Integers, x: Float32s, later: Float32s) -> None:
+def take_batch(experience: StretchRows, rows: Integers, x: Float32s, later: Float32s) -> None:
     """Write the observations of some rows, and those at the ends of their stretches."""
     for i in range(rows.size):
         for j in range(x.shape[1]):
@@ -274,7 +274,7 @@ def best(values: Float32s, allowed: Booleans) -> int:
 @compiled
 def update(
     learning: Learning,
-    experience: Experience,
+    experience: StretchRows,
     rows: Integers,  # [U, B] rows of each update's batch
     steps: Floats,  # [U] step size of each update
     number: int,

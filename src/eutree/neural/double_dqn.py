@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from eutree.arrays import Booleans, Float32s, Floats, Integers, frozen
 from eutree.errors import InvalidArgumentError
 from eutree.neural import _kernels
-from eutree.neural._kernels import Experience, Learning, Network, Rates
+from eutree.neural._kernels import StretchRows, Learning, Network, Rates
 from eutree.validation import check_integer, check_number
 
 FAR = 10.0  # in spreads: what is farther from the mean looks alike
@@ -221,7 +221,7 @@ class DoubleDQN:
         masks = np.tile(self._all, (len(observations), 1))
         if allowed is not None:
             masks[:-1] = allowed
-        rows = Experience(
+        rows = StretchRows(
             scaled[:-1],
             actions,
             (scale * new.earned).astype(np.float32),
@@ -232,7 +232,7 @@ class DoubleDQN:
         end = self._n_rows + actions.size
         if end > self._experience.actions.size:
             self._experience = _lengthened(self._experience, max(end, 2 * self._n_rows))
-        for name in Experience._fields:
+        for name in StretchRows._fields:
             getattr(self._experience, name)[self._n_rows : end] = getattr(rows, name)
         self._n_rows = end
 
@@ -350,8 +350,8 @@ def reward_scale_of(rewards: Sequence[Floats], discount: float) -> float:
     return LARGEST_RETURN / largest if largest > 0.0 else 1.0
 
 
-def _empty(n: int, d: int, n_actions: int) -> Experience:
-    return Experience(
+def _empty(n: int, d: int, n_actions: int) -> StretchRows:
+    return StretchRows(
         np.zeros((n, d), np.float32),
         np.zeros(n, np.int64),
         np.zeros(n, np.float32),
@@ -361,8 +361,8 @@ def _empty(n: int, d: int, n_actions: int) -> Experience:
     )
 
 
-def _lengthened(experience: Experience, n: int) -> Experience:
+def _lengthened(experience: StretchRows, n: int) -> StretchRows:
     longer = _empty(n, experience.observations.shape[1], experience.allowed.shape[1])
-    for name in Experience._fields:
+    for name in StretchRows._fields:
         getattr(longer, name)[: experience.actions.size] = getattr(experience, name)
     return longer

@@ -17,7 +17,7 @@ class Parts(NamedTuple):
     high: Floats  # [L, n]
 
 
-class Cells(NamedTuple):
+class MetCells(NamedTuple):
     """Cells that boxes may meet, and the hull of what lies in each of those that were met."""
 
     width: Floats  # [d]
@@ -79,7 +79,7 @@ def cut(
 
 
 @compiled
-def join(cells: Cells, low: Floats, high: Floats) -> int:
+def join(cells: MetCells, low: Floats, high: Floats) -> int:
     """Cut boxes [N, d] at the bounds of cells, and write the hull of each cell that is met.
 
     Returns:

@@ -136,7 +136,7 @@ class Layers:
         places, met, size = int(count.prod()), -1, len(low)
         while met < 0:  # more cells than there was room for
             size *= 2
-            cells = kernels.Cells(
+            cells = kernels.MetCells(
                 self.width, first.astype(np.int64), count.astype(np.int64),
                 np.full(places, -1, dtype=np.int32), *np.empty((2, size, len(first))),
             )  # fmt: skip

@@ -72,7 +72,7 @@ class Draws(NamedTuple):
     normal: Floats  # [K]
 
 
-class Conditions(NamedTuple):
+class EnsembleConditions(NamedTuple):
     """What all policies meet alike: the members, their chance, and the most steps of an episode."""
 
     world: EnsembleWorld
@@ -291,7 +291,7 @@ def step(
 
 @compiled
 def record(
-    conditions: Conditions,
+    conditions: EnsembleConditions,
     before: Episodes,
     departs: Integers,  # [E] first step of each episode to run again, -1 where there is none
     within: Integers,  # [M] node of the policy that holds all steps of a node before
@@ -340,7 +340,7 @@ def record(
 
 @compiled
 def rival_returns(
-    conditions: Conditions,
+    conditions: EnsembleConditions,
     episodes: Episodes,
     departs: Integers,  # [E] step from which on the rival acts on its own, -1 where it never does
     rival: ActionTree,
@@ -372,7 +372,7 @@ def rival_returns(
 
 @compiled
 def deviations(
-    conditions: Conditions,
+    conditions: EnsembleConditions,
     episodes: Episodes,
     policy: ActionTree,
     steps: Integers,  # [n]

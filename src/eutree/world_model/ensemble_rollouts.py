@@ -6,7 +6,7 @@ from eutree.arrays import Floats, Integers
 from eutree.world_model import _kernels
 from eutree.world_model import _kernels_ensemble as kernels
 from eutree.world_model._kernels import ActionTree
-from eutree.world_model._kernels_ensemble import Conditions, Draws
+from eutree.world_model._kernels_ensemble import EnsembleConditions, Draws
 from eutree.world_model.action_trees import n_leaves, with_child
 from eutree.world_model.ensemble import Ensemble
 from eutree.world_model.rollouts import DRAWS, Gain, Rollouts
@@ -113,7 +113,7 @@ class EnsembleRollouts(Rollouts):
     def _draw(self) -> None:
         generator = self.generator
         draws = Draws(generator.random(DRAWS), generator.standard_normal(DRAWS))
-        self._conditions = Conditions(self._world, draws, self._horizon)
+        self._conditions = EnsembleConditions(self._world, draws, self._horizon)
         chosen = generator.integers(len(self._starts), size=self._n_starts)
         starts = np.repeat(self._starts[chosen], self.n_members, axis=0)
         _kernels.assign_starts(starts, self._episodes)

@@ -49,7 +49,7 @@ class Leaves(NamedTuple):
     action: Integers  # [L]
 
 
-class Cells(NamedTuple):
+class CellCuts(NamedTuple):
     """How each number is cut: into cells, and these into parts to which hulls are rounded."""
 
     counts: Integers  # [d] cells; 1 where only the hull is kept
@@ -282,7 +282,7 @@ def last_part(edges: Floats, n: int, value: float) -> int:
 
 @compiled
 def spread(
-    leaves: Leaves, cells: Cells, flow: Flow, reached: Reached, room: Room,
+    leaves: Leaves, cells: CellCuts, flow: Flow, reached: Reached, room: Room,
     box: Floats, seen: Floats, is_first: bool,
 ) -> None:  # fmt: skip
     """Add a box to what is reached: piece by piece of the cells, leaf by leaf of the tree."""
@@ -335,7 +335,7 @@ def _enters(leaves: Leaves, leaf: int, room: Room, seen: Floats) -> bool:
 
 
 @compiled
-def _add(cells: Cells, reached: Reached, room: Room, node: int) -> None:
+def _add(cells: CellCuts, reached: Reached, room: Room, node: int) -> None:
     """Widen the hull of a node by a box; a node that grew waits to be looked at."""
     counts, parts, edges = cells
     grew = False
@@ -359,7 +359,7 @@ def _add(cells: Cells, reached: Reached, room: Room, node: int) -> None:
 
 @compiled
 def flood(
-    leaves: Leaves, cells: Cells, reached: Reached, targets: Floats, limits: Floats, most: int
+    leaves: Leaves, cells: CellCuts, reached: Reached, targets: Floats, limits: Floats, most: int
 ) -> int:
     """Follow what waits until nothing does; return the node that breaks a limit, or -1.
 
@@ -400,7 +400,7 @@ def flood(
 
 @compiled
 def shadow(
-    cells: Cells,
+    cells: CellCuts,
     hull: NDArray[np.uint16],  # [nodes, d, 2]
     out: Booleans,  # [I, J] of the upper and the lower level, from 0 to HEIGHT
 ) -> None:

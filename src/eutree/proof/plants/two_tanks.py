@@ -243,7 +243,7 @@ def _numbers(state: Floats) -> Floats:
     return np.array([stored, lower - deviation, deviation, pump, valve, lower, mass, *weighed])
 
 
-def _cells() -> kernels.Cells:
+def _cells() -> kernels.CellCuts:
     """Return the cells; their ranges hold every state whose levels are in the tanks."""
     valve = [1.0]
     while valve[-1] > 0.12:  # a shut valve leaves each cell for another one, in so many steps
@@ -263,7 +263,7 @@ def _cells() -> kernels.Cells:
     for row, line in zip(table, lines, strict=True):
         row[: line.size] = line
     count = np.array([edges.size - 1 for edges, _ in cuts])
-    return kernels.Cells(count, np.array([n for _, n in cuts]), table)
+    return kernels.CellCuts(count, np.array([n for _, n in cuts]), table)
 
 
 def _steps(low: float, high: float, width: float) -> Floats:
@@ -296,7 +296,7 @@ def _limits(region: Region) -> Floats:
     return np.minimum(high[:2], np.nextafter(HEIGHT, 0.0))
 
 
-class Draws:
+class ScriptedDraws:
     """What the real tanks draw, written down in advance: demands and set points."""
 
     def __init__(self, real: Any, script: Floats) -> None:
@@ -332,7 +332,7 @@ def rerun(
     plant.put(env, np.array([*start[:2], 0.0, 0.0, 0.0]))
     real: Any = env.unwrapped
     real._target = float(start[2])
-    real.np_random = Draws(real, script)
+    real.np_random = ScriptedDraws(real, script)
     observation = real._observation()
     for _ in range(len(script)):
         action = policy.act(np.asarray(observation, dtype=np.float64).tolist())
