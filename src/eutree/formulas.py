@@ -169,7 +169,7 @@ def parse(text: str, names: Sequence[str]) -> Formula:
         raise InvalidArgumentError(
             f"a formula must have at most {MAX_FORMULA:,} characters, got {len(text):,}"
         )
-    return _Parser(text, names).whole()
+    return _FormulaParser(text, names).whole()
 
 
 def in_formula(name: str) -> str:
@@ -193,7 +193,7 @@ def renamed(text: str, names: Sequence[str], others: Sequence[str]) -> str:
     return words[1:-1] if formula.kind in {*"+-*/", "if"} else words
 
 
-class _Parser:
+class _FormulaParser:
     def __init__(self, text: str, names: Sequence[str]) -> None:
         self.text, self.names = text, names
         self.tokens = [(str(match.lastgroup), match[match.lastgroup or 0])

@@ -9,7 +9,7 @@ import pytest
 
 from eutree.c45 import C45Settings, grow
 from eutree.c45._kernels_pruning import add_errors
-from eutree.c45.text import Names, to_dot, to_json, to_svg, to_text
+from eutree.c45.text import C45Names, to_dot, to_json, to_svg, to_text
 
 # Quinlan (1993), C4.5: Programs for Machine Learning, the golf example of chapter 2:
 # outlook (0 sunny, 1 overcast, 2 rain), temperature, humidity, windy, and whether to play.
@@ -32,7 +32,7 @@ GOLF = np.array(
     ],
     dtype=float,
 )
-NAMES = Names(
+NAMES = C45Names(
     features=("outlook", "temperature", "humidity", "windy"),
     classes=("don't play", "play"),
     values=(("sunny", "overcast", "rain"), (), (), ("false", "true")),
@@ -179,7 +179,7 @@ def test_a_branch_without_cases_predicts_the_class_above() -> None:
 def test_other_writers_know_names_and_quote_them() -> None:
     rows, classes = GOLF[:, :4], GOLF[:, 4].astype(int)
     tree = grow(rows, classes, n_classes=2, n_values=[3, 0, 0, 2])
-    names = Names(('out"look', *NAMES.features[1:]), NAMES.classes, NAMES.values)
+    names = C45Names(('out"look', *NAMES.features[1:]), NAMES.classes, NAMES.values)
     dot = to_dot(tree, names)
     assert r'n0 [label="\"out\\\"look\""];' in dot
     assert 'n0 -> n2 [label="= overcast"];' in dot
@@ -187,7 +187,7 @@ def test_other_writers_know_names_and_quote_them() -> None:
     document = json.loads(to_json(tree, NAMES))
     assert document["nodes"][1]["threshold"] == 75.0
     assert document["nodes"][0]["values"] == [[0], [1], [2]]
-    hostile = Names(("<script>", *NAMES.features[1:]), NAMES.classes, NAMES.values)
+    hostile = C45Names(("<script>", *NAMES.features[1:]), NAMES.classes, NAMES.values)
     assert "<script" not in to_svg(tree, hostile)
     drawing = ElementTree.fromstring(to_svg(tree, NAMES))
     texts = [element.text for element in drawing.iter() if element.tag.endswith("}text")]

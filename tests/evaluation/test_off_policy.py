@@ -7,7 +7,7 @@ import pytest
 
 from eutree.data import Episode
 from eutree.evaluation import off_policy
-from eutree.evaluation.log_gains import Log, cuts
+from eutree.evaluation.log_gains import FittedLog, cuts
 from eutree.evaluation.off_policy import FEWEST_HELD_OUT, Judge, compare_off_policy, hold_out
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
@@ -215,7 +215,7 @@ def gain_by_hand(episode, chance):
 def test_the_gain_of_whole_episodes_is_that_of_its_twin():
     log = two_step_log(5, lambda departs, generator: departs + generator.normal(), 60)
     known, held_out = log[:40], log[40:]
-    fitted = Log(known, 2, 0.99)
+    fitted = FittedLog(known, 2, 0.99)
     limits = (-9.0, 9.0)
     found = fitted.gains(chooses(0.0), chooses(0.5), held_out, limits, most_weight=1000.0)
     assert found.whole
@@ -251,6 +251,6 @@ def test_a_tree_is_cut_to_what_held_out_episodes_support():
 def test_locked_leaves_are_not_cut():
     tree = chooses(0.2)
     locked = dataclasses.replace(tree, locked=(0,))
-    log = Log(two_step_log(1, rarely_lost, 20), 2, 0.99)
+    log = FittedLog(two_step_log(1, rarely_lost, 20), 2, 0.99)
     assert cuts(locked, log) == [locked]
     assert len(cuts(tree, log)) == 2

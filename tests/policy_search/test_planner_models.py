@@ -3,7 +3,7 @@
 import numpy as np
 
 from eutree.policy_search.improvement import Improvement
-from eutree.policy_search.planner import Plan, Planner
+from eutree.policy_search.planner import Planner, Rivals
 from eutree.world_model import Transitions, leaf_node
 from eutree.world_model.action_trees import single_action
 
@@ -28,7 +28,7 @@ def known():
 
 def test_a_challenger_is_found_in_model_trees():
     planner = Planner(n_steps=4_000, improvement=Improvement(deviations=1000))
-    plan = planner.plan(Plan(single_action(0)), known(), np.random.default_rng(1))
+    plan = planner.plan(Rivals(single_action(0)), known(), np.random.default_rng(1))
     assert plan.challenger is not None
     assert plan.model_steps > 0
     for place, action in ((0.2, 0), (0.8, 1)):

@@ -7,8 +7,8 @@ from html.parser import HTMLParser
 
 from eutree.report import (
     CHANGES_ID,
+    Headline,
     RunReport,
-    Stage,
     Table,
     WatchedTree,
 )
@@ -25,7 +25,7 @@ def report(name: str = "EU-Tree") -> RunReport:
         title=f"{name}, a run",
         curves={"success rate": {name: CURVE, "C. U-Tree": CURVE[:2]}, name: {name: CURVE}},
         verdict=[name, Pointer(name, CHANGES_ID), "."],
-        stages=[Stage(name, "99 %", name, name)],
+        stages=[Headline(name, "99 %", name, name)],
         watched=WatchedTree(
             policy,
             [replace(watched, by=name) for watched in episodes(policy, count=2)],

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from eutree.cli.main import run
-from eutree.learners.partition import Partition, Plane, Region
+from eutree.learners.partition import Partition, Plane, PlaneRegion
 from eutree.report import drawings, partition_chart
 from eutree.schema import Feature, Schema
 
@@ -28,7 +28,7 @@ def drawn(*regions, **others):
 
 
 def test_regions_lie_where_they_are_and_say_what_they_are():
-    root = drawn(Region(SQUARE, 0, 2.5), Region(BESIDE, 1, -1.0))
+    root = drawn(PlaneRegion(SQUARE, 0, 2.5), PlaneRegion(BESIDE, 1, -1.0))
     left, right = root.iter(f"{SVG}polygon")
     frame = next(root.iter(f"{SVG}rect"))
     edges = [float(frame.get("x")), float(frame.get("x")) + float(frame.get("width"))]
@@ -49,7 +49,7 @@ def test_regions_lie_where_they_are_and_say_what_they_are():
 
 
 def test_the_ticks_stand_at_their_axes():
-    root = drawn(Region(SQUARE, 0, 1.0))
+    root = drawn(PlaneRegion(SQUARE, 0, 1.0))
     frame = next(root.iter(f"{SVG}rect"))
     left = float(frame.get("x"))
     across = [float(t.get("x")) for t in root.iter(f"{SVG}text") if t.text == "0.5"]
@@ -57,8 +57,8 @@ def test_the_ticks_stand_at_their_axes():
 
 
 def test_costs_are_written_into_cells_and_what_is_lost_has_none():
-    lost = Region(BESIDE, value=float("inf"))
-    root = drawn(Region(SQUARE, value=3.0), lost)
+    lost = PlaneRegion(BESIDE, value=float("inf"))
+    root = drawn(PlaneRegion(SQUARE, value=3.0), lost)
     numbers = [t.text for t in root.iter(f"{SVG}text") if t.get("class") == "number"]
     assert numbers == ["3"]
     assert [p.get("class") for p in root.iter(f"{SVG}polygon")] == ["region cell", "region lost"]
@@ -66,7 +66,7 @@ def test_costs_are_written_into_cells_and_what_is_lost_has_none():
 
 
 def test_a_way_is_drawn_and_what_is_unknown_is_drawn_too():
-    root = drawn(Region(SQUARE, 0), path=np.array([[0.0, 0.0], [1.0, 0.5], [99.0, 0.5]]))
+    root = drawn(PlaneRegion(SQUARE, 0), path=np.array([[0.0, 0.0], [1.0, 0.5], [99.0, 0.5]]))
     way = next(root.iter(f"{SVG}polyline")).get("points").split()
     assert len(way) == 3
     assert next(root.iter(f"{SVG}polygon")).get("fill-opacity") == "0.40"

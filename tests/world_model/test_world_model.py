@@ -16,7 +16,7 @@ import eutree
 from eutree.errors import InvalidArgumentError
 from eutree.policy_search import _kernels_search as search
 from eutree.policy_search.improvement import Improvement
-from eutree.policy_search.planner import Plan, Planner
+from eutree.policy_search.planner import Planner, Rivals
 from eutree.world_model import Transitions, _kernels, _kernels_lanes, fit_world_models
 from eutree.world_model import _kernels_regression as regression
 from eutree.world_model.action_trees import (
@@ -417,7 +417,7 @@ def planned(plan, data, seed=0, **choices):
 
 
 def test_a_challenger_is_not_the_incumbent_before_it_was_evaluated():
-    plan = planned(Plan(single_action(GO), incumbent_episodes=tuple(range(200))), walks(200, 7))
+    plan = planned(Rivals(single_action(GO), incumbent_episodes=tuple(range(200))), walks(200, 7))
     assert nested(plan.incumbent) == GO
     assert plan.challenger is not None
     assert mean_return(plan.challenger) > 80
@@ -426,7 +426,7 @@ def test_a_challenger_is_not_the_incumbent_before_it_was_evaluated():
 @pytest.mark.parametrize("good", [True, False])
 def test_a_challenger_is_adopted_if_its_evaluation_went_well(good):
     data = walks(200, 7)
-    plan = planned(Plan(single_action(GO), incumbent_episodes=tuple(range(200))), data)
+    plan = planned(Rivals(single_action(GO), incumbent_episodes=tuple(range(200))), data)
     ends_well = data.rewards[data.last] == 100.0
     episodes = np.flatnonzero(ends_well if good else ~ends_well)[:25]
     plan = replace(plan, challenger_episodes=tuple(episodes.tolist()))
@@ -444,8 +444,8 @@ class Unimproved(Improvement):
 def test_the_explorer_is_one_more_start_of_the_challenger():
     """Single changes of the incumbent may never get to where the explorer is."""
     data = walks(200, 7)
-    good = planned(Plan(single_action(STAY)), data).challenger
-    plan = Plan(single_action(STAY), explorer=good)
+    good = planned(Rivals(single_action(STAY)), data).challenger
+    plan = Rivals(single_action(STAY), explorer=good)
     after = Planner(improvement=Unimproved()).plan(plan, data, np.random.default_rng(0))
     assert nested(after.challenger) == nested(good)
 
@@ -453,7 +453,7 @@ def test_the_explorer_is_one_more_start_of_the_challenger():
 @pytest.mark.parametrize("good", [True, False])
 def test_an_untested_policy_is_compared_with_chance(good):
     data = walks(200, 7)
-    plan = planned(Plan(single_action(STAY)), data)
+    plan = planned(Rivals(single_action(STAY)), data)
     ends_well = data.rewards[data.last] == 100.0
     episodes = np.flatnonzero(ends_well if good else ~ends_well)[:25]
     plan = replace(plan, challenger_episodes=tuple(episodes.tolist()))
@@ -474,7 +474,7 @@ def test_demonstrations_of_another_world_are_forgotten(changed):
         2,
     )
     after = planned(
-        Plan(single_action(GO), incumbent_episodes=tuple(range(35)), demonstrations=15), data
+        Rivals(single_action(GO), incumbent_episodes=tuple(range(35)), demonstrations=15), data
     )
     assert after.valid_from == (15 if changed else 0)
     assert len(after.incumbent_episodes) == (20 if changed else 35)
@@ -499,7 +499,7 @@ def test_the_explorer_runs_fewer_rollouts(monkeypatch):
             super().__init__(model, n_episodes, discount, generator)
 
     monkeypatch.setattr("eutree.policy_search.planner.PairedRollouts", Counting)
-    plan, data = Plan(single_action(GO)), walks(30, 4)
+    plan, data = Rivals(single_action(GO)), walks(30, 4)
     for choices in ({"n_episodes": 60, "n_explorer_episodes": 20}, {"n_episodes": 60}):
         Planner(**choices).plan(plan, data, np.random.default_rng(0))
     assert asked == [60, 20, 60, 60]
@@ -507,7 +507,7 @@ def test_the_explorer_runs_fewer_rollouts(monkeypatch):
 
 def test_planning_waits_until_the_history_has_grown():
     imagination = Planner(growth=1.5)
-    plan = Plan(single_action(GO), planned_at=100)
+    plan = Rivals(single_action(GO), planned_at=100)
     assert not imagination.due(plan, 150)
     assert imagination.due(plan, 151)
 

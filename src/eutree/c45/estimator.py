@@ -347,11 +347,11 @@ class C45Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # sk
         tree: C45Tree = self.tree_
         return tree
 
-    def _names(self) -> text.Names:
+    def _names(self) -> text.C45Names:
         columns: Iterable[object] = getattr(
             self, "feature_names_in_", [f"x{i}" for i in range(self.n_features_in_)]
         )
-        return text.Names(
+        return text.C45Names(
             features=tuple(map(str, columns)),
             classes=tuple(map(str, self.classes_)),
             values=tuple(

@@ -14,7 +14,7 @@ from eutree.wording import counted
 
 
 @dataclass(frozen=True)
-class Names:
+class C45Names:
     """What the numbers of a tree are called.
 
     Attributes:
@@ -28,7 +28,7 @@ class Names:
     values: tuple[tuple[str, ...], ...]
 
 
-def condition(tree: C45Tree, names: Names, node: int, branch: int) -> str:
+def condition(tree: C45Tree, names: C45Names, node: int, branch: int) -> str:
     """Return the condition under which ``node`` hands a case to a branch."""
     name = printable(names.features[tree.feature[node]])
     if tree.value_start[node] < 0:
@@ -38,7 +38,7 @@ def condition(tree: C45Tree, names: Names, node: int, branch: int) -> str:
     return f"{name} = {values[0]}" if len(values) == 1 else f"{name} in {{{', '.join(values)}}}"
 
 
-def verdict(tree: C45Tree, names: Names, node: int) -> str:
+def verdict(tree: C45Tree, names: C45Names, node: int) -> str:
     """Return the class of a leaf with its training cases and errors: ``play (4)``, ``(4/1)``."""
     total = float(tree.distribution[node].sum())
     wrong = total - float(tree.distribution[node].max())
@@ -46,7 +46,7 @@ def verdict(tree: C45Tree, names: Names, node: int) -> str:
     return f"{printable(names.classes[tree.label[node]])} ({_number(round(total, 2))}{errors})"
 
 
-def to_text(tree: C45Tree, names: Names) -> str:
+def to_text(tree: C45Tree, names: C45Names) -> str:
     """Return one line for each branch, indented by its depth, as C4.5 prints its trees."""
     if tree.n_nodes == 1:
         return verdict(tree, names, 0)
@@ -60,7 +60,7 @@ def to_text(tree: C45Tree, names: Names) -> str:
     return "\n".join(lines)
 
 
-def to_dot(tree: C45Tree, names: Names) -> str:
+def to_dot(tree: C45Tree, names: C45Names) -> str:
     """Return a Graphviz digraph."""
     lines = ["digraph tree {", "  node [shape=box];"]
     for node, _ in tree.preorder():
@@ -75,7 +75,7 @@ def to_dot(tree: C45Tree, names: Names) -> str:
     return "\n".join([*lines, "}", ""])
 
 
-def to_json(tree: C45Tree, names: Names) -> str:
+def to_json(tree: C45Tree, names: C45Names) -> str:
     """Return names and nodes; children follow their parents, numbers are written in full."""
     nodes: list[dict[str, Any]] = []
     for node in range(tree.n_nodes):
@@ -123,7 +123,7 @@ _STYLE = """\
 """
 
 
-def to_svg(tree: C45Tree, names: Names) -> str:
+def to_svg(tree: C45Tree, names: C45Names) -> str:
     """Return a drawing: on each node the condition that leads to it, on leaves the class too."""
     labels = [_label(tree, names, node) for node in range(tree.n_nodes)]
     column, row, n_rows = _places(tree)
@@ -156,7 +156,7 @@ def to_svg(tree: C45Tree, names: Names) -> str:
     return "\n".join([*lines, "</svg>"]) + "\n"
 
 
-def _label(tree: C45Tree, names: Names, node: int) -> str:
+def _label(tree: C45Tree, names: C45Names, node: int) -> str:
     leaf = verdict(tree, names, node) if not tree.n_children[node] else ""
     if node == 0:
         return leaf or "all cases"

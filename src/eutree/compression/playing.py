@@ -211,7 +211,7 @@ class Ground:
         else:
             workers = Workers(self.n_jobs)
             blocks = [pairs[b.start : b.stop] for b in workers.blocks(len(pairs), 256)]
-            episodes = [one for found in workers.map(_Block(self.recipe), blocks) for one in found]
+            episodes = [one for found in workers.map(_Pairs(self.recipe), blocks) for one in found]
         returns, successes, features, actions = zip(*episodes, strict=True)
         lengths = [len(one) for one in actions]
         return (
@@ -230,7 +230,7 @@ _Episode = tuple[float, bool | None, Floats, Integers]  # return, success, featu
 
 
 @dataclass(frozen=True)
-class _Block:
+class _Pairs:
     """Some episodes, in whichever process."""
 
     recipe: Recipe

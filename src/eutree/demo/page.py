@@ -13,7 +13,7 @@ from eutree.evaluation import CurvePoint, Evaluation, Interval
 from eutree.inspection import PolicyDiff
 from eutree.parallel import Workers
 from eutree.policies import TreePolicy
-from eutree.report import CHANGES_ID, RunReport, Stage, Table, WatchedEpisode, WatchedTree, watch
+from eutree.report import CHANGES_ID, Headline, RunReport, Table, WatchedEpisode, WatchedTree, watch
 from eutree.report.chart import Series
 from eutree.report.html import Pointer, Verdict, changed_leaves
 from eutree.report.watching import film_if_possible
@@ -312,27 +312,28 @@ def _figures(evaluation: Evaluation) -> tuple[str, str]:
     return _percent(evaluation.success_rate), f"[{100 * least:.1f}, {100 * most:.1f}]"
 
 
-def _stages(facts: DemoFacts) -> list[Stage]:
+def _stages(facts: DemoFacts) -> list[Headline]:
     """Return the story's figures in its order."""
     shown, story, runs = facts.demonstrations, facts.settings.story, facts.runs
     leaves = counted(facts.expert.n_leaves, "leaf")
     if facts.at_home is None:
-        stages = [Stage("The tree that was shown", *_figures(facts.before),
-                        f"{counted(len(shown), 'demonstration')}, {leaves}")]  # fmt: skip
+        stages = [Headline("The tree that was shown", *_figures(facts.before),
+                           f"{counted(len(shown), 'demonstration')}, {leaves}")]  # fmt: skip
     else:
         stages = [
-            Stage("The tree that was shown", *_figures(facts.at_home),
-                  f"{counted(len(shown), 'demonstration')}, {leaves}, nothing changed"),
-            Stage("The same tree, another world", *_figures(facts.before), f"now {story.changed}"),
+            Headline("The tree that was shown", *_figures(facts.at_home),
+                     f"{counted(len(shown), 'demonstration')}, {leaves}, nothing changed"),
+            Headline("The same tree, another world", *_figures(facts.before),
+                     f"now {story.changed}"),
         ]  # fmt: skip
     learned = tuple(facts.evaluations.values())[1]
     best = runs.runs[runs.winner]
     steps = f"{best.environment_steps:,} steps, the best of {counted(len(runs.runs), 'run')}"
-    stages.append(Stage("After learning", *_figures(learned), steps))
+    stages.append(Headline("After learning", *_figures(learned), steps))
     lines = len(facts.source.splitlines())
     words = f"{facts.compression.n_leaves_before} leaves before; a C function of {lines} lines"
-    stages.append(Stage(f"Compressed to {counted(facts.small.n_leaves, 'leaf')}",
-                        *_figures(facts.after), words))  # fmt: skip
+    stages.append(Headline(f"Compressed to {counted(facts.small.n_leaves, 'leaf')}",
+                           *_figures(facts.after), words))  # fmt: skip
     return stages
 
 

@@ -59,7 +59,7 @@ class Gains:
     tried: int
 
 
-class _Told(NamedTuple):
+class _ToldEpisode(NamedTuple):
     """What V and mu say of an episode."""
 
     episode: Episode
@@ -68,7 +68,7 @@ class _Told(NamedTuple):
     advantages: Floats  # [T]
 
 
-class Log:
+class FittedLog:
     """Episodes that V and the chances of actions are fitted to, and what others say by them.
 
     Args:
@@ -87,7 +87,7 @@ class Log:
         counts = np.ones((self._tree.n_leaves, n_actions))  # Laplace's: nothing is impossible
         np.add.at(counts, (self._tree.leaf_index(rows), actions), 1.0)
         self._chances = counts / counts.sum(axis=1, keepdims=True)  # [L, A]
-        self._cache: dict[int, _Told] = {}
+        self._cache: dict[int, _ToldEpisode] = {}
         self._value = _fitted_value(rows, self.episodes, discount)
 
     def chances(self, episode: Episode) -> Floats:
@@ -102,7 +102,7 @@ class Log:
         """Return how much more than usual followed each step, shape [T]."""
         return self._told(episode).advantages
 
-    def _told(self, episode: Episode) -> "_Told":
+    def _told(self, episode: Episode) -> "_ToldEpisode":
         """Return what V and mu say of an episode; once for all trees that are compared."""
         told = self._cache.get(id(episode))
         if told is None or told.episode is not episode:
@@ -113,7 +113,7 @@ class Log:
                 ahead[-1:] = 0.0
             surprises = episode.rewards + self._discount * ahead - values[:-1]
             advantages = _sums_ahead(surprises, self._discount * LAMBDA)
-            told = self._cache[id(episode)] = _Told(episode, chances, values, advantages)
+            told = self._cache[id(episode)] = _ToldEpisode(episode, chances, values, advantages)
         return told
 
     def gains(
@@ -165,7 +165,9 @@ def decisions(policy: TreePolicy, episode: Episode) -> Integers:
 class _Differing:
     """The steps of an episode at which two trees decide differently, and what was done there."""
 
-    def __init__(self, one: TreePolicy, other: TreePolicy, log: Log, episode: Episode) -> None:
+    def __init__(
+        self, one: TreePolicy, other: TreePolicy, log: FittedLog, episode: Episode
+    ) -> None:
         self.episode = episode
         ours, theirs = decisions(one, episode), decisions(other, episode)
         self._steps = np.flatnonzero(ours != theirs)  # [D]
@@ -248,7 +250,7 @@ def _sums_ahead(values: Floats, discount: float) -> Floats:
 SHARES = (1 / 2, 1 / 4, 1 / 8)  # of the leaves
 
 
-def cuts(policy: TreePolicy, log: Log) -> list[TreePolicy]:
+def cuts(policy: TreePolicy, log: FittedLog) -> list[TreePolicy]:
     """Return a tree, and the same cut to a half, a quarter and an eighth of its leaves.
 
     A tree with locked leaves stays as it is.
@@ -271,7 +273,7 @@ def cuts(policy: TreePolicy, log: Log) -> list[TreePolicy]:
 class _Pruning:
     """A tree that is cut node by node."""
 
-    def __init__(self, policy: TreePolicy, log: Log) -> None:
+    def __init__(self, policy: TreePolicy, log: FittedLog) -> None:
         self._policy, self._tree = policy, policy.tree
         self._label = np.full(self._tree.n_nodes, INNER)
         self._label[self._tree.node_of_leaf] = policy.actions
@@ -304,7 +306,7 @@ class _Pruning:
         return value, leaves
 
 
-def _worth(policy: TreePolicy, log: Log) -> Floats:
+def _worth(policy: TreePolicy, log: FittedLog) -> Floats:
     """Return what single deviations to each action gained in each node, shape [M, A]."""
     tree = policy.tree
     worth = np.zeros((tree.n_nodes, log.n_actions))

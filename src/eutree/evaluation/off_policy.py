@@ -23,7 +23,7 @@ from eutree.contests import Bounds
 from eutree.contests.betting import lower_bound, tuned_stake
 from eutree.contests.rules import BLIND
 from eutree.data import Episode
-from eutree.evaluation.log_gains import Gains, Log, cuts
+from eutree.evaluation.log_gains import FittedLog, Gains, cuts
 from eutree.policies import TreePolicy
 from eutree.wording import counted
 from eutree.world_model import PairedRollouts, Transitions, fit_world_models
@@ -218,8 +218,8 @@ class Judge:
         return self._log.gains(learned, self.other, self.held_out, self._limits, most_weight=most)
 
     @cached_property
-    def _log(self) -> Log:
-        return Log(self.known, self.other.schema.n_actions, self.discount)
+    def _log(self) -> FittedLog:
+        return FittedLog(self.known, self.other.schema.n_actions, self.discount)
 
     @cached_property
     def _limits(self) -> tuple[float, float]:

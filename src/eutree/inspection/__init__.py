@@ -6,7 +6,7 @@ from eutree.inspection.monotone import keep_monotone, monotone_rules
 from eutree.inspection.properties import Property
 from eutree.inspection.regions import Region
 from eutree.inspection.verify import CounterExample, Verification, verify
-from eutree.inspection.why import Alternative, Explanation, Step, Support, why
+from eutree.inspection.why import Alternative, Explanation, PathTest, Support, why
 
 __all__ = [
     "Alternative",
@@ -14,10 +14,10 @@ __all__ = [
     "Disagreement",
     "Edited",
     "Explanation",
+    "PathTest",
     "PolicyDiff",
     "Property",
     "Region",
-    "Step",
     "Support",
     "Verification",
     "diff",

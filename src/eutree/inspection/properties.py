@@ -83,7 +83,7 @@ def parse(text: str, schema: Schema) -> Property:
         InvalidArgumentError: The text is no property; says where.
         UnknownNameError: It names no feature or action of the schema; names the nearest.
     """
-    return _Parser(text, schema).property()
+    return _PropertyParser(text, schema).property()
 
 
 def conditions(text: str, schema: Schema) -> Region:
@@ -93,13 +93,13 @@ def conditions(text: str, schema: Schema) -> Region:
         InvalidArgumentError: The text is none; says where.
         UnknownNameError: It names no feature of the schema; names the nearest.
     """
-    regions = _Parser(text, schema).everything()
+    regions = _PropertyParser(text, schema).everything()
     if len(regions) > 1:
         raise InvalidArgumentError(f"conditions {text!r} must name neighbouring categories")
     return regions[0]
 
 
-class _Parser:
+class _PropertyParser:
     def __init__(self, text: str, schema: Schema) -> None:
         self.text, self.schema = text, schema
         self.tokens = _TOKEN.findall(text)

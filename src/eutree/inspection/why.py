@@ -17,7 +17,7 @@ from eutree.wording import counted
 
 
 @dataclass(frozen=True)
-class Step:
+class PathTest:
     """One test on the path.
 
     Attributes:
@@ -94,7 +94,7 @@ class Explanation(Displayed):
 
     action: int
     leaf: int
-    path: tuple[Step, ...]
+    path: tuple[PathTest, ...]
     region: str
     alternatives: tuple[Alternative, ...]
     visits: tuple[int, ...] | None
@@ -155,7 +155,7 @@ def why(
     )
 
 
-def _path(policy: TreePolicy, point: Floats, leaf: int, digits: Digits) -> tuple[Step, ...]:
+def _path(policy: TreePolicy, point: Floats, leaf: int, digits: Digits) -> tuple[PathTest, ...]:
     tree, steps = policy.tree, []
     for node in tree.path(leaf)[:-1]:
         feature, cut = int(tree.feature[node]), float(tree.threshold[node])
@@ -170,7 +170,7 @@ def _path(policy: TreePolicy, point: Floats, leaf: int, digits: Digits) -> tuple
         if not (one.is_flag or one.categories):
             words += f": {digits.text(feature, value)}, by {_margin(digits, feature, distance)}"
             words += f" {printable(unit)}" if unit else ""
-        steps.append(Step(node, feature, cut, value, value <= cut, distance, words))
+        steps.append(PathTest(node, feature, cut, value, value <= cut, distance, words))
     return tuple(steps)
 
 

@@ -27,7 +27,7 @@ logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class Choice:
+class ChosenMethod:
     """A method and why it was chosen.
 
     Attributes:
@@ -62,10 +62,10 @@ class Evidence:
     teacher: bool = False
 
 
-def default_for(known: Evidence) -> Choice:
+def default_for(known: Evidence) -> ChosenMethod:
     """Return the method that learns where none is named, and why."""
     if known.teacher:
-        return Choice(method(TEACHING), "distilled-dqn learns: it asks the teacher")
+        return ChosenMethod(method(TEACHING), "distilled-dqn learns: it asks the teacher")
     shown, steps = known.demonstrations, known.steps
     if shown is None or len(shown) < ENOUGH_SHOWN:
         return _planning(f"a network as teacher would need {ENOUGH_SHOWN} demonstrations")
@@ -81,7 +81,9 @@ def default_for(known: Evidence) -> Choice:
             f"of {features} a network as teacher would need {enough} steps, not {steps}", open_=True
         )
     reason = f"{features} are many for planning, and {steps} steps are enough for a teacher"
-    return Choice(method(TEACHING), f"distilled-dqn learns: {reason} of its own", DEFAULT.name)
+    return ChosenMethod(
+        method(TEACHING), f"distilled-dqn learns: {reason} of its own", DEFAULT.name
+    )
 
 
 @cache
@@ -90,5 +92,5 @@ def say(sentence: str) -> None:
     logger.warning("%s", sentence)
 
 
-def _planning(reason: str, *, open_: bool = False) -> Choice:
-    return Choice(DEFAULT, f"planning learns: {reason}", TEACHING if open_ else "")
+def _planning(reason: str, *, open_: bool = False) -> ChosenMethod:
+    return ChosenMethod(DEFAULT, f"planning learns: {reason}", TEACHING if open_ else "")

@@ -47,7 +47,7 @@ class Plane:
 
 
 @dataclass(frozen=True, eq=False)
-class Region:
+class PlaneRegion:
     """A region in the plane.
 
     Attributes:
@@ -75,7 +75,7 @@ class Partition:
     """
 
     plane: Plane
-    regions: tuple[Region, ...]
+    regions: tuple[PlaneRegion, ...]
     values: str = ""
     points: Floats = field(default_factory=lambda: np.empty((0, 2)))  # [P, 2]
     points_are: str = ""
@@ -105,7 +105,7 @@ def rectangles(low: Floats, high: Floats, plane: Plane) -> tuple[Integers, Float
 
 def leaves_seen(
     tree: DecisionTree, actions: Integers, values: Floats, plane: Plane
-) -> tuple[Region, ...]:
+) -> tuple[PlaneRegion, ...]:
     """Return the leaves of a tree that meet the plane.
 
     Args:
@@ -116,6 +116,6 @@ def leaves_seen(
     """
     found, outlines = rectangles(*leaf_boxes(tree), plane)
     return tuple(
-        Region(outline, int(actions[leaf]), float(values[leaf]))
+        PlaneRegion(outline, int(actions[leaf]), float(values[leaf]))
         for leaf, outline in zip(found.tolist(), outlines, strict=True)
     )

@@ -43,7 +43,7 @@ from eutree.learners.learner import Arrays, Decisions, Needs, Problem, Start, St
 from eutree.policies import LeafStatistics
 from eutree.policies.leaf_statistics import returns_by_action
 from eutree.policies.order import orders_of
-from eutree.policy_search.planner import Plan, Planner
+from eutree.policy_search.planner import Planner, Rivals
 from eutree.trees import DecisionTree
 from eutree.trees.edit import graft
 from eutree.validation import check_integer, check_number
@@ -163,7 +163,7 @@ class ModelPlanning:
         self.tree, self.actions = tree, np.array(actions)
         self.n_actions = n_actions
         self.method = method
-        self.plan = Plan(from_decision_tree(tree, actions))
+        self.plan = Rivals(from_decision_tree(tree, actions))
         self.history = History(tree.n_features, 1, _forgetting(method))
         self._informed = informed
         self._locked = frozenset(locked)
@@ -389,14 +389,14 @@ def _forgetting(method: PlanningMethod) -> RecentEpisodes | None:
     return None if method.max_transitions is None else RecentEpisodes(method.max_transitions)
 
 
-def _plan_of(state: Mapping[str, NDArray[Any]]) -> Plan:
+def _plan_of(state: Mapping[str, NDArray[Any]]) -> Rivals:
     """Return the plan of a ``_plan_state``."""
     trees = {
         name: ActionTree(*(np.array(state[f"{name}_{field}"]) for field in ActionTree._fields))
         for name in _TREES
         if f"{name}_feature" in state
     }
-    return Plan(
+    return Rivals(
         incumbent=trees["incumbent"],
         challenger=trees.get("challenger"),
         explorer=trees.get("explorer"),

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from eutree.arrays import Booleans, Float32s, Floats, Integers, frozen
 from eutree.errors import InvalidArgumentError
 from eutree.neural import _kernels
-from eutree.neural._kernels import StretchRows, Learning, Network, Rates
+from eutree.neural._kernels import Learning, Network, Rates, StretchRows
 from eutree.validation import check_integer, check_number
 
 FAR = 10.0  # in spreads: what is farther from the mean looks alike

@@ -19,7 +19,7 @@ from eutree.interaction.making import make
 from eutree.policies import TreePolicy
 from eutree.proof.certificate import Certificate
 from eutree.proof.intervals import Intervals, Truth
-from eutree.proof.properties import Property
+from eutree.proof.properties import EpisodeProperty
 from eutree.schema import EnvironmentSpec, Feature, Schema
 
 State = Sequence[Intervals]  # one for each number of the state, each of N boxes
@@ -82,7 +82,7 @@ class Plant:
         return state
 
     def certify(
-        self, policy: TreePolicy, asked: Property, refinements: Sequence[int]
+        self, policy: TreePolicy, asked: EpisodeProperty, refinements: Sequence[int]
     ) -> Certificate | None:
         """Return the plant's own answer; None where boxes are to be followed.
 

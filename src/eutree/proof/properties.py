@@ -37,7 +37,7 @@ _FORMS = {
 
 
 @dataclass(frozen=True)
-class Property:
+class EpisodeProperty:
     """A statement about all episodes of a policy.
 
     Attributes:
@@ -57,7 +57,7 @@ class Property:
     least: float | None = None
 
 
-def parse(text: str, schema: Schema | None) -> Property:
+def parse(text: str, schema: Schema | None) -> EpisodeProperty:
     """Return the property that a text describes.
 
     Args:
@@ -81,7 +81,7 @@ def parse(text: str, schema: Schema | None) -> Property:
 
 def _property(
     kind: str, text: str, parts: dict[str, str | None], schema: Schema | None
-) -> Property:
+) -> EpisodeProperty:
     region, horizon = None, None
     if parts.get("conditions") is not None:
         if schema is None:
@@ -104,7 +104,7 @@ def _property(
             f"property {text!r} must have a probability between 0 and 1, got {chance}"
         )
     least = _number(text, "a return", parts.get("least"))
-    return Property(kind, text, region, horizon, chance, least)
+    return EpisodeProperty(kind, text, region, horizon, chance, least)
 
 
 def _number(text: str, meaning: str, word: str | None) -> float | None:

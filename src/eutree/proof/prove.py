@@ -24,7 +24,7 @@ from eutree.proof.invariant import Grid, largest_invariant
 from eutree.proof.layers import Layers, worst_starts
 from eutree.proof.picture import pictures_of_grid, pictures_of_pieces
 from eutree.proof.plant import Plant, State
-from eutree.proof.properties import EVER, Property, parse
+from eutree.proof.properties import EVER, EpisodeProperty, parse
 from eutree.proof.reach import Acting, Effort, Reach
 from eutree.proof.replay import breaking_seed, replay
 from eutree.proof.starts import MOST_BOXES, starts_among
@@ -36,7 +36,7 @@ _SUMMED = 1e-9  # of the steps: what adding up shares may be off
 def prove(
     policy: TreePolicy,
     plant: Plant,
-    question: str | Property | None = None,
+    question: str | EpisodeProperty | None = None,
     *,
     effort: Effort | None = None,
 ) -> Certificate:
@@ -84,7 +84,7 @@ def prove(
     return proof.for_ever()
 
 
-def _of_return(found: Certificate, asked: Property, plant: Plant) -> Certificate:
+def _of_return(found: Certificate, asked: EpisodeProperty, plant: Plant) -> Certificate:
     """Return what a proof of how long episodes take says of the mean return over all starts."""
     low, high = found.bounds["mean_return"]
     least = asked.least or 0.0
@@ -103,7 +103,7 @@ class _Proof:
     """A property that is decided by following boxes for some steps."""
 
     def __init__(
-        self, policy: TreePolicy, plant: Plant, asked: Property, horizon: int, effort: Effort
+        self, policy: TreePolicy, plant: Plant, asked: EpisodeProperty, horizon: int, effort: Effort
     ) -> None:
         self._policy, self._plant, self._asked = policy, plant, asked
         self._horizon, self._effort = horizon, effort

@@ -19,7 +19,7 @@ from eutree.errors import InvalidArgumentError
 from eutree.evaluation import Evaluation, Interval
 from eutree.evaluation.evaluation import check_confidence
 from eutree.proof.certificate import PROVEN, REFUTED, STATISTICAL, UNDECIDED, Certificate
-from eutree.proof.properties import Property, parse
+from eutree.proof.properties import EpisodeProperty, parse
 from eutree.validation import check_integer
 
 _SLACK = 1e-9  # of a probability: what the sums of its tails may be off
@@ -53,7 +53,7 @@ class Sampling:
 
 def certify_sample(
     evaluation: Evaluation,
-    question: str | Property | None = None,
+    question: str | EpisodeProperty | None = None,
     *,
     environment: str,
     sampling: Sampling | None = None,
@@ -156,7 +156,11 @@ def _plain(evaluation: Evaluation, environment: str, sampling: Sampling) -> Cert
 
 
 def _judged(
-    asked: Property, bounds: dict[str, Interval], least: float, conditions: str, episodes: int
+    asked: EpisodeProperty,
+    bounds: dict[str, Interval],
+    least: float,
+    conditions: str,
+    episodes: int,
 ) -> Certificate:
     """Return whether a number that lies between bounds is at least what was asked for."""
     ((name, found),) = bounds.items()

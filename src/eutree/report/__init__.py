@@ -6,16 +6,16 @@ from eutree.report.importances import FeatureImportancesDisplay
 from eutree.report.partitions import PartitionCallback, drawings, partition_chart
 from eutree.report.policy_page import policy_page
 from eutree.report.run_folder_report import report_of_run
-from eutree.report.run_page import CHANGES_ID, RunReport, Stage, Table, WatchedTree, run_page
+from eutree.report.run_page import CHANGES_ID, Headline, RunReport, Table, WatchedTree, run_page
 from eutree.report.watching import WatchedEpisode, watch
 
 __all__ = [
     "CHANGES_ID",
     "DemonstrationFigures",
     "FeatureImportancesDisplay",
+    "Headline",
     "PartitionCallback",
     "RunReport",
-    "Stage",
     "Table",
     "WatchedEpisode",
     "WatchedTree",

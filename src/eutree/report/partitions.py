@@ -13,7 +13,7 @@ from eutree.arrays import Floats
 from eutree.errors import InvalidArgumentError
 from eutree.files import make_folder, read_bytes, write_text
 from eutree.learners.looking import partition_of, plane_of
-from eutree.learners.partition import Partition, Plane, Region
+from eutree.learners.partition import Partition, Plane, PlaneRegion
 from eutree.report.chart import ticks
 from eutree.report.html import asset
 from eutree.schema import Feature, Schema
@@ -104,7 +104,7 @@ def _strengths(values: Sequence[float]) -> list[float]:
     ]
 
 
-def _region(partition: Partition, region: Region, strength: float, schema: Schema) -> str:
+def _region(partition: Partition, region: PlaneRegion, strength: float, schema: Schema) -> str:
     said = [] if region.action is None else [schema.actions[region.action]]
     style = f"action-{(region.action or 0) % _STYLES}"
     if region.action is None:

@@ -28,7 +28,7 @@ _SCRIPTS = ("model", "tree", "player", "details", "start")
 
 
 @dataclass(frozen=True)
-class Stage:
+class Headline:
     """One of the large figures below the verdict.
 
     Attributes:
@@ -107,7 +107,7 @@ class RunReport:
     title: str
     verdict: Verdict = ()
     notes: Sequence[str] = ()
-    stages: Sequence[Stage] = ()
+    stages: Sequence[Headline] = ()
     watched: WatchedTree | None = None
     changes: Sequence[tuple[str, float]] = ()
     curves: Mapping[str, Series] = field(default_factory=dict)
@@ -170,7 +170,7 @@ def _section(title: str, content: str, name: str = "") -> str:
     return f"<section{known}><h2>{escape(title)}</h2>\n{content}\n</section>"
 
 
-def _stages(stages: Sequence[Stage]) -> str:
+def _stages(stages: Sequence[Headline]) -> str:
     """Return the large figures, side by side."""
     entries = "".join(
         f"<li><h2>{escape(stage.label)}</h2>"

@@ -11,7 +11,7 @@ START: Literal["start"] = "start"
 
 
 @dataclass(frozen=True)
-class Standing:
+class JudgedTree:
     """What one of the two trees did.
 
     Attributes:
@@ -33,7 +33,7 @@ class Standing:
     success_interval: Interval | None = None
 
     @classmethod
-    def of(cls, evaluation: Evaluation, n_leaves: int) -> "Standing":
+    def of(cls, evaluation: Evaluation, n_leaves: int) -> "JudgedTree":
         """Return what an evaluation says."""
         return cls(
             n_leaves,
@@ -85,8 +85,8 @@ class Judgement:
     success_change: float | None = None
     success_interval: Interval | None = None
     challengers: int = 0
-    start: Standing | None = None
-    learned: Standing | None = None
+    start: JudgedTree | None = None
+    learned: JudgedTree | None = None
     steps: int = 0
     handed_over: Literal["learned", "start"] = LEARNED
     why: str = ""
@@ -197,8 +197,8 @@ def judged(
         success_change=found.success_change,
         success_interval=found.success_interval,
         challengers=challengers,
-        start=Standing.of(start, sizes[0]),
-        learned=Standing.of(learned, sizes[1]),
+        start=JudgedTree.of(start, sizes[0]),
+        learned=JudgedTree.of(learned, sizes[1]),
         condition=found.condition,
     )
 
@@ -208,11 +208,11 @@ def _interval(ends: Any) -> Interval:
     return Interval(float(low), float(high))
 
 
-def _standing(facts: dict[str, Any] | None) -> Standing | None:
+def _standing(facts: dict[str, Any] | None) -> JudgedTree | None:
     if facts is None:
         return None
     success = facts["success_rate"]
-    return Standing(
+    return JudgedTree(
         int(facts["n_leaves"]),
         float(facts["mean_return"]),
         _interval(facts["return_interval"]),

@@ -10,7 +10,7 @@ from eutree.errors import InvalidArgumentError
 from eutree.interaction.spaces import spec_of
 from eutree.learners import Method, Start
 from eutree.learners import method as method_of
-from eutree.learners.default_choice import Choice, Evidence, default_for, say
+from eutree.learners.default_choice import ChosenMethod, Evidence, default_for, say
 from eutree.learners.registry import checked_method
 from eutree.training.evaluations import ProvenFirst
 from eutree.training.handover import handover_for
@@ -30,7 +30,7 @@ def planned(
     env: gymnasium.Env[Any, Any] | None,
     *,
     seed: int,
-) -> tuple[Choice, Plan]:
+) -> tuple[ChosenMethod, Plan]:
     """Return how is learned and how long, once all that is asked is known to be possible."""
     check_integer("evaluation_episodes", asked.evaluation.episodes, low=1)
     budget, handover = asked.budget, asked.handover
@@ -111,16 +111,16 @@ def _choice_of(
     *,
     offline: bool,
     plans: bool,
-) -> Choice:
+) -> ChosenMethod:
     """Return the method that is meant, and why where nobody said so; that is said aloud, too.
 
     With ``plans`` something is asked of the run that only planning does.
     """
     if method is not None:
         own = method_of(method) if isinstance(method, str) else checked_method(method)
-        return Choice(own, "")
+        return ChosenMethod(own, "")
     if offline or plans or start not in (None, "demos", "tree+demos"):
-        return Choice(method_of("corrected" if offline else "default"), "")
+        return ChosenMethod(method_of("corrected" if offline else "default"), "")
     choice = default_for(evidence)
     if choice.alternative:
         say(choice.said())

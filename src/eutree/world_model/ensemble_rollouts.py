@@ -6,7 +6,7 @@ from eutree.arrays import Floats, Integers
 from eutree.world_model import _kernels
 from eutree.world_model import _kernels_ensemble as kernels
 from eutree.world_model._kernels import ActionTree
-from eutree.world_model._kernels_ensemble import EnsembleConditions, Draws
+from eutree.world_model._kernels_ensemble import Draws, EnsembleConditions
 from eutree.world_model.action_trees import n_leaves, with_child
 from eutree.world_model.ensemble import Ensemble
 from eutree.world_model.rollouts import DRAWS, Gain, Rollouts

@@ -24,7 +24,7 @@ from eutree.learners.declared import MOST, TREE, TREE_AND_HISTORY, Declared, Fou
 from eutree.learners.episode_buffer import EpisodeBuffer, store, store_demonstrations
 from eutree.learners.learner import Arrays, reached
 from eutree.learners.looking import root_box
-from eutree.learners.partition import Partition, Plane, Region, rectangles
+from eutree.learners.partition import Partition, Plane, PlaneRegion, rectangles
 from eutree.policies import TreePolicy
 from eutree.trees import DecisionTree
 from eutree.trees.boxes import leaf_boxes
@@ -315,7 +315,7 @@ def cells_seen(game: PartiGame, plane: Plane) -> Partition:
     _, goals = rectangles(np.nextafter(first, -np.inf), last, plane)
     costs = game.plan().cost
     regions = tuple(
-        Region(outline, value=float(costs[cell]))
+        PlaneRegion(outline, value=float(costs[cell]))
         for cell, outline in zip(found.tolist(), outlines, strict=True)
     )
     return Partition(plane, regions, "aims to the goal", goals=tuple(goals))

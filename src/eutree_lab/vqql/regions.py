@@ -3,14 +3,14 @@
 import numpy as np
 
 from eutree.arrays import Floats, Integers
-from eutree.learners.partition import Plane, Region, rectangles
+from eutree.learners.partition import Plane, PlaneRegion, rectangles
 from eutree.trees.boxes import leaf_boxes
 from eutree_lab.vqql.codebook import Codebook
 
 
 def codewords_seen(
     book: Codebook, actions: Integers, values: Floats, plane: Plane
-) -> tuple[Region, ...]:
+) -> tuple[PlaneRegion, ...]:
     """Return the regions of a codebook that meet the plane: each leaf cut by nearness.
 
     Args:
@@ -31,7 +31,7 @@ def codewords_seen(
                 limit = (book.codewords[other] ** 2 - word**2).sum() - towards @ offset
                 outline = _cut(outline, (towards / book.scale)[plane.axes], float(limit))
             if len(outline):
-                regions.append(Region(outline, int(actions[region]), float(values[region])))
+                regions.append(PlaneRegion(outline, int(actions[region]), float(values[region])))
     return tuple(regions)
 
 

@@ -5,12 +5,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from eutree.arrays import Floats, Integers
-from eutree.learners.partition import Plane, Region, rectangles
+from eutree.learners.partition import Plane, PlaneRegion, rectangles
 from eutree.trees.boxes import leaf_boxes
 from eutree_lab.vrd.kuhn import Grid
 
 
-def corners_seen(grid: Grid, actions: Integers, values: Floats, plane: Plane) -> tuple[Region, ...]:
+def corners_seen(
+    grid: Grid, actions: Integers, values: Floats, plane: Plane
+) -> tuple[PlaneRegion, ...]:
     """Return the boxes of a grid that meet the plane; with two features, their Kuhn triangles.
 
     A region has the mean of its corners' values and the action of most.
@@ -28,6 +30,6 @@ def corners_seen(grid: Grid, actions: Integers, values: Floats, plane: Plane) ->
         found, boxes = rectangles(*leaf_boxes(grid.tree), plane)
         parts, outlines = grid.corner_of[found], list(boxes)
     return tuple(
-        Region(outline, int(np.bincount(actions[part]).argmax()), float(values[part].mean()))
+        PlaneRegion(outline, int(np.bincount(actions[part]).argmax()), float(values[part].mean()))
         for part, outline in zip(parts, outlines, strict=True)
     )

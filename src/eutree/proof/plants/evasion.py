@@ -20,7 +20,7 @@ from eutree.proof.certificate import (
 from eutree.proof.evasion_chain import SUCCESS, EvasionChain, Payoffs
 from eutree.proof.picture import CELLS
 from eutree.proof.plant import Plant
-from eutree.proof.properties import Property
+from eutree.proof.properties import EpisodeProperty
 from eutree.schema import EnvironmentSpec
 
 _CELLS, _SPACING = 880, 0.4  # of an opponent's circle; of the agent's places
@@ -61,7 +61,7 @@ class Evasion(Plant):
         )
 
     def certify(
-        self, policy: TreePolicy, asked: Property, refinements: Sequence[int]
+        self, policy: TreePolicy, asked: EpisodeProperty, refinements: Sequence[int]
     ) -> Certificate:
         """Return bounds of the success or of the mean return, over all starts and all noise."""
         if asked.kind not in ("succeeds", "returns") or (
@@ -153,7 +153,7 @@ class Evasion(Plant):
         return min(found)
 
     def _sentence(
-        self, asked: Property, verdict: str, bounds: tuple[float, float], best: float
+        self, asked: EpisodeProperty, verdict: str, bounds: tuple[float, float], best: float
     ) -> str:
         over = f"over all starts and all noise of {self.environment}"
         what = "its success" if asked.kind == "succeeds" else "its mean return"

@@ -35,7 +35,7 @@ from eutree.proof.intervals import Intervals, clip, minimum, sqrt
 from eutree.proof.picture import CELLS
 from eutree.proof.plant import Plant, State, own_arguments
 from eutree.proof.plants import _kernels as kernels
-from eutree.proof.properties import EVER, Property
+from eutree.proof.properties import EVER, EpisodeProperty
 from eutree.schema import EnvironmentSpec
 from eutree.trees.boxes import leaf_boxes
 
@@ -96,7 +96,7 @@ class TwoTanks(Plant):
         return np.array([*real._levels, real._pump, real._valve, real._deviation])
 
     def certify(
-        self, policy: TreePolicy, asked: Property, refinements: Sequence[int]
+        self, policy: TreePolicy, asked: EpisodeProperty, refinements: Sequence[int]
     ) -> Certificate | None:
         """Return whether no tank ever runs over; None for a number of steps."""
         if asked.kind != "stays" or asked.region is None or asked.horizon not in (None, EVER):
