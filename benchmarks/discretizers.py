@@ -28,7 +28,7 @@ from eutree.policies import TreePolicy
 from eutree.trees import DecisionTree
 from eutree_lab.parti_game.cells import GOAL, Cells
 from eutree_lab.parti_game.displacements import GivenController, LearnedController
-from eutree_lab.parti_game.game import GOES_ON, TAKEN_BACK, PartiGame, Rules
+from eutree_lab.parti_game.game import GOES_ON, TAKEN_BACK, GameRules, PartiGame
 from eutree_lab.tasks.maze import MOVES
 from eutree_lab.vrd.corner_process import KnownWorld, Solved, solved
 from eutree_lab.vrd.influence import CRITERIA, refined
@@ -85,7 +85,7 @@ def run(name: str, variant: str, seed: int | None) -> tuple[int, int, int, int]:
     controller: Any = GivenController(lambda o: MOVES, high - low)
     if seed is not None:
         controller = LearnedController(low, high - low, int(env.action_space.n))
-    game = PartiGame(cells, controller, Rules(variant=variant))
+    game = PartiGame(cells, controller, GameRules(variant=variant))
     generator, total, n_trials = np.random.default_rng(seed or 0), 0, 0
     while n_trials < MOST_TRIALS:
         n_trials += 1

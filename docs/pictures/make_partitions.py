@@ -19,7 +19,7 @@ from eutree.learners.partition import Partition, Plane
 from eutree.trees import DecisionTree
 from eutree_lab.parti_game.cells import GOAL, Cells
 from eutree_lab.parti_game.displacements import LearnedController
-from eutree_lab.parti_game.game import GOES_ON, PartiGame, Rules
+from eutree_lab.parti_game.game import GOES_ON, GameRules, PartiGame
 from eutree_lab.parti_game.method import cells_seen
 from eutree_lab.tasks._walls import PLANS
 from eutree_lab.vrd.corner_process import KnownWorld, Solved, solved
@@ -105,7 +105,7 @@ def maze() -> None:
     low, high = env.observation_space.low, env.observation_space.high
     cells = Cells.of(DecisionTree.single_leaf(2), low, high, env.goal[np.newaxis])
     controller = LearnedController(low, high - low, int(env.action_space.n))
-    game = PartiGame(cells, controller, Rules(variant="llppg"))
+    game = PartiGame(cells, controller, GameRules(variant="llppg"))
     generator = np.random.default_rng(SEED)
     ways, seen = [], []
     while not ways or game.n_news:

@@ -2,6 +2,7 @@
 
 import ast
 import re
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -38,6 +39,17 @@ def test_identifiers_use_the_glossary() -> None:
         and path.name not in FOREIGN_WORDS
     ]
     assert found == []
+
+
+def test_each_class_name_means_one_thing() -> None:
+    classes = Counter(
+        node.name
+        for path in SOURCES
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.ClassDef)
+    )
+    assert len(classes) > 400
+    assert [name for name, n in classes.items() if n > 1] == []
 
 
 def test_modules_are_named_after_nouns() -> None:

@@ -8,7 +8,7 @@ from examples.thermostat import Room, RoomPlant
 from eutree.errors import InvalidArgumentError
 from eutree.proof import Effort, check_plant, plant_of, prove, replay
 from eutree.proof.certificate import KNOWN, OPEN
-from eutree.proof.invariant import Grid, largest_invariant
+from eutree.proof.invariant import StateGrid, largest_invariant
 from eutree.proof.reach import Acting
 from eutree.schema import EnvironmentSpec
 from tests.proof.policies import policy_of
@@ -41,7 +41,7 @@ def naive_invariant(acting, plant, keeps, grid):
 
 
 def test_the_safe_cells_are_those_of_a_plain_loop():
-    grid = Grid((np.linspace(17.0, 23.0, 61),))
+    grid = StateGrid((np.linspace(17.0, 23.0, 61),))
     acting = Acting(policy_of(THERMOSTAT, "Room-v0"), PLANT)
     low, high = grid.edges[0][:-1], grid.edges[0][1:]
     for least, most in ((18.5, 21.5), (19.3, 20.9), (19.9, 20.1)):

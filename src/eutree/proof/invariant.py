@@ -22,7 +22,7 @@ _AT_ONCE = 1 << 16
 
 
 @dataclass(frozen=True, eq=False)
-class Grid:
+class StateGrid:
     """A partition of the states into boxes.
 
     Attributes:
@@ -32,7 +32,7 @@ class Grid:
     edges: tuple[Floats, ...]
 
     @classmethod
-    def of(cls, plant: Plant, refine: int) -> "Grid":
+    def of(cls, plant: Plant, refine: int) -> "StateGrid":
         """Return the grid that a plant asks for, each number cut ``refine`` times as often.
 
         Raises:
@@ -94,7 +94,7 @@ class Invariant:
         sweeps: How often all cells were looked at.
     """
 
-    grid: Grid
+    grid: StateGrid
     safe: Booleans  # [C]
     starts: Booleans  # [C]
     sweeps: int
@@ -110,7 +110,7 @@ class Invariant:
         return float(self.open_cells.sum() / self.starts.sum())
 
 
-def largest_invariant(acting: Acting, plant: Plant, keeps: Booleans, grid: Grid) -> Invariant:
+def largest_invariant(acting: Acting, plant: Plant, keeps: Booleans, grid: StateGrid) -> Invariant:
     """Return the largest set of cells that a policy never leaves.
 
     Args:
@@ -136,7 +136,7 @@ def largest_invariant(acting: Acting, plant: Plant, keeps: Booleans, grid: Grid)
 
 
 def _moves(
-    acting: Acting, plant: Plant, grid: Grid, cells: Integers, keeps: Booleans
+    acting: Acting, plant: Plant, grid: StateGrid, cells: Integers, keeps: Booleans
 ) -> tuple[Integers, Integers, Integers]:
     """Return where each possible action leads from cells, and how many moves each cell has."""
     state = grid.boxes(cells)
@@ -149,7 +149,7 @@ def _moves(
     return first, last, possible.sum(axis=1)
 
 
-def _starting(plant: Plant, grid: Grid) -> Booleans:
+def _starting(plant: Plant, grid: StateGrid) -> Booleans:
     """Return which cells hold a start."""
     box = [Intervals(np.array([low]), np.array([high])) for low, high in plant.start]
     first, last = grid.range(box)

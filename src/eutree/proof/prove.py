@@ -20,7 +20,7 @@ from eutree.proof.certificate import (
     Starts,
 )
 from eutree.proof.intervals import Intervals, Truth, middle
-from eutree.proof.invariant import Grid, largest_invariant
+from eutree.proof.invariant import StateGrid, largest_invariant
 from eutree.proof.layers import Layers, worst_starts
 from eutree.proof.picture import pictures_of_grid, pictures_of_pieces
 from eutree.proof.plant import Plant, State
@@ -185,7 +185,7 @@ class _Proof:
         self._check_start()
         acting = Acting(self._policy, plant)
         for refine in self._effort.refinements:
-            grid = Grid.of(plant, refine)
+            grid = StateGrid.of(plant, refine)
             every = grid.boxes(np.arange(grid.n_cells))
             keeps = (~self._broken(every)).surely
             found = largest_invariant(acting, plant, keeps, grid)

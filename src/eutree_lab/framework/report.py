@@ -36,9 +36,9 @@ from eutree_lab.framework.runs import (
     run,
 )
 from eutree_lab.framework.verdicts import (
+    Finding,
     Runs,
     Times,
-    Verdict,
     by_method,
     halved,
     lead,
@@ -62,7 +62,7 @@ COLOURS = {
 
 
 @dataclass(frozen=True, eq=False)
-class Reproduction:
+class FrameworkReproduction:
     """What came of the experiment.
 
     Attributes:
@@ -70,7 +70,7 @@ class Reproduction:
         folder: Where everything was written.
     """
 
-    verdicts: tuple[Verdict, ...]
+    verdicts: tuple[Finding, ...]
     folder: Path
 
 
@@ -116,7 +116,7 @@ def reproduce_framework(
     *,
     n_jobs: int = 1,
     on_run: Callable[[int, int, FrameworkSpec], None] = lambda count, total, spec: None,
-) -> Reproduction:
+) -> FrameworkReproduction:
     """Run what is missing, compare with what was expected, and report.
 
     Args:
@@ -132,7 +132,7 @@ def reproduce_framework(
     return report(specs, results)
 
 
-def report(specs: Sequence[FrameworkSpec], results: FrameworkResults) -> Reproduction:
+def report(specs: Sequence[FrameworkSpec], results: FrameworkResults) -> FrameworkReproduction:
     """Write verdicts, tables and figures of the runs that are done.
 
     Raises:
@@ -156,10 +156,10 @@ def report(specs: Sequence[FrameworkSpec], results: FrameworkResults) -> Reprodu
     write_text(results.folder / "framework.md", text + "\n")
     for task in runs.tasks:
         write_bytes(results.folder / f"framework-{task}.svg", draw(runs, task))
-    return Reproduction(found, results.folder)
+    return FrameworkReproduction(found, results.folder)
 
 
-def verdicts_to_markdown(runs: Runs, found: Sequence[Verdict]) -> str:
+def verdicts_to_markdown(runs: Runs, found: Sequence[Finding]) -> str:
     """Return the verdict on each method's learning time, and on all else that was expected."""
     titles = [TASKS[task].title for task in runs.tasks]
     lines = [
@@ -209,7 +209,7 @@ def _of_task(runs: Runs, task: str, method: str) -> str:
     return f"{number_text(ratio)} {learned}: {halved(ratio, [alone])}"
 
 
-def _counted(runs: Runs, verdict: Verdict) -> str:
+def _counted(runs: Runs, verdict: Finding) -> str:
     """Return the ratio of learning times with demonstrations counted as episodes."""
     if not verdict.tasks:
         return ""
@@ -367,7 +367,7 @@ def _shown(curves: Floats) -> Floats:
     return mean
 
 
-def verdicts_to_facts(found: Sequence[Verdict]) -> list[dict[str, Any]]:
+def verdicts_to_facts(found: Sequence[Finding]) -> list[dict[str, Any]]:
     """Return the verdicts in JSON's types."""
     return [
         {

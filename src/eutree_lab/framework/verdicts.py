@@ -96,7 +96,7 @@ EXPECTATIONS = (
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Finding:
     """What the runs say of one expectation.
 
     Attributes:
@@ -257,7 +257,7 @@ def halved(estimate: Estimate, alone: Sequence[Times]) -> str:
     return FAILS if low >= HALF and learned >= HALF else OPEN
 
 
-def verdict(runs: Runs, expectation: Expectation) -> Verdict:
+def verdict(runs: Runs, expectation: Expectation) -> Finding:
     """Return what the runs say of an expectation, over the tasks that refuse none of its arms."""
     method, first = expectation.method, expectation.first
     second = expectation.second or NOTHING
@@ -267,17 +267,17 @@ def verdict(runs: Runs, expectation: Expectation) -> Verdict:
         if not any(runs.refusal(task, method, arm) for arm in (first, second))
     )
     if not tasks:
-        return Verdict(expectation, REFUSED, None, ())
+        return Finding(expectation, REFUSED, None, ())
     seeds = runs.seeds(tasks, method, first, second)
     if not seeds:
-        return Verdict(expectation, OPEN, None, ())
+        return Finding(expectation, OPEN, None, ())
     if expectation.second is None:
         taught = [runs.times(task, method, first, seeds) for task in tasks]
         alone = [runs.times(task, method, NOTHING, seeds) for task in tasks]
         estimate = ratio_of_times(taught, alone, fair=False)
-        return Verdict(expectation, halved(estimate, alone), estimate, tasks)
+        return Finding(expectation, halved(estimate, alone), estimate, tasks)
     estimate = lead(runs, tasks, method, first, second, seeds)
-    return Verdict(expectation, _holds(expectation, estimate), estimate, tasks)
+    return Finding(expectation, _holds(expectation, estimate), estimate, tasks)
 
 
 def _holds(expectation: Expectation, estimate: Estimate) -> str:
@@ -321,12 +321,12 @@ def number_text(estimate: Estimate, *, signed: bool = False) -> str:
     return f"{estimate.value:{sign}.2f} [{low:.2f}, {high:.2f}]"
 
 
-def verdicts(records: Iterable[FrameworkRecord]) -> list[Verdict]:
+def verdicts(records: Iterable[FrameworkRecord]) -> list[Finding]:
     """Return what the runs say of every expectation on a method that was run."""
     runs = Runs(records)
     return [verdict(runs, e) for e in EXPECTATIONS if e.method in runs.methods]
 
 
-def by_method(found: Iterable[Verdict]) -> Mapping[str, Verdict]:
+def by_method(found: Iterable[Finding]) -> Mapping[str, Finding]:
     """Return the verdict on each method's learning time."""
     return {v.expectation.method: v for v in found if v.expectation.second is None}

@@ -14,7 +14,7 @@ Records = Sequence[RunRecord]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scale:
+class ExperimentScale:
     """How much of an experiment is run.
 
     Attributes:
@@ -62,8 +62,8 @@ class Scale:
         )
 
 
-FULL = Scale()
-SMOKE = Scale(
+FULL = ExperimentScale()
+SMOKE = ExperimentScale(
     runs=3,
     episodes=20,
     evaluate_every=10,
@@ -88,7 +88,7 @@ class Experiment:
 
     id: str
     title: str
-    specs: Callable[[Scale, str], list[RunSpec]]
+    specs: Callable[[ExperimentScale, str], list[RunSpec]]
     judge: Callable[[Records], list[Claim]]
     draw: "Callable[[Axes, Records], None] | None" = None
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from eutree_lab.paper.claims import Claim, judged
-from eutree_lab.paper.experiment import Experiment, Records, Scale
+from eutree_lab.paper.experiment import Experiment, ExperimentScale, Records
 from eutree_lab.paper.runs import RunSpec
 from eutree_lab.statistics import bootstrap
 
@@ -13,7 +13,7 @@ DOMAINS = {2: "2-Evasion", 3: "3-Evasion"}
 LEARNERS = ("c-u-tree", "eu-tree")
 
 
-def expert_specs(scale: Scale, preset: str) -> list[RunSpec]:
+def expert_specs(scale: ExperimentScale, preset: str) -> list[RunSpec]:
     """Return the expert trees of both domains in their own domain."""
     return _in_both_domains(("expert",), scale, preset)
 
@@ -36,12 +36,12 @@ def judge_expert(records: Records) -> list[Claim]:
     ]
 
 
-def compression_specs(scale: Scale, preset: str) -> list[RunSpec]:
+def compression_specs(scale: ExperimentScale, preset: str) -> list[RunSpec]:
     """Return the learned trees that are compressed: those of Figures 2 and 3."""
     return _in_both_domains(LEARNERS, scale, preset)
 
 
-def _in_both_domains(learners: Sequence[str], scale: Scale, preset: str) -> list[RunSpec]:
+def _in_both_domains(learners: Sequence[str], scale: ExperimentScale, preset: str) -> list[RunSpec]:
     return [
         scale.spec(scale.environment(count), learner, preset, run)
         for count in DOMAINS

@@ -9,7 +9,7 @@ from eutree.arrays import Floats
 from eutree.evaluation import Estimate
 from eutree_lab.paper import drawing
 from eutree_lab.paper.claims import Claim, judged
-from eutree_lab.paper.experiment import Experiment, Records, Scale, by_learner
+from eutree_lab.paper.experiment import Experiment, ExperimentScale, Records, by_learner
 from eutree_lab.paper.finals import FINAL, FINALS
 from eutree_lab.paper.runs import Performance, RunRecord, RunSpec
 from eutree_lab.statistics import (
@@ -28,7 +28,7 @@ LEVEL = 0.9  # success rate that "learned" stands for
 SIMILAR = 0.05  # a difference of success below this is "very similar"
 
 
-def specs(opponents: int, scale: Scale, preset: str) -> list[RunSpec]:
+def specs(opponents: int, scale: ExperimentScale, preset: str) -> list[RunSpec]:
     """Return the runs of the three learners."""
     return [
         scale.spec(scale.environment(opponents), learner, preset, run)

@@ -7,7 +7,7 @@ import numpy as np
 from eutree.arrays import Floats
 from eutree_lab.paper import drawing
 from eutree_lab.paper.claims import Claim, judged
-from eutree_lab.paper.experiment import Experiment, Records, Scale, by_learner, by_speed
+from eutree_lab.paper.experiment import Experiment, ExperimentScale, Records, by_learner, by_speed
 from eutree_lab.paper.figure_2_3 import LEVEL, durations, learning_curve, success
 from eutree_lab.paper.runs import DEMONSTRATED_SPEED, RunRecord, RunSpec
 from eutree_lab.statistics import bootstrap, restricted_mean, spearman
@@ -18,19 +18,19 @@ if TYPE_CHECKING:
 NEAR = 0.5  # m/s from the demonstrated speed that Figure 5 draws dark and solid
 
 
-def expert_specs(scale: Scale, preset: str) -> list[RunSpec]:
+def expert_specs(scale: ExperimentScale, preset: str) -> list[RunSpec]:
     """Return the expert trees of 3.2 m/s at every speed; they learn nothing."""
     return _at_every_speed("expert", scale, preset)
 
 
-def learning_specs(scale: Scale, preset: str) -> list[RunSpec]:
+def learning_specs(scale: ExperimentScale, preset: str) -> list[RunSpec]:
     """Return EU-Tree runs at every speed, and C. U-Tree runs at the demonstrated one."""
     domain = scale.environment(2)
     c_u_tree = [scale.spec(domain, "c-u-tree", preset, run) for run in range(scale.runs)]
     return _at_every_speed("eu-tree", scale, preset) + c_u_tree
 
 
-def _at_every_speed(learner: str, scale: Scale, preset: str) -> list[RunSpec]:
+def _at_every_speed(learner: str, scale: ExperimentScale, preset: str) -> list[RunSpec]:
     return [
         scale.spec(scale.environment(2), learner, preset, run, speed)
         for speed in scale.speeds

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 
-class Evaluated(Protocol):
+class SuccessPoint(Protocol):
     """One frozen evaluation."""
 
     @property
@@ -37,7 +37,7 @@ class Correct:
     success: float
     evaluations: int
 
-    def __call__(self, curve: Sequence[Evaluated]) -> int:
+    def __call__(self, curve: Sequence[SuccessPoint]) -> int:
         """Return the index of the chosen evaluation."""
         streak = 0
         for index, point in enumerate(curve):
@@ -49,10 +49,10 @@ class Correct:
 
 
 @dataclass(frozen=True)
-class Best:
+class BestEvaluated:
     """The policy of the best evaluation after learning began, the earliest if several are."""
 
-    def __call__(self, curve: Sequence[Evaluated]) -> int:
+    def __call__(self, curve: Sequence[SuccessPoint]) -> int:
         """Return the index of the chosen evaluation."""
         after = range(min(1, len(curve) - 1), len(curve))
         return max(after, key=lambda i: (curve[i].success, -curve[i].episode))
@@ -62,13 +62,13 @@ class Best:
 class Last:
     """The policy at the end of the run."""
 
-    def __call__(self, curve: Sequence[Evaluated]) -> int:
+    def __call__(self, curve: Sequence[SuccessPoint]) -> int:
         """Return the index of the chosen evaluation."""
         return len(curve) - 1
 
 
-FINALS: Mapping[str, Correct | Best | Last] = {
-    "best": Best(),
+FINALS: Mapping[str, Correct | BestEvaluated | Last] = {
+    "best": BestEvaluated(),
     "last": Last(),
     "95 % once": Correct(success=0.95, evaluations=1),
     "95 % twice": Correct(success=0.95, evaluations=2),

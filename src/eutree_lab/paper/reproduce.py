@@ -23,7 +23,7 @@ from eutree.report.html import asset, head, page
 from eutree.wording import counted
 from eutree_lab.paper.claims import FAILS, HOLDS, OPEN, SMOKE_RUN, Claim
 from eutree_lab.paper.drawing import side_by_side, svg_and_png
-from eutree_lab.paper.experiment import Experiment, Records, Scale
+from eutree_lab.paper.experiment import Experiment, ExperimentScale, Records
 from eutree_lab.paper.results import Results
 from eutree_lab.paper.runs import RunSpec
 
@@ -47,7 +47,7 @@ def reproduce(
     experiments: Sequence[Experiment],
     folder: str | Path,
     *,
-    scale: Scale,
+    scale: ExperimentScale,
     presets: Sequence[str] = PRESETS,
     n_jobs: int | None = None,
     on_run: Callable[[int, int, RunSpec], None] = lambda count, total, spec: None,

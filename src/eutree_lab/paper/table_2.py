@@ -9,7 +9,7 @@ import numpy as np
 from eutree.arrays import Integers
 from eutree.evaluation import Estimate
 from eutree_lab.paper.claims import Claim, close_to, judged
-from eutree_lab.paper.experiment import Experiment, Records, Scale, by_learner
+from eutree_lab.paper.experiment import Experiment, ExperimentScale, Records, by_learner
 from eutree_lab.paper.figure_2_3 import final, specs
 from eutree_lab.paper.runs import Performance, RunRecord, RunSpec
 from eutree_lab.statistics import bootstrap, bootstrap_rows
@@ -130,7 +130,7 @@ def _ratio(first: Integers, second: Integers) -> Estimate:
     )
 
 
-def table_2_specs(scale: Scale, preset: str) -> list[RunSpec]:
+def table_2_specs(scale: ExperimentScale, preset: str) -> list[RunSpec]:
     """Return the runs of Figure 2, which the table reads too."""
     return specs(2, scale, preset)
 

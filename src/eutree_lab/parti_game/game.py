@@ -26,7 +26,7 @@ from eutree_lab.parti_game.losing_cells import (
     cells_to_split,
     explained_cuts,
 )
-from eutree_lab.parti_game.outcomes import EXPERT, LOST, Costs, Outcomes
+from eutree_lab.parti_game.outcomes import EXPERT, LOST, AimCosts, Outcomes
 
 GOES_ON, CUT_SHORT, TAKEN_BACK = 0, 1, 2
 """How a step ended besides GOAL and LOST; who is taken back goes on at another place."""
@@ -35,7 +35,7 @@ OFFSET = 0.1  # how far beyond a shared face to aim, as a share of the smallest 
 
 
 @dataclass(frozen=True)
-class Rules:
+class GameRules:
     """The choices of the algorithm.
 
     Attributes:
@@ -58,7 +58,7 @@ class Rules:
 
 
 @dataclass(frozen=True)
-class Way:
+class WayToAim:
     """On the way: from which cell and place, at what, how near, and steps left without progress."""
 
     cell: int
@@ -86,7 +86,7 @@ class PartiGame:
 
     cells: Cells
     controller: Controller
-    rules: Rules = field(default_factory=Rules)
+    rules: GameRules = field(default_factory=GameRules)
     expert: Callable[[Floats], int] | None = None
     demonstrated: Sequence[tuple[Floats, int]] = ()
     own: Outcomes = field(default_factory=Outcomes)
@@ -95,7 +95,7 @@ class PartiGame:
 
     def __post_init__(self) -> None:
         self.own.floor = self.rules.floor
-        self._way: Way | None = None
+        self._way: WayToAim | None = None
         self._refresh()
 
     def begin(self) -> None:
@@ -142,7 +142,7 @@ class PartiGame:
         if is_new or self.rules.floor > 0.0:
             self._recost()
 
-    def plan(self) -> Costs:
+    def plan(self) -> AimCosts:
         """Return J of every cell and the aims there are."""
         return self._costs
 
@@ -172,7 +172,7 @@ class PartiGame:
         self._way = None
         self._refresh()
 
-    def _chosen(self, observation: Floats, generator: np.random.Generator) -> Way:
+    def _chosen(self, observation: Floats, generator: np.random.Generator) -> WayToAim:
         """Return the way to the best aim, after splitting until there is one (algorithm 4)."""
         cell = self.cells.tree.leaf_of(observation.tolist())
         while np.isinf(self._costs.cost[cell]) and self._split():
@@ -183,7 +183,7 @@ class PartiGame:
             aim = int(generator.choice(self._costs.aim[first:last]))
         target = self._point(cell, aim, observation)
         nearest = self._distance(observation, target)
-        return Way(cell, aim, observation.copy(), target, nearest, self.rules.patience)
+        return WayToAim(cell, aim, observation.copy(), target, nearest, self.rules.patience)
 
     def _split(self) -> bool:
         """Split cells at the border of what is lost; return whether there was anything to split."""

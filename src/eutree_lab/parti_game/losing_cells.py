@@ -21,13 +21,13 @@ import numpy as np
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.thresholds import threshold_between
 from eutree_lab.parti_game.cells import Cells
-from eutree_lab.parti_game.outcomes import Costs, Outcomes
+from eutree_lab.parti_game.outcomes import AimCosts, Outcomes
 
 VARIANTS = ("pg", "lppg", "llppg")
 FEWEST = 5  # starts on either side of an explained cut
 
 
-def border(cells: Cells, costs: Costs) -> Integers:
+def border(cells: Cells, costs: AimCosts) -> Integers:
     """Return Q', ascending: losing cells beside a cell, or the goal, from which one can win."""
     losing = costs.losing
     beside = cells.beside_goal
@@ -41,7 +41,7 @@ def border(cells: Cells, costs: Costs) -> Integers:
     )
 
 
-def cells_to_split(cells: Cells, costs: Costs, variant: str) -> Integers:
+def cells_to_split(cells: Cells, costs: AimCosts, variant: str) -> Integers:
     """Return the cells that a variant halves, ascending.
 
     Args:
@@ -61,7 +61,7 @@ def cells_to_split(cells: Cells, costs: Costs, variant: str) -> Integers:
     return edge
 
 
-def cells_to_improve(cells: Cells, costs: Costs) -> Integers:
+def cells_to_improve(cells: Cells, costs: AimCosts) -> Integers:
     """Return the largest of the cells that cost over 1 more than a neighbour, ascending.
 
     The goal is a neighbour of cost 0.
@@ -88,7 +88,7 @@ def cells_to_improve(cells: Cells, costs: Costs) -> Integers:
 
 
 def explained_cuts(
-    cells: Cells, costs: Costs, outcomes: Outcomes, *, level: float = 0.01
+    cells: Cells, costs: AimCosts, outcomes: Outcomes, *, level: float = 0.01
 ) -> list[tuple[int, int, float]]:
     """Return cuts (cell, axis, threshold) of border cells whose starts explain what came of them.
 

@@ -31,7 +31,7 @@ from eutree.trees.boxes import leaf_boxes
 from eutree.validation import check_integer, check_vector
 from eutree_lab.parti_game.cells import GOAL, Cells, goal_boxes
 from eutree_lab.parti_game.displacements import LearnedController
-from eutree_lab.parti_game.game import CUT_SHORT, GOES_ON, PartiGame, Rules
+from eutree_lab.parti_game.game import CUT_SHORT, GOES_ON, GameRules, PartiGame
 from eutree_lab.parti_game.outcomes import EXPERT, LOST, Outcomes
 from eutree_lab.relabelling import relabelled
 
@@ -79,9 +79,9 @@ class PartiGameMethod:
                 raise InvalidArgumentError(f"goal must be two corners of one box, got {self.goal}")
             object.__setattr__(self, "needs", replace(self.needs, goal=False))
 
-    def rules(self) -> Rules:
+    def rules(self) -> GameRules:
         """Return the choices of the algorithm itself."""
-        return Rules(self.variant, self.patience, self.max_cells, self.floor)
+        return GameRules(self.variant, self.patience, self.max_cells, self.floor)
 
     def start(self, problem: Problem, start: Start) -> "PartiGameLearner":
         """Return the learner at its start."""

@@ -88,7 +88,7 @@ def wilson(count: int, total: int) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Costs:
+class AimCosts:
     """J of every cell, and what can be aimed at.
 
     Attributes:
@@ -129,7 +129,7 @@ def aims(cells: Cells, *, expert: bool) -> tuple[Integers, Integers]:
     return np.array(start, dtype=np.int64), np.array(target, dtype=np.int64)
 
 
-def costs(n_cells: int, cell: Integers, aim: Integers, outcomes: Outcomes) -> Costs:
+def costs(n_cells: int, cell: Integers, aim: Integers, outcomes: Outcomes) -> AimCosts:
     """Return J of all cells in one pass.
 
     Args:
@@ -148,7 +148,7 @@ def costs(n_cells: int, cell: Integers, aim: Integers, outcomes: Outcomes) -> Co
     cost[cost == _kernels.UNKNOWN] = np.inf
     reached = np.where(flat >= 0, cost[np.clip(flat, 0, n_cells)], np.inf)
     worst = np.maximum.reduceat(reached, indptr[:-1]) if len(arcs) else np.empty(0)
-    return Costs(cost, cell, aim, worst)
+    return AimCosts(cost, cell, aim, worst)
 
 
 def expert_outcomes(cells: Cells, episodes: Iterable[tuple[Floats, int]]) -> list[

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from eutree.arrays import Floats
 from eutree.envs.painting import AGENT, GOAL_COLOR, OPPONENT, PAPER, PATH, SHADOW, import_pygame
 
-__all__ = ["AGENT", "GOAL_COLOR", "OPPONENT", "PATH", "SHADOW", "Block", "Disc", "Line", "Sketch"]
+__all__ = ["AGENT", "GOAL_COLOR", "OPPONENT", "PATH", "SHADOW", "Disc", "Line", "Patch", "Sketch"]
 
 Color = tuple[int, ...]
 SIZE, SMOOTHING, MARGIN = 400, 2, 0.04
 
 
-class Block(NamedTuple):
+class Patch(NamedTuple):
     """A filled rectangle between two corners."""
 
     low: tuple[float, float]
@@ -42,7 +42,7 @@ class Disc(NamedTuple):
     color: Color = AGENT
 
 
-Sketch = tuple[Block | Line | Disc, ...]
+Sketch = tuple[Patch | Line | Disc, ...]
 
 
 def curve(x: Floats, y: Floats) -> tuple[tuple[float, float], ...]:
@@ -85,7 +85,7 @@ def _draw(sketch: Sketch) -> Any:
         return large * MARGIN + inner * point[0], large * (1.0 - MARGIN) - inner * point[1]
 
     for shape in sketch:
-        if isinstance(shape, Block):
+        if isinstance(shape, Patch):
             (left, bottom), (right, top) = at(shape.low), at(shape.high)
             rectangle = (round(left), round(top), round(right - left), round(bottom - top))
             pygame.draw.rect(surface, shape.color, rectangle)

@@ -10,7 +10,7 @@ SIDE = 10.0  # of the square
 GAP = 1e-6  # how far before a wall a step is halted
 
 
-class Plan(NamedTuple):
+class Maze(NamedTuple):
     """Walls as (x, y, x', y'), start (x, y) and goal box (x, y, x', y') of one maze."""
 
     walls: tuple[tuple[float, ...], ...]
@@ -20,19 +20,19 @@ class Plan(NamedTuple):
 
 BORDER = ((0, 0, 10, 0), (10, 0, 10, 10), (10, 10, 0, 10), (0, 10, 0, 0))
 PLANS = {  # read off the figures of the thesis, exact to about 0.02
-    "a": Plan(
+    "a": Maze(
         ((0.5, 2, 5.1, 2), (5.1, 2, 5.1, 6), (2, 8, 7, 8), (7, 8, 7, 0)),
         (1, 1), (8.4, 4.7, 8.8, 5.1),
     ),
-    "b": Plan(
+    "b": Maze(
         ((4, 0, 4, 6), (0.5, 6, 4, 6), (6, 4, 6, 5.5), (6, 6, 6, 10), (6, 4, 10, 4)),
         (1, 1), (8.6, 8.8, 9.0, 9.2),
     ),
-    "c": Plan(
+    "c": Maze(
         tuple((0.5, k, k, 0.5) for k in (2, 4, 6, 8, 9.5)),
         (1, 1), (8.65, 8.8, 9.05, 9.2),
     ),
-    "d": Plan(((10, 2, 2, 2),), (1, 9), (8.6, 0.85, 9.0, 1.25)),
+    "d": Maze(((10, 2, 2, 2),), (1, 9), (8.6, 0.85, 9.0, 1.25)),
 }  # fmt: skip
 
 

@@ -5,7 +5,7 @@ import numpy as np
 from eutree.arrays import Floats, Integers
 from eutree.validation import check_number
 from eutree_lab.tasks._domain import GOAL, ModelledDomain
-from eutree_lab.tasks._sketch import GOAL_COLOR, Block, Disc, Line, Sketch, curve
+from eutree_lab.tasks._sketch import GOAL_COLOR, Disc, Line, Patch, Sketch, curve
 
 GRAVITY, MASS, THRUST = 9.81, 1.0, 4.0  # Moore and Atkeson 1995
 REACH, FASTEST = 1.0, 4.0  # limits of the state space, Munos and Moore 2002
@@ -90,4 +90,4 @@ class CarOnHillEnv(ModelledDomain):
             return curve(0.5 + 0.5 * y, 0.4 + 0.6 * height + above)
 
         road = Line(at(np.linspace(-REACH, REACH, 120), 0.0), width=0.012)
-        return (Block((0.97, 0.0), (1.0, 1.0), GOAL_COLOR), road, Disc(at(self.state[:1], 0.03)[0]))
+        return (Patch((0.97, 0.0), (1.0, 1.0), GOAL_COLOR), road, Disc(at(self.state[:1], 0.03)[0]))

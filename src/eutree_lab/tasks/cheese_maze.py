@@ -4,7 +4,7 @@ import numpy as np
 
 from eutree.arrays import Floats
 from eutree_lab.tasks._domain import Domain
-from eutree_lab.tasks._sketch import GOAL_COLOR, Block, Disc, Sketch
+from eutree_lab.tasks._sketch import GOAL_COLOR, Disc, Patch, Sketch
 
 ROWS = ("#####", "# # #", "# # #")  # '#' is a cell, top row first
 CELLS = [(x, y) for y, row in enumerate(ROWS) for x, cell in enumerate(row) if cell == "#"]
@@ -93,7 +93,7 @@ class CheeseMazeEnv(Domain):
 
     def _sketch(self) -> Sketch:
         corners = [(x / 5.0, 0.7 - y / 5.0) for x, y in CELLS]
-        floor = [Block((x, y), (x + 0.19, y + 0.19)) for x, y in corners]
+        floor = [Patch((x, y), (x + 0.19, y + 0.19)) for x, y in corners]
         middles = [(x + 0.095, y + 0.095) for x, y in corners]
         cheese = Disc(middles[CHEESE], 0.05, GOAL_COLOR)
         return (*floor, cheese, Disc(middles[int(self.state[0])], 0.035))

@@ -5,7 +5,7 @@ import numpy as np
 from eutree.arrays import Floats, Integers
 from eutree.validation import check_choice, check_number
 from eutree_lab.tasks._domain import ModelledDomain
-from eutree_lab.tasks._sketch import GOAL_COLOR, Block, Disc, Line, Sketch
+from eutree_lab.tasks._sketch import GOAL_COLOR, Disc, Line, Patch, Sketch
 from eutree_lab.tasks._walls import BORDER, PLANS, SIDE, walk
 
 STEP = 0.1  # length of a step
@@ -90,6 +90,6 @@ class MazeEnv(ModelledDomain):
         def at(x: float, y: float) -> tuple[float, float]:
             return x / SIDE, y / SIDE
 
-        goal = Block(at(*self.goal[0].tolist()), at(*self.goal[1].tolist()), GOAL_COLOR)
+        goal = Patch(at(*self.goal[0].tolist()), at(*self.goal[1].tolist()), GOAL_COLOR)
         walls = [Line((at(*wall[:2]), at(*wall[2:]))) for wall in self._walls.tolist()]
         return (goal, *walls, Disc(at(*self.state.tolist())))

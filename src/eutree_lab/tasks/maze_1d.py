@@ -4,7 +4,7 @@ import numpy as np
 
 from eutree.arrays import Floats
 from eutree_lab.tasks._domain import Domain
-from eutree_lab.tasks._sketch import GOAL_COLOR, Block, Disc, Sketch
+from eutree_lab.tasks._sketch import GOAL_COLOR, Disc, Patch, Sketch
 
 N_CELLS, GOAL_CELL = 4, 2
 
@@ -69,6 +69,6 @@ class Maze1DEnv(Domain):
 
     def _sketch(self) -> Sketch:
         lefts = [i / N_CELLS for i in range(N_CELLS)]
-        floor = [Block((x, 0.4), (x + 0.24, 0.64)) for x in lefts]
+        floor = [Patch((x, 0.4), (x + 0.24, 0.64)) for x in lefts]
         goal = Disc((lefts[GOAL_CELL] + 0.12, 0.52), 0.06, GOAL_COLOR)
         return (*floor, goal, Disc((lefts[int(self.state[0])] + 0.12, 0.52), 0.04))

@@ -4,7 +4,7 @@ import numpy as np
 
 from eutree.arrays import Floats, Integers
 from eutree_lab.tasks._domain import GOAL, ModelledDomain
-from eutree_lab.tasks._sketch import GOAL_COLOR, Block, Disc, Line, Sketch, curve
+from eutree_lab.tasks._sketch import GOAL_COLOR, Disc, Line, Patch, Sketch, curve
 
 REACH, FASTEST = 20.0, 10.0  # limits of the track and of the velocity
 TIME_STEP = 0.1
@@ -87,7 +87,7 @@ class PuckEnv(ModelledDomain):
         place = self.state[:1]
         puck = curve(0.5 + 0.5 * place / REACH, height(place) + 0.03)[0]
         return (
-            Block((low, 0.0), (high, 1.0), (205, 232, 214)),
+            Patch((low, 0.0), (high, 1.0), (205, 232, 214)),
             Line(curve(across, height(track)), width=0.012),
             Disc(puck, 0.025),
             Disc((0.9, 0.05), 0.02, GOAL_COLOR),

@@ -5,7 +5,7 @@ import numpy as np
 from eutree.arrays import Floats
 from eutree.validation import check_number
 from eutree_lab.tasks._domain import Domain
-from eutree_lab.tasks._sketch import AGENT, GOAL_COLOR, OPPONENT, Block, Disc, Sketch
+from eutree_lab.tasks._sketch import AGENT, GOAL_COLOR, OPPONENT, Disc, Patch, Sketch
 
 LISTEN, OPEN_LEFT, OPEN_RIGHT = range(3)
 
@@ -76,7 +76,7 @@ class TigerEnv(Domain):
 
     def _sketch(self) -> Sketch:
         tiger, heard = self.state.tolist()
-        doors = [Block((x, 0.3), (x + 0.25, 0.8)) for x in (0.15, 0.6)]
+        doors = [Patch((x, 0.3), (x + 0.25, 0.8)) for x in (0.15, 0.6)]
         behind = [
             Disc((0.5 + side * 0.225, 0.55), 0.06, color)
             for side, color in ((tiger, OPPONENT), (-tiger, GOAL_COLOR))

@@ -29,7 +29,7 @@ Dynamics: TypeAlias = Callable[[Floats, Integers], tuple[Floats, Floats, Floats]
 SMALLEST_WEIGHT = 1e-12
 
 
-class World(Protocol):
+class CornerWorld(Protocol):
     """What a process is made of.
 
     Attributes:
@@ -141,7 +141,7 @@ class ModelledWorld:
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class CornerRows:
     """What comes of each action at N points, held as long as it is.
 
     Attributes:
@@ -170,7 +170,7 @@ class Rows:
         return self.successor[at], self.weight[at], self.discount[at], self.reward[at]
 
 
-def rows(grid: Grid, world: World, points: Floats) -> Rows:
+def rows(grid: Grid, world: CornerWorld, points: Floats) -> CornerRows:
     """Return what comes of every action at points, shape [N, d]."""
     n, n_actions = points.shape[0], world.n_actions
     places = np.repeat(points, n_actions, axis=0)  # [N A, d]
@@ -178,13 +178,13 @@ def rows(grid: Grid, world: World, points: Floats) -> Rows:
     state, reward, discount, leaf = world.hold(grid, places, actions)
     successor, weight = grid.weights(state)
     shape = (n, n_actions)
-    return Rows(
+    return CornerRows(
         successor.reshape(*shape, -1), weight.reshape(*shape, -1), discount.reshape(shape),
         reward.reshape(shape), leaf.reshape(shape),
     )  # fmt: skip
 
 
-def model(process: Rows, discount: float) -> Model:
+def model(process: CornerRows, discount: float) -> Model:
     """Return a process over its own points, the corners, as the solver takes it.
 
     The solver has one discount; a pair's own, g <= discount, becomes probabilities p g / discount
@@ -224,17 +224,17 @@ class Solved:
     """
 
     grid: Grid
-    process: Rows
+    process: CornerRows
     values: Floats  # [C]
     policy: Integers  # [C]
     converged: bool
 
     @classmethod
-    def of(cls, grid: Grid, world: World, values: Floats, policy: Integers) -> "Solved":
+    def of(cls, grid: Grid, world: CornerWorld, values: Floats, policy: Integers) -> "Solved":
         """Return a grid with values found before."""
         return cls(grid, rows(grid, world, grid.corners), values, policy, True)
 
-    def actions(self, world: World, points: ArrayLike) -> Integers:
+    def actions(self, world: CornerWorld, points: ArrayLike) -> Integers:
         """Return the best action at points by one look ahead, shape [N]; the first on ties."""
         places = np.ascontiguousarray(points, dtype=np.float64)
         best: Integers = rows(self.grid, world, places).action_values(self.values).argmax(axis=1)
@@ -243,7 +243,7 @@ class Solved:
 
 def solved(
     grid: Grid,
-    world: World,
+    world: CornerWorld,
     *,
     before: Solved | None = None,
     initial_policy: Integers | None = None,

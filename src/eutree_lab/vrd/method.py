@@ -34,11 +34,11 @@ from eutree.validation import check_choice, check_integer, check_number
 from eutree.world_model import fit_world_models
 from eutree_lab.relabelling import relabelled
 from eutree_lab.vrd.corner_process import (
+    CornerWorld,
     Dynamics,
     KnownWorld,
     ModelledWorld,
     Solved,
-    World,
     solved,
 )
 from eutree_lab.vrd.influence import CRITERIA, refined
@@ -163,7 +163,7 @@ class VariableResolution:
         self._informed = None if start.random else start.expert
         self._problem = problem
         self.solved: Solved | None = None
-        self._world: World | None = None
+        self._world: CornerWorld | None = None
         self._model_steps = 0
         self._solved_from = 0
         self._starts = np.array([e.observations[0] for e in start.episodes if len(e)])
@@ -247,9 +247,9 @@ class VariableResolution:
         actions, _ = self.own_policy().predict(observations)
         return relabelled(observations, actions, self.n_actions)
 
-    def own_policy(self) -> "LookAheadPolicy":
+    def own_policy(self) -> "CornerPolicy":
         """Return the look-ahead, frozen; before there is one, the expert, or the first action."""
-        return LookAheadPolicy(self.solved, self._world, self._informed)
+        return CornerPolicy(self.solved, self._world, self._informed)
 
     def partition(self, plane: Plane) -> Partition:
         """Return the boxes that a plane meets; the corners where it shows all features."""
@@ -293,7 +293,7 @@ class VariableResolution:
             )  # fmt: skip
         return learner
 
-    def _fitted(self) -> World:
+    def _fitted(self) -> CornerWorld:
         """Return the world model of the transitions that were stored at the last update."""
         true, method = self._problem.model, self.method
         if method.true_model and true is not None:
@@ -319,7 +319,7 @@ class VariableResolution:
 
 
 @dataclass(frozen=True, eq=False)
-class LookAheadPolicy:
+class CornerPolicy:
     """Decides by one look ahead in a world.
 
     Attributes:
@@ -329,7 +329,7 @@ class LookAheadPolicy:
     """
 
     solved: Solved | None
-    world: World | None
+    world: CornerWorld | None
     expert: TreePolicy | None
 
     def predict(

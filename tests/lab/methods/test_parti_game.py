@@ -12,7 +12,7 @@ from eutree.trees import DecisionTree
 from eutree_lab.parti_game import losing_cells
 from eutree_lab.parti_game.cells import GOAL, Cells
 from eutree_lab.parti_game.displacements import GivenController, LearnedController
-from eutree_lab.parti_game.game import CUT_SHORT, GOES_ON, PartiGame, Rules
+from eutree_lab.parti_game.game import CUT_SHORT, GOES_ON, GameRules, PartiGame
 from eutree_lab.parti_game.outcomes import (
     EXPERT,
     LOST,
@@ -162,7 +162,9 @@ def random_play(seed: int, variant: str) -> PartiGame:
     """Return a game after random outcomes and splits of a partition of the square."""
     generator = np.random.default_rng(seed)
     cells = Cells.of(random_tree(generator, 2, 12), np.zeros(2), np.ones(2), whole(2).goals)
-    game = PartiGame(cells, GivenController(lambda o: MOVES, np.ones(2)), Rules(variant=variant))
+    game = PartiGame(
+        cells, GivenController(lambda o: MOVES, np.ones(2)), GameRules(variant=variant)
+    )
     start, aim = aims(cells, expert=False)
     for i, j in zip(start.tolist(), aim.tolist(), strict=True):
         if generator.random() < 0.8:
@@ -220,7 +222,7 @@ def ball_trial(
 @pytest.mark.parametrize("variant", losing_cells.VARIANTS)
 def test_nothing_in_the_way_nothing_to_split(variant: str) -> None:
     controller = GivenController(lambda o: 0.5 * MOVES, np.ones(2))
-    game = PartiGame(whole(2), controller, Rules(variant=variant))
+    game = PartiGame(whole(2), controller, GameRules(variant=variant))
     steps, there = ball_trial(game, Ball(), (0.1, 0.1))
     assert there
     assert len(game.cells) == 1
@@ -232,7 +234,7 @@ def test_nothing_in_the_way_nothing_to_split(variant: str) -> None:
 
 def test_a_sealed_goal_ends_at_the_limit_of_cells() -> None:
     controller = GivenController(lambda o: 0.5 * MOVES, np.ones(2))
-    game = PartiGame(whole(2), controller, Rules(max_cells=50))
+    game = PartiGame(whole(2), controller, GameRules(max_cells=50))
     _, there = ball_trial(game, Ball(wall=True), (0.1, 0.1), limit=100_000)
     assert not there
     assert game.exhausted
@@ -242,7 +244,7 @@ def test_a_sealed_goal_ends_at_the_limit_of_cells() -> None:
 def test_maze_d_tells_the_variants_apart() -> None:
     """Published: 1,194 cells for PG, 21 for LLPPG (Al-Ansari 2001, table 2)."""
     generator = np.random.default_rng(0)
-    env, game = maze_game("MazeD", Rules(variant="llppg"))
+    env, game = maze_game("MazeD", GameRules(variant="llppg"))
     for n_trials in range(1, 10):  # noqa: B007 - used below
         steps = trial(env, game, generator)
         if game.n_news == 0:
@@ -250,13 +252,13 @@ def test_maze_d_tells_the_variants_apart() -> None:
     assert n_trials < 9
     assert len(game.cells) < 50
     assert steps < 2 * 149
-    env, game = maze_game("MazeD", Rules(variant="pg", max_cells=301))
+    env, game = maze_game("MazeD", GameRules(variant="pg", max_cells=301))
     trial(env, game, generator)
     assert game.exhausted  # before its first trial was over
 
 
 def test_improvement_halves_the_largest_of_what_costs_too_much() -> None:
-    env, game = maze_game("MazeB", Rules(variant="llppg"))
+    env, game = maze_game("MazeB", GameRules(variant="llppg"))
     trial(env, game, np.random.default_rng(0))
     cells, cost = game.cells, game.plan().cost
     dear = []
@@ -276,7 +278,7 @@ def test_improvement_halves_the_largest_of_what_costs_too_much() -> None:
 
 
 def test_improvement_finds_a_shorter_way() -> None:
-    env, game = maze_game("MazeA", Rules(variant="llppg", max_cells=400))
+    env, game = maze_game("MazeA", GameRules(variant="llppg", max_cells=400))
     generator = np.random.default_rng(0)
     steps = [trial(env, game, generator)]
     while game.n_news:
@@ -286,7 +288,7 @@ def test_improvement_finds_a_shorter_way() -> None:
         assert game.n_news or game.improve()
         later.append(trial(env, game, generator))
     assert min(later) < 0.8 * settled  # 204 of 274 steps
-    full = replace(game, rules=Rules(max_cells=len(game.cells)))
+    full = replace(game, rules=GameRules(max_cells=len(game.cells)))
     assert not full.improve()  # there is no room
 
 
@@ -294,7 +296,7 @@ def test_a_learned_controller_converges_in_maze_a() -> None:
     """Published: 9 trials, 34 cells, 3,536 steps (means of 40, table 5); within a factor of two."""
     rows = []
     for seed in range(5):
-        env, game = maze_game("MazeA", Rules(), learned=True)
+        env, game = maze_game("MazeA", GameRules(), learned=True)
         generator, total = np.random.default_rng(seed), 0
         for n_trials in range(1, 40):  # noqa: B007 - used below
             total += trial(env, game, generator)
@@ -372,7 +374,7 @@ def test_a_perfect_expert_is_followed_and_nothing_is_explored() -> None:
             break
     controller = GivenController(lambda o: np.zeros((8, 2)), np.ones(2))  # it would get nowhere
     game = PartiGame(
-        whole(2), controller, Rules(), expert=expert, demonstrated=[(np.array(path), GOAL)]
+        whole(2), controller, GameRules(), expert=expert, demonstrated=[(np.array(path), GOAL)]
     )
     assert game.plan().cost.tolist() == [1.0, 0.0]
     game.own.add((0, GOAL, 0), np.zeros(2))  # the straight way is known to fail
@@ -441,9 +443,9 @@ def test_tiles_learn_as_a_plain_loop_does() -> None:
 
 def test_mistakes_are_said() -> None:
     with pytest.raises(UnknownNameError, match="llppg"):
-        Rules(variant="lllppg")
+        GameRules(variant="lllppg")
     with pytest.raises(InvalidArgumentError, match="patience must be an integer >= 1, got 0"):
-        Rules(patience=0)
+        GameRules(patience=0)
     with pytest.raises(InvalidArgumentError, match="low must be below high in every axis"):
         Cells.of(DecisionTree.single_leaf(1), [1.0], [1.0], [[[0.0], [1.0]]])
     with pytest.raises(

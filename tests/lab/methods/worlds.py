@@ -9,7 +9,7 @@ import eutree  # noqa: F401 - registers
 from eutree.trees import DecisionTree
 from eutree_lab.parti_game.cells import GOAL, Cells
 from eutree_lab.parti_game.displacements import GivenController, LearnedController
-from eutree_lab.parti_game.game import CUT_SHORT, GOES_ON, PartiGame, Rules
+from eutree_lab.parti_game.game import CUT_SHORT, GOES_ON, GameRules, PartiGame
 from eutree_lab.parti_game.outcomes import LOST
 from eutree_lab.tasks.maze import MOVES
 
@@ -45,7 +45,9 @@ class Ball:
         return after, inside
 
 
-def maze_game(name: str, rules: Rules, *, learned: bool = False, seed: int = 0) -> tuple[Any, Any]:
+def maze_game(
+    name: str, rules: GameRules, *, learned: bool = False, seed: int = 0
+) -> tuple[Any, Any]:
     """Return a maze and a parti-game learner of it."""
     env = gymnasium.make(f"eutree/{name}-v0", trial_limit=10**6, disable_env_checker=True).unwrapped
     low, high = env.observation_space.low, env.observation_space.high

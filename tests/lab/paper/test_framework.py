@@ -38,9 +38,9 @@ from eutree_lab.framework.verdicts import (
     EXPECTATIONS,
     REFUSED,
     Expectation,
+    Finding,
     Runs,
     Times,
-    Verdict,
     for_good,
     halved,
     ratio_of_times,
@@ -313,7 +313,7 @@ def test_a_refused_task_is_left_out_of_the_verdict():
     expectation = Expectation("vrd", HOLDS, "")
     found = verdict(invented([1, 1, 1], [0, 0, 1], refused="it needs a goal"), expectation)
     assert found.tasks == ("evasion",)
-    nothing_left = Verdict(expectation, REFUSED, None, ())
+    nothing_left = Finding(expectation, REFUSED, None, ())
     assert (nothing_left.as_expected, nothing_left.number) == ("open", "")
     records = [record_of("evasion", "", Arm(FROZEN, GOOD), 0, [1.0])]
     records += [
