@@ -74,7 +74,7 @@ bench: install-test
 	$(PY) -m pytest -q -p no:xdist benchmarks $(ARGS)
 
 table-smoke: install-test
-	$(PY) benchmarks/table.py --smoke
+	$(PY) -m benchmarks.releases $(ARGS)
 
 results: install-test
 	PATH="$$PWD/$(VENV)/bin:$$PATH" $(PY) docs/results/provenance.py --renew $(ARGS)

@@ -4,7 +4,6 @@ Run: python benchmarks/table.py TASK [TASK ...] [--who eutree dagger viper netwo
      [--steps 10000 50000 100000] [--leaves 4 8 16 32] [--seeds 10] [--first 20000]
      [--trees FOLDER] [--out docs/results/table]
      python benchmarks/table.py --pages
-     python benchmarks/table.py --smoke
 
 A cell is a run of its own, in a process of its own: 15 demonstrations of the task's script, then
 the settings of ``src/eutree/zoo/settings/TASK.toml`` for the steps that are left (demonstrations
@@ -12,8 +11,8 @@ count). The tree has at most so many leaves, and 200 fresh episodes say what it 
 ``dagger`` and ``viper`` make trees (CART) of a DQN of Stable-Baselines3 with the settings of its
 zoo, which has half of the steps; all its steps count. ``network`` is that DQN with all of them:
 the line above. A row is written as soon as it is known, and what a file of rows has already is not
-run again. ``--trees`` keeps each tree, from which ``benchmarks/zoo.py`` takes the best. ``--smoke``
-runs a small fixed part and says where it is worse than the rows that are stored.
+run again. ``--trees`` keeps each tree, from which ``benchmarks/zoo.py`` takes the best.
+``benchmarks/releases.py`` runs a small fixed part and compares it with earlier ones.
 Seeds from 1000 to 1999 are for tuning; those of the table begin at 20,000.
 """
 
@@ -22,6 +21,7 @@ import csv
 import multiprocessing
 import resource
 import subprocess
+import textwrap
 import time
 import tomllib
 from collections.abc import Iterable
@@ -274,56 +274,6 @@ def cells_of(arguments: argparse.Namespace) -> list[Cell]:
     ]
 
 
-# The fixed part that each change can afford: under ten minutes on two cores.
-SMOKE = [
-    Cell("eutree", task, steps, leaves, seed)
-    for task, steps, leaves in (
-        ("MountainCar-v0", 50_000, 8),
-        ("CartPole-v1", 50_000, 4),
-        ("eutree/Evasion2-v0", 10_000, 16),
-        ("Acrobot-v1", 50_000, 8),
-    )
-    for seed in range(FIRST, FIRST + 4)
-]
-
-
-def smoke(folder: Path) -> int:
-    """Run the fixed part again, and return how many of its tasks are worse than what is stored.
-
-    The probability of improvement is the share of all pairs, a run of now and a run of then, in
-    which the one of now earns more (ties count half; Agarwal et al. 2021).
-    """
-    worse = 0
-    context = multiprocessing.get_context("spawn")
-    for task in dict.fromkeys(cell.task for cell in SMOKE):
-        cells = [cell for cell in SMOKE if cell.task == task]
-        with context.Pool(2) as pool:
-            now = pool.starmap(measured, [(cell, None) for cell in cells])
-        same = (cells[0].steps, cells[0].leaves)
-        then = [
-            row for row in rows_of(file_of(folder, task))
-            if row["who"] == "eutree" and (int(row["steps"]), int(row["leaves"])) == same
-        ]  # fmt: skip
-        if not then:
-            print(f"{task}: nothing is stored to compare with")
-            continue
-        pairs = [
-            (float(one["return"]), float(other["return"])) for one in now for other in then
-        ]  # each of now beside each of then
-        better = np.mean([(a > b) + 0.5 * (a == b) for a, b in pairs])
-        leaves = [np.mean([float(row["has_leaves"]) for row in rows]) for rows in (now, then)]
-        returns = [np.mean([float(row["return"]) for row in rows]) for rows in (now, then)]
-        bad = better < 0.25 or leaves[0] > leaves[1] + 3
-        worse += bool(bad)
-        print(
-            f"{task}: return {returns[0]:.1f} for {returns[1]:.1f}, leaves {leaves[0]:.1f} for "
-            f"{leaves[1]:.1f}, probability of improvement {better:.2f}"
-            f"{': WORSE' if bad else ''}",
-            flush=True,
-        )
-    return worse
-
-
 def summary(rows: list[dict[str, str]]) -> str:
     """Return a cell of the table: mean, its interval over seeds, the worst seed, the leaves."""
     returns = [float(row["return"]) for row in rows]
@@ -334,46 +284,75 @@ def summary(rows: list[dict[str, str]]) -> str:
 
 
 def page(folder: Path) -> str:
-    """Return the page of all rows that are stored."""
+    """Return the page of all rows that are stored, and of those known from elsewhere."""
+    others = rows_of(folder.parent / "elsewhere.csv")
+    files = {rows_of(path)[0]["task"]: path for path in folder.glob("*.csv")}
     lines = [HEAD]
-    for path in sorted(folder.glob("*.csv")):
-        rows = rows_of(path)
-        task = rows[0]["task"]
-        lines += ["", f"## {task}", "", f"![Return at each size](table-{path.stem}.svg)", ""]
-        budgets = sorted({int(row["steps"]) for row in rows})
-        lines.append(f"| who, at most | {' | '.join(f'{b:,} steps' for b in budgets)} |")
-        lines.append("|---" * (len(budgets) + 1) + "|")
-        kinds = dict.fromkeys((row["who"], int(row["leaves"])) for row in rows)
-        for who, leaves in sorted(kinds):
-            cells = []
-            for budget in budgets:
-                here = [
-                    row for row in rows
-                    if (row["who"], int(row["leaves"]), int(row["steps"])) == (who, leaves, budget)
-                ]  # fmt: skip
-                few = f" ({len(here)} seeds)" if 0 < len(here) < SEEDS else ""
-                cells.append(summary(here) + few if here else "")
-            name = who if not leaves else f"{who}, {leaves} leaves"
-            lines.append(f"| {name} | {' | '.join(cells)} |")
-        ours = [row for row in rows if row["who"] == "eutree"]
-        lines += [
-            "",
-            f"A run of eutree took {np.mean([float(row['cpu_s']) for row in ours]):.0f} CPU "
-            f"seconds on average, {max(float(row['cpu_s']) for row in ours):.0f} at most, and "
-            f"{max(int(row['peak_mb']) for row in ours)} MB at its peak. Sources: "
-            f"{', '.join(sorted({row['commit'] for row in rows}))}.",
-        ]
+    for task in sorted({*files, *(row["task"] for row in others)}):
+        lines += ["", f"## {task}"]
+        lines += of_task(files[task]) if task in files else []
+        lines += elsewhere([row for row in others if row["task"] == task])
     return "\n".join(lines) + "\n"
 
 
-HEAD = """# Return at size at counted steps
+def of_task(path: Path) -> list[str]:
+    """Return the picture and the table of a task's own rows."""
+    rows = rows_of(path)
+    budgets = sorted({int(row["steps"]) for row in rows})
+    lines = ["", f"![Return at each size](table-{path.stem}.svg)", ""]
+    lines.append(f"| who, at most | {' | '.join(f'{b:,} steps' for b in budgets)} |")
+    lines.append("|---" * (len(budgets) + 1) + "|")
+    for who, leaves in sorted({(row["who"], int(row["leaves"])) for row in rows}):
+        cells = []
+        for budget in budgets:
+            here = [
+                row for row in rows
+                if (row["who"], int(row["leaves"]), int(row["steps"])) == (who, leaves, budget)
+            ]  # fmt: skip
+            few = f" ({len(here)} seeds)" if 0 < len(here) < SEEDS else ""
+            cells.append(summary(here) + few if here else "")
+        name = who if not leaves else f"{who}, {leaves} leaves"
+        lines.append(f"| {name} | {' | '.join(cells)} |")
+    ours = [row for row in rows if row["who"] == "eutree"]
+    seconds = [float(row["cpu_s"]) for row in ours]
+    said = (
+        f"A run of eutree took {np.mean(seconds):.0f} CPU seconds on average, {max(seconds):.0f} "
+        f"at most, and {max(int(row['peak_mb']) for row in ours)} MB at its peak. Sources: "
+        f"{', '.join(sorted({row['commit'] for row in rows}))}."
+    )
+    return [*lines, "", *textwrap.wrap(said, 100)]
+
+
+def elsewhere(rows: list[dict[str, str]]) -> list[str]:
+    """Return the table of what is known of a task from elsewhere; nothing where nothing is."""
+    if not rows:
+        return []
+    titles = ("who", "leaves", "steps", "return", "known")
+    lines = ["", f"| {' | '.join(titles)} |", "|---" * len(titles) + "|"]
+    return [*lines, *(f"| {' | '.join(row[title] for title in titles)} |" for row in rows)]
+
+
+HEAD = """\
+# Return at size at counted steps
 
 Each cell: mean return of ten runs (200 fresh episodes each), 95 % interval over the runs, worst
-run, mean number of leaves. Every environment step is counted: demonstrations, learning, races. Made
-by `python benchmarks/table.py TASK` for each task and `python benchmarks/table.py --pages`; every
-run is a row in `docs/results/table/`. The settings are those of `eutree learn --settings zoo:TASK`
-and were chosen on seeds from 1000 on; the runs here have the seeds from 20,000 on. A cell that was
-made of fewer than ten runs says so; an empty one was not run yet."""
+run, mean number of leaves. Every environment step is counted: demonstrations, learning, races; of
+`dagger` and `viper` those of their network too. Made by `python benchmarks/table.py TASK` for each
+task and `python benchmarks/table.py --pages`; every run is a row in `docs/results/table/`. The
+settings are those of `eutree learn --settings zoo:TASK` and were chosen on seeds from 1000 on; the
+runs here have the seeds from 20,000 on. A cell that was made of fewer than ten runs says so; an
+empty one was not run yet.
+
+`dagger` and `viper` are CART by DAgger and VIPER from a DQN of Stable-Baselines3, with its zoo's
+settings and half of the steps; `network` is that DQN with all of them and no tree at all.
+
+Each size is a run of its own. The front of a single run has every size too, but pays for it: it
+plays each of its trees from 60 starts or more, by default two steps for each step of the run, and
+within 100,000 steps of MountainCar there are enough for two trees.
+
+Below each task's own rows: *measured*, with the authors' code on fresh seeds (Gymnasium 1.4, two
+cores; these programs are not part of this repository); *published*, by them; *here*, by another
+command of this repository, on the page that is linked."""
 
 
 def draw(folder: Path) -> None:
@@ -384,6 +363,7 @@ def draw(folder: Path) -> None:
     import matplotlib.pyplot as plt
 
     mpl.rcParams["svg.hashsalt"] = "eutree"
+    others = rows_of(folder.parent / "elsewhere.csv")
     for path in sorted(folder.glob("*.csv")):
         rows = rows_of(path)
         figure, axes = plt.subplots(figsize=(6.4, 3.8), layout="constrained")
@@ -400,6 +380,7 @@ def draw(folder: Path) -> None:
             spread = [np.subtract(mean_interval(one)[1], np.mean(one)) for one in returns]
             axes.errorbar(sizes, means, yerr=spread, marker="o", capsize=3, label=label,
                           linestyle="-" if who == "eutree" else "--")  # fmt: skip
+        mark(axes, [row for row in others if row["task"] == rows[0]["task"]])
         axes.set_xscale("log", base=2)
         axes.set_xticks(LEAVES, [str(n) for n in LEAVES])
         axes.set_xlabel("leaves, at most")
@@ -409,6 +390,21 @@ def draw(folder: Path) -> None:
         axes.legend(fontsize=8)
         figure.savefig(folder.parent / f"table-{path.stem}.svg", metadata={"Date": None})
         plt.close(figure)
+
+
+def mark(axes: Any, others: list[dict[str, str]]) -> None:
+    """Mark the trees of others that have a size of the table and a return within the picture."""
+    low, high = axes.get_ylim()
+    known = [(row["leaves"], row["return"]) for row in others if row["known"] != "here"]
+    points = [
+        (float(leaves), float(earned)) for leaves, earned in known
+        if leaves.isdecimal() and earned.lstrip("-").replace(".", "").isdecimal()
+    ]  # fmt: skip
+    seen = [(x, y) for x, y in points if x <= LEAVES[-1] + 2 and y >= low - (high - low)]
+    if seen:
+        axes.scatter(
+            *zip(*seen, strict=True), marker="x", color="0.3", label="elsewhere, any steps"
+        )
 
 
 def main() -> None:
@@ -422,10 +418,7 @@ def main() -> None:
     parser.add_argument("--trees", type=Path)
     parser.add_argument("--out", type=Path, default=ROWS)
     parser.add_argument("--pages", action="store_true")
-    parser.add_argument("--smoke", action="store_true")
     arguments = parser.parse_args()
-    if arguments.smoke:
-        raise SystemExit(smoke(arguments.out))
     if arguments.pages:
         draw(arguments.out)
         (arguments.out.parent / "table.md").write_text(page(arguments.out))

@@ -1,0 +1,55 @@
+"""The pages of the table and between releases are those of the rows that are stored."""
+
+import numpy as np
+import pytest
+from benchmarks import releases, table
+
+HERE = table.ROWS.parent
+
+
+def body(name: str) -> str:
+    """Return a page without the lines that say where it comes from."""
+    return (HERE / name).read_text(encoding="utf-8").split("---\n", 2)[2].lstrip()
+
+
+def test_the_pages_are_made_of_the_rows() -> None:
+    again = "python benchmarks/table.py --pages; python -m benchmarks.releases --page"
+    assert body("table.md") == table.page(table.ROWS), again
+    assert body("between-releases.md") == releases.page(), again
+
+
+def test_every_row_of_the_table_is_of_a_seed_that_tuning_never_saw() -> None:
+    for path in table.ROWS.glob("*.csv"):
+        rows = table.rows_of(path)
+        cells = [(row["who"], row["steps"], row["leaves"], row["seed"]) for row in rows]
+        assert len(set(cells)) == len(cells), f"{path.name}: a cell stands there twice"
+        for row in rows:
+            assert int(row["seed"]) >= table.FIRST
+            assert int(row["used"]) <= int(row["steps"])
+            assert int(row["has_leaves"]) <= int(row["leaves"])
+
+
+@pytest.mark.parametrize(
+    ("now", "then", "expected"),
+    [([1, 1], [1, 1], 0.5), ([2, 3], [1, 1], 1.0), ([0, 2], [1, 1], 0.5), ([0, 1, 2], [1], 0.5),
+     ([1, 1, 2], [1, 3], (0.5 + 0.5 + 1.0) / 6)],
+)  # fmt: skip
+def test_the_probability_of_improvement_counts_pairs_and_halves_of_ties(
+    now: list[float], then: list[float], expected: float
+) -> None:
+    given = np.array(now, dtype=float), np.array(then, dtype=float)
+    assert releases.probability(*given) == pytest.approx(expected)
+    low, high = releases.interval(*given)
+    assert low <= expected <= high
+
+
+def rows(returns: list[float], leaves: int) -> list[dict[str, str]]:
+    return [{"task": "T", "return": str(one), "has_leaves": str(leaves)} for one in returns]
+
+
+def test_a_task_is_worse_where_it_earns_less_or_its_trees_are_larger() -> None:
+    then = rows([1.0, 2.0, 3.0], 4)
+    assert not releases.is_worse(then, then, "T")
+    assert releases.is_worse(rows([0.0, 0.0, 0.5], 4), then, "T")
+    assert releases.is_worse(rows([1.0, 2.0, 3.0], 8), then, "T")
+    assert not releases.is_worse(rows([2.0, 3.0, 4.0], 6), then, "T")
