@@ -4,6 +4,8 @@ import shlex
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from eutree.policies import TreePolicy
 
 
@@ -61,3 +63,27 @@ def test_a_mistake_is_one_line(eutree):
     answer = eutree(*line, "--derive", "missing.txt")
     assert answer.code == 2
     assert "missing.txt" in answer.err
+
+
+def test_fit_proposes_what_would_help(eutree):
+    generator = np.random.default_rng(0)
+    lines = ["episode,left [m],right [m],action"]
+    for step in range(600):
+        left, right = generator.uniform(0.0, 9.0, 2)
+        lines.append(f"{step // 100},{left},{right},{'stop' if left > right else 'go'}")
+    Path("log.csv").write_text("\n".join(lines))
+    assert eutree("demos", "import", "log.csv", "--out", "shown").code == 0
+    answer = eutree("fit", "shown", "--out", "p.json")
+    hint = next(line for line in answer.out.splitlines() if line.startswith("a feature `"))
+    asked = shlex.split(hint)[-2:]
+    again = eutree("fit", "shown", "--out", "p.json", *asked)
+    assert again.code == 0
+    assert "a feature `" not in again.out
+    auto = eutree("fit", "shown", "--derive", "auto", "--out", "q.json")
+    assert auto.code == 0, auto.err
+    assert "derived `left minus right = left - right`: 2 leaves in place of" in auto.out
+    assert Path("p.json").read_bytes() == Path("q.json").read_bytes()
+    assert eutree("export", "q.json", "--format", "c", "--out", "q.c").code == 0
+    refused = eutree("evaluate", "q.json", "CartPole-v1", "--derive", "auto")
+    assert refused.code == 2
+    assert "auto is understood by fit" in refused.err

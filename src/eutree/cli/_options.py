@@ -24,6 +24,7 @@ _Command = TypeVar("_Command", bound=Callable[..., Any])
 # In click's context: one option tells another.
 _DECODE = "eutree.decode"
 _ACTION_GRID = "eutree.action_grid"
+AUTO = "auto"  # of --derive
 
 MAX_COUNT = 10**9  # of anything that is counted: more than any run can do
 
@@ -121,7 +122,7 @@ def env_arg_option(command: _Command) -> _Command:
         expose_value=False,
         callback=_derive,
         help="A feature made of others: 'fall = level - last(level)'; or a file with one a line. "
-        "May be repeated.",
+        "May be repeated. fit --derive auto proposes some.",
     )
     decode = click.option(
         "--decode",
@@ -219,6 +220,11 @@ def _derive(context: click.Context, parameter: click.Parameter, texts: tuple[str
         return
     from eutree.interaction.names import Names, declarations
 
+    if AUTO in texts:
+        if context.info_name != "fit":
+            raise click.BadParameter(f"{AUTO} is understood by fit, which proposes features, only")
+        context.meta[AUTO] = True
+        texts = tuple(text for text in texts if text != AUTO)
     declared = [line for text in texts for line in ([text] if "=" in text else declarations(text))]
     _give(context, Names(derived=tuple(declared)))
 

@@ -1,6 +1,7 @@
 """``eutree fit``: demonstrations to a tree, played and compared with its demonstrator."""
 
 from contextlib import ExitStack
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -8,6 +9,7 @@ import click
 
 from eutree.cli._commands import Helped
 from eutree.cli._options import (
+    AUTO,
     count_option,
     env_arg_option,
     json_option,
@@ -99,6 +101,7 @@ def fit(
             settings=_settings(release_8, min_objects, confidence, no_pruning),
             history=history,
             monotone=monotone,
+            derive=AUTO if AUTO in click.get_current_context().meta else (),
             seed=seed,
             on_progress=stages.show,
         )
@@ -168,5 +171,6 @@ def _values(report: "FitReport", out: Path) -> dict[str, Any]:
         "choice": report.choice,
         "candidates": report.n_candidates,
         "episodes_played": report.episodes_played,
+        "proposals": [asdict(one) for one in report.proposals],
         "warnings": list(report.warnings),
     }

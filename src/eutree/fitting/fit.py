@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import gymnasium
 import numpy as np
@@ -11,7 +11,9 @@ import numpy as np
 from eutree.c45 import C45Settings
 from eutree.contests import Halving
 from eutree.data import Demonstrations, Episode
+from eutree.data import derive as with_derived
 from eutree.errors import EutreeError, InvalidArgumentError, shown
+from eutree.fitting.combining import confirm, propose
 from eutree.fitting.diagnosis import (
     about_demonstrations,
     about_doubt,
@@ -28,7 +30,14 @@ from eutree.interaction import describe
 from eutree.interaction.deriving import acting_as
 from eutree.interaction.making import make
 from eutree.interaction.recipe import Environment, opened
-from eutree.learners.starts import SETTINGS, Candidate, best_left_out, candidates, promising
+from eutree.learners.starts import (
+    RELEASE_8,
+    SETTINGS,
+    Candidate,
+    best_left_out,
+    candidates,
+    promising,
+)
 from eutree.validation import check_integer, check_seed
 
 # Both are contests (:mod:`eutree.contests`) that promise nothing: who judges the tree that they
@@ -125,6 +134,7 @@ def fit(
     settings: C45Settings | None = None,
     history: int | None = None,
     monotone: Sequence[str] = (),
+    derive: Sequence[str] | Literal["auto"] = (),
     seed: int = 0,
     on_progress: Progress | None = None,
 ) -> FitReport:
@@ -150,6 +160,8 @@ def fit(
         history: Number of previous observations as features. None chooses between 0 and 1.
         monotone: Rules such as ``"stop in distance"`` that every tree keeps: leaves change to what
             was shown there less often, as few steps as it takes.
+        derive: Derived features to declare, ``"gap = left - right"``; ``"auto"`` proposes a few
+            (``eutree.fitting.combining``) and takes those that playing confirms.
         seed: The same seed gives the same report.
         on_progress: Called after each episode played with what it is for and how many there were.
 
@@ -171,38 +183,38 @@ def fit(
         raise InvalidArgumentError(
             f"episodes must be at least 1 to practise, which has to be judged, got {episodes}"
         )
-    found = candidates(
-        demonstrations,
-        settings=SETTINGS if settings is None else (settings,),
-        histories=(0, 1) if history is None and settings is None else (history or 0,),
-    )
-    keeps = _Keeping(demonstrations, tuple(monotone))
-    found = [keeps.kept(one) for one in found]
+    if derive != "auto":
+        demonstrations = with_derived(demonstrations, derive)
+    chosen = settings or RELEASE_8
     with ExitStack() as stack:
         world, missing = _world(demonstrations, env, stack) if episodes else (None, "")
-        if world is None:
-            if practise:
-                raise InvalidArgumentError(f"practise must be 0 without an environment: {missing}")
-            notes = [f"The tree was not played: {missing}"] if missing else []
-            return _report(best_left_out(found), None, demonstrations, found, notes)
-        player = Player(world, seed, on_progress)
-        fitting = _Fitting(demonstrations, world, player, keeps, episodes, seed)
-        chosen, known = fitting.choose(found, repair=settings is None)
-        judged = fitting.judge(chosen)
-        plays = known + judged.episodes
-        report = replace(
-            _report(chosen, judged, demonstrations, found, [], player.episodes), plays=plays
+        if world is None and practise:
+            raise InvalidArgumentError(f"practise must be 0 without an environment: {missing}")
+        proposals, spent = propose(demonstrations, chosen), 0
+        if derive == "auto" and proposals:
+            proposals, spent = confirm(
+                proposals, demonstrations, world, chosen,
+                episodes=max(2, episodes // 2), seed=seed, on_progress=on_progress,
+            )  # fmt: skip
+            taken = [one.declaration for one in proposals if one.taken]
+            demonstrations = with_derived(demonstrations, taken)
+            world = None if world is None else acting_as(world, demonstrations)
+        found = candidates(
+            demonstrations,
+            settings=SETTINGS if settings is None else (settings,),
+            histories=(0, 1) if history is None and settings is None else (history or 0,),
         )
-        if not practise:
-            return report
-        better = fitting.practise(chosen, plays, practise, on_progress)
-        count = player.episodes + practise
-        if better is None:
-            note = f"{practise} episodes of practice made nothing better of it."
-            warnings = (*report.warnings, note)
-            return replace(report, warnings=warnings, episodes_played=count, before_practice=report)
-        after = _report(*better, demonstrations, found, [], count)
-        return replace(after, before_practice=report, plays=better[1].episodes)
+        keeps = _Keeping(demonstrations, tuple(monotone))
+        found = [keeps.kept(one) for one in found]
+        if world is None:
+            notes = [f"The tree was not played: {missing}"] if missing else []
+            report = _report(best_left_out(found), None, demonstrations, found, notes)
+        else:
+            player = Player(world, seed, on_progress)
+            fitting = _Fitting(demonstrations, world, player, keeps, episodes, seed)
+            report = fitting.report(found, practise, repair=settings is None)
+    count = report.episodes_played + spent
+    return replace(report, proposals=proposals, episodes_played=count)
 
 
 @dataclass(frozen=True)
@@ -244,6 +256,25 @@ class _Fitting:
     episodes: int
     seed: int
 
+    def report(self, found: list[Candidate], practise: int, *, repair: bool) -> FitReport:
+        """Return the report of the best candidate, after so many episodes of practice."""
+        chosen, known = self.choose(found, repair=repair)
+        judged, demonstrations = self.judge(chosen), self.demonstrations
+        plays = known + judged.episodes
+        count = self.player.episodes
+        report = _report(chosen, judged, demonstrations, found, [], count)
+        report = replace(report, plays=plays)
+        if not practise:
+            return report
+        better = self.practise(chosen, plays, practise)
+        count = self.player.episodes + practise
+        if better is None:
+            note = f"{practise} episodes of practice made nothing better of it."
+            warnings = (*report.warnings, note)
+            return replace(report, warnings=warnings, episodes_played=count, before_practice=report)
+        after = _report(*better, demonstrations, found, [], count)
+        return replace(after, before_practice=report, plays=better[1].episodes)
+
     def choose(
         self, found: list[Candidate], *, repair: bool
     ) -> tuple[Candidate, tuple[Episode, ...]]:
@@ -271,13 +302,12 @@ class _Fitting:
         chosen: Candidate,
         known: tuple[Episode, ...],
         episodes: int,
-        on_progress: Progress | None,
     ) -> tuple[Candidate, Played] | None:
         """Return what learning makes of the tree and its play; None if that is no better."""
 
         def tell(run: Any) -> None:
-            if on_progress is not None:
-                on_progress("practising", run.episode, episodes)
+            if self.player.on_progress is not None:
+                self.player.on_progress("practising", run.episode, episodes)
 
         rivals = learn_on(
             chosen.policy,

@@ -90,7 +90,7 @@ class Player:
     ) -> None:
         self._env = GuardedEnv(env)
         self._seed = seed
-        self._on_progress = on_progress
+        self.on_progress = on_progress
         self.episodes = 0
         self.begin("playing", 1)
 
@@ -109,9 +109,9 @@ class Player:
         for number in range(first, first + episodes):
             played.append(run_episode(self._env, policy, episode_seed(seed, number)))
             self.episodes += 1
-            if self._on_progress is not None:
+            if self.on_progress is not None:
                 count = self.episodes - self._before
-                self._on_progress(self._stage, count, max(count, self._most))
+                self.on_progress(self._stage, count, max(count, self._most))
         return Played(policy, tuple(played))
 
     def contest(

@@ -1,6 +1,7 @@
 """What came of a fit."""
 
 import math
+import shlex
 from dataclasses import dataclass
 
 import numpy as np
@@ -203,6 +204,55 @@ def _has_returns(result: Evaluation) -> bool:
     return bool(np.isfinite(result.returns).all())
 
 
+CLEARLY_SHORTER = 2 / 3  # of the leaves
+CLEARLY_BETTER = 0.05  # of the decisions left out
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A derived feature that is worth declaring (``eutree.fitting.combining``).
+
+    Attributes:
+        declaration: ``"left minus right = left - right"``.
+        leaves: Of C4.5's tree without it and with it.
+        agreement: Share of the decisions in episodes left out that trees without it and with it
+            make as shown.
+        played: Mean return without it and with it; None if neither was played.
+        taken: Whether the tree was fitted with it.
+    """
+
+    declaration: str
+    leaves: tuple[int, int]
+    agreement: tuple[float, float]
+    played: tuple[float, float] | None = None
+    taken: bool = False
+
+    @property
+    def hint(self) -> str:
+        """What it would improve, and how to ask for it; empty where that is not much."""
+        (before, after), (agreed, agrees) = self.leaves, self.agreement
+        worth = after <= CLEARLY_SHORTER * before or agrees >= agreed + CLEARLY_BETTER
+        if self.taken or self.played or not worth:
+            return ""
+        return (
+            f"a feature `{self.declaration}` would make {after} leaves of {before}, with "
+            f"{agrees:.1%} of the decisions left out in place of {agreed:.1%}: "
+            f"--derive {shlex.quote(self.declaration)}"
+        )
+
+    def __str__(self) -> str:
+        """Return what became of it and why, in one line."""
+        (leaves, fewer), (agreed, agrees) = self.leaves, self.agreement
+        what = "derived" if self.taken else "not derived" if self.played else "proposed"
+        line = (
+            f"{what} `{self.declaration}`: {fewer} leaves in "
+            f"place of {leaves}, {agrees:.1%} of the decisions left out in place of {agreed:.1%}"
+        )
+        if self.played is None:
+            return line
+        return f"{line}, a mean return of {self.played[1]:.4g} in place of {self.played[0]:.4g}"
+
+
 @dataclass(frozen=True, eq=False)
 class FitReport(Displayed):
     """A tree made of demonstrations, and how good it is beside them.
@@ -219,6 +269,7 @@ class FitReport(Displayed):
         episodes_played: Episodes played in all: to choose, to repair, to judge, to practise.
         before_practice: The report of the tree that practice began with; None without practice.
         plays: What the tree has played so far: ``eutree.fitting.playing`` goes on from it.
+        proposals: Derived features that were tried, or that are worth declaring.
     """
 
     policy: TreePolicy
@@ -232,6 +283,7 @@ class FitReport(Displayed):
     episodes_played: int
     before_practice: "FitReport | None" = None
     plays: tuple[Episode, ...] = ()
+    proposals: tuple[Proposal, ...] = ()
 
     @property
     def verdict(self) -> Standing | None:
@@ -253,4 +305,7 @@ class FitReport(Displayed):
             made += f", the best of {self.n_candidates} trees"
         if self.episodes_played:
             made += f"; {self.episodes_played} episodes played in all"
-        return "\n".join([*lines, made, *(f"WARNING: {text}" for text in self.warnings)])
+        tried = [str(one) for one in self.proposals if one.taken or one.played]
+        hints = [one.hint for one in self.proposals[:1] if one.hint]
+        warned = (f"WARNING: {text}" for text in self.warnings)
+        return "\n".join([*lines, made, *tried, *warned, *hints])

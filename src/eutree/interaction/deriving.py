@@ -7,6 +7,7 @@ features itself where an environment does not, and exports compute them.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import gymnasium
@@ -96,7 +97,9 @@ def acting_as(env: gymnasium.Env[Any, Any], known: object) -> gymnasium.Env[Any,
     if not isinstance(schema, Schema):
         return env
     env = with_grid_of(env, schema)
-    measured = schema.measured
-    if not schema.derived or describe(env).n_features != measured.n_features:
+    observed = describe(env)
+    known, n_measured = len(observed.derived), schema.measured.n_features
+    if len(schema.derived) <= known or observed.measured.n_features != n_measured:
         return env  # whoever compares the names says what is wrong, if anything
-    return DerivedObservation(env, schema.derived, names=measured)
+    names = replace(schema, features=schema.features[: n_measured + known])
+    return DerivedObservation(env, schema.derived[known:], names=names)
