@@ -11,6 +11,7 @@ the tree learned in so many steps, on 200 episodes that neither has seen.
 """
 
 import argparse
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,8 @@ import numpy as np
 
 import eutree
 from eutree.learners.distilled_dqn import DistilledDQN
+from eutree.proof import Plant, register_plant
+from eutree.schema import EnvironmentSpec
 from eutree.world_model.ensemble import EnsembleSettings
 
 EPISODE_STEPS = 200
@@ -121,7 +124,14 @@ class FloatSwitch:
         return (2 * pump + valve).astype(np.int64), state
 
 
+def plant(spec: EnvironmentSpec) -> Plant:
+    """Return the tanks as ``eutree prove`` follows them; ``two_tanks_plant`` lies beside."""
+    own = import_module(f"{__package__}.two_tanks_plant" if __package__ else "two_tanks_plant")
+    return own.TwoTanks(spec)
+
+
 gymnasium.register("TwoTanks-v0", TwoTanks)
+register_plant("TwoTanks-v0", plant)
 
 
 def method_for(max_leaves: int) -> DistilledDQN:

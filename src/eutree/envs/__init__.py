@@ -1,6 +1,7 @@
 """The N-Evasion domain of the paper, and scripted experts for it and for Gymnasium's tasks."""
 
 import warnings
+from collections.abc import Callable
 from importlib.metadata import entry_points
 from typing import Any
 
@@ -26,6 +27,9 @@ IDS: dict[str, dict[str, Any]] = {
     "eutree/PaperEvasion2-v0": {"n_opponents": 2, **PAPER_CONSTANTS},
     "eutree/PaperEvasion3-v0": {"n_opponents": 3, **PAPER_CONSTANTS},
 }
+
+# Who makes the model of an environment that ``eutree.proof`` follows, by the environment's id.
+PLANTS: dict[str, Callable[[Any], Any]] = {}
 
 
 def register() -> None:

@@ -1,5 +1,6 @@
 """Proofs about trajectories: whether a policy arrives, stays or succeeds, from every start."""
 
+from eutree.proof._kernels import ActingNodes
 from eutree.proof.certificate import Certificate, Picture, Pieces, Starts
 from eutree.proof.certificate_file import load_certificate, save_certificate
 from eutree.proof.intervals import Intervals, Truth, clip, cos, maximum, minimum, sin, sqrt, where
@@ -11,6 +12,7 @@ from eutree.proof.replay import Trajectory, check_plant, replay
 from eutree.proof.starts import BeginningThere
 
 __all__ = [
+    "ActingNodes",
     "BeginningThere",
     "Certificate",
     "Effort",

@@ -1,8 +1,10 @@
-"""Make the tasks known to Gymnasium; ``import eutree`` calls it."""
+"""Make the tasks known to Gymnasium, and Evasion's plant; ``import eutree`` calls it."""
 
 from typing import Any
 
 import gymnasium
+
+from eutree.envs import PLANTS
 
 TASKS: dict[str, tuple[str, dict[str, Any]]] = {
     "eutree/CarOnHill-v0": ("car_on_hill:CarOnHillEnv", {}),
@@ -16,11 +18,20 @@ TASKS: dict[str, tuple[str, dict[str, Any]]] = {
     "eutree/Tiger-v0": ("tiger:TigerEnv", {}),
 }
 
+EVASION = ("eutree/Evasion-v0", "eutree/Evasion2-v0", "eutree/Evasion3-v0")
+
 
 def register() -> None:
-    """Register every task; a second call changes nothing."""
+    """Register every task and plant; a second call changes nothing."""
     for name, (entry_point, arguments) in TASKS.items():
         if name not in gymnasium.registry:
             gymnasium.register(
                 id=name, entry_point=f"eutree_lab.tasks.{entry_point}", kwargs=arguments
             )
+    PLANTS.update(dict.fromkeys(EVASION, _evasion_plant))
+
+
+def _evasion_plant(spec: Any) -> Any:
+    from eutree_lab.plants.evasion import Evasion
+
+    return Evasion(spec)

@@ -8,20 +8,12 @@ import numpy as np
 from eutree.envs.evasion import EvasionParameters
 from eutree.errors import InvalidArgumentError
 from eutree.policies import TreePolicy
-from eutree.proof.certificate import (
-    KNOWN,
-    PROOF,
-    PROVEN,
-    REFUTED,
-    UNDECIDED,
-    Certificate,
-    Picture,
-)
-from eutree.proof.evasion_chain import SUCCESS, EvasionChain, Payoffs
+from eutree.proof import Certificate, Picture, Plant
+from eutree.proof.certificate import KNOWN, PROOF, PROVEN, REFUTED, UNDECIDED
 from eutree.proof.picture import CELLS
-from eutree.proof.plant import Plant
 from eutree.proof.properties import EpisodeProperty
 from eutree.schema import EnvironmentSpec
+from eutree_lab.plants.evasion_chain import SUCCESS, EvasionChain, Payoffs
 
 _CELLS, _SPACING = 880, 0.4  # of an opponent's circle; of the agent's places
 _BEST_CELLS, _BEST_SPACING = 440, 0.5

@@ -1,7 +1,7 @@
 """The plant of two tanks in series, ``examples/two_tanks.py``: do they ever run over?
 
 What holds for ever is found by following boxes from all starts, cell by cell, until nothing new is
-reached (:mod:`eutree.proof.plants._kernels`). Demand and set point may be anything in their ranges
+reached (``_kernels.py`` beside). Demand and set point may be anything in their ranges
 at every step. Where that fails, a search plays the tanks against the policy: it keeps, for each
 coarse cell, the states that come nearest to running over, and a run that it finds is replayed in
 the real environment with those demands and set points in place of the ones that are drawn.
@@ -18,26 +18,15 @@ from eutree.arrays import Floats, Integers
 from eutree.errors import InvalidArgumentError
 from eutree.inspection import Region
 from eutree.policies import TreePolicy
-from eutree.proof.certificate import (
-    EMPTY,
-    FAILS,
-    KNOWN,
-    OPEN,
-    PROOF,
-    PROVEN,
-    REFUTED,
-    UNDECIDED,
-    Certificate,
-    Picture,
-    Starts,
-)
-from eutree.proof.intervals import Intervals, clip, minimum, sqrt
+from eutree.proof import Certificate, Intervals, Picture, Plant, Starts, clip, minimum, sqrt
+from eutree.proof.certificate import EMPTY, FAILS, KNOWN, OPEN, PROOF, PROVEN, REFUTED, UNDECIDED
 from eutree.proof.picture import CELLS
-from eutree.proof.plant import Plant, State, own_arguments
-from eutree.proof.plants import _kernels as kernels
+from eutree.proof.plant import State, own_arguments
 from eutree.proof.properties import EVER, EpisodeProperty
 from eutree.schema import EnvironmentSpec
 from eutree.trees.boxes import leaf_boxes
+
+from . import _kernels as kernels
 
 PUMP, VALVE, LAG = 0.012, 0.010, 0.35
 STEP, HEIGHT = kernels.STEP, kernels.HEIGHT

@@ -12,9 +12,9 @@ from eutree.envs.evasion import EvasionParameters
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import evaluate
 from eutree.proof import Effort, check_plant, plant_of, prove
-from eutree.proof.chance import Normal, circle_moves, line_moves
-from eutree.proof.evasion_chain import SUCCESS, EvasionChain, Payoffs
 from eutree.schema import EnvironmentSpec
+from eutree_lab.plants.chance import Normal, circle_moves, line_moves
+from eutree_lab.plants.evasion_chain import SUCCESS, EvasionChain, Payoffs
 from tests.proof.policies import policy_of
 
 STOP, GO = 0, 1
@@ -167,7 +167,7 @@ def coarse(monkeypatch):
         ("_SPACING", 0.6),
         ("_BEST_SPACING", 0.8),
     ):
-        monkeypatch.setattr(f"eutree.proof.plants.evasion.{name}", value)
+        monkeypatch.setattr(f"eutree_lab.plants.evasion.{name}", value)
 
 
 def rows_of_a_million():
@@ -295,7 +295,7 @@ def test_too_many_opponents_at_once_are_one_line():
 
 
 def make_table(episodes=1_000_000):
-    """Write the table of real episodes: ``python -m tests.proof.test_evasion``."""
+    """Write the table of real episodes: ``python -m tests.lab.plants.test_evasion``."""
     with (Path(__file__).parent / "evasion_success.csv").open("w", newline="") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(["tree", "episodes", "successes"])

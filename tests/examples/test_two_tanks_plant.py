@@ -3,12 +3,12 @@
 import mpmath
 import numpy as np
 import pytest
+from examples.two_tanks_plant import DEMAND, LAG, PUMP, TARGET, VALVE, Flood, rerun
+from examples.two_tanks_plant import _kernels as kernels
 
 from eutree.errors import InvalidArgumentError
 from eutree.proof import BeginningThere, check_plant, plant_of, prove
 from eutree.proof.certificate import EMPTY, FAILS, OPEN
-from eutree.proof.plants import _kernels as kernels
-from eutree.proof.plants.two_tanks import DEMAND, LAG, PUMP, TARGET, VALVE, Flood, rerun
 from eutree.schema import EnvironmentSpec
 from examples import two_tanks
 from tests.proof.policies import policy_of
@@ -50,7 +50,7 @@ def outside(flood, episodes, steps=60):
 
 
 def test_a_careful_tree_never_runs_over(flood, monkeypatch):
-    monkeypatch.setattr("eutree.proof.plants.two_tanks.Flood", lambda *arguments: flood)
+    monkeypatch.setattr("examples.two_tanks_plant.Flood", lambda *arguments: flood)
     assert flood.is_closed
     assert flood.work["box_steps"] > 1000
     found = prove(policy_of(SAFE, "TwoTanks-v0"), PLANT)
@@ -73,7 +73,7 @@ def test_real_runs_stay_in_the_boxes(flood):
 
 
 def test_boxes_for_too_few_set_points_are_caught(flood, monkeypatch):
-    monkeypatch.setattr("eutree.proof.plants.two_tanks.TARGET", (0.9, 1.1))
+    monkeypatch.setattr("examples.two_tanks_plant.TARGET", (0.9, 1.1))
     assert outside(Flood(policy_of(SAFE, "TwoTanks-v0"), LIMITS), 3) > 0
 
 
@@ -197,7 +197,7 @@ def test_the_run_that_breaks_it_is_drawn_and_is_where_episodes_begin():
 
 
 def test_the_box_that_is_open_is_drawn(monkeypatch):
-    monkeypatch.setattr("eutree.proof.plants.two_tanks._played", lambda *_: None)
+    monkeypatch.setattr("examples.two_tanks_plant._played", lambda *_: None)
     found = prove(policy_of((LOWER, 1.2, FILL, OFF), "TwoTanks-v0"), PLANT)
     assert found.verdict == "undecided"
     assert (found.pictures[0].marks == OPEN).any()

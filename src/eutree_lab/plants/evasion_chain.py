@@ -19,10 +19,10 @@ from eutree.arrays import Floats, Integers
 from eutree.envs.evasion import EvasionParameters
 from eutree.errors import InvalidArgumentError
 from eutree.policies import TreePolicy
-from eutree.proof import _kernels_chance as kernels
-from eutree.proof._kernels import ActingNodes
-from eutree.proof.chance import REACH, TAIL, Moves, Normal, circle_moves, line_moves
+from eutree.proof import ActingNodes
 from eutree.proof.intervals import middle
+from eutree_lab.plants import _kernels_chance as kernels
+from eutree_lab.plants.chance import REACH, TAIL, Moves, Normal, circle_moves, line_moves
 
 MOST_CELLS = 4_000_000
 _GO = 1  # the action, as the environment counts

@@ -6,7 +6,7 @@ import numpy as np
 
 from eutree.arrays import Floats, Integers
 from eutree.compiled import compiled
-from eutree.proof._kernels import ActingNodes
+from eutree.proof import ActingNodes
 
 Spans = tuple[float, float, float, float]  # lowest and highest of one action, then of another
 
