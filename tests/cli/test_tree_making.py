@@ -235,7 +235,7 @@ def test_an_episode_ended_by_hand_is_no_result_of_the_person(folder) -> None:
     replace(demos, episodes=(short,)).save(alone)
     replace(demos, episodes=(short, *demos.episodes[1:])).save(beside)
     last = made(alone, episodes=1)[1][-1]
-    assert last.message.startswith("you no whole episode; this tree ")
+    assert last.message.startswith("you no episode played alone to its end; this tree ")
     assert last.verdict == "not comparable"
     assert last.yours is None
     assert made(beside, episodes=3)[1][-1].message.startswith("you 2 of 2 (34 to 100 %);")

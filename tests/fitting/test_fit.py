@@ -270,6 +270,21 @@ class TestBadInput:
         found = self.sentences(replace(shown, episodes=tuple(episodes)), corridor)
         assert found[0].startswith("None of the 12 demonstrations was played to its end")
 
+    def test_nothing_but_episodes_that_a_tree_drove(self, corridor, shown):
+        driven = [
+            replace(e, steps={**e.steps, "by_hand": np.arange(len(e)) > len(e) - 2}) for e in shown
+        ]
+        found = self.sentences(replace(shown, episodes=tuple(driven)), corridor)
+        assert "(a tree drove in 12)" in found[0]
+        assert "interrupted" not in found[0]
+
+    def test_nothing_that_says_how_well_the_person_does_for_several_reasons(self, corridor, shown):
+        episodes = list(shown)
+        episodes[0] = wrong(episodes[0], terminated=False, ending="stopped")
+        episodes[1:] = [replace(e, extras={"chosen_start": True}) for e in episodes[1:]]
+        found = self.sentences(replace(shown, episodes=tuple(episodes)), corridor)
+        assert "(begun at a chosen start: 11, interrupted or stopped: 1)" in found[0]
+
     def test_a_table_that_does_not_say_how_episodes_ended(self, corridor, shown):
         episodes = [wrong(e, terminated=False, ending="") for e in shown]
         found = self.sentences(replace(shown, episodes=tuple(episodes)), corridor)

@@ -96,7 +96,7 @@ def test_two_measures_are_never_compared() -> None:
 
 def test_without_a_whole_episode_nothing_is_compared() -> None:
     assert verdict(None, successes(58, 100)).word == "not comparable"
-    assert result_in_words(None) == "no whole episode"
+    assert result_in_words(None) == "no episode played alone to its end"
 
 
 def test_ranges_are_rounded_outwards() -> None:

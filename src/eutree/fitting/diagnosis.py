@@ -58,19 +58,33 @@ def about_demonstrations(demonstrations: Demonstrations) -> list[str]:
         )
     person = Person.of(demonstrations)
     if not person.episodes:
-        why = "was played to its end: all were interrupted or stopped"
-        if not any(episode.ending for episode in demonstrations):  # a table without such a column
-            why = "says how it ended: no column terminated or truncated is set"
-        found.append(
-            f"None of the {len(demonstrations)} demonstrations {why}. Nothing says how well this "
-            "way of acting does."
-        )
+        found.append(_without_evidence(demonstrations))
     elif person.success_rate == 0.0:
         found.append(
             f"All {person.episodes} demonstrations failed: the tree copies what fails. Show at "
             "least some that succeed, or let it learn from the start."
         )
     return found
+
+
+def _without_evidence(demonstrations: Demonstrations) -> str:
+    """Return why no demonstration says how well its demonstrator does."""
+    which = f"None of the {len(demonstrations)} demonstrations"
+    if not any(episode.ending for episode in demonstrations):  # a table without such a column
+        why = "says how it ended: no column terminated or truncated is set"
+        return f"{which} {why}. Nothing says how well this way of acting does."
+    alone = [episode for episode in demonstrations if episode.by_hand is None]
+    ended = sum(episode.terminated or episode.truncated for episode in alone)
+    counts = {
+        "a tree drove in": len(demonstrations) - len(alone),
+        "begun at a chosen start:": ended,
+        "interrupted or stopped:": len(alone) - ended,
+    }
+    reasons = ", ".join(f"{words} {count}" for words, count in counts.items() if count)
+    return (
+        f"{which} was played to its end by the demonstrator alone, from any start ({reasons}). "
+        "Nothing says how well this way of acting does."
+    )
 
 
 def about_size(policy: TreePolicy, demonstrations: Demonstrations) -> list[str]:
@@ -168,10 +182,7 @@ def in_words(harm: Harm, policy: TreePolicy, n_shown: int) -> str:
         policy: The tree.
         n_shown: How many steps were shown in all.
     """
-    names = policy.schema.actions
-    taken = printable(names[policy.actions[harm.leaf]])
-    low, high = (_rounded(bounds[harm.leaf]) for bounds in leaf_boxes(policy.tree))
-    region = Region(low, high).words(policy.schema, domain(policy.schema))
+    taken, region = leaf_in_words(policy, harm.leaf)
     how = "hold on to the end in" if harm.holds_on else "pass through"
     bad = f"of the episodes end badly, in {harm.ending!r}"
     if harm.below is not None:
@@ -181,6 +192,13 @@ def in_words(harm: Harm, policy: TreePolicy, n_shown: int) -> str:
         f"{harm.share:.0%} {bad}; {harm.share_in_leaf:.0%} "
         f"of these {how} leaf {harm.leaf} ({taken} where {region}). {_cause(harm, policy, n_shown)}"
     )
+
+
+def leaf_in_words(policy: TreePolicy, leaf: int) -> tuple[str, str]:
+    """Return what a leaf does, and where."""
+    low, high = (_rounded(bounds[leaf]) for bounds in leaf_boxes(policy.tree))
+    region = Region(low, high).words(policy.schema, domain(policy.schema))
+    return printable(policy.schema.actions[policy.actions[leaf]]), region
 
 
 def _cause(harm: Harm, policy: TreePolicy, n_shown: int) -> str:

@@ -143,7 +143,7 @@ def result_in_words(result: Evaluation | None, measure: str = "") -> str:
         measure: What is compared; by default successes where they are known, else returns.
     """
     if result is None:
-        return "no whole episode"
+        return "no episode played alone to its end"
     if measure != RETURN and result.successes is not None and result.success_interval is not None:
         low, high = result.success_interval
         ends = f"{math.floor(100 * low + 1e-9)} to {math.ceil(100 * high - 1e-9)} %"
