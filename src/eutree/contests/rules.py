@@ -49,6 +49,17 @@ class Halving:
     prices: tuple[float, ...] = ()
     guesses: tuple[float, ...] = ()
 
+    @classmethod
+    def within(cls, budget: int, rivals: int) -> "Halving":
+        """Return the contest of so many trees down to two that takes about ``budget`` episodes."""
+        left, cost, rounds = rivals, rivals, 1
+        while left > 2:  # a round doubles what each of those left has played
+            left = (left + 1) // 2
+            cost += left * 2 ** (rounds - 1)
+            rounds += 1
+        first = max(1, budget // cost)
+        return cls(first=first, most=first * 2 ** (rounds - 1))
+
     def next(self, table: Table) -> Heat | Verdict:
         """Return the next round, or the best of those left."""
         alive, n, _ = self.standing(table)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from eutree.arrays import Floats, Integers
-from eutree.data.episode import Episode
+from eutree.data.episode import CUT, TAUGHT, Episode
 from eutree.data.files import DemonstrationFolder, save_folder
 from eutree.data.rows import episodes_from_rows, schema_for
 from eutree.display import Displayed
@@ -96,6 +96,8 @@ class Demonstrations(Displayed):
         for episode in self.kept:
             for array in (episode.observations, episode.actions, episode.rewards):
                 sha.update(array.tobytes())
+            if TAUGHT in episode.steps:
+                sha.update(episode.taught.tobytes())
             sha.update(bytes([episode.terminated, episode.truncated]))
         return sha.hexdigest()
 
@@ -324,6 +326,27 @@ def derive(demonstrations: Demonstrations, declarations: Sequence[str | Feature]
         check_finite("derived features", rows)
         seen.append(replace(episode, observations=rows))
     return replace(demonstrations, episodes=tuple(seen), schema=schema)
+
+
+def taught_in(demonstrations: Demonstrations) -> Integers:
+    """Return the action to imitate at each transition of the kept episodes, [N]; ``CUT``: none."""
+    return np.concatenate([np.empty(0, np.int64), *(e.taught for e in demonstrations)])
+
+
+def lessons(demonstrations: Demonstrations) -> tuple[Floats, Integers]:
+    """Return what is to be imitated: observations [n, d] and actions [n], without what was cut."""
+    taught = taught_in(demonstrations)
+    return demonstrations.observations[taught != CUT], taught[taught != CUT]
+
+
+def teaching(demonstrations: Demonstrations, taught: Integers) -> Demonstrations:
+    """Return demonstrations with other actions to imitate, [N] as of ``taught_in``."""
+    parts, begin = [], 0
+    for episode in demonstrations.episodes:
+        end = begin + len(episode) if episode.kept else begin
+        parts.append(episode.teaching(taught[begin:end]) if episode.kept else episode)
+        begin = end
+    return replace(demonstrations, episodes=tuple(parts))
 
 
 def check_rewards(demonstrations: Demonstrations, *, alone: bool = False) -> None:

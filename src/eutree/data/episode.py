@@ -14,6 +14,8 @@ from eutree.wording import counted
 
 SPOILT = 2  # steps before a person stepped in, or before a failure, that nobody approved
 ALLOWED = "allowed"  # of ``steps``: which actions were allowed, [T, A]
+TAUGHT = "taught"  # of ``steps``: which action is to be imitated, [T]; ``CUT`` for none
+CUT = -1
 
 
 def allowed_in(episodes: "Iterable[Episode]") -> Booleans | None:
@@ -50,7 +52,8 @@ class Episode:
         steps: Further arrays with one row for each action, by name: of a recording its
             ``time``, ``frame`` (the last one seen) and ``keys`` (held). NaN means not measured.
             ``by_hand`` says where a person took over from a tree that drove, ``allowed``, where
-            actions are masked, which were not.
+            actions are masked, which were not; ``taught`` which action is to be imitated, -1 for
+            none, where that is another one than was taken.
         extras: Further facts about the episode in JSON's types, for example the names of the
             keys.
     """
@@ -129,6 +132,17 @@ class Episode:
         """
         ended = self.terminated or self.truncated
         return ended and self.by_hand is None and not self.extras.get("chosen_start")
+
+    @property
+    def taught(self) -> Integers:
+        """Which action is to be imitated at each step, [T]; ``CUT`` where none is."""
+        return np.asarray(self.steps.get(TAUGHT, self.actions), dtype=np.int64)
+
+    def teaching(self, taught: Integers) -> "Episode":
+        """Return the episode with other actions to imitate, [T]; what was done stays as it was."""
+        steps = {name: array for name, array in self.steps.items() if name != TAUGHT}
+        same = np.array_equal(taught, self.actions)
+        return replace(self, steps=steps if same else {**steps, TAUGHT: taught})
 
     @property
     def weights(self) -> Floats:

@@ -20,6 +20,7 @@ from eutree.c45 import grow
 from eutree.compression.candidates import Costs, Prunings, merged
 from eutree.contests import best
 from eutree.data import Demonstrations, Episode
+from eutree.data.demonstrations import lessons
 from eutree.data.episode import allowed_in
 from eutree.errors import InvalidArgumentError, MissingExtraError
 from eutree.evaluation import Evaluation, Interval, evaluate
@@ -382,8 +383,8 @@ class _School:
         self._stakes = stakes
         self._seed = seed
         self._team = team
-        self._observations = [shown.observations]
-        self._actions = [shown.actions]
+        observations, actions = lessons(shown)
+        self._observations, self._actions = [observations], [actions]
 
     def gather(self, tree: TreePolicy, number: int, episodes: int) -> None:
         """Let the tree act, and add what it comes to with the teacher's actions."""

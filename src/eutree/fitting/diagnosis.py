@@ -6,6 +6,7 @@ import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.data import Demonstrations
+from eutree.data.demonstrations import lessons
 from eutree.evaluation import Evaluation
 from eutree.fitting.playing import Played, blame, shown_in
 from eutree.fitting.report import Person, result_in_words, verdict
@@ -48,7 +49,7 @@ class Harm:
 def about_demonstrations(demonstrations: Demonstrations) -> list[str]:
     """Return what is wrong with the demonstrations as a whole."""
     names = demonstrations.schema.actions
-    counts = np.bincount(demonstrations.actions, minlength=len(names))
+    counts = np.bincount(lessons(demonstrations)[1], minlength=len(names))
     found = []
     missing = [printable(name) for name, count in zip(names, counts, strict=True) if not count]
     if missing:
@@ -89,7 +90,7 @@ def _without_evidence(demonstrations: Demonstrations) -> str:
 
 def about_size(policy: TreePolicy, demonstrations: Demonstrations) -> list[str]:
     """Return that a tree has one leaf although several actions were shown."""
-    counts = np.bincount(demonstrations.actions, minlength=policy.schema.n_actions)
+    counts = np.bincount(lessons(demonstrations)[1], minlength=policy.schema.n_actions)
     if policy.n_leaves > 1 or np.count_nonzero(counts) < 2:
         return []
     names = policy.schema.actions

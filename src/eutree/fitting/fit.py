@@ -12,6 +12,7 @@ from eutree.c45 import C45Settings
 from eutree.contests import Halving
 from eutree.data import Demonstrations, Episode
 from eutree.data import derive as with_derived
+from eutree.data.demonstrations import lessons
 from eutree.errors import EutreeError, InvalidArgumentError, shown
 from eutree.fitting.combining import confirm, propose
 from eutree.fitting.diagnosis import (
@@ -61,13 +62,7 @@ def race(found: list[Candidate], player: Player, budget: int) -> tuple[Candidate
         player: Plays them.
         budget: Episodes of all of them together.
     """
-    left, cost, rounds = len(found), len(found), 1
-    while left > 2:  # a round doubles what each of those left has played
-        left = (left + 1) // 2
-        cost += left * 2 ** (rounds - 1)
-        rounds += 1
-    first = max(1, budget // cost)
-    rule = Halving(first=first, most=first * 2 ** (rounds - 1))
+    rule = Halving.within(budget, len(found))
     winner, played = player.contest(rule, [entry.policy for entry in found], RACING)
     return found[winner], played
 
@@ -370,8 +365,8 @@ def _report(
             for harm in found_harms
             if worse or harm.holds_on
         ]
-    shown = demonstrations.with_history(policy.history)
-    decided = policy.actions[policy.tree.leaf_index(shown.observations)]
+    observations, actions = lessons(demonstrations.with_history(policy.history))
+    decided = policy.actions[policy.tree.leaf_index(observations)]
     return FitReport(
         policy=policy,
         person=person,
@@ -379,7 +374,7 @@ def _report(
         choice=str(chosen),
         warnings=(*warnings, *notes),
         n_transitions=demonstrations.n_transitions,
-        training_accuracy=float((decided == shown.actions).mean()),
+        training_accuracy=float((decided == actions).mean()),
         n_candidates=len(found),
         episodes_played=episodes_played,
     )

@@ -11,6 +11,7 @@ from eutree.arrays import Booleans, Floats, Integers
 from eutree.c45 import C45Settings, grow
 from eutree.contests import Halving, hold, new_table
 from eutree.data import Demonstrations, Episode
+from eutree.data.demonstrations import lessons
 from eutree.evaluation import Evaluation
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
 from eutree.interaction.seeding import Stream
@@ -150,7 +151,8 @@ def shown_in(policy: TreePolicy, demonstrations: Demonstrations) -> Integers:
     """Return how often each action was shown in each leaf, shape [L, A]."""
     known = demonstrations.with_history(policy.history)
     counts = np.zeros((policy.n_leaves, policy.schema.n_actions), dtype=np.int64)
-    np.add.at(counts, (policy.tree.leaf_index(known.observations), known.actions), 1)
+    observations, actions = lessons(known)
+    np.add.at(counts, (policy.tree.leaf_index(observations), actions), 1)
     return counts
 
 
@@ -205,11 +207,11 @@ def _labelled(policy: TreePolicy, labels: Integers) -> TreePolicy:
 
 
 def _cut(policy: TreePolicy, demonstrations: Demonstrations, leaf: int) -> TreePolicy:
-    known = demonstrations.with_history(policy.history)
-    rows = policy.tree.leaf_index(known.observations) == leaf
+    observations, actions = lessons(demonstrations.with_history(policy.history))
+    rows = policy.tree.leaf_index(observations) == leaf
     scion, labels = grow(
-        known.observations[rows],
-        known.actions[rows],
+        observations[rows],
+        actions[rows],
         n_classes=policy.schema.n_actions,
         settings=_FREE,
     ).to_decision_tree()

@@ -19,7 +19,8 @@ from numpy.typing import ArrayLike
 from eutree.arrays import Floats
 from eutree.c45 import C45Settings, grow
 from eutree.data import Demonstrations, Episode
-from eutree.data.episode import allowed_in
+from eutree.data.demonstrations import lessons, taught_in
+from eutree.data.episode import CUT, allowed_in
 from eutree.errors import InvalidArgumentError
 from eutree.learners.learner import Problem, Start, StartName
 from eutree.policies import TreePolicy
@@ -53,13 +54,16 @@ def fit_expert_tree(
             "demonstrations must hold at least one transition, got "
             f"{len(demonstrations)} episodes without a step"
         )
+    observations, actions_taught = lessons(demonstrations)
+    if not len(actions_taught):
+        raise InvalidArgumentError("demonstrations must not be cut altogether: nothing is left")
     if weights is None:
         weights = np.concatenate([episode.weights for episode in demonstrations])
     grown = grow(
-        demonstrations.observations,
-        demonstrations.actions,
+        observations,
+        actions_taught,
         n_classes=demonstrations.schema.n_actions,
-        weights=weights,
+        weights=np.asarray(weights)[taught_in(demonstrations) != CUT],
         settings=settings,
     )
     tree, actions = grown.to_decision_tree()
@@ -183,7 +187,7 @@ def _explains_more(rival: Candidate, best: Candidate) -> bool:
 
 def _correct(demonstrations: Demonstrations, settings: C45Settings) -> Floats:
     """Return the share of each episode's steps that a tree without it decides as shown, [E]."""
-    episodes = [episode for episode in demonstrations if len(episode)]
+    episodes = [episode for episode in demonstrations if (episode.taught != CUT).any()]
     correct = np.zeros(len(episodes))
     n_folds = min(FOLDS, len(episodes))
     for fold in range(n_folds):
@@ -194,7 +198,7 @@ def _correct(demonstrations: Demonstrations, settings: C45Settings) -> Floats:
         for number in range(fold, len(episodes), n_folds):
             episode = episodes[number]
             decided = tree.actions[tree.tree.leaf_index(episode.observations[:-1])]
-            correct[number] = (decided == episode.actions).mean()
+            correct[number] = (decided == episode.taught)[episode.taught != CUT].mean()
     return correct
 
 

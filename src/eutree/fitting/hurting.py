@@ -1,0 +1,363 @@
+"""Which seconds of the demonstrations cost the tree its success, found by playing.
+
+A step that differs from its like may be the one that saves the day, so disagreement accuses nobody.
+Here a segment is accused by a trial: C4.5 makes the tree without it, and both trees play the same
+episodes. Three sieves make that affordable. Only segments that support the leaves which have most
+to do with failing are tried, and the last steps before a failure; of those only the ones without
+which the tree is another one; these trees are halved by playing, and the best has to be shown to do
+better on fresh episodes (``Better``). What is accepted, the next search begins with.
+
+A segment may also be flipped: then the action before it, or after it, is imitated in its place, as
+if the hand had been quicker, or slower.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from eutree.arrays import Floats, Integers
+from eutree.contests import Better, Halving, hold, new_table
+from eutree.contests.table import Run
+from eutree.data import Demonstrations
+from eutree.data.demonstrations import taught_in, teaching
+from eutree.data.episode import CUT
+from eutree.display import Displayed
+from eutree.evaluation import Evaluation, evaluate
+from eutree.fitting.diagnosis import leaf_in_words
+from eutree.fitting.playing import TIE, Played, Player, Progress, blame
+from eutree.fitting.report import Person, result_in_words
+from eutree.fitting.segments import Edit, Segment, Steps, accepted, last_steps, segments_of
+from eutree.interaction import episode_seed
+from eutree.interaction.deriving import acting_as
+from eutree.interaction.recipe import Environment, opened
+from eutree.interaction.seeding import Stream
+from eutree.learners import fit_expert_tree
+from eutree.learners.starts import SETTINGS, Candidate, candidates, promising
+from eutree.policies import TreePolicy
+from eutree.validation import check_integer, check_seed
+from eutree.wording import counted
+
+BLAMED_LEAVES = 4
+LOOKED_AT = 100  # episodes of the tree that say which leaves have to do with failing
+EDGES = (1, 2, 3)  # steps at the end, or the beginning, of a run: a late hand, or an early one
+BEFORE_FAILURE = (3, 6)  # steps
+MOST_PAIRS = 600  # that show that a tree is better
+ERROR = 0.05
+FINALISTS = 3
+CHOOSING, JUDGING, LOOKING, HALVING, CONFIRMING = 400, 401, 410, 440, 470  # first blocks
+OFTEN = 0.05  # share of failures from which something is to be shown again
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """Segments without which the tree is better, and what they cost.
+
+    Attributes:
+        what: ``"cut"``, ``"flip"``, or ``"show again"`` where neither was shown to help.
+        segments: The segments, in order.
+        why: What they have in common, in words.
+        before: What the tree reached with them, all earlier proposals accepted; fresh episodes.
+        after: What it reached without them in the same episodes; None for ``"show again"``.
+    """
+
+    what: str
+    segments: tuple[Segment, ...]
+    why: str
+    before: Evaluation
+    after: Evaluation | None
+
+    def __str__(self) -> str:
+        """Return the proposal in a sentence."""
+        steps = sum(one.stop - one.start for one in self.segments)
+        episodes = len({one.episode for one in self.segments})
+        found = (
+            f"{self.what} {counted(steps, 'step')} of {counted(episodes, 'episode')}: {self.why}"
+        )
+        with_them = f"with them {result_in_words(self.before)}"
+        if self.after is None:
+            return f"{found}; {with_them}"
+        return f"{found}; {with_them}, without {result_in_words(self.after)}"
+
+
+@dataclass(frozen=True, eq=False)
+class Hurting(Displayed):
+    """What was found.
+
+    Attributes:
+        demonstrations: As they were given.
+        edited: The same with all cuts and flips; what was done stays in them.
+        proposals: What to cut, flip or show again, in order; each one is tried on top of those
+            before it.
+        before: The tree of the demonstrations.
+        after: The tree of what is left.
+        tried: Other trees that played.
+        episodes_played: In all.
+    """
+
+    demonstrations: Demonstrations
+    edited: Demonstrations
+    proposals: tuple[Proposal, ...]
+    before: TreePolicy
+    after: TreePolicy
+    tried: int
+    episodes_played: int
+
+    def __str__(self) -> str:
+        """Return what was found in a few lines."""
+        end = f"{counted(self.tried, 'tree')} tried, {self.episodes_played} episodes played in all"
+        if not self.proposals:
+            return f"no segment was shown to cost the tree its success; {end}"
+        return "\n".join([*map(str, self.proposals), end])
+
+
+def find_hurting(
+    demonstrations: Demonstrations,
+    env: Environment,
+    *,
+    episodes: int = 3000,
+    judged: int = 200,
+    most: int = 3,
+    seed: int = 0,
+    on_progress: Progress | None = None,
+) -> Hurting:
+    """Return the segments of demonstrations that cost the tree its success.
+
+    Args:
+        demonstrations: What was shown; what was cut before stays cut.
+        env: Where to play: an environment, its id, or how to make it.
+        episodes: Episodes that each search halves its trees by; confirming takes up to 3,600 more.
+        judged: Fresh episodes that say what a tree reaches with and without the segments.
+        most: Most proposals.
+        seed: The same seed finds the same.
+        on_progress: Called after some episodes with what they are for and how many there were.
+
+    Raises:
+        InvalidArgumentError: There is nothing to fit, or the environment is another one.
+        EnvironmentFault: The environment broke its contract.
+    """
+    for name, count in (("episodes", episodes), ("judged", judged), ("most", most)):
+        check_integer(name, count, low=1)
+    check_seed(seed)
+    with opened(env) as given:
+        world = acting_as(given, demonstrations)
+        games = _Games(world, seed, on_progress)
+        found = candidates(demonstrations, settings=SETTINGS, histories=(0, 1))
+        rivals = promising(found, 8)
+        games.begin("choosing", 3 * judged)
+        chosen = rivals[games.best([one.policy for one in rivals], CHOOSING, 3 * judged)[0]]
+        return _Search(demonstrations, chosen, games, episodes, judged).run(most)
+
+
+class _Games:
+    """Plays trees from common starts and counts the episodes.
+
+    Args:
+        env: The environment.
+        seed: Seed of all that is played.
+        on_progress: Told after each block.
+    """
+
+    def __init__(
+        self, env: gymnasium.Env[Any, Any], seed: int, on_progress: Progress | None
+    ) -> None:
+        self.env, self.seed, self._on_progress = env, seed, on_progress
+        self.episodes = 0
+        self.begin("playing", 1)
+
+    def begin(self, stage: str, most: int) -> None:
+        """Say what the next episodes are for, and how many there may be of them."""
+        self._stage, self._most, self._before = stage, most, self.episodes
+
+    def play(self, tree: TreePolicy, block: int, episodes: int, first: int = 0) -> Evaluation:
+        """Return what a tree reaches from so many starts of a block, the same for every tree."""
+        seed = episode_seed(episode_seed(self.seed, block, Stream.FITTING), first)
+        found = evaluate(tree, self.env, episodes=episodes, seed=seed)
+        self._count(episodes)
+        return found
+
+    def watched(self, tree: TreePolicy, block: int) -> Played:
+        """Return some episodes of a tree, with all that happened in them."""
+        self._count(LOOKED_AT)
+        return Player(self.env, self.seed).play(tree, LOOKED_AT, block)
+
+    def best(
+        self, trees: Sequence[TreePolicy], block: int, budget: int, keep: int = 1
+    ) -> tuple[int, ...]:
+        """Return which trees are left of a contest by halving, the best first."""
+        rule = replace(Halving.within(budget, len(trees)), keep=min(keep, len(trees)))
+        table = new_table(len(trees), rule.most)
+        hold(rule, table, self._runner(trees, block))
+        return rule.standing(table)[0]
+
+    def is_better(self, tree: TreePolicy, than: TreePolicy, block: int, error: float) -> bool:
+        """Return whether a tree is shown to do better than another on fresh episodes."""
+        pair = (than, tree)
+        known = None if self.play(than, block, 1).successes is None else (0.0, 1.0)
+        rule = Better(error=error, most=MOST_PAIRS, known=known)
+        return hold(rule, new_table(2, rule.most), self._runner(pair, block)).shown
+
+    def _runner(self, trees: Sequence[TreePolicy], block: int) -> Run:
+        def run(tree: int, starts: Sequence[int]) -> Floats:
+            found = self.play(trees[tree], block, len(starts), starts[0])
+            if found.successes is None:
+                return found.returns
+            worths: Floats = found.successes + TIE * found.returns
+            return worths
+
+        return run
+
+    def _count(self, episodes: int) -> None:
+        self.episodes += episodes
+        if self._on_progress is not None:
+            count = self.episodes - self._before
+            self._on_progress(self._stage, count, max(count, self._most))
+
+
+class _Search:
+    """Looks for what hurts, again and again.
+
+    Args:
+        demonstrations: What was shown.
+        chosen: The tree to begin with, and how it was made.
+        games: Where trees play.
+        budget: Episodes that halve the trees of one round.
+        judged: Episodes that judge a tree.
+    """
+
+    def __init__(
+        self,
+        demonstrations: Demonstrations,
+        chosen: Candidate,
+        games: _Games,
+        budget: int,
+        judged: int,
+    ) -> None:
+        self._settings, self._history = chosen.settings, chosen.policy.history
+        self._given, self._games = demonstrations, games
+        self._budget, self._judged = budget, judged
+        self._tried = 0
+
+    def run(self, most: int) -> Hurting:
+        """Return what was found, at most so many proposals."""
+        known, games = self._given, self._games
+        first = tree = self._tree(known)
+        reached, found = self._judge(tree), list[Proposal]()
+        while len(found) < most:
+            played = games.watched(tree, LOOKING + len(found))
+            guilty = self._guilty(tree, played)
+            better = self._better(known, tree, guilty, len(found))
+            if better is None:
+                again = self._shown_again(known, tree, guilty, played, reached)
+                found += [] if again is None else [again]
+                break
+            edit, tree = better
+            segments = segments_of(known, edit)
+            known, before = accepted(known, segments), reached
+            reached = self._judge(tree)
+            what = "flip" if (edit.becomes != CUT).all() else "cut"
+            found.append(Proposal(what, segments, edit.why, before, reached))
+        return Hurting(self._given, known, tuple(found), first, tree, self._tried, games.episodes)
+
+    def _tree(self, known: Demonstrations) -> TreePolicy:
+        seen = known.with_history(self._history) if self._history else known
+        return replace(fit_expert_tree(seen, settings=self._settings), history=self._history)
+
+    def _judge(self, tree: TreePolicy) -> Evaluation:
+        self._games.begin("judging", self._judged)
+        return self._games.play(tree, JUDGING, self._judged)
+
+    def _guilty(self, tree: TreePolicy, played: Played) -> list[int]:
+        guilt = blame(played, played.failed(Person.of(self._given).mean_return))
+        order = np.argsort(-guilt, kind="stable")[:BLAMED_LEAVES]
+        return [leaf for leaf in order.tolist() if guilt[leaf] > 0.0]
+
+    def _better(
+        self, known: Demonstrations, tree: TreePolicy, guilty: list[int], number: int
+    ) -> tuple[Edit, TreePolicy] | None:
+        """Return an edit whose tree is shown to be better, with that tree; None if none is."""
+        trees = self._trees(known, tree, guilty)
+        if not trees:
+            return None
+        self._tried += len(trees)
+        games = self._games
+        games.begin("halving", self._budget)
+        left = games.best([one for _, one in trees], HALVING + number, self._budget, FINALISTS)
+        games.begin("confirming", FINALISTS * 2 * MOST_PAIRS)
+        for place, one in enumerate(left):
+            block = CONFIRMING + FINALISTS * number + place
+            if games.is_better(trees[one][1], tree, block, ERROR / FINALISTS):
+                return trees[one]
+        return None
+
+    def _trees(
+        self, known: Demonstrations, tree: TreePolicy, guilty: list[int]
+    ) -> list[tuple[Edit, TreePolicy]]:
+        """Return the different trees that edits lead to; of two alike the first counts."""
+        found: dict[bytes, tuple[Edit, TreePolicy] | None] = {tree.to_bytes(): None}
+        for edit in self._edits(known, tree, guilty):
+            taught = taught_in(known).copy()
+            taught[edit.rows] = edit.becomes
+            if (taught == CUT).all():
+                continue
+            other = self._tree(teaching(known, taught))
+            found.setdefault(other.to_bytes(), (edit, other))
+        return [entry for entry in found.values() if entry is not None]
+
+    def _edits(self, known: Demonstrations, tree: TreePolicy, guilty: list[int]) -> Iterator[Edit]:
+        """Yield what to try: groups of like steps first, then single pieces and episodes."""
+        steps = Steps.of(known)
+        leaves = tree.tree.leaf_index(known.with_history(self._history).observations)
+        singles: list[tuple[Integers, str]] = []
+        for leaf in guilty:
+            inside, label = leaves == leaf, int(tree.actions[leaf])
+            why = f"they make {' where '.join(leaf_in_words(tree, leaf))}"
+            agreed = inside & (steps.taught == label)
+            yield from steps.edits(np.flatnonzero(agreed), why)
+            yield from steps.edits(
+                np.flatnonzero(inside & ~agreed), why.replace("make", "contradict")
+            )
+            for count in EDGES:
+                for place in (steps.to_end, steps.from_start):
+                    yield from steps.edits(np.flatnonzero(agreed & (place < count)), why)
+            singles += [(piece, why) for piece in steps.pieces(np.flatnonzero(agreed))]
+        failed = [k for k, e in enumerate(known.episodes) if e.kept and e.is_success is False]
+        for count in BEFORE_FAILURE:
+            late = last_steps(steps.episode, count) & np.isin(steps.episode, failed)
+            yield from steps.edits(np.flatnonzero(late), "they came before a failure")
+        for action, count in product(np.unique(steps.taught).tolist(), EDGES):
+            late = (steps.taught == action) & (steps.to_end < count)
+            yield from steps.edits(np.flatnonzero(late), "the hand was late")
+        for rows, why in singles:
+            yield from steps.edits(rows, why)
+        for number in np.unique(steps.episode).tolist():
+            rows = np.flatnonzero(steps.episode == number)
+            yield Edit(rows, np.full(rows.size, CUT), "this episode misleads")
+
+    def _shown_again(
+        self,
+        known: Demonstrations,
+        tree: TreePolicy,
+        guilty: list[int],
+        played: Played,
+        reached: Evaluation,
+    ) -> Proposal | None:
+        """Return what to show again: where the tree fails often, the longest piece shown there."""
+        failed = played.failed(Person.of(self._given).mean_return)
+        if not guilty or failed.mean() <= OFTEN:
+            return None
+        steps = Steps.of(known)
+        leaves = tree.tree.leaf_index(known.with_history(self._history).observations)
+        seeds = [episode.seed for episode in known.episodes]
+        can = np.array([seeds[k] is not None for k in steps.episode.tolist()])
+        for leaf in guilty:
+            pieces = steps.pieces(np.flatnonzero((leaves == leaf) & (steps.taught != CUT) & can))
+            if pieces:
+                rows = max(pieces, key=len)
+                why = f"the tree fails where it must {' where '.join(leaf_in_words(tree, leaf))}"
+                same = Edit(rows, steps.taught[rows], why)
+                return Proposal("show again", segments_of(known, same), why, reached, None)
+        return None
