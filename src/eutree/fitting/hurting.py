@@ -30,7 +30,7 @@ from eutree.evaluation import Evaluation, evaluate
 from eutree.fitting.diagnosis import leaf_in_words
 from eutree.fitting.playing import TIE, Played, Player, Progress, blame
 from eutree.fitting.report import Person, result_in_words
-from eutree.fitting.segments import Edit, Segment, Steps, accepted, last_steps, segments_of
+from eutree.fitting.segments import Edit, KeyRuns, Segment, accepted, last_steps, segments_of
 from eutree.interaction import episode_seed
 from eutree.interaction.deriving import acting_as
 from eutree.interaction.recipe import Environment, opened
@@ -53,7 +53,7 @@ OFTEN = 0.05  # share of failures from which something is to be shown again
 
 
 @dataclass(frozen=True, eq=False)
-class Proposal:
+class Hurt:
     """Segments without which the tree is better, and what they cost.
 
     Attributes:
@@ -100,7 +100,7 @@ class Hurting(Displayed):
 
     demonstrations: Demonstrations
     edited: Demonstrations
-    proposals: tuple[Proposal, ...]
+    proposals: tuple[Hurt, ...]
     before: TreePolicy
     after: TreePolicy
     tried: int
@@ -245,7 +245,7 @@ class _Search:
         """Return what was found, at most so many proposals."""
         known, games = self._given, self._games
         first = tree = self._tree(known)
-        reached, found = self._judge(tree), list[Proposal]()
+        reached, found = self._judge(tree), list[Hurt]()
         while len(found) < most:
             played = games.watched(tree, LOOKING + len(found))
             guilty = self._guilty(tree, played)
@@ -259,7 +259,7 @@ class _Search:
             known, before = accepted(known, segments), reached
             reached = self._judge(tree)
             what = "flip" if (edit.becomes != CUT).all() else "cut"
-            found.append(Proposal(what, segments, edit.why, before, reached))
+            found.append(Hurt(what, segments, edit.why, before, reached))
         return Hurting(self._given, known, tuple(found), first, tree, self._tried, games.episodes)
 
     def _tree(self, known: Demonstrations) -> TreePolicy:
@@ -309,7 +309,7 @@ class _Search:
 
     def _edits(self, known: Demonstrations, tree: TreePolicy, guilty: list[int]) -> Iterator[Edit]:
         """Yield what to try: groups of like steps first, then single pieces and episodes."""
-        steps = Steps.of(known)
+        steps = KeyRuns.of(known)
         leaves = tree.tree.leaf_index(known.with_history(self._history).observations)
         singles: list[tuple[Integers, str]] = []
         for leaf in guilty:
@@ -344,12 +344,12 @@ class _Search:
         guilty: list[int],
         played: Played,
         reached: Evaluation,
-    ) -> Proposal | None:
+    ) -> Hurt | None:
         """Return what to show again: where the tree fails often, the longest piece shown there."""
         failed = played.failed(Person.of(self._given).mean_return)
         if not guilty or failed.mean() <= OFTEN:
             return None
-        steps = Steps.of(known)
+        steps = KeyRuns.of(known)
         leaves = tree.tree.leaf_index(known.with_history(self._history).observations)
         seeds = [episode.seed for episode in known.episodes]
         can = np.array([seeds[k] is not None for k in steps.episode.tolist()])
@@ -359,5 +359,5 @@ class _Search:
                 rows = max(pieces, key=len)
                 why = f"the tree fails where it must {' where '.join(leaf_in_words(tree, leaf))}"
                 same = Edit(rows, steps.taught[rows], why)
-                return Proposal("show again", segments_of(known, same), why, reached, None)
+                return Hurt("show again", segments_of(known, same), why, reached, None)
         return None

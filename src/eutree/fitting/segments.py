@@ -53,7 +53,7 @@ def restored(demonstrations: Demonstrations) -> Demonstrations:
 
 @dataclass(frozen=True, eq=False)
 class Edit:
-    """Steps to try without: ``rows`` [n] of the kept transitions, what each ``becomes`` [n]."""
+    """KeyRuns to try without: ``rows`` [n] of the kept transitions, what each ``becomes`` [n]."""
 
     rows: Integers  # [n]
     becomes: Integers  # [n]
@@ -64,15 +64,15 @@ NONE = -2  # no run of keys before, or after
 
 
 @dataclass(frozen=True, eq=False)
-class Steps:
+class KeyRuns:
     """The kept transitions of demonstrations, as runs of one action.
 
     Attributes:
         taught: What is imitated, [N].
         episode: The number of the episode, [N].
         run: The number of the run, [N].
-        from_start: Steps from the beginning of the run, [N].
-        to_end: Steps to the end of the run, [N].
+        from_start: KeyRuns from the beginning of the run, [N].
+        to_end: KeyRuns to the end of the run, [N].
         before: What is imitated before the run; ``NONE`` where the episode begins with it, [N].
         after: The same behind it, [N].
     """
@@ -86,7 +86,7 @@ class Steps:
     after: Integers  # [N]
 
     @classmethod
-    def of(cls, demonstrations: Demonstrations) -> "Steps":
+    def of(cls, demonstrations: Demonstrations) -> "KeyRuns":
         """Return the steps of demonstrations."""
         taught = taught_in(demonstrations)
         kept = [(k, len(e)) for k, e in enumerate(demonstrations.episodes) if e.kept]
