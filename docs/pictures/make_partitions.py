@@ -15,12 +15,12 @@ import numpy as np
 from matplotlib.collections import PolyCollection
 
 import eutree  # noqa: F401 - registers
-from eutree.learners.partition import Partition, Plane
 from eutree.trees import DecisionTree
 from eutree_lab.parti_game.cells import GOAL, Cells
 from eutree_lab.parti_game.displacements import LearnedController
 from eutree_lab.parti_game.game import GOES_ON, GameRules, PartiGame
 from eutree_lab.parti_game.method import cells_seen
+from eutree_lab.planes import Partition, Plane
 from eutree_lab.tasks._walls import PLANS
 from eutree_lab.vrd.corner_process import KnownWorld, Solved, solved
 from eutree_lab.vrd.influence import refined

@@ -48,7 +48,6 @@ if TYPE_CHECKING:
     from eutree.cli._policies import Rivalry
     from eutree.data import Demonstrations
     from eutree.policies import TreePolicy
-    from eutree.report import PartitionCallback
     from eutree.training import Run, Teacher
     from eutree.training.listeners import StopRequest
 
@@ -64,7 +63,7 @@ if TYPE_CHECKING:
         "What is handed over": ("judge_episodes", "front_steps", "keep_success", "prefer_proven",
                                 "evaluate_every",
                                 "evaluation_episodes", "return_range", "against"),
-        "The run folder": ("out", "resume", "checkpoint_seconds", "tensorboard", "partition"),
+        "The run folder": ("out", "resume", "checkpoint_seconds", "tensorboard"),
     },
     brief=("demos", "expert", "method", "episodes", "steps", "minutes", "max_leaves", "runs", "out",
            "resume", "env_arguments", "import", "seed", "as_json"),
@@ -130,8 +129,6 @@ if TYPE_CHECKING:
               help="Time between two checkpoints; 0 for one after every episode. By default "
               "saving takes at most a twentieth of the time.")  # fmt: skip
 @output_option("--tensorboard", text="Folder for a log that TensorBoard shows; one for each run.")
-@click.option("--partition", metavar="X,Y", help="Draw the partition over two features while it "
-              "grows; for show --run-html.")  # fmt: skip
 @monotone_option
 @click.option("--strict", is_flag=True, help="Refuse observations outside the space's bounds.")
 @against_option
@@ -164,7 +161,6 @@ def learn(
     runs: int,
     n_jobs: int,
     against: str | None,
-    partition: str | None,
     starts_from: tuple[Path, ...],
     backend: str,
     address: str | None,
@@ -214,8 +210,6 @@ def learn(
         "race_steps": race_steps or of_run.race_steps(steps),
         "starts": [load_certificate(path) for path in starts_from],
     }
-    if partition is not None and (offline or runs > 1):
-        raise InvalidArgumentError("--partition follows one run that acts: no --offline, no --runs")
     if runs > 1:
         if spec is None or options.pop("tensorboard") is not None:
             raise InvalidArgumentError("--runs takes no --offline and no --tensorboard")
@@ -239,7 +233,6 @@ def learn(
             out=out,
             stop=stop,
             on_progress=_following(Following(progress, output), out),
-            callback=None if partition is None else _drawing(partition, out),
             **options,
         )
         if stop():
@@ -320,17 +313,6 @@ def _following(follow: "Following", out: Path) -> "Callable[[Run], None]":
         follow(run)
 
     return show
-
-
-def _drawing(features: str, out: Path) -> "PartitionCallback":
-    """Return what draws the partition over two features, "X,Y", into the run folder."""
-    from eutree.report import PartitionCallback
-    from eutree.report.partitions import DRAWINGS
-
-    x, separator, y = (part.strip() for part in features.partition(","))
-    if not (x and separator and y):
-        raise InvalidArgumentError(f"--partition must be two features X,Y, got {features!r}")
-    return PartitionCallback(x, y, out / DRAWINGS)
 
 
 def _manner(shown: EnvironmentSpec | None, environment: str) -> dict[str, Any]:

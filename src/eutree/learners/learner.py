@@ -16,7 +16,7 @@ The loop of a run, for every method:
 
 What only some learners can do is a protocol of its own, which its user checks for by
 ``isinstance``: ``ChoosesStarts``, ``HasStages``, ``HasTeacher``, ``KnowsItsModel``,
-``Imagines``, ``HasPolicy``, ``HasPartition``.
+``Imagines``, ``HasPolicy``.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -41,7 +41,6 @@ from eutree.features import FeatureMap
 from eutree.learners.declared import Arrays as Arrays
 from eutree.learners.declared import Declared, Part
 from eutree.learners.history import History
-from eutree.learners.partition import Partition, Plane
 from eutree.policies import LeafStatistics, Policy, TreePolicy
 from eutree.policy_search.model_trust import ModelTrust
 from eutree.schema import EnvironmentSpec, Schema
@@ -455,15 +454,6 @@ class HasPolicy(Protocol):
 
     def own_policy(self) -> Policy:
         """Return the present policy, frozen."""
-        ...
-
-
-@runtime_checkable
-class HasPartition(Protocol):
-    """A learner whose states are not the leaves of its tree: it shows them itself."""
-
-    def partition(self, plane: Plane) -> Partition:
-        """Return the present partition as one sees it in a plane."""
         ...
 
 

@@ -3,7 +3,6 @@
 from eutree.report.demonstration_figures import DemonstrationFigures, demonstration_figures
 from eutree.report.demonstrations_page import demonstrations_page
 from eutree.report.importances import FeatureImportancesDisplay
-from eutree.report.partitions import PartitionCallback, drawings, partition_chart
 from eutree.report.policy_page import policy_page
 from eutree.report.run_folder_report import report_of_run
 from eutree.report.run_page import CHANGES_ID, Headline, RunReport, Table, WatchedTree, run_page
@@ -14,15 +13,12 @@ __all__ = [
     "DemonstrationFigures",
     "FeatureImportancesDisplay",
     "Headline",
-    "PartitionCallback",
     "RunReport",
     "Table",
     "WatchedEpisode",
     "WatchedTree",
     "demonstration_figures",
     "demonstrations_page",
-    "drawings",
-    "partition_chart",
     "policy_page",
     "report_of_run",
     "run_page",

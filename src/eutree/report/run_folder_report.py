@@ -12,7 +12,6 @@ from eutree.errors import FormatError, InvalidArgumentError
 from eutree.files import read_bytes
 from eutree.policies import TreePolicy
 from eutree.policy_search.model_trust import ModelTrust
-from eutree.report.partitions import DRAWINGS, drawings
 from eutree.report.run_page import RunReport, Table, WatchedTree
 
 RACES = ("race", "tree", "made by", "episodes", "mean return", "then")
@@ -86,7 +85,6 @@ def _report(path: Path, config: Event, events: Sequence[Event]) -> RunReport:
         trees=trees,
         files=[(label, name) for label, name in _FILES if (path / name).exists()],
         notes=notes,
-        partitions=drawings(path / DRAWINGS),
         front=front,
         picked=picked,
         trust=_trust(events),

@@ -1,6 +1,5 @@
 """The report of a run: the verdict, the tree to watch, what changed, curves, the rest folded."""
 
-from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
@@ -16,7 +15,7 @@ from eutree.export import to_svg
 from eutree.export.svg import STYLE
 from eutree.policies import TreePolicy
 from eutree.policy_search.model_trust import ModelTrust
-from eutree.report.chart import Series, action_legend, chart, front_section, legend, scatter
+from eutree.report.chart import Series, chart, front_section, legend, scatter
 from eutree.report.html import LeafChange, Verdict, as_json, asset, base_style, head, page
 from eutree.report.tree_data import SIZE_LIMIT, add_pictures, tree_data
 from eutree.report.watching import WatchedEpisode
@@ -95,7 +94,6 @@ class RunReport:
         curves: For each measure ("success rate", "return", "leaves") the points of each learner:
             episode, mean, low and high. A success rate is shown as a percentage.
         tables: Tables by title.
-        partitions: Drawings of the partition while it grew: a caption and SVG text each.
         front: What was learned and the best tree of each size, the largest first.
         picked: Leaves of the tree of the front that was picked; None for none.
         trust: What the world model imagined of trees, and what they really earned.
@@ -112,7 +110,6 @@ class RunReport:
     changes: Sequence[tuple[str, float]] = ()
     curves: Mapping[str, Series] = field(default_factory=dict)
     tables: Mapping[str, Table] = field(default_factory=dict)
-    partitions: Sequence[tuple[str, str]] = ()
     front: Sequence[FrontEntry] = ()
     picked: int | None = None
     trust: ModelTrust | None = None
@@ -134,7 +131,6 @@ def run_page(report: RunReport) -> str:
         _section("Can this world model be trusted here?", _trust(report.trust))
         if report.trust is not None
         else "",
-        _section("Partition", _partitions(report)) if report.partitions else "",
         *(_section(title, _table(table)) for title, table in report.tables.items()),
         _section("Smaller trees", front_section(report.front, report.picked), "front")
         if report.front
@@ -144,7 +140,7 @@ def run_page(report: RunReport) -> str:
     ]
     top = head(report.title, report.verdict, report.notes)
     body = "\n".join(["<main>", top, *filter(None, sections), "</main>"])
-    style = asset("chart.css") + asset("partition.css") + asset("run.css") + STYLE
+    style = asset("chart.css") + asset("run.css") + STYLE
     if report.watched is None:
         return page(title=report.title, body=body, style=style)
     style = asset("watch.css") + style
@@ -236,23 +232,6 @@ def _trust(trust: ModelTrust) -> str:
         f"{scatter('score in the world model', 'mean real return', points)}</figure></div>"
     )
     return f"<p>{escape(sentence[0].upper() + sentence[1:])}.</p>{drawn if points else ''}"
-
-
-def _partitions(report: RunReport) -> str:
-    """Return the drawings side by side, each an image of its own: no word of it is the page's."""
-    figures = (
-        f'<figure><img alt="{escape(caption)}" src="data:image/svg+xml;base64,'
-        f'{b64encode(drawing.encode()).decode("ascii")}">'
-        f"<figcaption>{escape(caption)}</figcaption></figure>"
-        for caption, drawing in report.partitions
-    )
-    policies = [*([report.watched.policy] if report.watched else []), *report.trees.values()]
-    actions = action_legend(policies[0].schema) if policies else ""
-    key = (
-        '<p class="quiet">A region has the hue of its action and is stronger the more it is worth; '
-        "the line is the way of the last episode.</p>"
-    )
-    return f'{key}<div class="partitions">{"".join(figures)}</div>{actions}'
 
 
 def _table(table: Table) -> str:

@@ -23,8 +23,6 @@ from eutree.learners import Decisions, History, Needs, Part, Problem, Start, Ste
 from eutree.learners.declared import MOST, TREE, TREE_AND_HISTORY, Declared, Found, part, prefixed
 from eutree.learners.episode_buffer import EpisodeBuffer, store, store_demonstrations
 from eutree.learners.learner import Arrays, reached
-from eutree.learners.looking import root_box
-from eutree.learners.partition import Partition, Plane, PlaneRegion, rectangles
 from eutree.policies import TreePolicy
 from eutree.trees import DecisionTree
 from eutree.trees.boxes import leaf_boxes
@@ -33,6 +31,7 @@ from eutree_lab.parti_game.cells import GOAL, Cells, goal_boxes
 from eutree_lab.parti_game.displacements import LearnedController
 from eutree_lab.parti_game.game import CUT_SHORT, GOES_ON, GameRules, PartiGame
 from eutree_lab.parti_game.outcomes import EXPERT, LOST, Outcomes
+from eutree_lab.planes import Partition, Plane, PlaneRegion, rectangles, root_box
 from eutree_lab.relabelling import relabelled
 
 _TILES = ("means", "errors", "visits", "size")
@@ -221,10 +220,6 @@ class PartiGameLearner:
         """Return the present aims and the controller, frozen."""
         return CellPolicy(self._copy())
 
-    def partition(self, plane: Plane) -> Partition:
-        """Return the cells that a plane meets, with their costs, and the goal."""
-        return cells_seen(self.game, plane)
-
     def state(self) -> Arrays:
         """Return all that is known between two episodes."""
         game = self.game
@@ -318,7 +313,7 @@ def cells_seen(game: PartiGame, plane: Plane) -> Partition:
         PlaneRegion(outline, value=float(costs[cell]))
         for cell, outline in zip(found.tolist(), outlines, strict=True)
     )
-    return Partition(plane, regions, "aims to the goal", goals=tuple(goals))
+    return Partition(plane, regions, tuple(goals))
 
 
 def _controller(low: Floats, span: Floats, problem: Problem) -> LearnedController:

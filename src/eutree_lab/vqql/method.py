@@ -29,7 +29,6 @@ from eutree.learners.declared import MOST, TREE, TREE_AND_HISTORY, Declared, Fou
 from eutree.learners.episode_buffer import EpisodeBuffer, store, store_demonstrations
 from eutree.learners.history import TERMINAL
 from eutree.learners.learner import Arrays
-from eutree.learners.partition import Partition, Plane
 from eutree.mdp import TabularMDP, TransitionCounts
 from eutree.trees import DecisionTree
 from eutree.validation import check_choice, check_integer, check_number
@@ -37,7 +36,6 @@ from eutree_lab.relabelling import relabelled
 from eutree_lab.step_scale import step_scale
 from eutree_lab.vqql import _kernels_q_learning as kernels
 from eutree_lab.vqql.codebook import Codebook, codebook_in_leaves
-from eutree_lab.vqql.regions import codewords_seen
 
 Solver = Literal["q-learning", "model"]
 
@@ -229,17 +227,6 @@ class VectorQuantization:
     def own_policy(self) -> "RegionPolicy":
         """Return the policy over regions, frozen."""
         return RegionPolicy(self.book, self.greedy_actions())
-
-    def partition(self, plane: Plane) -> Partition:
-        """Return the regions that a plane meets, and the codewords where it shows all features."""
-        known = ~np.isnan(self.values)
-        best = np.where(known, self.values, -np.inf).max(axis=1)
-        values = np.where(known.any(axis=1), best, np.nan)
-        words = (self.book.codewords * self.book.scale)[:, plane.axes]
-        regions = codewords_seen(self.book, self.greedy_actions(), values, plane)
-        if len(plane.at) > 2:
-            return Partition(plane, regions, "value")
-        return Partition(plane, regions, "value", words, "codewords")
 
     def state(self) -> Arrays:
         """Return all that is known between two episodes."""

@@ -26,12 +26,11 @@ from eutree.learners.episode_buffer import (
     transitions_of,
 )
 from eutree.learners.learner import Arrays, TrueModel
-from eutree.learners.looking import root_box
-from eutree.learners.partition import Partition, Plane, leaves_seen
 from eutree.policies import TreePolicy
 from eutree.trees import DecisionTree
 from eutree.validation import check_choice, check_integer, check_number
 from eutree.world_model import fit_world_models
+from eutree_lab.planes import root_box
 from eutree_lab.relabelling import relabelled
 from eutree_lab.vrd.corner_process import (
     CornerWorld,
@@ -43,7 +42,6 @@ from eutree_lab.vrd.corner_process import (
 )
 from eutree_lab.vrd.influence import CRITERIA, refined
 from eutree_lab.vrd.kuhn import MOST_FEATURES, Grid
-from eutree_lab.vrd.regions import corners_seen
 
 FEWEST = 8  # transitions that a model is fitted to
 
@@ -250,18 +248,6 @@ class VariableResolution:
     def own_policy(self) -> "CornerPolicy":
         """Return the look-ahead, frozen; before there is one, the expert, or the first action."""
         return CornerPolicy(self.solved, self._world, self._informed)
-
-    def partition(self, plane: Plane) -> Partition:
-        """Return the boxes that a plane meets; the corners where it shows all features."""
-        if self.solved is None:
-            decisions = self.decisions()
-            unknown = np.full(decisions.tree.n_leaves, np.nan)
-            return Partition(plane, leaves_seen(decisions.tree, decisions.actions, unknown, plane))
-        grid = self.solved.grid
-        regions = corners_seen(grid, self.solved.policy, self.solved.values, plane)
-        if len(plane.at) > 2:
-            return Partition(plane, regions, "value")
-        return Partition(plane, regions, "value", grid.corners[:, plane.axes], "corners")
 
     def state(self) -> Arrays:
         """Return all that is known between two episodes."""

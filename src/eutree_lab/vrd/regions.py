@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from eutree.arrays import Floats, Integers
-from eutree.learners.partition import Plane, PlaneRegion, rectangles
 from eutree.trees.boxes import leaf_boxes
+from eutree_lab.planes import Plane, PlaneRegion, rectangles
 from eutree_lab.vrd.kuhn import Grid
 
 

@@ -1,29 +1,20 @@
-"""Codebooks and grids as one sees them: their regions tile the plane."""
+"""Cells and grids as one sees them: their regions tile the plane."""
 
 import numpy as np
 import pytest
 
-from eutree.learners.looking import partition_of, plane_of
-from eutree.learners.partition import Plane
-from eutree_lab.vqql.codebook import codebook_in_leaves
-from eutree_lab.vqql.regions import codewords_seen
+from eutree.trees import DecisionTree
+from eutree_lab.parti_game.method import cells_seen
+from eutree_lab.planes import Plane, root_box
 from eutree_lab.vrd.kuhn import Grid
 from eutree_lab.vrd.regions import corners_seen
 from tests.learners.battery import case_of
-from tests.learners.planes import area, check_regions, random_tree, unit_plane
 
 
-@pytest.mark.parametrize("seed", range(5))
-@pytest.mark.parametrize("d", [2, 3])
-def test_codewords_are_nearest_inside_their_leaf(d, seed):
-    generator = np.random.default_rng(seed)
-    scale = generator.uniform(0.1, 3.0, d)
-    book = codebook_in_leaves(
-        random_tree(generator, d, cuts=2), generator.random((300, d)), 24, scale=scale
-    )
-    plane, numbers = unit_plane(generator, d), np.arange(book.n_regions)
-    regions = codewords_seen(book, numbers % 2, numbers.astype(float), plane)
-    check_regions(regions, plane, lambda p: int(book.regions(p[None])[0]), generator)
+def area(outline):
+    """Return the area of a polygon, by the shoelace formula."""
+    x, y = outline.T
+    return 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -53,9 +44,11 @@ def test_more_features_are_seen_in_boxes():
 def test_the_cells_of_parti_game_have_costs_and_a_goal():
     case = case_of("parti-game", "demos")
     learner, schema = case.lived(episodes=3), case.problem.schema
-    plane = plane_of(learner, schema, *schema.feature_names[:2])
-    partition = partition_of(learner, plane)
+    low, high = root_box(
+        case.problem, DecisionTree.single_leaf(schema.n_features), learner.history.observations
+    )
+    plane = Plane(0, 1, (low + high) / 2, low[:2], high[:2])
+    partition = cells_seen(learner.game, plane)
     costs = learner.game.plan().cost
     assert {region.value for region in partition.regions} <= set(costs.tolist())
-    assert partition.values == "aims to the goal"
     assert len(partition.goals) == len(learner.game.cells.goals)

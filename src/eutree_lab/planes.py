@@ -1,18 +1,20 @@
-"""A partition as one sees it: regions of a plane through the space of observations.
+"""The finite box around what was seen, and the regions of a plane through it.
 
 Two features span the plane, the others keep their values. A tree's leaves meet it in rectangles.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from eutree.arrays import Floats, Integers
 from eutree.errors import InvalidArgumentError
+from eutree.learners import Problem
 from eutree.trees import DecisionTree
-from eutree.trees.boxes import leaf_boxes
 
 UNKNOWN = float("nan")
+MARGIN = 0.05  # of the range of the data, on either side
+LARGEST = 1e6  # a bound beyond is none, such as the largest float32
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,17 +70,11 @@ class Partition:
     Attributes:
         plane: Where one looks.
         regions: The regions.
-        values: What the values are, for example "value" or "cost"; "" if there are none.
-        points: Points of the plane that matter: corners of a grid, codewords.
-        points_are: What the points are, in the plural; "" if there are none.
         goals: Outlines of the goal.
     """
 
     plane: Plane
     regions: tuple[PlaneRegion, ...]
-    values: str = ""
-    points: Floats = field(default_factory=lambda: np.empty((0, 2)))  # [P, 2]
-    points_are: str = ""
     goals: tuple[Floats, ...] = ()
 
 
@@ -103,19 +99,28 @@ def rectangles(low: Floats, high: Floats, plane: Plane) -> tuple[Integers, Float
     return found, np.stack([np.stack(corner, axis=1) for corner in corners], axis=1)
 
 
-def leaves_seen(
-    tree: DecisionTree, actions: Integers, values: Floats, plane: Plane
-) -> tuple[PlaneRegion, ...]:
-    """Return the leaves of a tree that meet the plane.
+def root_box(
+    problem: Problem, tree: DecisionTree, observations: Floats
+) -> tuple[Floats, Floats]:  # [d], [d]
+    """Return lower and upper corner: the bounds where finite, else the data's range and 5 %.
+
+    A feature without a range has one of 1. Thresholds of the tree lie inside.
 
     Args:
-        tree: The tree.
-        actions: Action of each leaf, shape [L].
-        values: Value of each leaf, NaN where unknown, shape [L].
-        plane: Where one looks.
+        problem: Its features may have bounds.
+        tree: A partition that is going to be clipped to the box.
+        observations: Where a feature has no bounds, its range is that of these, shape [N, d].
     """
-    found, outlines = rectangles(*leaf_boxes(tree), plane)
-    return tuple(
-        PlaneRegion(outline, int(actions[leaf]), float(values[leaf]))
-        for leaf, outline in zip(found.tolist(), outlines, strict=True)
-    )
+    low, high = problem.low, problem.high
+    rows = observations if len(observations) else np.zeros((1, problem.n_features))
+    least, greatest = rows.min(axis=0), rows.max(axis=0)
+    inner = tree.feature >= 0
+    first, last = np.full_like(low, np.inf), np.full_like(low, -np.inf)  # thresholds
+    np.minimum.at(first, tree.feature[inner], tree.threshold[inner])
+    np.maximum.at(last, tree.feature[inner], tree.threshold[inner])
+    bounded = (np.abs(low) < LARGEST) & (np.abs(high) < LARGEST) & (low < high)
+    keeps_low = bounded & (low <= least) & (low < first)  # no leaf is left without a volume
+    keeps_high = bounded & (high >= greatest) & (high > last)
+    least, greatest = np.minimum(least, first), np.maximum(greatest, last)
+    margin = np.where(greatest > least, MARGIN * (greatest - least), 0.5)
+    return np.where(keeps_low, low, least - margin), np.where(keeps_high, high, greatest + margin)
