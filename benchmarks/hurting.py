@@ -57,7 +57,7 @@ def row(task: str, number: int, judged: int) -> Row:
     """Return what comes of one folder."""
     env, shown = TASKS[task].make(), folder(task, number)
     found = find_hurting(shown, env)
-    changed = [one for one in found.proposals if one.after is not None]
+    changed = [one for one in found.hurts if one.after is not None]
     fits = [eutree.fit(each, env).policy for each in (shown, found.edited)]
     reached = []
     for tree in (found.before, found.after, *fits):

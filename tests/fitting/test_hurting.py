@@ -41,7 +41,7 @@ def found(spoilt):
 
 
 def test_what_was_planted_is_found_and_the_tree_is_better_without_it(found, spoilt, shown):
-    changed = [one for one in found.proposals if one.after is not None]
+    changed = [one for one in found.hurts if one.after is not None]
     assert changed
     for one in changed:
         assert one.what in ("cut", "flip")
@@ -72,7 +72,7 @@ def test_the_same_seed_finds_the_same_and_every_episode_is_told(spoilt, found):
     again = find_hurting(
         spoilt, Corridor(), **FAST, on_progress=lambda *progress: told.append(progress)
     )
-    assert [one.segments for one in again.proposals] == [one.segments for one in found.proposals]
+    assert [one.segments for one in again.hurts] == [one.segments for one in found.hurts]
     assert str(again) == str(found)
     assert again.after.to_bytes() == found.after.to_bytes()
     stages = {stage for stage, _, _ in told}
@@ -82,7 +82,7 @@ def test_the_same_seed_finds_the_same_and_every_episode_is_told(spoilt, found):
 
 def test_where_nothing_hurts_nothing_is_cut(shown):
     found = find_hurting(shown, Corridor(), **FAST)
-    assert [one.what for one in found.proposals if one.after is not None] == []
+    assert [one.what for one in found.hurts if one.after is not None] == []
     assert (taught_in(found.edited) == shown.actions).all()
     assert "no segment was shown" in str(found) or "show again" in str(found)
 
@@ -142,7 +142,7 @@ def test_the_seconds_are_those_of_the_recording(spoilt):
         for e in spoilt.episodes
     ]
     found = find_hurting(replace(spoilt, episodes=tuple(times)), Corridor(), **FAST)
-    parts = [part for one in found.proposals for part in one.segments]
+    parts = [part for one in found.hurts for part in one.segments]
     assert parts
     assert all(part.seconds == (0.5 * part.start, 0.5 * part.stop) for part in parts)
 

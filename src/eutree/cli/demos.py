@@ -15,6 +15,7 @@ from eutree.cli._options import (
     output_option,
 )
 from eutree.cli._output import Output
+from eutree.cli.fit import hurting
 from eutree.errors import InvalidArgumentError
 from eutree.trees.text import labelled
 from eutree.wording import counted
@@ -30,7 +31,10 @@ _KINDS = "minari:ID, or a file ending in .csv or .npz"
 
 @click.group(epilog="Example: eutree demos list demos/")
 def demos() -> None:
-    """List, check, replay, edit, import and export demonstrations."""
+    """List, check, replay, edit, import and export demonstrations; find the seconds that hurt."""
+
+
+demos.add_command(hurting)
 
 
 def _folder(command: _Command) -> _Command:

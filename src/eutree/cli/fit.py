@@ -20,10 +20,13 @@ from eutree.cli._options import (
 )
 from eutree.cli._output import Output, figures_of
 from eutree.cli._policies import load_demonstrations
+from eutree.errors import InvalidArgumentError
 
 if TYPE_CHECKING:
     from eutree.c45 import C45Settings
-    from eutree.fitting import FitReport
+    from eutree.data import DemonstrationFolder
+    from eutree.evaluation import Evaluation
+    from eutree.fitting import FitReport, Hurt
 
 
 @click.command(cls=Helped, epilog="Example: eutree fit demos/ --out expert.json")
@@ -133,6 +136,100 @@ class _Stages:
             self._stage = stage
             self._line = self._open.enter_context(self._output.progress(stage, most))
         self._line.update(done)
+
+
+@click.command(epilog="Example: eutree demos hurting demos/ --out demos-cut/")
+@click.argument("folder", type=click.Path(path_type=Path))
+@output_option("--out", text="A new folder, without the segments that were found.")
+@count_option("--episodes", 3000, "Episodes of a search; confirming takes more.")
+@click.option("--undo", is_flag=True, help="Take back all that was cut or flipped in FOLDER.")
+@env_arg_option
+@seed_option
+@json_option
+def hurting(
+    folder: Path,
+    out: Path | None,
+    episodes: int,
+    undo: bool,
+    env_arguments: dict[str, Any],
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Find by playing which seconds of FOLDER cost the tree its success.
+
+    Trees are made without a segment, or with the action before or after it in its place, and play
+    the same episodes as the tree of all. What is found is cut or flipped in --out alone, and what
+    was done stays there too: beside it stands which action is to be imitated.
+    """
+    from eutree.data import DemonstrationFolder
+    from eutree.files import check_new_folder
+    from eutree.fitting import find_hurting
+
+    output, opened = Output(as_json=as_json), DemonstrationFolder(folder)
+    if undo:
+        _restore(output, opened)
+        return
+    numbers, demos = list(opened.read_all()), load_demonstrations(folder)
+    if out is not None:
+        check_new_folder(out)
+    if demos.environment is None:
+        raise InvalidArgumentError(f"{folder} names no environment, so that no tree can play")
+    with _Stages(output) as stages:
+        found = find_hurting(
+            demos,
+            override(demos.environment, env_arguments),
+            episodes=episodes,
+            seed=seed,
+            on_progress=stages.show,
+        )
+    if out is not None:
+        found.edited.save(out)
+    values = {
+        "hurts": [_hurt_as_values(one, numbers, demos.schema.actions) for one in found.hurts],
+        "trees_tried": found.tried,
+        "episodes_played": found.episodes_played,
+        "path": None if out is None else str(out),
+    }
+    end = "" if out is None else f"\nwritten to {out}"
+    output.result(values, found.words(numbers) + end)
+
+
+def _restore(output: Output, opened: "DemonstrationFolder") -> None:
+    """Let every action of a folder be imitated as it was taken."""
+    opened.recover()
+    changed = []
+    for number, episode in opened.read_all().items():
+        whole = episode.teaching(episode.actions)
+        if not whole.equals(episode):
+            opened.write(number, whole)
+            changed.append(number)
+    words = f"restored: {', '.join(map(str, changed))}" if changed else "nothing was cut or flipped"
+    output.result({"restored": changed}, words)
+
+
+def _hurt_as_values(one: "Hurt", numbers: list[int], actions: tuple[str, ...]) -> dict[str, Any]:
+    """Return what was found in JSON's types; steps are counted from 0, ``to_step`` not included."""
+    return {
+        "what": one.what,
+        "why": one.why,
+        "segments": [
+            {
+                "episode": numbers[part.episode],
+                "from_step": part.start,
+                "to_step": part.stop,
+                "seconds": part.seconds,
+                "action": actions[part.action],
+                "becomes": None if part.becomes is None else actions[part.becomes],
+            }
+            for part in one.segments
+        ],
+        "with": _reached(one.before),
+        "without": one.after and _reached(one.after),
+    }
+
+
+def _reached(result: "Evaluation") -> dict[str, Any]:
+    return figures_of(result, "success_rate success_interval mean_return return_interval episodes")
 
 
 def _settings(

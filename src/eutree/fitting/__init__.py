@@ -1,5 +1,30 @@
 """A tree from demonstrations that is played, compared with its demonstrator, and explained."""
 
-from eutree.fitting.report import FitReport, Person, Standing
+from typing import TYPE_CHECKING
 
-__all__ = ["FitReport", "Person", "Standing"]
+from eutree.fitting.report import FitReport, Person, Standing
+from eutree.lazy import lazily
+
+if TYPE_CHECKING:
+    from eutree.fitting.hurting import Hurt, Hurting, find_hurting
+    from eutree.fitting.segments import Segment, accepted, restored
+
+__all__ = [
+    "FitReport",
+    "Hurt",
+    "Hurting",
+    "Person",
+    "Segment",
+    "Standing",
+    "accepted",
+    "find_hurting",
+    "restored",
+]
+
+__getattr__ = lazily(
+    __name__,
+    {
+        "eutree.fitting.hurting": "Hurt Hurting find_hurting",
+        "eutree.fitting.segments": "Segment accepted restored",
+    },
+)

@@ -38,6 +38,7 @@ from eutree.interaction.seeding import Stream
 from eutree.learners import fit_expert_tree
 from eutree.learners.starts import SETTINGS, Candidate, candidates, promising
 from eutree.policies import TreePolicy
+from eutree.schema import Schema
 from eutree.validation import check_integer, check_seed
 from eutree.wording import counted
 
@@ -47,6 +48,7 @@ EDGES = (1, 2, 3)  # steps at the end, or the beginning, of a run: a late hand, 
 BEFORE_FAILURE = (3, 6)  # steps
 MOST_PAIRS = 600  # that show that a tree is better
 ERROR = 0.05
+LISTED = 6  # segments
 FINALISTS = 3
 CHOOSING, JUDGING, LOOKING, HALVING, CONFIRMING = 400, 401, 410, 440, 470  # first blocks
 OFTEN = 0.05  # share of failures from which something is to be shown again
@@ -60,7 +62,7 @@ class Hurt:
         what: ``"cut"``, ``"flip"``, or ``"show again"`` where neither was shown to help.
         segments: The segments, in order.
         why: What they have in common, in words.
-        before: What the tree reached with them, all earlier proposals accepted; fresh episodes.
+        before: What the tree reached with them, all earlier ones accepted; fresh episodes.
         after: What it reached without them in the same episodes; None for ``"show again"``.
     """
 
@@ -70,17 +72,24 @@ class Hurt:
     before: Evaluation
     after: Evaluation | None
 
-    def __str__(self) -> str:
-        """Return the proposal in a sentence."""
+    def words(self, schema: Schema, numbers: Sequence[int]) -> str:
+        """Return what is proposed in a few lines.
+
+        Args:
+            schema: Names of the actions.
+            numbers: The number of each episode in its folder.
+        """
         steps = sum(one.stop - one.start for one in self.segments)
         episodes = len({one.episode for one in self.segments})
-        found = (
-            f"{self.what} {counted(steps, 'step')} of {counted(episodes, 'episode')}: {self.why}"
-        )
-        with_them = f"with them {result_in_words(self.before)}"
-        if self.after is None:
-            return f"{found}; {with_them}"
-        return f"{found}; {with_them}, without {result_in_words(self.after)}"
+        which = f"{counted(steps, 'step')} of {counted(episodes, 'episode')}"
+        lines = [f"{self.what} {which}: {self.why}"]
+        lines += [f"  {one.words(schema, numbers)}" for one in self.segments[:LISTED]]
+        if len(self.segments) > LISTED:
+            lines.append(f"  and {len(self.segments) - LISTED} segments more")
+        found = f"  with them {result_in_words(self.before)}"
+        if self.after is not None:
+            found += f", without {result_in_words(self.after)}"
+        return "\n".join([*lines, found])
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +99,7 @@ class Hurting(Displayed):
     Attributes:
         demonstrations: As they were given.
         edited: The same with all cuts and flips; what was done stays in them.
-        proposals: What to cut, flip or show again, in order; each one is tried on top of those
+        hurts: What to cut, flip or show again, in order; each one is tried on top of those
             before it.
         before: The tree of the demonstrations.
         after: The tree of what is left.
@@ -100,7 +109,7 @@ class Hurting(Displayed):
 
     demonstrations: Demonstrations
     edited: Demonstrations
-    proposals: tuple[Hurt, ...]
+    hurts: tuple[Hurt, ...]
     before: TreePolicy
     after: TreePolicy
     tried: int
@@ -108,10 +117,16 @@ class Hurting(Displayed):
 
     def __str__(self) -> str:
         """Return what was found in a few lines."""
+        return self.words(range(len(self.demonstrations.episodes)))
+
+    def words(self, numbers: Sequence[int]) -> str:
+        """Return what was found; ``numbers`` are those of the episodes in their folder."""
+        schema = self.demonstrations.schema
+        lines = [one.words(schema, numbers) for one in self.hurts]
+        if not any(one.after is not None for one in self.hurts):
+            lines.append("no segment was shown to cost the tree its success")
         end = f"{counted(self.tried, 'tree')} tried, {self.episodes_played} episodes played in all"
-        if not self.proposals:
-            return f"no segment was shown to cost the tree its success; {end}"
-        return "\n".join([*map(str, self.proposals), end])
+        return "\n".join([*lines, end])
 
 
 def find_hurting(
@@ -131,7 +146,7 @@ def find_hurting(
         env: Where to play: an environment, its id, or how to make it.
         episodes: Episodes that each search halves its trees by; confirming takes up to 3,600 more.
         judged: Fresh episodes that say what a tree reaches with and without the segments.
-        most: Most proposals.
+        most: Most of them.
         seed: The same seed finds the same.
         on_progress: Called after some episodes with what they are for and how many there were.
 
@@ -242,7 +257,7 @@ class _Search:
         self._tried = 0
 
     def run(self, most: int) -> Hurting:
-        """Return what was found, at most so many proposals."""
+        """Return what was found, at most so many groups of segments."""
         known, games = self._given, self._games
         first = tree = self._tree(known)
         reached, found = self._judge(tree), list[Hurt]()
