@@ -1,5 +1,8 @@
 """Trees that keep a rule, from the shell: fitted, learned and compressed ones pass ``verify``."""
 
+import json
+from pathlib import Path
+
 import pytest
 
 RULES = ["right in angle", "right in turn rate"]
@@ -37,6 +40,11 @@ def test_a_learned_tree_keeps_them_and_so_does_the_start(eutree, demos, method):
             "--evaluation-episodes", 3, "--evaluate-every", 2, "--out", "run"]  # fmt: skip
     assert eutree(*line, *ASKED, "--judge-episodes", 5, "--front-steps", 2000).code == 0
     assert proven(eutree, "run/policy.json")
+    assert json.loads(Path("run/config.json").read_text())["monotone"] == RULES
+    other = eutree(*line, "--monotone", "right in angle", "--judge-episodes", 5, "--resume",
+                   "--front-steps", 2000)  # fmt: skip
+    assert other.code == 2
+    assert "started with monotone ('right in angle', 'right in turn rate')" in other.err
     assert eutree("learn", "--out", "run", "--resume", "--episodes", 4).code == 0
     assert proven(eutree, "run/policy.json")
 

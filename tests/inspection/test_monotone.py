@@ -76,6 +76,28 @@ def test_it_costs_as_little_as_possible(seed, n_leaves, n_actions):
     assert mine == pytest.approx(best)
 
 
+@settings(deadline=None, max_examples=25)
+@given(st.integers(0, 10_000), st.integers(2, 5))
+def test_no_leaf_names_what_is_masked_unless_it_must(seed, n_leaves):
+    """The naive twin tries every labelling."""
+    policy = random_policy(seed, n_leaves)
+    allowed = np.random.default_rng(seed + 2).random((n_leaves, 3)) < 0.6
+    allowed[np.arange(n_leaves), policy.actions] = True
+    texts = ["stop in f0", "stop in falling f1"]
+    rules = monotone_rules(texts, policy.schema)
+    kept = keep_monotone(policy, rules, allowed=allowed)
+    places = np.random.default_rng(0).uniform(0.01, 9.99, (4000, 3))
+    leaf = policy.tree.leaf_index(places)
+    reached, first = np.unique(leaf, return_index=True)
+    got = kept.actions[kept.tree.leaf_index(places[first])]
+    least = min(
+        sum(not allowed[k, labels[k]] for k in reached)
+        for labels in itertools.product(range(3), repeat=n_leaves)
+        if holds(policy, labels, texts)
+    )
+    assert (~allowed[reached, got]).sum() == least
+
+
 def holds(policy, labels, texts):
     labelled = TreePolicy(policy.tree, np.array(labels), policy.schema)
     return all(verify(labelled, f"monotone {text}", everywhere=True).holds for text in texts)

@@ -10,7 +10,7 @@ import pytest
 from gymnasium import spaces
 
 import eutree
-from eutree.data import Demonstrations
+from eutree.data import Demonstrations, Episode
 from eutree.data.demonstrations import derive
 from eutree.data.episode import allowed_in
 from eutree.errors import EnvironmentFault, InvalidArgumentError
@@ -94,6 +94,23 @@ def test_a_leaf_names_nothing_that_was_masked_where_it_decides():
     leaves = policy.tree.leaf_index(demos.observations)
     for leaf in np.unique(leaves):
         assert allowed_in(demos)[leaves == leaf, policy.actions[leaf]].any()
+
+
+def test_a_leaf_that_a_monotone_rule_changes_names_nothing_masked_either():
+    x = np.linspace(0.0, 9.0, 160)
+    left = x < 5.0
+    allowed = np.where(left[:, None], [[False, True, True]], [[True, False, True]])
+    shown = Episode(
+        observations=np.append(x, 9.0)[:, None],
+        actions=np.where(left, 1, 0),
+        rewards=np.zeros(160),
+        terminated=False,
+        truncated=True,
+        steps={"allowed": allowed},
+    )
+    demos = Demonstrations((shown,), Schema.anonymous(1, 3))
+    kept = eutree.fit(demos, episodes=0, monotone=["action_1 in x0"]).policy
+    assert [kept.act([1.0]), kept.act([8.0])] == [2, 0]
 
 
 def test_exports_take_a_mask_or_say_that_they_do_not(tmp_path):

@@ -8,11 +8,13 @@ from typing import Any, Literal
 import gymnasium
 import numpy as np
 
+from eutree.arrays import Floats
 from eutree.c45 import C45Settings
 from eutree.contests import Halving
 from eutree.data import Demonstrations, Episode
 from eutree.data import derive as with_derived
 from eutree.data.demonstrations import lessons
+from eutree.data.episode import allowed_in
 from eutree.errors import EutreeError, InvalidArgumentError, shown
 from eutree.fitting.combining import confirm, propose
 from eutree.fitting.diagnosis import (
@@ -39,6 +41,8 @@ from eutree.learners.starts import (
     candidates,
     promising,
 )
+from eutree.policies import TreePolicy
+from eutree.policies.reach import ever_allowed
 from eutree.validation import check_integer, check_seed
 
 # Both are contests (:mod:`eutree.contests`) that promise nothing: who judges the tree that they
@@ -221,14 +225,21 @@ class _Keeping:
 
     def kept(self, candidate: Candidate) -> Candidate:
         """Return a candidate whose tree keeps the rules, by what was shown in its leaves."""
-        policy = candidate.policy
         if not self.monotone:
             return candidate
+        shown_there = shown_in(candidate.policy, self.demonstrations).astype(np.float64)
+        kept = self.keeping(candidate.policy, shown_there)
+        return candidate if kept is candidate.policy else replace(candidate, policy=kept)
+
+    def keeping(self, policy: TreePolicy, weights: Floats | None = None) -> TreePolicy:
+        """Return a policy that keeps the rules, by what each action is worth in each leaf."""
+        if not self.monotone:
+            return policy
+        masks, known = allowed_in(self.demonstrations), self.demonstrations
+        observations = known.with_history(policy.history).observations
+        allowed = None if masks is None else ever_allowed(policy, observations, masks)
         rules = monotone_rules(self.monotone, policy.schema)
-        kept = keep_monotone(
-            policy, rules, shown_in(policy, self.demonstrations).astype(np.float64)
-        )
-        return candidate if kept is policy else replace(candidate, policy=kept)
+        return keep_monotone(policy, rules, weights, allowed=allowed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -314,9 +325,7 @@ class _Fitting:
             on_progress=tell,
         )
         self.player.begin("comparing", (1 + len(rivals)) * self.episodes)
-        if self.keeps.monotone:
-            rules = monotone_rules(self.keeps.monotone, chosen.policy.schema)
-            rivals = tuple(keep_monotone(one, rules) for one in rivals)
+        rivals = tuple(map(self.keeps.keeping, rivals))
         rule = Halving(first=self.episodes, most=self.episodes)
         winner, best = self.player.contest(rule, [chosen.policy, *rivals], COMPARING)
         if winner == 0:

@@ -61,7 +61,11 @@ def monotone_rules(texts: Sequence[str], schema: Schema) -> tuple[Property, ...]
 
 
 def keep_monotone(
-    policy: TreePolicy, rules: Sequence[Property], weights: Floats | None = None
+    policy: TreePolicy,
+    rules: Sequence[Property],
+    weights: Floats | None = None,
+    *,
+    allowed: Booleans | None = None,
 ) -> TreePolicy:
     """Return the policy with the actions of some leaves changed, so that it keeps each rule.
 
@@ -72,6 +76,8 @@ def keep_monotone(
         rules: What ``monotone_rules`` returned.
         weights: What each action is worth in each leaf, shape [L, A]: counts of what was shown
             there, say. By default the visits of a leaf for the action it has.
+        allowed: Which actions a leaf may name, shape [L, A] (``eutree.policies.reach.ever_allowed``
+            says so of masks); another one is named only where no tree keeps the rules without it.
 
     Raises:
         InvalidArgumentError: Locked leaves contradict a rule.
@@ -79,10 +85,12 @@ def keep_monotone(
     if not rules:
         return policy
     worth = _worth(policy) if weights is None else np.asarray(weights, dtype=np.float64).copy()
+    if allowed is not None:
+        worth -= ~allowed * policy.n_leaves * (float(np.ptp(worth)) + 1.0)
     edges = [(_action(rule, policy.schema), *_above(policy, rule)) for rule in rules]
-    allowed = np.ones(worth.shape, dtype=bool)
+    free = np.ones(worth.shape, dtype=bool)
     for leaf in policy.locked:
-        allowed[leaf] = np.arange(policy.schema.n_actions) == policy.actions[leaf]
+        free[leaf] = np.arange(policy.schema.n_actions) == policy.actions[leaf]
     actions = policy.actions
     if all(
         not ((actions[one] == action) & (actions[two] != action)).any()
@@ -91,7 +99,7 @@ def keep_monotone(
         return policy
     asked = sorted({action for action, _, _ in edges})
     orders = permutations(asked) if len(asked) <= MOST_ORDERED else [tuple(asked)]
-    found = [labels for order in orders if (labels := _labels(worth, allowed, edges, order)).size]
+    found = [labels for order in orders if (labels := _labels(worth, free, edges, order)).size]
     if not found and policy.locked:
         raise InvalidArgumentError("monotone rules must not contradict the locked leaves")
     leaves = np.arange(policy.n_leaves)

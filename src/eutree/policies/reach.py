@@ -45,11 +45,24 @@ def among_allowed(policy: TreePolicy, observations: Floats, allowed: Booleans) -
         observations: Where actions were masked, shape [N, d].
         allowed: Which actions were allowed there, shape [N, A].
     """
-    leaves = policy.tree.leaf_index(observations)
-    ever = np.zeros((policy.n_leaves, allowed.shape[1]), dtype=np.bool_)
-    np.logical_or.at(ever, leaves, allowed)
-    ever[~ever.any(axis=1)] = True  # nothing is known of them
+    ever = ever_allowed(policy, observations, allowed)
     ever[list(policy.locked)] = True
     inside = np.take_along_axis(ever, policy.orders, axis=1).argmax(axis=1)
     actions = policy.orders[np.arange(policy.n_leaves), inside]
     return replace(policy, actions=actions, masked=True)
+
+
+def ever_allowed(policy: TreePolicy, observations: Floats, allowed: Booleans) -> Booleans:
+    """Return which actions were ever allowed where each leaf decides, shape [L, A].
+
+    Of a leaf that no observation reached nothing is known: all are.
+
+    Args:
+        policy: The policy.
+        observations: Where actions were masked, shape [N, d].
+        allowed: Which actions were allowed there, shape [N, A].
+    """
+    ever = np.zeros((policy.n_leaves, allowed.shape[1]), dtype=np.bool_)
+    np.logical_or.at(ever, policy.tree.leaf_index(observations), allowed)
+    ever[~ever.any(axis=1)] = True
+    return ever

@@ -223,6 +223,7 @@ def _config(
         return_range=handover.return_range,
         front_steps=handover.front_steps,
         starts=_digests(asked.starts),
+        monotone=plan.monotone,
     )
 
 

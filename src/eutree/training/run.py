@@ -8,10 +8,11 @@ happened; they never decide what comes.
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from eutree.arrays import Booleans, Floats
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import CurvePoint
 from eutree.interaction.seeding import Stream
@@ -19,7 +20,7 @@ from eutree.learners import Learner, Method, Problem, Start
 from eutree.learners.episode_buffer import transitions_of
 from eutree.learners.learner import KnowsItsModel
 from eutree.policies import TreePolicy
-from eutree.policies.reach import among_allowed, within_reach
+from eutree.policies.reach import among_allowed, ever_allowed, within_reach
 from eutree.policy_search.model_trust import ModelTrust
 from eutree.schema import Schema
 from eutree.training.acting import GatheringEpisode, Racing, seed_of_next
@@ -28,6 +29,9 @@ from eutree.training.judging import START
 from eutree.training.phases import Phase, Plan, Position, RunState, due, generator_of
 from eutree.training.progress import GatheredEpisodes
 from eutree.training.search import PolicySearch
+
+if TYPE_CHECKING:
+    from eutree.inspection.properties import Property
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +74,6 @@ class Run:
         evaluations: The curve, and the result against the start.
         racing: The race at the end.
         first: The policy that it began with.
-        keeping: Makes a policy keep the plan's monotone rules.
     """
 
     def __init__(
@@ -91,7 +94,7 @@ class Run:
         self.racing = Racing(plan, self.state)
         self._arena = arena
         self._clock = time.monotonic()
-        self.keeping = _keeping(plan.monotone, beginning.problem.schema)
+        self._rules = _rules(plan.monotone, beginning.problem.schema)
         self.first = self.keeping(_of_here(beginning) or self.policy())
 
     @property
@@ -162,6 +165,16 @@ class Run:
         kept = self.evaluations.kept
         return self._best() if kept is None else kept[0]
 
+    def keeping(self, policy: TreePolicy) -> TreePolicy:
+        """Return a policy that keeps the plan's monotone rules, by what masks allowed."""
+        if not self._rules:
+            return policy
+        from eutree.inspection import keep_monotone
+
+        known = _masked(self.learner, policy)
+        allowed = None if known is None else ever_allowed(policy, *known)
+        return keep_monotone(policy, self._rules, allowed=allowed)
+
     def new_search(self) -> PolicySearch:
         """Return the policy search at its start: from the present policy and all that is stored."""
         if self.plan.race is None:
@@ -180,13 +193,9 @@ class Run:
         if self.racing.result is not None:
             return self.keeping(self.racing.result)
         policy = self.learner.decisions().policy(self.beginning.problem)
-        seen, allowed = (
-            self.learner.history.observations,
-            self.learner.history.columns.get("allowed"),
-        )
-        if allowed is not None and seen.shape[1] == policy.tree.n_features:
-            policy = among_allowed(policy, seen, allowed)
-        policy = self.keeping(policy)
+        if (known := _masked(self.learner, policy)) is not None:
+            policy = among_allowed(policy, *known)
+        policy, seen = self.keeping(policy), self.learner.history.observations
         features = policy.schema.features
         if len(seen) == 0 or seen.shape[1] != len(features):
             return policy
@@ -268,13 +277,21 @@ class Run:
             self.evaluations.judge(first, picked, self.challengers, arena)
 
 
-def _keeping(texts: Sequence[str], schema: Schema) -> Callable[[TreePolicy], TreePolicy]:
-    """Return what makes a policy keep monotone rules; without any it is left as it is."""
-    if not texts:
-        return lambda policy: policy
-    from eutree.inspection import keep_monotone, monotone_rules
+def _masked(learner: Learner, policy: TreePolicy) -> tuple[Floats, Booleans] | None:
+    """Return where actions were masked and which were allowed; None where none was."""
+    seen, allowed = learner.history.observations, learner.history.columns.get("allowed")
+    if allowed is None or seen.shape[1] != policy.tree.n_features:
+        return None
+    return seen, allowed
 
-    return partial(keep_monotone, rules=monotone_rules(texts, schema))
+
+def _rules(texts: Sequence[str], schema: Schema) -> "tuple[Property, ...]":
+    """Return the monotone rules that some texts ask for."""
+    if not texts:
+        return ()
+    from eutree.inspection import monotone_rules
+
+    return monotone_rules(texts, schema)
 
 
 def _of_here(beginning: Beginning) -> TreePolicy | None:

@@ -84,6 +84,7 @@ class ConfigDocument(Document, frozen=True, kw_only=True):
     return_range: tuple[float, float] | None = None
     front_steps: int | None = None
     starts: str = ""
+    monotone: tuple[str, ...] = ()
 
 
 def length_of_run(out: str | Path) -> dict[str, Any]:
