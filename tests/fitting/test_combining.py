@@ -7,6 +7,8 @@ import pytest
 import eutree
 from eutree.c45 import C45Settings
 from eutree.data import Demonstrations, Episode
+from eutree.data.demonstrations import teaching
+from eutree.data.episode import CUT
 from eutree.errors import UnknownNameError
 from eutree.fitting.combining import confirm, propose
 from eutree.fitting.report import Proposal
@@ -106,6 +108,14 @@ def test_hardly_any_steps_say_nothing():
 
 def test_one_long_episode_is_cut_into_parts():
     assert found(lambda x, _: x[0] > x[1], episodes=1, steps=900)
+
+
+def test_what_was_cut_teaches_nothing():
+    demonstrations = shown(lambda x, _: x[0] > x[1] + 1.0, episodes=12, noise=0.0)
+    taught = demonstrations.actions.copy()
+    taught[:600] = CUT
+    (proposal,) = propose(teaching(demonstrations, taught), RELEASE_8)
+    assert proposal.declaration == "left minus right = left - right"
 
 
 def test_names_with_other_signs_are_quoted():

@@ -23,6 +23,8 @@ from eutree.arrays import Booleans, Floats, Integers
 from eutree.c45 import C45Settings, best_reductions, grow
 from eutree.contests import SmallestWithin, hold, new_table
 from eutree.data import Demonstrations, derive
+from eutree.data.demonstrations import taught_in
+from eutree.data.episode import CUT
 from eutree.fitting.playing import Played, Player, Progress
 from eutree.fitting.report import CLEARLY_SHORTER, Proposal
 from eutree.formulas import in_formula, parse
@@ -52,7 +54,7 @@ class _Rows:
         columns: The features.
         labels: The actions.
         weights: How much each step counts.
-        before: The row of the step before; of an episode's first step its own.
+        last: The features at the step before; at an episode's first step its own.
         part: The episode, or what stands for one, that is left out as a whole.
         n_classes: Number of actions.
     """
@@ -60,7 +62,7 @@ class _Rows:
     columns: Floats  # [N, d]
     labels: Integers  # [N]
     weights: Floats  # [N]
-    before: Integers  # [N]
+    last: Floats  # [N, d]
     part: Integers  # [N]
     n_classes: int
 
@@ -201,19 +203,20 @@ def _rows(demonstrations: Demonstrations) -> _Rows | None:
 
     Of fewer episodes than folds each fold is a part of all steps.
     """
-    episodes = [episode for episode in demonstrations if len(episode)]
-    lengths = np.array([len(episode) for episode in episodes], dtype=np.int64)
-    n = min(int(lengths.sum()), MOST_STEPS)
-    if n < 2 * FOLDS:
+    taught = taught_in(demonstrations)
+    lengths = np.array([len(episode) for episode in demonstrations], dtype=np.int64)
+    episode = np.repeat(np.arange(lengths.size), lengths)
+    used = np.flatnonzero(taught != CUT)[:MOST_STEPS]
+    if used.size < 2 * FOLDS:
         return None
-    episode = np.repeat(np.arange(lengths.size), lengths)[:n]
-    is_first = np.diff(episode, prepend=-1) > 0
+    seen, parts = demonstrations.observations, np.unique(episode[used], return_inverse=True)[1]
+    before = np.maximum(used - (np.diff(episode, prepend=-1) == 0)[used], 0)
     return _Rows(
-        columns=np.concatenate([one.observations[:-1] for one in episodes])[:n],
-        labels=np.concatenate([one.actions for one in episodes])[:n],
-        weights=np.concatenate([one.weights for one in episodes])[:n],
-        before=np.arange(n) - ~is_first,
-        part=episode if episode[-1] >= FOLDS - 1 else np.arange(n) * FOLDS // n,
+        columns=seen[used],
+        labels=taught[used],
+        weights=np.concatenate([one.weights for one in demonstrations])[used],
+        last=seen[before],
+        part=parts if parts[-1] >= FOLDS - 1 else np.arange(used.size) * FOLDS // used.size,
         n_classes=demonstrations.schema.n_actions,
     )
 
@@ -236,7 +239,7 @@ def _combined(rows: _Rows, schema: Schema) -> dict[str, Floats]:
     columns = {}
     for declaration in _declarations(rows, schema):
         formula = parse(declaration.partition(" = ")[2], names)
-        column = formula.compute(now, lambda j: now[j][rows.before])
+        column = formula.compute(now, lambda j: rows.last[:, j])
         if column.min() < column.max():
             columns[declaration] = column
     return columns

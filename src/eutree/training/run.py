@@ -8,6 +8,7 @@ happened; they never decide what comes.
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,7 +32,7 @@ from eutree.training.progress import GatheredEpisodes
 from eutree.training.search import PolicySearch
 
 if TYPE_CHECKING:
-    from eutree.inspection.properties import Property
+    from eutree.inspection import Property
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +75,7 @@ class Run:
         evaluations: The curve, and the result against the start.
         racing: The race at the end.
         first: The policy that it began with.
+        keeping: Makes a policy keep the plan's monotone rules.
     """
 
     def __init__(
@@ -94,7 +96,8 @@ class Run:
         self.racing = Racing(plan, self.state)
         self._arena = arena
         self._clock = time.monotonic()
-        self._rules = _rules(plan.monotone, beginning.problem.schema)
+        rules = _rules(plan.monotone, beginning.problem.schema)
+        self.keeping = partial(_kept, rules=rules, learner=self.learner)
         self.first = self.keeping(_of_here(beginning) or self.policy())
 
     @property
@@ -164,16 +167,6 @@ class Run:
             return self.keeping(self.racing.search.incumbent)
         kept = self.evaluations.kept
         return self._best() if kept is None else kept[0]
-
-    def keeping(self, policy: TreePolicy) -> TreePolicy:
-        """Return a policy that keeps the plan's monotone rules, by what masks allowed."""
-        if not self._rules:
-            return policy
-        from eutree.inspection import keep_monotone
-
-        known = _masked(self.learner, policy)
-        allowed = None if known is None else ever_allowed(policy, *known)
-        return keep_monotone(policy, self._rules, allowed=allowed)
 
     def new_search(self) -> PolicySearch:
         """Return the policy search at its start: from the present policy and all that is stored."""
@@ -275,6 +268,17 @@ class Run:
         else:
             picked = self.evaluations.picked or learned
             self.evaluations.judge(first, picked, self.challengers, arena)
+
+
+def _kept(policy: TreePolicy, rules: "tuple[Property, ...]", learner: Learner) -> TreePolicy:
+    """Return a policy that keeps monotone rules, by what masks allowed; as it is without any."""
+    if not rules:
+        return policy
+    from eutree.inspection import keep_monotone
+
+    known = _masked(learner, policy)
+    allowed = None if known is None else ever_allowed(policy, *known)
+    return keep_monotone(policy, rules, allowed=allowed)
 
 
 def _masked(learner: Learner, policy: TreePolicy) -> tuple[Floats, Booleans] | None:
