@@ -1,17 +1,18 @@
 """Choose the trees of the zoo: of those that the table's runs kept, the best at each size.
 
-Run: python benchmarks/zoo.py FOLDER [--episodes 1000]
+Run: python benchmarks/zoo.py FOLDER [--tasks TASK ...] [--episodes 1000]
 
 FOLDER holds the trees of ``python benchmarks/table.py TASK --trees FOLDER``. The three of each task
 and size that earned most there play 1,000 fresh episodes, which choose one; 1,000 others, which
 chose nothing, are what its card says. A tree that is no better than a smaller one is left out. What
-``eutree prove`` says within its usual limits is on the card, where the task has a plant.
+``eutree prove`` says within its usual limits is on the card, where the task has a plant. With
+``--tasks`` the trees of other tasks stay; ``benchmarks/zoo_page.py`` renews the page.
 """
 
 import argparse
 import json
-import shutil
 import subprocess
+from collections.abc import Iterator
 from dataclasses import asdict
 from datetime import date
 from pathlib import Path
@@ -90,29 +91,40 @@ def card_of(row: dict[str, str], policy: eutree.TreePolicy, size: int, episodes:
     )  # fmt: skip
 
 
+def best_trees(rows: list[dict[str, str]], trees: Path, episodes: int) -> Iterator[zoo.Card]:
+    """Yield the cards of the best trees of a task, the smallest size first; the trees are kept."""
+    best: zoo.Card | None = None
+    for size in SIZES:
+        small = [row for row in rows if int(row["has_leaves"]) <= size]
+        if not small:
+            continue
+        row, policy = best_of(small, trees, episodes)
+        card = card_of(row, policy, size, episodes)
+        if best is not None and card.mean_return <= best.interval[1]:
+            continue
+        policy.save(HOME / "trees" / card.file)
+        best = card
+        print(card.name, card.leaves, card.mean_return, card.interval, flush=True)
+        yield card
+
+
 def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("trees", type=Path)
+    parser.add_argument("--tasks", nargs="+")
     parser.add_argument("--episodes", type=int, default=1000)
     arguments = parser.parse_args()
     kept = [row for row in rows() if file_of(row, arguments.trees).exists()]
-    cards: list[zoo.Card] = []
-    shutil.rmtree(HOME / "trees", ignore_errors=True)
-    (HOME / "trees").mkdir()
-    for task in dict.fromkeys(row["task"] for row in kept):
-        best: zoo.Card | None = None
-        for size in SIZES:
-            small = [row for row in kept if row["task"] == task and int(row["has_leaves"]) <= size]
-            if not small:
-                continue
-            row, policy = best_of(small, arguments.trees, arguments.episodes)
-            card = card_of(row, policy, size, arguments.episodes)
-            if best is not None and card.mean_return <= best.interval[1]:
-                continue
-            policy.save(HOME / "trees" / card.file)
-            cards.append(card)
-            best = card
-            print(card.name, card.leaves, card.mean_return, card.interval, flush=True)
+    known = {row["task"] for row in kept}
+    chosen = set(arguments.tasks or known)
+    cards = [card for card in zoo.cards() if card.task not in chosen]
+    for card in zoo.cards():
+        if card.task in chosen:
+            (HOME / "trees" / card.file).unlink(missing_ok=True)
+    for task in sorted(chosen & known):
+        of_task = [row for row in kept if row["task"] == task]
+        cards += best_trees(of_task, arguments.trees, arguments.episodes)
+    cards.sort(key=lambda card: (card.task, card.most_leaves))
     text = json.dumps([asdict(one) for one in cards], indent=1, ensure_ascii=False)
     (HOME / "cards.json").write_text(text + "\n")
     subprocess.run(["git", "status", "--short", str(HOME)], cwd=ROOT, check=True)
