@@ -235,13 +235,28 @@ def test_one_class_is_one_leaf() -> None:
     assert model.export_text() == "go (2)"
 
 
-def test_converts_to_a_decision_tree_unless_a_name_is_tested() -> None:
+def test_converts_to_a_decision_tree_that_asks_for_codes() -> None:
     tree, classes = fit([[1.0], [2.0], [3.0], [4.0]], [5, 5, 6, 6]).to_decision_tree()
     assert tree.n_leaves == 2
     assert classes.tolist() == [0, 1]
-    model = fit([["a"], ["a"], ["b"], ["b"]], [0, 0, 1, 1], nominal_features=[0])
-    with pytest.raises(InvalidArgumentError, match="nominal attribute 0"):
-        model.to_decision_tree()
+    model = fit([["a"], ["a"], ["b"], ["b"], ["c"], ["c"]], list("001100"), nominal_features=[0])
+    tree, classes = model.to_decision_tree()
+    assert sorted(tree.threshold[tree.feature == 0].tolist()) == [0.5, 1.5]
+    assert classes[tree.leaf_index([[0.0], [1.0], [2.0]])].tolist() == [0, 1, 0]
+
+
+def test_a_tree_of_names_becomes_a_policy_that_says_them() -> None:
+    rng = np.random.default_rng(0)
+    table = np.column_stack([rng.integers(0, 4, 400), rng.normal(size=400)])
+    actions = np.isin(table[:, 0], [0, 3]) ^ (table[:, 1] > 1.0)
+    model = C45Classifier(nominal_features=[0], grouped=True).fit(table, actions.astype(int))
+    tree, labels = model.to_decision_tree()
+    assert np.array_equal(labels[tree.leaf_index(table)], model.predict(table))
+    kind = {"x0": ("red", "amber", "green", "off")}
+    schema = eutree.Schema.anonymous(2, 2).with_kinds(kind)
+    policy = eutree.TreePolicy(tree, labels, schema)
+    assert "red" in str(policy)
+    assert eutree.export.to_c(policy)
 
 
 def test_a_continuous_tree_goes_through_every_export() -> None:

@@ -302,8 +302,7 @@ class C45Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # sk
     def to_decision_tree(self) -> tuple[DecisionTree, Integers]:
         """Return the tree for eutree's exports, and the index of the class of each leaf.
 
-        Raises:
-            InvalidArgumentError: If the tree tests a nominal attribute.
+        It tests a nominal attribute by the place of its value in ``categories_``.
         """
         return self._tree().to_decision_tree()
 

@@ -246,15 +246,13 @@ class C45Tree:
     def to_decision_tree(self) -> tuple[DecisionTree, Integers]:
         """Return the same tree as a ``DecisionTree``, and the class of each of its leaves.
 
-        Leaves are numbered from left to right. Raises InvalidArgumentError if the tree tests a
-        nominal attribute.
+        Leaves are numbered from left to right. A test of a nominal attribute becomes tests of its
+        code where the branch changes; a branch of several runs of codes is there for each. A code
+        that no branch stands for takes the largest one; there, and where a value is unknown, the
+        two trees may differ.
         """
         if (self.value_start >= 0).any():
-            nominal = int(self.feature[np.argmax(self.value_start >= 0)])
-            raise InvalidArgumentError(
-                "a decision tree must test continuous attributes only, got a test of the "
-                f"nominal attribute {nominal}"
-            )
+            return _with_codes_tested(self)
         order = np.array([node for node, _ in self.preorder()])
         new = np.empty(self.n_nodes, dtype=np.int32)
         new[order] = np.arange(self.n_nodes, dtype=np.int32)
@@ -271,3 +269,56 @@ class C45Tree:
             leaf=np.where(leaves, np.cumsum(leaves) - 1, DecisionTree.NO_LEAF),
         )
         return tree, self.label[order[leaves]]
+
+
+def _with_codes_tested(known: C45Tree) -> tuple[DecisionTree, Integers]:
+    """Return the same as ``to_decision_tree`` of a tree that tests nominal attributes."""
+    tests: list[tuple[int, float]] = []  # feature and threshold of each new node
+    sides: tuple[list[int], list[int]] = ([], [])
+    labels: list[int] = []  # of the leaves
+    left = [(_branches(known, 0), -1, 0)]  # branches, the test above, and its side
+    while left:
+        (feature, runs), above, side = left.pop()
+        if above >= 0:
+            sides[side][above] = len(tests)
+        for one in sides:
+            one.append(DecisionTree.NO_NODE)
+        if feature == known.NO_FEATURE:
+            labels.append(int(known.label[runs[0][1]]))
+            tests.append((DecisionTree.NO_FEATURE, np.nan))
+            continue
+        middle, at = len(runs) // 2, len(tests)
+        tests.append((feature, runs[middle - 1][0]))
+        for half, part in ((1, runs[middle:]), (0, runs[:middle])):
+            below = _branches(known, part[0][1]) if len(part) == 1 else (feature, part)
+            left.append((below, at, half))
+    features, thresholds = map(np.array, zip(*tests, strict=True))
+    leaves = features == DecisionTree.NO_FEATURE
+    tree = DecisionTree(
+        n_features=known.n_features,
+        feature=features,
+        threshold=thresholds,
+        left=np.array(sides[0]),
+        right=np.array(sides[1]),
+        leaf=np.where(leaves, np.cumsum(leaves) - 1, DecisionTree.NO_LEAF),
+    )
+    return tree, np.array(labels)
+
+
+def _branches(known: C45Tree, node: int) -> tuple[int, list[tuple[float, int]]]:
+    """Return a node's attribute, and the threshold up to which each child is taken, in order.
+
+    A node all of whose codes take one child is passed by; a leaf has itself as the only child.
+    """
+    while (feature := int(known.feature[node])) != known.NO_FEATURE:
+        start, first = int(known.value_start[node]), int(known.first_child[node])
+        if start < 0:
+            return feature, [(float(known.threshold[node]), first), (np.inf, first + 1)]
+        branch = known.value_branch[start : start + known.n_values[feature]]
+        weight = known.distribution[list(known.children(node))].sum(axis=1)
+        child = first + np.where(branch < 0, weight.argmax(), branch)
+        ends = np.append(np.flatnonzero(np.diff(child)), child.size - 1)
+        if ends.size > 1:
+            return feature, [(end + 0.5, int(child[end])) for end in ends.tolist()]
+        node = int(child[0])
+    return feature, [(np.inf, node)]
