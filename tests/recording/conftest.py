@@ -1,6 +1,7 @@
 """A fixture of all tests of recording and acting."""
 
 from collections.abc import Iterator
+from importlib import resources
 
 import pytest
 
@@ -12,3 +13,10 @@ def nobody_stays(request: pytest.FixtureRequest) -> Iterator[None]:
     browser = request.node.funcargs.get("chromium")
     for context in browser.contexts if browser else []:
         context.close()
+
+
+@pytest.fixture(scope="module")
+def axe() -> str:
+    """The script of axe-core."""
+    package = pytest.importorskip("axe_playwright_python", reason="needs the test requirements")
+    return (resources.files(package) / "axe.min.js").read_text(encoding="utf-8")

@@ -2,7 +2,6 @@
 
 import time
 from dataclasses import replace
-from importlib import resources
 
 import gymnasium
 import pytest
@@ -10,24 +9,18 @@ import pytest
 from eutree.recording.tree_making import TreeView
 from tests.recording.people import Corridor
 from tests.recording.serving import serving
-from tests.recording.typists import PATIENCE, Person, ScriptedMaker, box, evasion, goes_on_and_on
-
-PHONE = {"has_touch": True, "is_mobile": True}
-SCREENS = {
-    "desk": ((1180, 800), {}),
-    "phone": ((390, 844), PHONE),
-    "phone on its side": ((844, 390), PHONE),
-    "200 %": ((640, 430), {}),  # of 1280 x 860
-}
-
-# What is not wholly on the screen, or has something over it.
-OUT_OF_SIGHT = """(selectors) => selectors.flatMap((s) => [...document.querySelectorAll(s)])
-  .filter((e) => {
-    const { left, top, right, bottom } = e.getBoundingClientRect();
-    const inside = left >= 0 && top >= 0 && right <= innerWidth && bottom <= innerHeight;
-    const seen = document.elementFromPoint((left + right) / 2, (top + bottom) / 2);
-    return !(inside && right > left && bottom > top && (e === seen || e.contains(seen)));
-  }).map((e) => e.id || e.textContent)"""
+from tests.recording.typists import (
+    FINDINGS,
+    OUT_OF_SIGHT,
+    PATIENCE,
+    SCREENS,
+    Person,
+    ScriptedMaker,
+    box,
+    evasion,
+    goes_on_and_on,
+    person_at,
+)
 
 
 class Many(Corridor):
@@ -40,13 +33,6 @@ class Many(Corridor):
 
     def _observation(self):
         return int(self.place), self.steps
-
-
-def person_at(chromium, served, screen, **options) -> Person:
-    (width, height), own = SCREENS[screen]
-    person = Person(chromium, served, **own, **options).until(state="opening")
-    person.page.set_viewport_size({"width": width, "height": height})
-    return person
 
 
 @pytest.mark.parametrize("screen", SCREENS)
@@ -73,20 +59,6 @@ def test_what_is_held_and_said_is_in_sight(chromium, tmp_path, screen, world) ->
         assert hidden("#buttons .first") == []
         wide = "() => document.documentElement.scrollWidth - document.documentElement.clientWidth"
         assert person.page.evaluate(wide) == 0
-
-
-FINDINGS = """async () => {
-  const rules = { "label-content-name-mismatch": { enabled: true } };
-  const found = await axe.run(document, { rules, resultTypes: ["violations"] });
-  return found.violations.flatMap((v) => v.nodes.map((n) => `${v.id}: ${n.html}`));
-}"""
-
-
-@pytest.fixture(scope="module")
-def axe() -> str:
-    """The script of axe-core."""
-    package = pytest.importorskip("axe_playwright_python", reason="needs the test requirements")
-    return (resources.files(package) / "axe.min.js").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(

@@ -91,6 +91,38 @@ class Person:
         return self.page.locator("body").get_attribute(f"data-{name}")
 
 
+PHONE = {"has_touch": True, "is_mobile": True}
+SCREENS = {
+    "desk": ((1180, 800), {}),
+    "phone": ((390, 844), PHONE),
+    "phone on its side": ((844, 390), PHONE),
+    "200 %": ((640, 430), {}),  # of 1280 x 860
+}
+
+# What is not wholly on the screen, or has something over it.
+OUT_OF_SIGHT = """(selectors) => selectors.flatMap((s) => [...document.querySelectorAll(s)])
+  .filter((e) => {
+    const { left, top, right, bottom } = e.getBoundingClientRect();
+    const inside = left >= 0 && top >= 0 && right <= innerWidth && bottom <= innerHeight;
+    const seen = document.elementFromPoint((left + right) / 2, (top + bottom) / 2);
+    return !(inside && right > left && bottom > top && (e === seen || e.contains(seen)));
+  }).map((e) => e.id || e.textContent)"""
+
+
+def person_at(chromium, served, screen, **options) -> Person:
+    (width, height), own = SCREENS[screen]
+    person = Person(chromium, served, **own, **options).until(state="opening")
+    person.page.set_viewport_size({"width": width, "height": height})
+    return person
+
+
+FINDINGS = """async () => {
+  const rules = { "label-content-name-mismatch": { enabled: true } };
+  const found = await axe.run(document, { rules, resultTypes: ["violations"] });
+  return found.violations.flatMap((v) => v.nodes.map((n) => `${v.id}: ${n.html}`));
+}"""
+
+
 def box(person, selector):
     """Return where an element is on the page."""
     return person.page.locator(selector).bounding_box()

@@ -33,19 +33,23 @@ if TYPE_CHECKING:
     import gymnasium
 
     from eutree.data import Episode
-    from eutree.recording import Recorder
+    from eutree.recording import Recorder, SessionSettings
     from eutree.recording.browser import PageServer
+    from eutree.recording.tree_making import Guide, TreeMaker
 
 _REDIRECT = '<!doctype html><meta http-equiv="refresh" content="0;url={}">\n'
 
 
 @click.command(cls=Helped, epilog="Example: eutree record eutree/Evasion2-v0 --out demos/")
 @click.argument("environment")
-@output_option("--out", text="Folder to write; a person continues one that exists.", required=True)
+@output_option("--out", text="Folder to write; a person continues one that exists.")
 @count_option("--episodes", 15, "How many episodes.")
 @click.option("--drive", type=click.Path(path_type=Path), metavar="TREE",
               help="Let this tree drive, and take over from it where it is wrong.")  # fmt: skip
 @click.option("--web", is_flag=True, help="A person records in a browser, as without --expert.")
+@click.option("--study", type=click.Path(path_type=Path), metavar="FOLDER",
+              help="Lead one person through a study; its plan is in the FOLDER.")  # fmt: skip
+@click.option("--person", metavar="CODE", help="Go on with this person of the --study.")
 @click.option("--keys", help="What the keys mean: left=0,right=1,none=0 (numbers or names).")
 @click.option("--hud", is_flag=True, help="Show the person the numbers that the agent senses.")
 @click.option("--fps", type=click.FloatRange(0, 240, min_open=True),
@@ -63,7 +67,8 @@ _REDIRECT = '<!doctype html><meta http-equiv="refresh" content="0;url={}">\n'
 @json_option
 def record(
     environment: str,
-    out: Path,
+    out: Path | None,
+    study: Path | None,
     episodes: int,
     expert: str | None,
     careless: float,
@@ -75,7 +80,7 @@ def record(
     env_arguments: dict[str, Any],
     seed: int,
     as_json: bool,
-    **person: Any,
+    **page: Any,
 ) -> None:
     """Record demonstrations in ENVIRONMENT, by a person or by a scripted expert."""
     from eutree.recording import Recorder, SessionSettings
@@ -84,6 +89,17 @@ def record(
     spec = EnvironmentSpec(environment, env_arguments)
     if expert is not None and web:
         raise InvalidArgumentError("choose one of --expert and --web")
+    person = page.pop("person")
+    if study is not None:
+        _check_study_alone()
+        env = _made(output, spec, None, "rgb_array")
+        pace = SessionSettings(fps=fps, hud=hud)
+        _lead_through(output, spec, env, study, person, keys, pace, **page)
+        return
+    if out is None or person is not None:
+        raise InvalidArgumentError(
+            "--out must name a folder to write" if out is None else "--person needs --study"
+        )
     env = _made(output, spec, starts_from, None if expert is not None else "rgb_array")
     if expert is not None:
         _record_expert(
@@ -94,7 +110,48 @@ def record(
             target=episodes, seed=seed, fps=fps, hud=hud, viewer="browser", makes=True
         )
         recorder = Recorder(env, out, keys=keys, settings=settings)
-        _record_person(output, spec, recorder, out, **person)
+        _record_person(output, spec, recorder, out, **page)
+
+
+def _check_study_alone() -> None:
+    """Raise InvalidArgumentError for an option that a study's plan decides."""
+    context = click.get_current_context()
+    decided = ("out", "episodes", "seed", "expert", "careless", "drive", "starts_from")
+    for name in decided:
+        if context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE:
+            option = name.replace("_", "-")
+            raise InvalidArgumentError(
+                f"--study decides it by its study.toml: leave out --{option}"
+            )
+
+
+def _lead_through(
+    output: Output,
+    spec: EnvironmentSpec,
+    env: "gymnasium.Env[Any, Any]",
+    study: Path,
+    person: str | None,
+    keys: str | None,
+    pace: "SessionSettings",
+    **page: Any,
+) -> None:
+    """Lead one person through a study, and pack what they did."""
+    from eutree.fitting.study import conduct
+
+    with conduct(study, spec, env, person=person, keys=keys, pace=pace) as (recorder, tree, guide):
+        code = recorder.folder.path.parent.name
+        output.say(
+            f"person {code}; if this stops: --study {shlex.quote(str(study))} --person {code}"
+        )
+        _record_in_browser(output, recorder, spec, recorder.folder.path, lead=(tree, guide), **page)
+    packed = study / f"{code}.zip"
+    said = f"all of it is in {packed}" if guide.is_finished else (
+        "nothing is kept" if guide.is_withdrawn else f"not finished; go on with --person {code}"
+    )  # fmt: skip
+    output.result(
+        {"person": code, "path": str(packed) if guide.is_finished else None},
+        f"person {code}: {said}",
+    )
 
 
 def _made(
@@ -190,6 +247,7 @@ def _record_in_browser(
     host: str,
     port: int | None,
     drive: Path | None,
+    lead: "tuple[TreeMaker, Guide] | None" = None,
 ) -> None:
     from eutree.fitting.page_tree import PageTree
     from eutree.interaction.making import make
@@ -226,8 +284,9 @@ def _record_in_browser(
             recorder,
             host=host,
             port=port,
-            details={"commands": [f"eutree {step}" for step in steps]},
-            maker=maker,
+            details={"commands": [] if lead else [f"eutree {step}" for step in steps]},
+            maker=lead[0] if lead else maker,
+            guide=lead[1] if lead else None,
             on_ready=ready,
         )
 

@@ -66,6 +66,11 @@ class PageTree:
         self._presses = 0
         self._ways: list[Way] = []
 
+    @property
+    def best(self) -> "tuple[TreePolicy, Evaluation] | None":
+        """The best tree so far, and the episodes that judged it; None before the first."""
+        return None if self._best is None else self._best[:2]
+
     def make(self, show: "Show", stop: Callable[[], bool]) -> None:
         """Fit a tree to the demonstrations recorded so far, and let it play."""
         from eutree.fitting import Person

@@ -24,7 +24,7 @@ While a tree drives (:mod:`eutree.recording.driving`) the state is ``"watching"`
 ``"driving"`` where the person may take over; then it is what it was, opening or review.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import ClassVar
 
 from eutree.data import Episode
@@ -92,6 +92,7 @@ class Session:
         driving: The tree that the person watches, if there is one.
         task: The task in the environment's own words; may be empty.
         fault: What the environment did wrong; None as long as it did not.
+        allowed: The commands that are obeyed; None for all.
     """
 
     COMMANDS: ClassVar[tuple[str, ...]] = (
@@ -130,6 +131,7 @@ class Session:
         if never_ends(env.env):
             self.task = f"{self.task} {ENDLESS}".strip()
         self.fault: EnvironmentFault | None = None
+        self.allowed: Collection[str] | None = None
         self._is_prepared = False
 
     @property
@@ -197,6 +199,8 @@ class Session:
 
     def _obey(self, command: Command, now: float) -> None:
         name, value, play = command.name, command.value, self.play
+        if self.allowed is not None and name not in self.allowed:
+            return
         if (name != "finish" and self.wishes.stay()) or self.driving.obey(command, now):
             return
         if name in ("start", "pause", "end", "redo", "discard", "finish"):

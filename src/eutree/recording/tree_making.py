@@ -5,8 +5,9 @@ Recording knows nothing of learning: whoever opens the page hands in a ``TreeMak
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
+from eutree.recording.events import Event
 from eutree.recording.scenes import Programme, Scene
 
 FITTING, PLAYING, PRACTISING = "fitting", "playing", "practising"
@@ -105,6 +106,22 @@ class TreeMaker(Protocol):
 
     def choose(self, way: int, show: Show) -> None:
         """Keep the tree of one of the ways that were shown."""
+        ...
+
+
+class Guide(Protocol):
+    """Leads a person through a session, part by part, on the page."""
+
+    def advance(self, now: float) -> list[Event]:
+        """Go on to the next part if this one is over; return what the session is to do."""
+        ...
+
+    def hear(self, name: str, place: int, text: str) -> None:
+        """Take in what the person said to the guide."""
+        ...
+
+    def view(self) -> dict[str, Any]:
+        """Return what the page shows of the guide, in JSON's types."""
         ...
 
 

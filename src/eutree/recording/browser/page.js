@@ -305,6 +305,7 @@ function show() {
     state: view.state, role: view.role || "", connection: "open", saved: view.saved, step: view.step,
     episodes: (view.episodes || []).length, action: view.action, speed: view.speed,
   });
+  showStudy();
   const watching = !acts();
   const nobody = view.role === "idle";
   banner(nobody ? "Nobody is acting. The page that did is closed."
@@ -317,10 +318,10 @@ function show() {
   $("fill").style.width = `${Math.min(100, 100 * view.saved / view.target)}%`;
   document.title = `${view.saved} of ${view.target} – eutree recorder`;
   rebuild("keys", [view.actions, view.state === "opening", binding, view.keys_chosen, view.role], showKeys);
-  rebuild("controls", [view.controls, view.turn_based], showControls);
+  rebuild("controls", [view.controls, view.turn_based, view.study?.allowed], showControls);
   rebuild("pads", [view.actions, view.turn_based || drives(), view.controls], showPads);
   rebuild("buttons", [view.state, watching, asksToLeave(), view.saved >= view.target, view.saved > 0, view.controls,
-    lastKept(), view.makes, phase(), view.can_watch, view.can_correct, Boolean(view.missing), scene()], showButtons);
+    lastKept(), view.makes, phase(), view.can_watch, view.can_correct, Boolean(view.missing), scene(), view.study?.allowed], showButtons);
   rebuild("practise", [view.state, watching, phase(), view.tree?.may_gain], showPractise);
   rebuild("episodes", [view.episodes, watching, isOver()], showEpisodes);
   rebuild("numbers", view.numbers, showNumbers);
@@ -334,16 +335,16 @@ function show() {
   lightPads();
   const begins = works() && body.dataset.works !== "true", ends = !works() && body.dataset.works === "true";
   body.dataset.works = works();
-  if (begins || ends) $("announce").textContent = [view.tree.message, view.tree.note].filter(Boolean).join(". ");
-  if (asksToLeave() && body.dataset.leaving !== "true") $("announce").textContent = $("title").textContent;
+  if (begins || ends) announce(view.tree.message, view.tree.note);
+  if (asksToLeave() && body.dataset.leaving !== "true") announce($("title").textContent);
   body.dataset.leaving = asksToLeave();
   const seen = view.driving && view.driving.is_over ? `over ${view.driving.number}` : "";
-  if (seen && seen !== body.dataset.seen) $("announce").textContent = [$("title").textContent, $("text").textContent].join(". ");
+  if (seen && seen !== body.dataset.seen) announce($("title").textContent, $("text").textContent);
   body.dataset.seen = seen;
   if (before !== view.state) {
     if (runs() && !body.contains(document.activeElement?.closest?.("select"))) $("picture").focus();
     if (runs() && document.activeElement?.tagName === "SELECT") $("picture").focus();
-    $("announce").textContent = [$("title").textContent, $("text").textContent].join(". ");
+    announce($("title").textContent, $("text").textContent);
     if (view.driving) scrollTo(0, 0); // the picture is what matters now
     if (view.state === "review" && before === "playing") deaf = performance.now() + DEAF;
   }
@@ -361,6 +362,11 @@ function keyFor(name) {
   return (view.controls || {})[name] || "";
 }
 
+/* Lets a screen reader say it; where a study has the floor, its own words stay. */
+function announce(...texts) {
+  if (!view.study?.is_card) $("announce").textContent = texts.filter(Boolean).join(". ");
+}
+
 function showKeys() {
   const rows = view.actions.map((action, index) => {
     const row = document.createElement("tr");
@@ -369,7 +375,7 @@ function showKeys() {
     if (binding === index) keys.append("press a key …");
     else if (action.keys.length) action.keys.forEach((key) => keys.append(cap(key), " "));
     if (binding !== index && action.is_idle) keys.append(action.keys.length ? "or no key" : "no key");
-    if (view.state === "opening" && acts() && binding !== index) {
+    if (view.state === "opening" && acts() && allowed("bind") && binding !== index) {
       const change = document.createElement("button");
       change.type = "button";
       change.textContent = "Change";
@@ -387,7 +393,7 @@ function showKeys() {
 }
 
 function showControls() {
-  const rows = Object.keys(CONTROLS).filter((name) => keyFor(name) && (name !== "wait" || view.turn_based));
+  const rows = Object.keys(CONTROLS).filter((name) => keyFor(name) && allowed(name) && (name !== "wait" || view.turn_based));
   words($("controls"), ...rows.map((name) => {
     const row = document.createElement("tr");
     row.append(cell(CONTROLS[name]), cell(cap(keyFor(name))));
@@ -467,7 +473,7 @@ function recordingButtons() {
 }
 
 function showButtons() {
-  const list = recordingButtons();
+  const list = recordingButtons().filter(([name]) => allowed(name));
   const buttons = list.map(([name, text, key], place) => {
     const button = document.createElement("button");
     button.type = "button";
@@ -606,13 +612,14 @@ function recordingCard() {
     countdown: () => ["Get ready", begins ? `The episode begins with your first ${KEY}.`
       : `Hold the ${KEY} while it counts: what you hold counts from the first decision on.`, keySentence()],
     playing: () => [view.awaits_key ? `Press a ${KEY} to begin`
-      : `Episode ${view.saved + 1}${enough ? "" : ` of ${view.target}`}`, keySentence(), ""],
+      : view.study?.label || `Episode ${view.saved + 1}${enough ? "" : ` of ${view.target}`}`, keySentence(), ""],
     watching: watchingCard,
     driving: drivingCard,
     paused: () => ["Paused", view.message || "All keys are released. Go on when you are ready.", ""],
-    review: () => [last ? sentence(last) : "Nothing was recorded", enough ? `${view.saved} of ${view.target} done.`
+    review: () => [last ? sentence(last) : "Nothing was recorded", view.study?.label ? "No tree learns from this one."
+      : enough ? `${view.saved} of ${view.target} done.`
       : `${so_far}, ${view.target - view.saved} to go.`,
-    [last && last.kept && mark(last) === BAD ? "It counts: failures may stay. Discard it if your hand slipped." : "",
+    [last && last.kept && mark(last) === BAD ? `It counts: failures may stay.${allowed("discard") ? " Discard it if your hand slipped." : ""}` : "",
       enough ? "" : view.missing].filter(Boolean).join(" ")],
     finished: () => [enough ? `${view.saved} of ${view.target} done` : so_far,
       view.saved ? "Everything is stored. You can close this page." : "Nothing was recorded. You can close this page.", ""],

@@ -5,7 +5,7 @@ import logging
 import socket
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Any
@@ -26,15 +26,16 @@ from eutree.recording.browser.wire import (
     Key,
     Message,
     Take,
+    Tell,
     command_of,
     decode,
     encode_picture,
     view_fields,
 )
-from eutree.recording.events import Away, Event, Frame, KeyDown, KeyUp, Present, Seen, Tick
+from eutree.recording.events import Away, Event, Frame, KeyDown, KeyUp, Present, Seen
 from eutree.recording.recorder import Recorder
 from eutree.recording.scenes import Programme
-from eutree.recording.tree_making import FAILED, FITTING, TreeMaker, TreeView
+from eutree.recording.tree_making import FAILED, FITTING, Guide, TreeMaker, TreeView
 
 if TYPE_CHECKING:
     from websockets.asyncio.server import Server, ServerConnection
@@ -74,6 +75,7 @@ class PageServer:
         port: Port; None for 8765 or the next free one, 0 for any.
         details: Further facts for the page to show, such as the next commands.
         maker: Makes a tree of what is recorded, when the person wants it.
+        guide: Leads the person; None where they lead themselves.
     """
 
     def __init__(
@@ -84,6 +86,7 @@ class PageServer:
         port: int | None = None,
         details: dict[str, Any] | None = None,
         maker: TreeMaker | None = None,
+        guide: Guide | None = None,
     ) -> None:
         self.recorder = recorder
         self.token = new_token()
@@ -92,7 +95,7 @@ class PageServer:
         self._wish = port
         self._gate = Gate(self.token, host)
         self._details = dict(details or {})
-        self._maker = maker
+        self._maker, self._guide = maker, guide
         self._work: threading.Thread | None = None
         self._is_closing = False
         self._viewers: list[Viewer] = []
@@ -312,6 +315,9 @@ class PageServer:
             self._add(Away(HIDDEN))
         elif isinstance(message, Do):
             self._add(command_of(message))
+        elif isinstance(message, Tell) and self._guide is not None:
+            self._guide.hear(message.name, message.place, message.text)
+            self._woken.set()
 
     def _add(self, event: Event) -> None:
         self._events.append(event)
@@ -328,7 +334,7 @@ class PageServer:
             now = time.monotonic() - began
             events, self._events = self._events, []
             self._woken.clear()
-            self._publish(self.recorder.tick(now, events))
+            self._publish(now, events)
             self._begin_work(session.wishes.take())
             self._look_for_what_is_missing()
             elapsed = time.monotonic() - began
@@ -336,8 +342,11 @@ class PageServer:
             with suppress(TimeoutError):
                 async with asyncio.timeout(wait or 0.001):
                     await self._woken.wait()
+        self._publish(time.monotonic() - began, ())
 
-    def _publish(self, tick: Tick) -> None:
+    def _publish(self, now: float, events: Iterable[Event]) -> None:
+        """Let the session go on, and its guide lead it; show every page what is new."""
+        tick = self.recorder.tick(now, events)
         self._fields = view_fields(tick.view)
         if tick.frame is not None:
             self._picture = self._encoded(tick.frame)
@@ -345,6 +354,12 @@ class PageServer:
             viewer.show(self._fields)
             if tick.frame is not None and self._picture is not None:
                 viewer.picture(*self._picture)
+        if self._guide is not None:
+            for event in self._guide.advance(now):
+                self._add(event)
+            self._details["study"] = self._guide.view()
+            for viewer in self._viewers:
+                viewer.show({"study": self._details["study"]})
 
     # ---- the tree
 
@@ -424,6 +439,7 @@ def record_in_browser(
     port: int | None = None,
     details: dict[str, Any] | None = None,
     maker: TreeMaker | None = None,
+    guide: Guide | None = None,
     on_ready: Callable[[PageServer], None] | None = None,
 ) -> None:
     """Let a person record in a browser until the session is over.
@@ -434,6 +450,7 @@ def record_in_browser(
         port: Port; None for 8765 or the next free one, 0 for any.
         details: Further facts for the page to show.
         maker: Makes a tree of what is recorded; ``settings.makes`` of the recorder offers it.
+        guide: Leads the person; None where they lead themselves.
         on_ready: Called once the port is open; ``url`` of its argument is the page's address.
 
     Raises:
@@ -442,7 +459,9 @@ def record_in_browser(
     """
 
     async def serve_page() -> None:
-        server = PageServer(recorder, host=host, port=port, details=details, maker=maker)
+        server = PageServer(
+            recorder, host=host, port=port, details=details, maker=maker, guide=guide
+        )
         await server.run(on_ready)
 
     with orderly_end():

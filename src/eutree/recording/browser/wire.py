@@ -54,11 +54,19 @@ class Do(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="do"):
     key: str = ""
 
 
+class Tell(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="tell"):
+    """Something was said to the guide: a button of its own, or the answer to a question."""
+
+    name: str
+    place: Number = 0
+    text: str = ""
+
+
 class Take(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="take"):
     """A page that watches wants to be the one that acts."""
 
 
-Message = Hello | Key | Drawn | Gone | Do | Take
+Message = Hello | Key | Drawn | Gone | Do | Tell | Take
 
 _decoder: msgspec.json.Decoder[Message] = msgspec.json.Decoder(Message)
 _encoder = msgspec.json.Encoder()

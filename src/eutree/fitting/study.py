@@ -1,0 +1,353 @@
+"""A study: the same parts for each person, one after the other, on the recorder's page.
+
+Consent, practice, demonstrations, watching the tree, taking over, questions: each part begins when
+the one before is over, and only what belongs to it is obeyed. The page shows what it is told.
+"""
+
+import secrets
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from eutree.errors import InvalidArgumentError, shown
+from eutree.files import make_folder, read_document, write_document
+from eutree.files.schema_document import environment_to_document
+from eutree.fitting.page_tree import PageTree
+from eutree.fitting.study_export import (
+    DEMOS,
+    FITTED,
+    PERSON_FILE,
+    PRACTISED,
+    TAKEN_OVER,
+    PersonDocument,
+    pack,
+    unpack,
+    versions,
+)
+from eutree.fitting.study_parts import (
+    ACTING,
+    ALLOWED,
+    ASKED,
+    CONSENT,
+    CORRECTING,
+    COUNTED,
+    DELETED,
+    HEADS,
+    MAKING,
+    PARTS,
+    PRACTICE,
+    QUESTIONS,
+    READ,
+    SHOWING,
+    THANKS,
+    TOLD,
+    WAITING,
+    WATCHING,
+    Counts,
+    buttons,
+    is_whole,
+)
+from eutree.fitting.study_plan import MAX_ANSWER, PERSON, StudyPlan, open_plan
+from eutree.fitting.study_tree import StudyTree
+from eutree.interaction.making import make
+from eutree.recording.events import Away, Command, Event
+from eutree.recording.play import COUNTDOWN, FINISHED, OPENING, PLAYING, REVIEW
+from eutree.recording.views import never_ends
+from eutree.schema import EnvironmentSpec
+
+if TYPE_CHECKING:
+    import gymnasium
+
+    from eutree.recording import Recorder, SessionSettings
+
+
+@contextmanager
+def conduct(
+    study: Path,
+    spec: EnvironmentSpec,
+    env: "gymnasium.Env[Any, Any]",
+    *,
+    person: str | None = None,
+    keys: str | None = None,
+    pace: "SessionSettings",
+) -> "Iterator[tuple[Recorder, StudyTree, Study]]":
+    """Yield what records a person of a study, what makes their tree, and what leads them.
+
+    Args:
+        study: The folder of the study; what is missing in it is made.
+        spec: How to make the environment again.
+        env: The environment, made with ``render_mode="rgb_array"``.
+        person: The code of the person to go on with; None for a new person.
+        keys: What the keys mean, as text; None for the environment's own.
+        pace: Decisions per second, and whether the sensed numbers are shown.
+
+    Raises:
+        InvalidArgumentError: There is no such person to go on with, the environment need not end,
+            or the study is another one than those before have taken part in.
+        FormatError: The plan says what it cannot mean.
+    """
+    from eutree.recording import Recorder
+
+    if never_ends(env):
+        raise InvalidArgumentError(
+            f"{spec} must end by itself: give a limit, for example --env-arg max_episode_steps=200"
+        )
+    plan, consent, protocol = open_plan(study, spec, keys, pace.fps, pace.hud)
+    _check_same(study, protocol)
+    if person is not None and not (PERSON.fullmatch(person) and (study / person).is_dir()):
+        raise InvalidArgumentError(f"{study} has no person {shown(person)} to go on with")
+    folder = study / (person or secrets.token_hex(4))
+    settings = replace(pace, target=plan.episodes, seed=plan.seed, viewer="browser", makes=True)
+    recorder = Recorder(env, make_folder(folder) / DEMOS, keys=keys, settings=settings)
+    tree = PageTree(recorder.folder.path, spec, lambda: make(spec), seed=plan.seed)
+    maker = StudyTree(tree, folder, plan.watched)
+    guide = Study(recorder, maker, plan, consent, protocol)
+    try:
+        yield recorder, maker, guide
+    finally:
+        guide.clear()
+
+
+def _check_same(study: Path, protocol: str) -> None:
+    """Raise InvalidArgumentError if an earlier person took part in another study."""
+    for path in (*study.glob("*.zip"), *study.glob(f"*/{PERSON_FILE}")):
+        if path.suffix == ".zip":
+            with TemporaryDirectory() as name:
+                known = unpack(path, Path(name))
+        else:
+            known = read_document(path, PersonDocument)
+        if known.protocol != protocol:
+            raise InvalidArgumentError(
+                f"{study} must be the same for each person, and {known.person} took part with "
+                "another environment, option, study.toml or consent.md: begin a new folder"
+            )
+
+
+class Study:
+    """Leads one person through a study; a ``Guide``.
+
+    Args:
+        recorder: Records into the folder ``demos`` of the person's folder.
+        maker: Makes the tree.
+        plan: What is the same for each person.
+        consent: The text that the person agrees to.
+        protocol: Digest of all that is the same for each person.
+    """
+
+    def __init__(
+        self, recorder: "Recorder", maker: StudyTree, plan: StudyPlan, consent: str, protocol: str
+    ) -> None:
+        self._recorder, self._maker, self._plan = recorder, maker, plan
+        self._session, self._consent, self._protocol = recorder.session, consent, protocol
+        self._counts = Counts(recorder.session, plan)
+        self._folder = recorder.folder.path.parent
+        self._parts = [part for part in PARTS if getattr(plan, COUNTED.get(part, "episodes"))]
+        self._seconds: dict[str, float] = {}
+        self.answers = [""] * len(plan.questions)
+        self.part = CONSENT
+        self._begun = self._is_started = True
+        self._asks = self._leaves = False
+        self._now: float | None = None
+        self._due: float | None = None
+        self._go_back()
+
+    # ---- what the person says
+
+    def hear(self, name: str, place: int = 0, text: str = "") -> None:
+        """Take in a button of the study's own: see ``_view``."""
+        if (name == "delete" and self._asks) or (name == "decline" and self.part == CONSENT):
+            self._delete()
+        elif name in ("withdraw", "stay"):
+            self._asks = name == "withdraw" and self.part not in (CONSENT, DELETED)
+        elif name == "answer" and self.part == QUESTIONS and place < len(self.answers):
+            options = self._plan.questions[place].options
+            if not text or not options or text in options:
+                self.answers[place] = text[:MAX_ANSWER]
+        elif name == "agree" and self.part == CONSENT:
+            self._go_on()
+        elif name == "begin" and not self._begun:
+            self._begun, self._is_started = True, False
+        elif name == "send" and self.part == QUESTIONS:
+            self._go_on()
+        elif name == "leave":
+            self._leaves = self.part == THANKS
+
+    # ---- what goes on
+
+    def advance(self, now: float) -> list[Event]:
+        """Go on to the next part if this one is over; return what the session is to do."""
+        if self._now is not None:
+            self._seconds[self.part] = self._seconds.get(self.part, 0.0) + now - self._now
+        self._now = now
+        if self.part == DELETED:
+            return []
+        session, is_on = self._session, self._begun and not self._asks
+        if is_on and self._is_over(now):
+            self._go_on()
+            is_on = self._begun
+        goes_on = is_on and not self._counts.is_enough(self.part)
+        session.allowed = ALLOWED.get(self.part, ()) if goes_on else ()
+        if self._asks:
+            moves = session.state in (COUNTDOWN, PLAYING)
+            moves = moves or (session.driving.is_on and not session.driving.waits)
+            return [Away("The study waits for you.")] if moves else []
+        return self._wanted(now) if is_on else []
+
+    def _is_over(self, now: float) -> bool:
+        """Return whether the present part is over."""
+        session, driving = self._session, self._session.driving
+        enough = self._counts.is_enough(self.part)
+        if self.part in (PRACTICE, SHOWING):
+            if self.part == PRACTICE:
+                self._counts.set_practice_aside()
+            return enough and self._was_read(now, session.state == REVIEW)
+        if self.part == MAKING:
+            shown = driving.is_on if self._plan.watched else driving.can_correct
+            return shown or self._maker.failed
+        if self.part in (WATCHING, CORRECTING):
+            return not driving.is_on and (enough or self.part == WATCHING)
+        return self.part == WAITING and not session.wishes.is_busy and not self._work()
+
+    def _wanted(self, now: float) -> list[Event]:
+        """Return the events that begin or end a part."""
+        session, driving = self._session, self._session.driving
+        if self._leaves:
+            session.allowed = ("finish",)
+            return [Command("finish")]
+        if not self._is_started and session.state in (OPENING, REVIEW):
+            self._is_started = True
+            return [Command("start")]
+        if self.part == MAKING and not session.wishes.is_busy and not self._maker.results:
+            session.wishes.express("make")
+        if self.part == CORRECTING:
+            enough = self._counts.is_enough(self.part)
+            if driving.is_on == enough and (not enough or self._was_read(now, driving.waits)):
+                session.allowed = (*ACTING, "correct", "finish")
+                return [Command("finish" if enough else "correct")]
+        if self.part in (QUESTIONS, WAITING) and not session.wishes.is_busy and self._work():
+            session.wishes.express(self._work())
+        return []
+
+    def _work(self) -> str:
+        """Return the next wish for a tree, while the person answers; empty without one."""
+        known = self._maker.names
+        if self._maker.failed or FITTED not in known:
+            return ""
+        if TAKEN_OVER not in known and self._counts.n_driven:
+            return "make"
+        return "practise" if self._plan.practises and PRACTISED not in known else ""
+
+    def _was_read(self, now: float, is_shown: bool) -> bool:
+        """Return whether the end of an episode has been shown for long enough."""
+        if not is_shown:
+            self._due = None
+        elif self._due is None:
+            self._due = now + (1.0 if self.part == CORRECTING else READ)
+        return self._due is not None and now >= self._due
+
+    def _go_on(self) -> None:
+        """Begin the next part; what is known so far is stored."""
+        rest = self._parts[self._parts.index(self.part) + 1 :]
+        skipped = (WATCHING, CORRECTING) if self._maker.failed else ()
+        self.part = next(part for part in rest if part not in skipped)
+        self._begun = self.part not in (PRACTICE, SHOWING, CORRECTING)
+        self._due = None
+        self._store()
+        if self.part == THANKS:
+            pack(self._folder, self._folder.parent)
+
+    def _store(self) -> None:
+        document = PersonDocument(
+            person=self._folder.name,
+            protocol=self._protocol,
+            environment=environment_to_document(self._recorder.folder.environment),
+            plan=self._plan,
+            versions=versions(),
+            seconds={part: round(seconds, 2) for part, seconds in self._seconds.items()},
+            results=list(self._maker.results),
+            answers=list(self.answers),
+            part=self.part,
+        )
+        write_document(self._folder / PERSON_FILE, document)
+
+    def _go_back(self) -> None:
+        """Go on where a recorder that died has left the person."""
+        path = self._folder / PERSON_FILE
+        if not path.exists():
+            return
+        known = read_document(path, PersonDocument)
+        self._seconds, self._maker.results[:] = dict(known.seconds), known.results
+        self.answers, self.part = list(known.answers), known.part
+        for place, episode in enumerate(self._session.episodes):
+            if not is_whole(episode):
+                self._session.recording.mark(place, kept=False, comment="interrupted")
+        if self.part in (WATCHING, CORRECTING):
+            self.part = QUESTIONS if self._counts.n_driven else MAKING
+        if self.part == MAKING:
+            self._maker.results.clear()
+        self._begun = self.part not in (PRACTICE, SHOWING)
+
+    # ---- the end
+
+    @property
+    def is_withdrawn(self) -> bool:
+        """Whether the person had all of it deleted."""
+        return self.part == DELETED
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether the person took part to the end, and what they did is in one archive."""
+        return self.part == THANKS
+
+    def _delete(self) -> None:
+        self._asks, self.part = False, DELETED
+        self._recorder.close()
+        self._session.play.state = FINISHED
+        self.clear()
+
+    def clear(self) -> None:
+        """Delete what need not stay: all of it where nobody agreed, or not any more."""
+        if self.part == DELETED:
+            with suppress(FileNotFoundError):
+                self._folder.with_suffix(".zip").unlink()
+        if self.part in (CONSENT, THANKS, DELETED):
+            shutil.rmtree(self._folder, ignore_errors=True)
+
+    # ---- what the page shows
+
+    def view(self) -> dict[str, Any]:
+        """Return the page's fields of the study, in JSON's types."""
+        title, text = ASKED if self._asks else TOLD.get(self.part, ("", ""))
+        if not self._begun and self.part == self._parts[1] and not self._asks:
+            text = "{task}\n\n" + text
+        numbers = {
+            name: f"{count} {'episode' if count == 1 else 'episodes'}"
+            for name, count in msgspec.structs.asdict(self._plan).items()
+            if isinstance(count, int)
+        }
+        is_card = self._asks or not self._begun or self.part not in ALLOWED
+        asks = self.part == QUESTIONS and not self._asks
+        return {
+            "part": "asked" if self._asks else self.part,
+            "place": self._parts.index(self.part) + 1 if self.part in self._parts else 0,
+            "of": len(self._parts),
+            "title": title or HEADS[self.part],
+            "text": self._consent if self.part == CONSENT else text.format(
+                **numbers, person=self._folder.name, task=self._session.task
+            ),
+            "is_card": is_card,
+            "buttons": buttons("asked" if self._asks else self.part if self._begun else "told"),
+            "allowed": list(self._session.allowed or ()),
+            "label": self._counts.label(self.part),
+            "works": self.part in (MAKING, WAITING),
+            "tells": self.part in (MAKING, WAITING, THANKS) and not self._asks,
+            "questions": msgspec.to_builtins(self._plan.questions) if asks else [],
+            "answers": self.answers if asks else [],
+            "may_withdraw": self.part not in (CONSENT, DELETED) and not self._asks,
+        }  # fmt: skip

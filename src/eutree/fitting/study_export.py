@@ -1,0 +1,156 @@
+"""One person of a study in one archive: all that is needed to analyse it, and nothing personal.
+
+    5f0c9a3e.zip
+        person.json                          versions, task, protocol, times, results, answers
+        study.toml, consent.md
+        demos/demonstrations.json, episode-00000.npz, ...
+        fitted.json, taken-over.json, practised.json    as far as they were made
+
+All members bear the same date, and no path leads out of the archive. Times are durations.
+"""
+
+import io
+import os
+import platform
+import re
+import zipfile
+from pathlib import Path
+from typing import Any, ClassVar
+
+import gymnasium
+import msgspec
+import numpy as np
+
+from eutree.errors import FormatError
+from eutree.files import Document, read_bytes, read_document, write_bytes
+from eutree.files.schema_document import EnvironmentDocument
+from eutree.fitting.study_plan import CONSENT, PLAN, StudyPlan
+from eutree.version import __version__
+
+FITTED, TAKEN_OVER, PRACTISED = "fitted", "taken-over", "practised"
+TREES = (FITTED, TAKEN_OVER, PRACTISED)
+DEMOS, PERSON_FILE = "demos", "person.json"
+EPOCH = (1980, 1, 1, 0, 0, 0)  # the date of every member
+MAX_EXPORT = 200 << 20  # bytes, unpacked too
+_MEMBER = re.compile(
+    r"person\.json|study\.toml|consent\.md|(fitted|taken-over|practised)\.json"
+    r"|demos/(demonstrations\.json|episode-\d{5,9}\.npz)"
+)
+
+
+class TreeResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """What a tree reached when the person saw it.
+
+    Attributes:
+        tree: ``"fitted"``, ``"taken-over"`` or ``"practised"``.
+        leaves: Its leaves.
+        episodes: Episodes it played.
+        successes: How many of them succeeded; None where nothing says so.
+        mean_return: Their mean return.
+    """
+
+    tree: str
+    leaves: int
+    episodes: int
+    successes: int | None
+    mean_return: float
+
+
+class PersonDocument(Document, frozen=True, kw_only=True):
+    """What is known of a person: the parts of the study, and what came of them.
+
+    Attributes:
+        person: The random code.
+        protocol: Digest of all that is the same for each person.
+        environment: The task.
+        plan: The plan of the study.
+        versions: Of the programs that took part.
+        seconds: How long each part took.
+        results: What each tree reached.
+        answers: One for each question; empty where none was given.
+        part: The part that the person has come to.
+    """
+
+    FORMAT: ClassVar[str] = "eutree/person"
+    VERSION: ClassVar[int] = 1
+
+    person: str
+    protocol: str
+    environment: EnvironmentDocument | None
+    plan: StudyPlan
+    versions: dict[str, str]
+    seconds: dict[str, float]
+    results: list[TreeResult]
+    answers: list[str]
+    part: str
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of the packages that play a part in an episode."""
+    return {
+        "eutree": __version__,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "gymnasium": gymnasium.__version__,
+    }
+
+
+def pack(folder: Path, study: Path) -> Path:
+    """Write what a person's folder holds into one archive beside it; return its path.
+
+    Args:
+        folder: The person's.
+        study: Where the plan and the consent text are.
+    """
+    names = [PERSON_FILE, *(f"{tree}.json" for tree in TREES)]
+    names += sorted(f"{DEMOS}/{path.name}" for path in (folder / DEMOS).iterdir())
+    members = {name: folder / name for name in names if (folder / name).exists()}
+    members |= {name: study / name for name in (PLAN, CONSENT)}
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        for name, path in members.items():
+            if _MEMBER.fullmatch(name):
+                data = read_bytes(path, limit=MAX_EXPORT)
+                archive.writestr(zipfile.ZipInfo(name, EPOCH), data)
+    packed = study / f"{folder.name}.zip"
+    write_bytes(packed, buffer.getvalue())
+    os.utime(packed, (0.0, 0.0))  # when it was written is nobody's business
+    return packed
+
+
+def unpack(path: Path, folder: Path) -> PersonDocument:
+    """Write the members of a person's archive into a folder; return what is known of the person.
+
+    Raises:
+        FormatError: It is no such archive, holds what does not belong there, or far too much.
+        FileError: It cannot be read.
+    """
+    data = read_bytes(path, limit=MAX_EXPORT)
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            entries = archive.infolist()
+            if sum(entry.file_size for entry in entries) > MAX_EXPORT:
+                raise FormatError(path, "", f"holds more than {MAX_EXPORT:,} bytes")
+            for entry in entries:
+                if not _MEMBER.fullmatch(entry.filename):
+                    raise FormatError(path, entry.filename, "does not belong there")
+                target = folder / entry.filename
+                target.parent.mkdir(parents=True, exist_ok=True)
+                write_bytes(target, archive.read(entry))
+    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError) as error:
+        raise FormatError(path, "", f"is no archive of a person: {error}") from None
+    if not (folder / PERSON_FILE).exists():
+        raise FormatError(path, PERSON_FILE, "missing")
+    return read_document(folder / PERSON_FILE, PersonDocument)
+
+
+def result_of(tree: str, policy: Any, played: Any) -> TreeResult:
+    """Return the result of a tree in the episodes that judged it."""
+    known = played.successes
+    return TreeResult(
+        tree=tree,
+        leaves=policy.n_leaves,
+        episodes=played.episodes,
+        successes=None if known is None else int(known.sum()),
+        mean_return=played.mean_return,
+    )

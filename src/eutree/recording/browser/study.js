@@ -1,0 +1,120 @@
+"use strict";
+
+/* A study leads the person part by part: what it says stands on a card, or above the picture. All
+   decisions are the recorder's; the part is published in data-study and data-part of <body>. */
+
+function tell(name, place = 0, text = "") { send({ type: "tell", name, place, text }); }
+
+/* Whether a command may be given now. */
+function allowed(name) { return !view.study || view.study.allowed.includes(name); }
+
+function showStudy() {
+  const study = view.study;
+  body.dataset.study = !study ? "" : study.is_card ? "card" : "on";
+  body.dataset.part = study ? study.part : "";
+  if (!study) return;
+  $("study").hidden = !study.is_card;
+  $("study-part").textContent = study.place ? `Part ${study.place} of ${study.of}` : "";
+  $("withdraw").hidden = !study.may_withdraw || isOver();
+  $("withdraw").disabled = !acts();
+  rebuild("study", [study.part, study.is_card, study.title, study.text, study.buttons, acts(), isOver()], () => {
+    $("study-title").textContent = study.title;
+    $("study-title").hidden = study.part === "consent"; // its text has a heading of its own
+    words($("study-text"), ...paragraphs(study.text));
+    words($("study-buttons"), ...(isOver() ? [] : study.buttons.map(studyButton)));
+    if (isOver() && study.part === "thanks") $("study-text").append(paragraph("p", "You can close this page."));
+    if (!study.is_card) { $("picture").focus(); return; }
+    $("announce").textContent = [study.title, study.text].join(". ").replaceAll(/[#*\n]+/g, " ");
+    scrollTo(0, 0);
+    $("study").focus();
+  });
+  rebuild("questions", study.questions, () => words($("questions"), ...study.questions.map(question)));
+  $("study-work").hidden = !study.works || !view.tree;
+  $("study-works").textContent = study.tells && view.tree ? view.tree.message : "";
+  if (view.tree?.of) { $("study-work").max = view.tree.of; $("study-work").value = view.tree.finished; }
+  else $("study-work").removeAttribute("value");
+}
+
+function studyButton([name, text], place) {
+  const button = document.createElement("button");
+  button.type = "button";
+  button.textContent = text;
+  button.dataset.tell = name;
+  if (place === 0) button.className = "first";
+  button.disabled = !acts();
+  button.addEventListener("click", () => tell(name));
+  return button;
+}
+
+function paragraph(name, text) {
+  const element = document.createElement(name);
+  for (const [place, part] of text.split("*").entries()) {
+    const piece = place % 2 ? document.createElement("em") : document.createTextNode(part);
+    if (place % 2) piece.textContent = part;
+    element.append(piece);
+  }
+  return element;
+}
+
+/* Headings, paragraphs and lists of a plain Markdown text. */
+function paragraphs(text) {
+  return text.trim().split(/\n\s*\n/).flatMap((block) => {
+    const heading = block.match(/^#+\s+(.*)/);
+    if (heading) return [paragraph("h2", heading[1])];
+    if (!/^[-*] /.test(block)) return [paragraph("p", block.replaceAll(/\s*\n\s*/g, " "))];
+    const list = document.createElement("ul");
+    list.append(...block.split(/\n[-*] /).map((item) => paragraph("li", item.replace(/^[-*] /, "").replaceAll(/\s*\n\s*/g, " "))));
+    return [list];
+  });
+}
+
+/* A question: a scale, choices, or a field for words; each answer is kept as soon as it is given. */
+function question(asked, place) {
+  const group = document.createElement("fieldset"), legend = document.createElement("legend");
+  legend.textContent = asked.text;
+  group.append(legend);
+  const options = asked.choices.length ? asked.choices : Array.from({ length: asked.points }, (_, k) => String(k + 1));
+  if (!options.length) {
+    const field = document.createElement("textarea");
+    field.setAttribute("aria-label", asked.text);
+    field.maxLength = 400;
+    field.value = view.study.answers[place];
+    field.addEventListener("input", () => tell("answer", place, field.value));
+    group.append(field);
+    return group;
+  }
+  const row = document.createElement("div");
+  row.className = asked.choices.length ? "choices" : "scale";
+  row.append(...options.map((option, k) => {
+    const label = document.createElement("label"), input = document.createElement("input");
+    input.type = "radio";
+    input.name = `question-${place}`;
+    input.value = option;
+    input.checked = view.study.answers[place] === option;
+    input.addEventListener("change", () => tell("answer", place, option));
+    label.append(input, document.createTextNode(option));
+    const end = asked.choices.length ? "" : k === 0 ? asked.low : k === options.length - 1 ? asked.high : "";
+    if (end) { // for the ear; the eye reads the ends of the scale below it
+      const meaning = document.createElement("span");
+      meaning.className = "unseen";
+      meaning.textContent = `: ${end}`;
+      label.append(meaning);
+    }
+    return label;
+  }));
+  group.append(row);
+  if (!asked.choices.length && (asked.low || asked.high)) {
+    const ends = document.createElement("p");
+    ends.className = "ends soft";
+    ends.setAttribute("aria-hidden", "true");
+    for (const text of [`1: ${asked.low}`, `${options.length}: ${asked.high}`]) {
+      const end = document.createElement("span");
+      end.textContent = text;
+      ends.append(end);
+    }
+    group.append(ends);
+  }
+  return group;
+}
+
+$("withdraw").addEventListener("click", () => tell("withdraw"));

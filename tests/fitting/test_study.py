@@ -1,0 +1,409 @@
+"""A study: one part after the other, one archive for each person, nothing personal in it."""
+
+import getpass
+import json
+import platform
+import re
+import time
+import zipfile
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import pytest
+
+import eutree
+from eutree.cli.main import run
+from eutree.data import Demonstrations
+from eutree.errors import FormatError, InvalidArgumentError
+from eutree.fitting import page_tree
+from eutree.fitting.study import conduct
+from eutree.fitting.study_export import pack, unpack
+from eutree.fitting.study_plan import USUAL_PLAN, open_plan
+from eutree.fitting.study_table import study_table
+from eutree.recording import SessionSettings
+from eutree.recording.events import Command, KeyDown
+from eutree.schema import EnvironmentSpec
+from tests.recording.people import Person
+
+SPEC = EnvironmentSpec("eutree/Evasion2-v0")
+SHORT = """
+practice = 1
+episodes = 2
+watched = 1
+taken_over = 1
+[[questions]]
+text = "As I would?"
+points = 5
+[[questions]]
+text = "In words?"
+"""
+
+
+@pytest.fixture(autouse=True)
+def few_episodes(monkeypatch):
+    for name, number in (("FITTED", 20), ("PLAYED", 20), ("PRACTICE", 4), ("PER_POINT", 2)):
+        monkeypatch.setattr(page_tree, name, number)
+
+
+class Participant:
+    """A person of a study, on a clock of its own, and the makers of the tree beside."""
+
+    def __init__(self, recorder, tree, guide):
+        self.recorder, self.tree, self.guide = recorder, tree, guide
+        self.pending, self.shown, self.parts = [], [], []
+        self.person = Person(session=recorder.session, tick=self._tick)
+
+    def _tick(self, now, events):
+        session = self.recorder.session
+        tick = self.recorder.tick(now, [*self.pending, *events])
+        self.pending = self.guide.advance(now)
+        wish = session.wishes.take()
+        if wish:
+            getattr(self.tree, wish)(self._show, lambda: False)
+        if not self.parts or self.parts[-1] != self.guide.part:
+            self.parts.append(self.guide.part)
+        return tick
+
+    def _show(self, view, programme=None):
+        self.shown.append(view)
+        if programme is not None:
+            self.recorder.session.driving.offer(programme)
+
+    def until(self, part):
+        end = self.person.now + 200.0
+        while self.guide.part != part:
+            assert self.person.now < end, f"still {self.guide.part}, not {part}"
+            self.person.wait(0.25)
+        return self
+
+    def say(self, name, place=0, text=""):
+        self.guide.hear(name, place, text)
+        self.person.wait(0.1)
+        return self
+
+    def drive(self):
+        """Go on with whatever is to be done until the next part, holding the key of going."""
+        part, held = self.guide.part, False
+        end = self.person.now + 300.0
+        while self.guide.part == part:
+            assert self.person.now < end, part
+            if self.person.view.state in ("review", "watching") and not held:
+                self.person.do("start")
+            if self.person.view.state == "playing" and not held:
+                self.person.press("space")
+                held = True
+            if self.person.view.state == "review" and held:
+                self.person.release("space")
+                held = False
+            self.person.wait(0.25)
+        return self
+
+    def show_all(self):
+        self.say("agree").say("begin").drive().say("begin").drive().until("watching").drive()
+        return self.say("begin").drive()
+
+
+def study_of(folder, plan=SHORT):
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "study.toml").write_text(plan)
+    return folder
+
+
+def made(render=True):
+    return gymnasium.make(str(SPEC.id), render_mode="rgb_array" if render else None)
+
+
+def taking_part(folder, **more):
+    pace = SessionSettings(fps=10.0, countdown=0.2)
+    return conduct(folder, SPEC, made(), pace=pace, **more)
+
+
+def test_a_person_goes_through_all_parts_and_leaves_one_archive(tmp_path) -> None:
+    study = study_of(tmp_path / "study")
+    with taking_part(study) as parts:
+        person = Participant(*parts)
+        assert person.guide.view()["is_card"]
+        assert "Would you like" in person.guide.view()["text"]
+        person.show_all()
+        assert person.guide.part == "questions"
+        person.say("answer", 0, "4").say("answer", 1, "quite").say("send").until("thanks")
+        code = parts[0].folder.path.parent.name
+        assert code in person.guide.view()["text"]
+        person.say("leave")
+        assert parts[0].session.is_over
+    assert person.parts == [
+        "consent", "practice", "showing", "making", "watching", "correcting", "questions",
+        "thanks",
+    ]  # fmt: skip
+    assert [path.name for path in study.iterdir() if code in path.name] == [f"{code}.zip"]
+    assert all(not (view.commands or view.ways or view.may_gain) for view in person.shown)
+    found = unpack(study / f"{code}.zip", tmp_path / "out")
+    assert found.person == code
+    assert found.answers == ["4", "quite"]
+    assert set(found.seconds) == {*person.parts[1:-1], "waiting"}
+    assert found.seconds["showing"] > 1.0
+    assert [result.tree for result in found.results] == ["fitted", "taken-over", "practised"]
+    demos = Demonstrations.load(tmp_path / "out" / "demos")
+    comments = [episode.comment for episode in demos.episodes]
+    assert comments == ["practice", "", "", ""]
+    assert [episode.by_hand is not None for episode in demos.episodes] == [False] * 3 + [True]
+    for result in found.results:
+        tree = eutree.TreePolicy.load(tmp_path / "out" / f"{result.tree}.json")
+        assert tree.n_leaves == result.leaves
+
+
+def test_everybody_meets_the_same_starts(tmp_path) -> None:
+    study = study_of(tmp_path / "study")
+    seeds = []
+    for _ in range(2):
+        with taking_part(study) as parts:
+            person = Participant(*parts)
+            person.say("agree").say("begin").drive().say("begin").drive()
+            seeds.append([episode.seed for episode in parts[0].session.episodes])
+    assert seeds[0] == seeds[1]
+    assert len(set(seeds[0])) == 3
+
+
+def test_the_archive_says_nothing_of_the_person_or_the_machine(tmp_path) -> None:
+    study = study_of(tmp_path / "study")
+    before = time.time()
+    with taking_part(study) as parts:
+        person = Participant(*parts).show_all().say("send").until("thanks").say("leave")
+    assert person.guide.is_finished
+    (path,) = study.glob("*.zip")
+    assert path.stat().st_mtime == 0.0
+    personal = [str(tmp_path), str(Path.home()), platform.node(), getpass.getuser(), "127.0.0.1"]
+    with zipfile.ZipFile(path) as archive:
+        assert {entry.date_time for entry in archive.infolist()} == {(1980, 1, 1, 0, 0, 0)}
+        texts = {entry.filename: archive.read(entry) for entry in archive.infolist()}
+    plain = b"\n".join(texts.values())
+    with zipfile.ZipFile(path) as archive:  # the episodes are archives themselves
+        for name in archive.namelist():
+            if name.endswith(".npz"):
+                with archive.open(name) as file, zipfile.ZipFile(file) as inner:
+                    plain += b"".join(inner.read(member) for member in inner.namelist())
+    for word in personal:
+        assert not re.search(rb"(?<![a-z])" + re.escape(word.encode()) + rb"(?![a-z])", plain), word
+    unpack(path, tmp_path / "out")
+    for episode in Demonstrations.load(tmp_path / "out" / "demos").episodes:
+        assert float(np.max(episode.steps["time"])) < before / 1000.0  # no time of day
+        assert all(edge[2] < before / 1000.0 for edge in episode.extras["edges"])
+
+
+@pytest.mark.parametrize("part", ["practice", "questions", "thanks"])
+def test_whoever_withdraws_leaves_nothing(tmp_path, part) -> None:
+    study = study_of(tmp_path / "study")
+    with taking_part(study) as parts:
+        person = Participant(*parts)
+        if part == "practice":
+            person.say("agree").say("begin").person.until("playing").wait(0.5)
+        else:
+            person.show_all()
+        if part == "thanks":
+            person.say("send").until("thanks")
+            assert list(study.glob("*.zip"))
+        person.say("withdraw")
+        assert person.guide.view()["part"] == "asked"
+        person.say("delete")
+        assert parts[0].session.is_over
+        assert "Nothing of what you did" in person.guide.view()["text"]
+    assert sorted(path.name for path in study.iterdir()) == ["consent.md", "study.toml"]
+
+
+@pytest.mark.parametrize("says", ["decline", "nothing"])
+def test_who_does_not_agree_leaves_nothing_either(tmp_path, says) -> None:
+    study = study_of(tmp_path / "study")
+    with taking_part(study) as parts:
+        Participant(*parts).say(says)
+    assert sorted(path.name for path in study.iterdir()) == ["consent.md", "study.toml"]
+
+
+def test_deleting_is_asked_and_stops_the_episode_meanwhile(tmp_path) -> None:
+    with taking_part(study_of(tmp_path / "study")) as parts:
+        person = Participant(*parts).say("agree").say("begin")
+        person.person.until("playing").wait(0.3)
+        person.say("delete")  # nobody was asked
+        assert person.guide.part == "practice"
+        person.say("withdraw")
+        assert person.person.view.state == "paused"
+        person.person.do("start").wait(0.3)
+        assert person.person.view.state == "paused"
+        person.say("stay")
+        person.person.do("start").until("playing")
+
+
+def test_only_what_belongs_to_a_part_is_obeyed(tmp_path) -> None:
+    with taking_part(study_of(tmp_path / "study")) as parts:
+        session = parts[0].session
+        person = Participant(*parts)
+        for name in ("start", "make", "finish", "toggle"):
+            person.person.do(name).wait(0.3)
+        assert session.state == "opening"
+        person.say("send").say("begin").say("leave").say("answer", 0, "4")
+        assert person.guide.part == "consent"
+        assert person.guide.answers == ["", ""]
+        person.say("agree")
+        assert parts[0].session.task in person.guide.view()["text"]
+        person.say("begin").person.until("playing")
+        for name in ("end", "redo", "discard", "speed", "mode", "bind"):
+            person.person.do(name, 2.0).wait(0.1)
+        person.person.tick(KeyDown("delete"))
+        assert session.state == "playing"
+        assert session.play.controls.pace.speed == 1.0
+        person.drive()
+        person.person.tick(Command("start"))
+        assert person.guide.part == "showing"
+        assert len(session.episodes) == 1
+
+
+def test_an_answer_is_one_of_those_offered_and_may_be_taken_back(tmp_path) -> None:
+    with taking_part(study_of(tmp_path / "study")) as parts:
+        person = Participant(*parts).show_all()
+        person.say("answer", 0, "9")
+        assert person.guide.answers[0] == ""
+        person.say("answer", 0, "5").say("answer", 0, "").say("answer", 7, "1")
+        person.say("answer", 1, "x" * 5000)
+        assert person.guide.answers == ["", "x" * 400]
+
+
+def test_a_recorder_that_dies_is_gone_on_with(tmp_path) -> None:
+    study = study_of(tmp_path / "study")
+    with taking_part(study) as parts:
+        person = Participant(*parts).say("agree").say("begin").drive().say("begin")
+        person.person.until("playing").wait(0.5)
+        code = parts[0].folder.path.parent.name
+        parts[0].close()
+    with taking_part(study, person=code) as parts:
+        person = Participant(*parts)
+        assert person.guide.part == "showing"
+        person.say("begin").drive()
+        kept = [episode for episode in parts[0].session.episodes if episode.kept]
+        assert len(kept) == 2
+        assert not any(episode.ending == "interrupted" for episode in kept)
+    with (
+        pytest.raises(InvalidArgumentError, match="has no person 'deadbeef'"),
+        taking_part(study, person="deadbeef"),
+    ):
+        pass
+
+
+def test_a_study_is_the_same_for_each_person(tmp_path) -> None:
+    study = study_of(tmp_path / "study")
+    with taking_part(study) as parts:
+        Participant(*parts).say("agree")
+    with taking_part(study):
+        pass
+    (study / "study.toml").write_text(SHORT.replace("episodes = 2", "episodes = 3"))
+    with (
+        pytest.raises(InvalidArgumentError, match="must be the same for each person"),
+        taking_part(study),
+    ):
+        pass
+
+
+@pytest.mark.parametrize(
+    ("plan", "said"),
+    [
+        ("episodes = 0", "at least 1"),
+        ("episodes = 'many'", "int"),
+        ("repisodes = 3", "repisodes"),
+        ("episodes =", "Invalid value"),
+        ("[[questions]]\ntext = 'x'\npoints = 3\nchoices = ['a']", "2 to 11 points, or choices"),
+    ],
+)
+def test_a_plan_that_cannot_be_meant_is_refused(tmp_path, plan, said) -> None:
+    with pytest.raises(FormatError, match=said):
+        open_plan(study_of(tmp_path, plan))
+
+
+def test_the_usual_plan_is_written_to_be_changed(tmp_path) -> None:
+    plan, consent, digest = open_plan(tmp_path / "new", SPEC)
+    assert (tmp_path / "new" / "study.toml").read_text() == USUAL_PLAN
+    assert (plan.practice, plan.episodes, len(plan.questions)) == (2, 15, 3)
+    assert "Delete what I did" in consent
+    assert open_plan(tmp_path / "new", SPEC)[2] == digest
+    assert open_plan(tmp_path / "new", "another")[2] != digest
+
+
+def test_an_archive_of_others_is_read_with_suspicion(tmp_path) -> None:
+    for name in ("../person.json", "demos/../../x", "run.py"):
+        path = tmp_path / "bad.zip"
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr(name, "{}")
+        with pytest.raises(FormatError, match="does not belong there"):
+            unpack(path, tmp_path / "out")
+    path.write_bytes(b"no zip")
+    with pytest.raises(FormatError, match="is no archive"):
+        unpack(path, tmp_path / "out")
+
+
+def person_of(study, code, *, answer, tmp_path):
+    """Write the archive of a person who took part by script."""
+    env = made(render=False)
+    shown = eutree.record(env, eutree.experts.wait_at_crossing, episodes=3, seed=int(code, 16))
+    folder = tmp_path / code
+    shown.save(folder / "demos")
+    eutree.fit_expert_tree(shown).save(folder / "fitted.json")
+    document = {
+        "format": "eutree/person", "version": 1, "made_by": "eutree", "person": code,
+        "protocol": "p", "environment": {"id": str(SPEC.id), "arguments": {}},
+        "plan": {"questions": [{"text": "As I would?", "points": 5}]}, "versions": {},
+        "seconds": {"showing": 90.0, "questions": 30.0}, "results": [], "answers": [answer],
+        "part": "thanks",
+    }  # fmt: skip
+    (folder / "person.json").write_text(json.dumps(document))
+    (study / "study.toml").write_text(SHORT)
+    (study / "consent.md").write_text("yes")
+    (folder.rename(study / code))
+    pack(study / code, study)
+
+
+def test_the_table_has_a_row_for_each_person_and_means(tmp_path, capsys) -> None:
+    study = tmp_path / "study"
+    study.mkdir()
+    for code, answer in (("0000000a", "2"), ("0000000b", "4"), ("0000000c", "")):
+        person_of(study, code, answer=answer, tmp_path=tmp_path)
+    table = study_table(study, episodes=30)
+    assert [row["person"] for row in table.rows] == ["0000000a", "0000000b", "0000000c"]
+    assert all(row["own"] == 1.0 and row["minutes"] == 2.0 for row in table.rows)
+    assert all(row["taken-over"] is None and row["practised"] is None for row in table.rows)
+    tree = eutree.TreePolicy.load(study / "0000000a" / "fitted.json")
+    again = eutree.evaluate(tree, made(render=False), episodes=30, seed=1_000_003)
+    assert table.rows[0]["fitted"] == again.success_rate
+    mean, low, high, n = table.means()["answer 1"]
+    assert (mean, n) == (3.0, 2)
+    assert low < 2.0 < 4.0 < high
+    assert "taken-over less fitted" not in table.means()
+    assert (
+        run(["demos", "study", str(study), "--episodes", "10", "--csv", f"{tmp_path}/p.csv"]) == 0
+    )
+    assert "3 people; mean, 95 % interval" in capsys.readouterr().out
+    assert (tmp_path / "p.csv").read_text().startswith("person,own,fitted,taken-over,practised")
+    with pytest.raises(InvalidArgumentError, match=r"got no \.zip"):
+        study_table(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--study", "s", "--out", "d"], "leave out --out"),
+        (["--study", "s", "--episodes", "3"], "leave out --episodes"),
+        (["--person", "00000000", "--out", "d"], "--person needs --study"),
+        ([], "--out must name a folder"),
+    ],
+)
+def test_options_that_do_not_go_together_are_refused(tmp_path, monkeypatch, capsys, options, said):
+    monkeypatch.chdir(tmp_path)
+    assert run(["record", "eutree/Evasion2-v0", *options]) != 0
+    assert said in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_need_not_end_is_no_task_of_a_study(tmp_path) -> None:
+    endless = gymnasium.make("CliffWalking-v1", render_mode="rgb_array", max_episode_steps=-1)
+    with (
+        pytest.raises(InvalidArgumentError, match="must end by itself"),
+        conduct(tmp_path, EnvironmentSpec("CliffWalking-v1"), endless, pace=SessionSettings()),
+    ):
+        pass

@@ -1,0 +1,215 @@
+"""A whole study in the real page: what a person sees in each part, on each screen, by ear."""
+
+import re
+import threading
+from contextlib import contextmanager
+from unittest import mock
+
+import gymnasium
+import pytest
+
+from eutree.fitting import page_tree
+from eutree.fitting.study import conduct
+from eutree.fitting.study_export import unpack
+from eutree.recording import SessionSettings
+from eutree.recording.browser import record_in_browser
+from eutree.schema import EnvironmentSpec
+from tests.recording.serving import ENOUGH, Served
+from tests.recording.typists import FINDINGS, OUT_OF_SIGHT, PATIENCE, person_at
+
+SPEC = EnvironmentSpec("eutree/Evasion2-v0")
+PLAN = """
+practice = 1
+episodes = 2
+watched = 1
+taken_over = 1
+[[questions]]
+text = "The tree drives as I would."
+low = "not at all"
+high = "exactly"
+points = 7
+[[questions]]
+text = "Who drives better?"
+choices = ["the tree", "I"]
+[[questions]]
+text = "Anything else?"
+"""
+HEAR = """() => {
+  window.heard = [];
+  const said = document.getElementById("announce");
+  new MutationObserver(() => heard.push(said.textContent)).observe(said, { childList: true });
+}"""
+
+
+@contextmanager
+def studying(folder, monkeypatch, *, fps=10.0):
+    """Serve a study in a thread until it is over, or the block ends."""
+    for name, number in (("FITTED", 20), ("PLAYED", 20), ("PRACTICE", 4), ("PER_POINT", 2)):
+        monkeypatch.setattr(page_tree, name, number)
+    folder.mkdir(exist_ok=True)
+    (folder / "study.toml").write_text(PLAN)
+    env = gymnasium.make(SPEC.id, render_mode="rgb_array")
+    pace = SessionSettings(fps=fps, countdown=0.2)
+    ready, servers = threading.Event(), []
+    with conduct(folder, SPEC, env, pace=pace) as (recorder, tree, guide):
+
+        def run():
+            record_in_browser(
+                recorder,
+                port=0,
+                maker=tree,
+                guide=guide,
+                on_ready=lambda server: (servers.append(server), ready.set()),
+            )
+
+        thread = threading.Thread(target=run, daemon=True)
+        with (
+            mock.patch("eutree.recording.play.VIEWER_SECONDS", ENOUGH),
+            mock.patch("eutree.recording.browser.server.PING_SECONDS", ENOUGH),
+        ):
+            thread.start()
+            assert ready.wait(ENOUGH)
+            try:
+                yield Served(servers[0], recorder), guide
+            finally:
+                recorder.session.play.state = "finished"
+                thread.join(ENOUGH)
+                assert not thread.is_alive()
+
+
+def go(person) -> None:
+    """Play the episode that has begun, to its end."""
+    person.until(state="playing").down().until(state="review").up()
+
+
+def press(person, name) -> None:
+    person.page.get_by_role("button", name=name, exact=True).click()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("screen", ["desk", "phone", "phone on its side"])
+def test_a_person_takes_part_in_a_study(chromium, tmp_path, monkeypatch, axe, screen) -> None:
+    study = tmp_path / "study"
+    with studying(study, monkeypatch) as (served, _):
+        person = person_at(chromium, served, screen)
+        person.page.evaluate(axe)
+        person.page.evaluate(HEAR)
+
+        def looked_at(*more):
+            assert person.page.evaluate(FINDINGS) == []
+            wide = "() => document.documentElement.scrollWidth - innerWidth"
+            assert person.page.evaluate(wide) <= 0
+            assert person.page.evaluate(OUT_OF_SIGHT, list(more)) == []
+
+        person.until(part="consent", study="card")
+        assert person.page.locator("#picture").is_hidden()
+        looked_at()
+        press(person, "I agree")
+        person.until(part="practice", study="card")
+        looked_at("#study-buttons .first")
+        assert "Bring the blue disc" in person.page.locator("#study-text").inner_text()
+        press(person, "Begin")
+        person.until(part="practice", study="on", state="playing")
+        held = [] if screen == "desk" else ["#pads button"]
+        looked_at("#picture", "#title", *held)
+        assert person.page.locator("#title").inner_text() == "Practice 1 of 1"
+        assert person.page.locator("#speed").is_hidden()
+        person.down().until(state="review").up()
+
+        person.until(part="showing", study="card")
+        press(person, "Begin")
+        person.until(state="playing")
+        press(person, "Delete what I did")
+        person.until(part="asked", state="paused")
+        looked_at("#study-buttons .first")
+        press(person, "Go on")
+        person.until(part="showing", study="on").tap("Enter")
+        person.page.reload()  # in the middle of an episode
+        person.page.evaluate(axe)
+        person.page.evaluate(HEAR)
+        person.until(part="showing", state="paused").tap("Enter")
+        go(person)
+        assert person.page.get_by_role("button", name="Discard").count() == 0
+        person.rest().tap("Enter")
+        go(person)
+
+        person.until(part="making", study="card")
+        looked_at()
+        person.until(part="watching", state="watching", step=1)
+        looked_at("#picture", "#title")
+        assert person.page.locator("#tree-buttons button").count() == 0
+        if person.page.evaluate("() => document.body.dataset.part") == "watching":
+            person.tap("e")
+        person.until(part="correcting", study="card")
+        looked_at("#study-buttons .first")
+        press(person, "Begin")
+        person.until(state="driving", step=1).down().rest(0.3)
+        looked_at("#picture", "#title", *held)
+        person.up()
+
+        person.until(part="questions", study="card")
+        looked_at()
+        person.page.get_by_role("radio", name=re.compile(r"7\s*: exactly")).check()
+        person.page.get_by_role("radio", name="the tree", exact=True).check()
+        person.page.get_by_label("Anything else?").last.fill("no")
+        person.page.reload()
+        person.page.evaluate(axe)
+        person.page.evaluate(HEAR)
+        person.until(part="questions")
+        person.page.locator("input:checked").nth(1).wait_for(timeout=PATIENCE)
+        looked_at()
+        press(person, "Send")
+        person.until(part="thanks")
+        looked_at("#study-buttons .first")
+        code = served.recorder.folder.path.parent.name
+        assert code in person.page.locator("#study-text").inner_text()
+        assert any(said.startswith("Thank you") for said in person.page.evaluate("() => heard"))
+        press(person, "Finish")
+        person.page.get_by_text("You can close this page.", exact=True).wait_for(timeout=PATIENCE)
+        assert person.page.locator("#withdraw").is_hidden()
+    found = unpack(study / f"{code}.zip", tmp_path / "out")
+    assert found.answers == ["7", "the tree", "no"]
+
+
+def test_each_part_is_announced_and_keys_alone_do(chromium, tmp_path, monkeypatch) -> None:
+    with studying(tmp_path / "study", monkeypatch, fps=40.0) as (served, _):
+        person = person_at(chromium, served, "desk")
+        person.page.evaluate(HEAR)
+        person.until(part="consent")
+        for name in ("I agree", "Begin"):
+            for _ in range(20):
+                focused = "() => document.activeElement.textContent"
+                if person.page.evaluate(focused) == name:
+                    break
+                person.page.keyboard.press("Tab")
+            person.page.keyboard.press("Enter")
+            person.until(part="practice")
+        person.until(study="on")
+        go(person)
+        person.until(part="showing", study="card")
+        heard = person.page.evaluate("() => heard")
+        told = [said.split(".")[0] for said in heard]
+        parts = ["Get to know the keys", "Now show how it is done"]
+        assert [said for said in told if said in parts] == parts
+        assert told[-2].endswith("\u2014 practice")  # how it ended, and then the next part
+        assert told[-1] == "Now show how it is done"
+        assert person.page.evaluate("() => document.activeElement.id") == "study"
+
+
+def test_whoever_deletes_is_told_so_and_nothing_is_left(chromium, tmp_path, monkeypatch) -> None:
+    study = tmp_path / "study"
+    with studying(study, monkeypatch) as (served, guide):
+        person = person_at(chromium, served, "phone")
+        person.until(part="consent")
+        press(person, "I agree")
+        person.until(part="practice")
+        press(person, "Begin")
+        person.until(state="playing", step=2)
+        press(person, "Delete what I did")
+        person.until(part="asked")
+        press(person, "Delete all of it")
+        person.page.locator("#study-text", has_text="Nothing of what you did").wait_for(
+            timeout=PATIENCE
+        )
+        assert guide.is_withdrawn
+    assert sorted(path.name for path in study.iterdir()) == ["consent.md", "study.toml"]
