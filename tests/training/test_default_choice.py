@@ -152,13 +152,13 @@ def test_who_names_a_teacher_wants_it_asked(cart):
 
 def test_a_policy_that_stays_is_evaluated_once(cart, monkeypatch):
     evaluated = []
-    plainly = eutree.training.learn.__globals__["evaluate"]
+    plainly = eutree.training.learn.__globals__["evaluate_starts"]
 
-    def counted(policy, env, **arguments):
+    def counted(policy, env, starts, **arguments):
         evaluated.append(policy)
-        return plainly(policy, env, **arguments)
+        return plainly(policy, env, starts, **arguments)
 
-    monkeypatch.setitem(eutree.training.learn.__globals__, "evaluate", counted)
+    monkeypatch.setitem(eutree.training.learn.__globals__, "evaluate_starts", counted)
     result = eutree.learn(
         gymnasium.make("CartPole-v1"),
         demonstrations=cart,

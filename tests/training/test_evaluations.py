@@ -1,5 +1,7 @@
 """The evaluations of a run: one run of the episodes for each policy, and success that is kept."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,8 @@ from eutree.errors import InvalidArgumentError
 from eutree.evaluation import Evaluation
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
-from eutree.training.evaluations import Arena, Evaluations
+from eutree.training.arena import KNOWN, Arena, PlayedStarts
+from eutree.training.evaluations import Evaluations
 from eutree.training.phases import Plan, RunState
 from eutree.trees import DecisionTree
 
@@ -17,39 +20,42 @@ def policy_of(action: int) -> TreePolicy:
 
 
 class Evaluator:
-    """Action k succeeds in k of four episodes; notes what it was asked."""
+    """Action k succeeds in k of four episodes in turn; notes what it was asked."""
 
     def __init__(self, reports=True):
         self.asked = []
         self._reports = reports
 
-    def __call__(self, policy, seed):
+    def __call__(self, policy, starts, seed):
         self.asked.append((int(policy.actions[0]), seed))
-        successes = np.arange(4) < policy.actions[0]
+        successes, n = np.array(starts) % 4 < policy.actions[0], len(starts)
         return Evaluation(
-            successes.astype(float), np.ones(4), np.full(4, "end"),
+            successes.astype(float), np.ones(n), np.full(n, "end"),
             successes if self._reports else None,
         )  # fmt: skip
 
 
 def arena_of(evaluator):
-    return Arena(None, evaluator, lambda policy, starts, seed: evaluator(policy, seed), None)
+    return Arena(None, evaluator, None)
 
 
-def test_a_policy_evaluated_twice_in_a_row_runs_once_on_the_same_episodes() -> None:
-    found, evaluator = Evaluations(Plan(), RunState()), Evaluator()
-    for action in (1, 1, 2):
-        found.add(policy_of(action), evaluator)
+PLAN = Plan(evaluation_episodes=4)
+
+
+def test_no_policy_plays_the_same_episodes_twice() -> None:
+    found, evaluator = Evaluations(PLAN, RunState()), Evaluator()
+    for action in (1, 1, 2, 1):
+        found.add(policy_of(action), arena_of(evaluator))
     assert [action for action, _ in evaluator.asked] == [1, 2]
     assert len({seed for _, seed in evaluator.asked}) == 1
-    assert [point.success_rate for point in found.curve] == [0.25, 0.25, 0.5]
+    assert [point.success_rate for point in found.curve] == [0.25, 0.25, 0.5, 0.25]
 
 
 def test_a_policy_that_succeeds_less_is_noted_and_not_kept() -> None:
     state, evaluator = RunState(), Evaluator()
-    found = Evaluations(Plan(keep_success=True), state)
+    found = Evaluations(replace(PLAN, keep_success=True), state)
     for action in (2, 1):
-        found.add(policy_of(action), evaluator)
+        found.add(policy_of(action), arena_of(evaluator))
     assert found.kept is not None
     assert (found.kept[0].actions.tolist(), found.kept[1]) == ([2], 2)
     assert [point.success_rate for point in found.curve] == [0.5, 0.5]
@@ -58,15 +64,15 @@ def test_a_policy_that_succeeds_less_is_noted_and_not_kept() -> None:
 
 
 def test_success_cannot_be_kept_where_none_is_reported() -> None:
-    found = Evaluations(Plan(keep_success=True), RunState())
+    found = Evaluations(replace(PLAN, keep_success=True), RunState())
     with pytest.raises(InvalidArgumentError, match="keep_success needs an environment"):
-        found.add(policy_of(1), Evaluator(reports=False))
+        found.add(policy_of(1), arena_of(Evaluator(reports=False)))
 
 
 def test_the_judgement_is_on_other_episodes_than_the_curve() -> None:
     state, evaluator = RunState(), Evaluator()
-    found = Evaluations(Plan(), state)
-    found.add(policy_of(2), evaluator)
+    found = Evaluations(PLAN, state)
+    found.add(policy_of(2), arena_of(evaluator))
     found.judge(policy_of(1), policy_of(2), 5, arena_of(evaluator))
     assert found.judgement is not None
     assert (found.judgement.return_change, found.judgement.challengers) == (0.25, 5)
@@ -76,6 +82,26 @@ def test_the_judgement_is_on_other_episodes_than_the_curve() -> None:
 
 
 def test_a_result_that_is_the_start_is_not_run() -> None:
-    found, evaluator = Evaluations(Plan(), RunState()), Evaluator()
+    found, evaluator = Evaluations(PLAN, RunState()), Evaluator()
     found.judge(policy_of(1), policy_of(1), 5, arena_of(evaluator))
     assert (evaluator.asked, found.judgement.is_start) == ([], True)
+
+
+def test_what_was_played_is_played_on_from_there_and_forgotten_when_it_is_old():
+    played, evaluator = PlayedStarts(), Evaluator()
+    arena = arena_of(evaluator)
+    played.of(policy_of(1), range(4), 7, arena)
+    assert played.of(policy_of(1), range(2, 6), 7, arena).returns.tolist() == [0, 0, 1, 0]
+    assert (played.episodes, played.steps, len(evaluator.asked)) == (6, 6, 2)
+    for seed in range(100, 100 + KNOWN):
+        played.of(policy_of(1), range(2), seed, arena)
+    assert played.known(policy_of(1), 7) == 0
+    assert len(played.counts) == KNOWN
+
+
+def test_what_a_stopped_run_has_to_play_again_is_counted_once():
+    before, after, evaluator = PlayedStarts(), PlayedStarts(), Evaluator()
+    before.of(policy_of(1), range(4), 7, arena_of(evaluator))
+    after.counts = dict(before.counts)
+    after.of(policy_of(1), range(4, 6), 7, arena_of(evaluator))
+    assert (before.episodes + after.episodes, len(evaluator.asked)) == (6, 2)

@@ -78,10 +78,10 @@ def test_without_a_limit_the_longest_episode_so_far_counts():
 
 
 def test_the_clock_ends_gathering():
-    plan = Plan(episodes=MANY, seconds=5.0)
-    late = Position(episode=3, seconds=5.1)
+    plan = Plan(episodes=MANY, seconds=5.0)  # of which one is kept for the end
+    late = Position(episode=3, seconds=3.1)  # one more would take another second
     assert due(plan, late, gathering_episodes=9, max_episode_steps=None) == Phase.UPDATE
-    early = replace(late, seconds=4.9)
+    early = replace(late, seconds=2.9)
     assert due(plan, early, gathering_episodes=9, max_episode_steps=None) == Phase.GATHER
 
 

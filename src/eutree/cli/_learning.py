@@ -98,6 +98,7 @@ def as_values(
         "start": result.start,
         "episodes": result.episodes,
         "steps": result.steps,
+        "evaluation_episodes": result.evaluation_episodes,
         "environment_steps": vars(steps) | {"total": steps.total},
         "n_leaves": result.policy.n_leaves,
         "challengers": result.challengers,
@@ -133,6 +134,8 @@ def in_words(
         experience = f"{counted(recorded, 'recorded episode')}, none of its own"
     racing = result.environment_steps.racing
     raced = f" and {racing} of racing" if racing else ""
+    if result.evaluation_episodes:
+        raced += f", {counted(result.evaluation_episodes, 'more episode')} of evaluation"
     words = f"{result.method.name} from {result.start}: {experience}{raced}; {last}"
     words += _against_start(result)
     if result.against_fit is not None:

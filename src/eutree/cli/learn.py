@@ -98,9 +98,11 @@ if TYPE_CHECKING:
 )
 @count_option("--steps", None, "Most environment steps: learning and racing.")
 @click.option("--minutes", type=click.FloatRange(min=0, min_open=True),
-              help="Most minutes of the clock for learning and racing.")  # fmt: skip
-@count_option("--evaluate-every", 20, "Episodes between two frozen evaluations.")
-@count_option("--evaluation-episodes", 100, "Episodes of each frozen evaluation.")
+              help="Most minutes of the clock, evaluation included.")  # fmt: skip
+@count_option("--evaluate-every", None, "Episodes between two frozen evaluations; by default 20, "
+              "or all of a short run whose episodes run one by one.")  # fmt: skip
+@count_option("--evaluation-episodes", None, "Episodes of each frozen evaluation; by default 100, "
+              "or in proportion to a short run whose episodes run one by one.")  # fmt: skip
 @count_option("--history", 0, "Previous observations that become features too.", least=0)
 @count_option(
     "--race-steps",

@@ -133,6 +133,7 @@ class Ground:
         n_jobs: Processes, as joblib counts them.
         stream: What the episodes are for.
         steps: Environment steps so far.
+        episodes: Episodes so far.
     """
 
     env: gymnasium.Env[Any, Any]
@@ -141,6 +142,7 @@ class Ground:
     n_jobs: int | None = None
     stream: Stream = Stream.COMPRESSION
     steps: int = 0
+    episodes: int = 0
     _seeds: dict[int, int] = field(default_factory=dict, repr=False)
 
     @property
@@ -166,6 +168,7 @@ class Ground:
         outcomes, traces = zip(*parts, strict=True)
         known = [one.successes for one in outcomes if one.successes is not None]
         self.steps += sum(len(one.actions) for one in traces)
+        self.episodes += len(seeds)
         return (
             Outcome(
                 np.concatenate([one.returns for one in outcomes]),

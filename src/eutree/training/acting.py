@@ -181,8 +181,7 @@ class Racing:
         state.gathering_begins()
         state.whole = True  # a search is stored as it stood between two stages
         won = search.state.won
-        over = self._plan.seconds is not None and state.at.seconds >= self._plan.seconds
-        heat = None if over else search.next_heat()
+        heat = None if self._plan.time_is_over(state.at) else search.next_heat()
         if search.state.won > won or heat is None:
             self._note(search.state)
         if heat is None:

@@ -71,6 +71,8 @@ class PositionDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True, 
     judged: bool
     fronted: bool = False
     front_steps: Count = 0
+    played_episodes: Count = 0
+    evaluation_steps: Count = 0
 
 
 class FrontDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -102,6 +104,7 @@ class CheckpointDocument(Document, frozen=True, kw_only=True):
     race: RaceDocument | None = None
     earlier: tuple[PolicyText, ...] = ()
     front: FrontDocument | None = None
+    played: dict[str, Count] = msgspec.field(default_factory=dict)
 
 
 def write_checkpoint(path: Path, run: Run) -> None:
@@ -117,6 +120,7 @@ def write_checkpoint(path: Path, run: Run) -> None:
         front=None
         if picked is None
         else FrontDocument([PolicyText.of(one.policy) for one in front], PolicyText.of(picked)),
+        played=run.evaluations.played.counts,
     )
     events = np.frombuffer(events_to_text(run.state.events).encode(), dtype=np.uint8)
     arrays = run.learner.state() | run.gathered.state() | {_EVENTS: events}
@@ -156,6 +160,7 @@ def restore_checkpoint(path: Path, run: Run) -> None:
     run.state.events, run.gathered = events, gathered
     if document.kept is not None:
         run.evaluations.kept = document.kept.policy.policy(path), document.kept.successes
+    run.evaluations.played.counts = dict(document.played)
     run.evaluations.earlier = [one.policy(path) for one in document.earlier]
     if document.front is not None:
         run.evaluations.picked = document.front.picked.policy(path)

@@ -1,21 +1,22 @@
-"""Where a run acts, and its evaluations: the curve, the front, the judgement; what is proven."""
+"""The evaluations of a run: the curve, the front, the judgement; what is proven."""
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from eutree.compression.playing import Ground
 from eutree.compression.report import FrontEntry
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import CurvePoint, Evaluation
-from eutree.interaction import GuardedEnv, episode_seed
+from eutree.interaction import episode_seed
 from eutree.interaction.seeding import Stream
 from eutree.learners import Learner
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
+from eutree.training.arena import Arena, PlayedStarts
 from eutree.training.handover import Duel, judge
 from eutree.training.judging import Judgement, judged
 from eutree.training.phases import Plan, RunState, generator_of
+from eutree.training.proportion import ALONG, left, within
 from eutree.training.proposals import key
 
 if TYPE_CHECKING:
@@ -23,27 +24,6 @@ if TYPE_CHECKING:
     from eutree.proof import Certificate
 
 EARLIER = 3  # trees of a run that smaller ones are made of: the last, and those before it
-Evaluator = Callable[[TreePolicy, int], Evaluation]  # (policy, seed) -> evaluation
-Player = Callable[[TreePolicy, Sequence[int], int], Evaluation]  # (policy, starts, seed)
-
-
-@dataclass(frozen=True)
-class Arena:
-    """Where a run acts.
-
-    Attributes:
-        env: Where episodes are gathered and raced.
-        evaluator: How to evaluate a frozen policy.
-        play: How to play a frozen policy from some starts of an evaluation with a seed.
-        ground: How to let many frozen policies play beside each other, from starts with a seed.
-        return_range: Lowest and highest return of an episode; None where they are not known.
-    """
-
-    env: GuardedEnv
-    evaluator: Evaluator
-    play: Player
-    ground: Callable[[int], Ground]
-    return_range: tuple[float, float] | None = None
 
 
 class ProvenFirst:
@@ -102,12 +82,14 @@ class Evaluations:
         front: What was learned and the best tree of each size; empty before it is known.
         picked: The tree of the front that meets the start; None without a front.
         judgement: The result against the start; None before it is known.
+        played: What frozen trees did.
     """
 
     def __init__(self, plan: Plan, state: RunState) -> None:
         self._plan = plan
         self._state = state
-        self._last: tuple[tuple[bytes, int], Evaluation] | None = None
+        self.played = PlayedStarts()
+        self._counted = 0
         self.curve: list[CurvePoint] = []
         self.kept: tuple[TreePolicy, int] | None = None
         self.earlier: list[TreePolicy] = []
@@ -115,14 +97,16 @@ class Evaluations:
         self.picked: TreePolicy | None = None
         self.judgement: Judgement | None = None
 
-    def add(self, policy: TreePolicy, evaluator: Evaluator) -> None:
+    def add(self, policy: TreePolicy, arena: Arena) -> None:
         """Evaluate what was learned: one more point of the curve."""
-        state = self._state
+        state, steps = self._state, self.played.steps
         state.whole = True  # evaluating changes nothing of the run
-        evaluation = self._evaluated(policy, Stream.EVALUATION, evaluator)
-        state.whole = False
+        evaluation = self._evaluated(policy, Stream.EVALUATION, arena)
         if self._plan.keep_success:
-            policy, evaluation = self._keep(policy, evaluation, evaluator)
+            policy, evaluation = self._keep(policy, evaluation, arena)
+        self._count()
+        state.move(evaluation_steps=state.at.evaluation_steps + self.played.steps - steps)
+        state.whole = False
         point = CurvePoint(
             episode=state.at.episode,
             steps=state.num_timesteps,
@@ -147,7 +131,7 @@ class Evaluations:
 
         ``keeping`` makes trees keep the run's rules.
         """
-        from eutree.training.front import Extent, front_of_run
+        from eutree.training.front import IMAGINING, Extent, front_of_run
 
         plan, at, state = self._plan, self._state.at, self._state
         state.whole = True
@@ -155,7 +139,14 @@ class Evaluations:
         ground = arena.ground(plan.seed)
         if plan.handover is not None:
             steps = plan.handover.steps_of_front(at.steps, side_by_side=ground.side_by_side)
+            if plan.is_dear and plan.handover.front_steps is None:
+                steps = min(steps, int(self._left() / 2 * at.steps / max(at.episode, 1)))
+            time = self._seconds_left() / 4  # for imagining, and as much for playing
+            if plan.seconds is not None:
+                steps = min(steps, within(time, self.played.steps, self.played.seconds))
             extent = Extent.of(steps, at.steps, at.episode)
+            if plan.seconds is not None and extent is not None:
+                extent = replace(extent, imagined=min(extent.imagined, int(time * IMAGINING)))
         if plan.handover is not None and extent is not None:
             found = front_of_run(
                 [learned, *reversed(self.earlier)],
@@ -169,7 +160,8 @@ class Evaluations:
             )
             self.front, self.picked = found.entries, self._preferred(found, arena)
         state.whole = False
-        state.move(fronted=True, front_steps=ground.steps)
+        played = state.at.played_episodes + ground.episodes
+        state.move(fronted=True, front_steps=ground.steps, played_episodes=played)
         if self.front and self.picked is not None:
             entries = [one.facts() for one in self.front]
             state.note("front", {"front": entries, "picked": self.picked.n_leaves})
@@ -206,33 +198,70 @@ class Evaluations:
         if key(policy) == key(first):
             judgement = Judgement.same(challengers=challengers)
         elif (handover := self._plan.handover) is None:
-            pair = (
-                self._evaluated(one, Stream.JUDGING, arena.evaluator) for one in (first, policy)
-            )
+            pair = [self._evaluated(one, self._fresh, arena) for one in (first, policy)]
+            both = range(min(one.episodes for one in pair))  # the clock may have allowed for less
+            pair = [one.of_episodes(both) for one in pair]
             judgement = judged(*pair, challengers=challengers)
         else:
-            at, seed = self._state.at, episode_seed(self._plan.seed, 0, Stream.JUDGING)
+            at, seed, steps = self._state.at, self._seed(self._fresh), self.played.steps
             duel = Duel(
                 first,
                 policy,
-                lambda tree, starts: arena.play(tree, starts, seed),
-                most=handover.pairs(at.episode),
+                lambda tree, starts: self.played.of(tree, starts, seed, arena),
+                most=self._pairs(first, policy, handover.pairs(at.episode), arena),
                 steps=handover.steps(at.steps + at.racing_steps),
             )
             sizes = first.n_leaves, policy.n_leaves
             known = arena.return_range
             judgement = judge(handover, duel, sizes, known=known, challengers=challengers)
+            judgement = replace(judgement, steps=self.played.steps - steps)
             proven = self._proven(arena)
             if proven is not None:
                 sure = tuple(proven.certificate(one) is not None for one in (first, policy))
                 judgement = judgement.of_proven(*sure)
         self._state.whole = False
+        self._count()
         self.judgement = judgement
         self._state.move(judged=True)
         self._state.note("judgement", judgement.facts())
 
+    @property
+    def _fresh(self) -> Stream:
+        """The episodes that chose nothing: where they are dear, those of the curve are such."""
+        shared = self._plan.is_dear and not self._plan.keep_success
+        return Stream.EVALUATION if shared else Stream.JUDGING
+
+    def _pairs(self, first: TreePolicy, policy: TreePolicy, most: int, arena: Arena) -> int:
+        """Return the most pairs that start and result may play: what was played counts again."""
+        plan, seed, handover = self._plan, self._seed(self._fresh), self._plan.handover
+        more = 2 * most
+        if plan.is_dear and handover is not None and handover.episodes is None:
+            more = min(more, self._left())
+        if plan.seconds is not None:
+            self.played.of(first, [0], seed, arena)  # an episode at least, which tells the time
+            time = self._seconds_left()
+            more = min(more, within(time, self.played.episodes, self.played.seconds))
+        few, many = sorted(self.played.known(one, seed) for one in (first, policy))
+        alone = few + more  # as many as the one that has fewer can reach by itself
+        return max(min(most, alone if alone <= many else (few + many + more) // 2), 1)
+
+    def _left(self) -> int:
+        """Return how many episodes may still be played where they are dear."""
+        at = self._state.at
+        return left(at.lived, at.played_episodes)
+
+    def _seconds_left(self) -> float:
+        """Return the time that is left for the end of the run."""
+        return max((self._plan.seconds or 0.0) - self._state.at.seconds, 0.0)
+
+    def _count(self) -> None:
+        """Count what was played since this was asked last."""
+        state, played = self._state, self.played
+        state.move(played_episodes=state.at.played_episodes + played.episodes - self._counted)
+        self._counted = played.episodes
+
     def _keep(
-        self, policy: TreePolicy, evaluation: Evaluation, evaluator: Evaluator
+        self, policy: TreePolicy, evaluation: Evaluation, arena: Arena
     ) -> tuple[TreePolicy, Evaluation]:
         """Return the policy if it succeeds as often as the kept one, in the same episodes."""
         count = None if evaluation.successes is None else int(evaluation.successes.sum())
@@ -243,13 +272,20 @@ class Evaluations:
         if self.kept is not None and count < self.kept[1]:
             refused = {"successes": self.kept[1], "successes_refused": count}
             self._state.note("kept", refused)
-            return self.kept[0], self._evaluated(self.kept[0], Stream.EVALUATION, evaluator)
+            return self.kept[0], self._evaluated(self.kept[0], Stream.EVALUATION, arena)
         self.kept = policy, count
         return policy, evaluation
 
-    def _evaluated(self, policy: TreePolicy, stream: int, evaluator: Evaluator) -> Evaluation:
-        """Evaluate a policy; the one that was evaluated last needs no other run of its episodes."""
-        asked = key(policy), stream
-        if self._last is None or self._last[0] != asked:
-            self._last = asked, evaluator(policy, episode_seed(self._plan.seed, 0, stream))
-        return self._last[1]
+    def _evaluated(self, policy: TreePolicy, stream: Stream, arena: Arena) -> Evaluation:
+        """Evaluate a policy, from as many starts as the plan and the clock allow."""
+        plan, at, seed, played = self._plan, self._state.at, self._seed(stream), self.played
+        starts = plan.evaluation_episodes
+        if plan.seconds is not None:
+            played.of(policy, [0], seed, arena)  # an episode at least, which tells the time
+            time = ALONG * max(at.seconds, plan.seconds / 10) - played.seconds
+            more = within(time, played.episodes, played.seconds) if time > 0.0 else 0
+            starts = min(starts, max(played.known(policy, seed) + more, 1))
+        return played.of(policy, range(starts), seed, arena)
+
+    def _seed(self, stream: Stream) -> int:
+        return episode_seed(self._plan.seed, 0, stream)

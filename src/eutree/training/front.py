@@ -28,6 +28,7 @@ FEWEST, MOST = 60, 1000  # starts
 TREES = 24  # that play, if there are steps for so many
 ROUNDS = 2.0  # of the starts, that all trees together play from
 IMAGINED_EPISODES = 1000
+IMAGINING = 500_000  # steps a second that a slow machine imagines
 EACH = 2  # trees of a size that play
 LOSES = 0.15  # of the range of returns: a size that is imagined to lose more is the last one
 ROWS = 5000  # stored observations by which a tree is cut where nothing is imagined

@@ -41,8 +41,9 @@ class Handover:
         episodes: Most fresh episodes that the start and the learned tree both play at the end: the
             start is handed over unless the other is shown to earn more, or to be smaller and earn
             no less, and succeeds less often by a point at most. None for five for each episode of
-            the run, 300 to 5,000, in ten times as many steps as the run took; 0 plays none and
-            hands over what was learned, as the presets that read the paper literally do.
+            the run, 300 to 5,000, in ten times as many steps as the run took, and in proportion in
+            a short run where episodes run one by one (see ``Schedule``); 0 plays none and hands
+            over what was learned, as the presets that read the paper literally do.
         error: Chance that a tree that does not deserve it is taken for better.
         success_margin: How much less often than the start the learned tree may succeed.
         keep_success: Replace the policy, also while the run learns, only by one that succeeds as

@@ -24,7 +24,8 @@ from eutree.learners import Method, Problem, Start, start_of
 from eutree.learners.learner import check_fits
 from eutree.learners.registry import checked_document
 from eutree.policies import TreePolicy
-from eutree.training.evaluations import Arena, ProvenFirst
+from eutree.training.arena import Arena
+from eutree.training.evaluations import ProvenFirst
 from eutree.training.handover import Handover
 from eutree.training.listeners import Listeners
 from eutree.training.phases import Plan, generator_of
@@ -188,7 +189,7 @@ def _acting(
     problem = _problem(guarded)
     if plan.steps is not None:
         problem = replace(problem, steps=_gathered(plan.steps, plan.race_steps, problem))
-    arena = _arena(guarded, env, asked.evaluation.episodes, asked.handover.return_range)
+    arena = _arena(guarded, env, asked.handover.return_range)
     return _Place(problem, str(guarded.spec or guarded.name), guarded, arena)
 
 
@@ -209,8 +210,8 @@ def _config(
         episodes=plan.episodes,
         steps=plan.steps,
         minutes=asked.budget.minutes,
-        evaluate_every=plan.evaluate_every,
-        evaluation_episodes=asked.evaluation.episodes,
+        evaluate_every=asked.evaluation.every if plan.is_dear else plan.evaluate_every,
+        evaluation_episodes=asked.evaluation.episodes if plan.is_dear else plan.evaluation_episodes,
         history=asked.history,
         seed=plan.seed,
         demonstrations="" if demonstrations is None else demonstrations.digest,
@@ -305,13 +306,11 @@ def _gathered(steps: int, race_steps: int, problem: Problem) -> int:
 def _arena(
     guarded: GuardedEnv,
     env: gymnasium.Env[Any, Any],
-    episodes: int,
     returns: tuple[float, float] | None,
 ) -> Arena:
-    """Return where a run acts, and frozen policies are evaluated in so many episodes."""
+    """Return where a run acts, and frozen policies play."""
     return Arena(
         guarded,
-        lambda policy, seed: evaluate(policy, env, episodes=episodes, seed=seed),
         lambda policy, starts, seed: evaluate_starts(policy, env, starts, seed=seed),
         lambda seed: Ground(env, seed, stream=Stream.FRONT),
         returns or known_range(env),

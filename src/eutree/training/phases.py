@@ -20,6 +20,7 @@ import numpy as np
 
 from eutree.learners import Step
 from eutree.training.handover import Handover
+from eutree.training.proportion import END, EPISODES
 from eutree.training.proposals import SearchSettings
 from eutree.validation import check_integer, check_number, check_seed
 
@@ -46,8 +47,10 @@ class Plan:
         steps: Most environment steps of the run: gathering, teachers and racing. An episode begins
             only if the longest possible one still fits or, where none is known, the longest so
             far; a longer one is cut short. None sets no limit.
-        seconds: Most seconds of the clock for gathering and racing; None sets no limit.
+        seconds: Most seconds of the clock; None sets no limit.
         evaluate_every: Episodes between two evaluations; the first is before episode 0.
+        evaluation_episodes: Episodes of each.
+        is_dear: Whether all that frozen trees play is in proportion to the run.
         gathers: Whether there is an environment to gather in.
         race: The policy search at the end; None for none.
         keep_success: Whether the policy is replaced only by one that succeeds as often.
@@ -61,6 +64,8 @@ class Plan:
     steps: int | None = None
     seconds: float | None = None
     evaluate_every: int = 20
+    evaluation_episodes: int = EPISODES
+    is_dear: bool = False
     gathers: bool = True
     race: SearchSettings | None = None
     keep_success: bool = False
@@ -80,6 +85,13 @@ class Plan:
     def room(self, at: "Position") -> int | None:
         """Return the steps that are left for gathering; None sets no limit."""
         return None if self.steps is None else self.steps - self.race_steps - at.steps
+
+    def time_is_over(self, at: "Position") -> bool:
+        """Return whether the clock ends gathering and racing: a share is kept for the end."""
+        if self.seconds is None:
+            return False
+        one_more = at.seconds / at.episode if at.episode else 0.0
+        return at.seconds + one_more >= (1.0 - END) * self.seconds
 
     @property
     def race_steps(self) -> int:
@@ -107,6 +119,8 @@ class Position:
         fronted: Whether the front was made.
         front_steps: Environment steps that it took.
         judged: Whether the result was compared with the start.
+        played_episodes: Episodes that frozen trees played: those of evaluations, front, judgement.
+        evaluation_steps: Steps of the evaluations among them.
     """
 
     episode: int = 0
@@ -124,6 +138,15 @@ class Position:
     fronted: bool = False
     front_steps: int = 0
     judged: bool = False
+    played_episodes: int = 0
+    evaluation_steps: int = 0
+
+    @property
+    def lived(self) -> float:
+        """Episodes that were learned from; a race counts for as many as its steps would be."""
+        if not self.steps:
+            return float(self.episode)
+        return self.episode * (self.steps + self.racing_steps) / self.steps
 
 
 def due(
@@ -165,7 +188,7 @@ def _after_the_race(plan: Plan, at: Position) -> Phase | None:
 
 def _fits(plan: Plan, at: Position, max_episode_steps: int | None) -> bool:
     """Return whether one more episode may be gathered: steps and time allow for it."""
-    if plan.seconds is not None and at.seconds >= plan.seconds:
+    if plan.time_is_over(at):
         return False
     room = plan.room(at)
     longest = at.longest if max_episode_steps is None else max_episode_steps

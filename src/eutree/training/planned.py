@@ -7,6 +7,7 @@ import gymnasium
 
 from eutree.data import Demonstrations
 from eutree.errors import InvalidArgumentError
+from eutree.evaluation.evaluate import vector_form
 from eutree.interaction.spaces import spec_of
 from eutree.learners import Method, Start
 from eutree.learners import method as method_of
@@ -15,6 +16,7 @@ from eutree.learners.registry import checked_method
 from eutree.training.evaluations import ProvenFirst
 from eutree.training.handover import handover_for
 from eutree.training.phases import MANY, Plan
+from eutree.training.proportion import curve_of, is_dear
 from eutree.training.proposals import SearchSettings
 from eutree.training.values import Asked, Budget
 from eutree.validation import check_integer, check_number
@@ -32,7 +34,11 @@ def planned(
     seed: int,
 ) -> tuple[ChosenMethod, Plan]:
     """Return how is learned and how long, once all that is asked is known to be possible."""
-    check_integer("evaluation_episodes", asked.evaluation.episodes, low=1)
+    schedule = asked.evaluation
+    for name, number in (("every", schedule.every), ("episodes", schedule.episodes)):
+        if number is not None:
+            words = {"every": "evaluate_every", "episodes": "evaluation_episodes"}
+            check_integer(words[name], number, low=1)
     budget, handover = asked.budget, asked.handover
     if env is None:
         _check_acts_nowhere(asked)
@@ -48,11 +54,16 @@ def planned(
     chosen = _with_limit(remembers, handover.max_leaves, races=races > 0)
     minutes = budget.minutes
     race = SearchSettings(steps=races, max_leaves=handover.max_leaves, keep_success=keeps)
+    expected = _expected(budget, demonstrations, env)
+    decides = keeps or handover.prefer_proven is not None
+    every, played = curve_of(schedule.every, schedule.episodes, expected, decides=decides)
     plan = Plan(
         episodes=_episodes(budget),
         steps=budget.steps,
         seconds=None if minutes is None else 60.0 * check_number("minutes", minutes, low=0.0),
-        evaluate_every=asked.evaluation.every,
+        evaluate_every=every,
+        evaluation_episodes=played,
+        is_dear=is_dear(expected),
         gathers=env is not None,
         race=race if races else None,
         keep_success=keeps,
@@ -75,6 +86,27 @@ def _episodes(budget: Budget) -> int:
     if budget.episodes is not None:
         return budget.episodes
     return EPISODES if budget.is_open else MANY
+
+
+def _expected(
+    budget: Budget, demonstrations: Demonstrations | None, env: gymnasium.Env[Any, Any] | None
+) -> int | None:
+    """Return how many episodes a run will have, about, those of a race included.
+
+    None where they run side by side, and where that cannot be known: how long one will be is known
+    from the demonstrations, or from the environment's limit.
+    """
+    if env is None or vector_form(env) is not None:
+        return None
+    shown = demonstrations
+    length = None if env.spec is None else env.spec.max_episode_steps
+    if shown is not None and len(shown):
+        length = max(shown.n_transitions // len(shown), 1)
+    if length is None:
+        return None if budget.race_steps else budget.episodes
+    counts = [] if budget.episodes is None else [budget.episodes + budget.race_steps // length]
+    counts += [] if budget.steps is None else [budget.steps // length]
+    return min(counts, default=EPISODES if budget.is_open else None)
 
 
 def check_races(plan: Plan, start: Start) -> None:

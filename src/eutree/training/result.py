@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class StepCounts:
-    """Environment steps by what they were for; those of frozen evaluations are not counted.
+    """Environment steps by what they were for.
 
     Attributes:
         demonstrations: Recorded before the run.
@@ -35,6 +35,8 @@ class StepCounts:
         judging: Taken at the end by the start and the learned tree, of which one is handed over.
         declared: Those in which a teacher of your own was trained before, by its word or yours.
             They are no part of ``total``.
+        evaluation: Taken by frozen evaluations along the way, which decide nothing. They are no
+            part of ``total``.
     """
 
     demonstrations: int = 0
@@ -44,6 +46,7 @@ class StepCounts:
     front: int = 0
     judging: int = 0
     declared: int = 0
+    evaluation: int = 0
 
     @property
     def total(self) -> int:
@@ -70,6 +73,8 @@ class LearningResult(Displayed):
         episodes: Episodes of experience, without those of evaluations.
         steps: Environment steps of experience, without those of evaluations and racing.
         environment_steps: Environment steps by what they were for.
+        evaluation_episodes: Episodes that frozen trees played beside those of experience: in
+            evaluations along the way, in the front, and in the judgement.
         challengers: Trees that were put to the test.
         against_start: How the learned tree did against the start, which of them is handed over and
             why; None offline, where the run stopped, and where nothing may be judged.
@@ -98,6 +103,7 @@ class LearningResult(Displayed):
     episodes: int
     steps: int
     environment_steps: StepCounts
+    evaluation_episodes: int = 0
     challengers: int = 0
     against_start: Judgement | None = None
     front: tuple[FrontEntry, ...] = ()
@@ -169,7 +175,9 @@ def result_of(
             front=at.front_steps,
             judging=0 if judgement is None else judgement.steps,
             declared=0 if teacher is None else teacher.cost,
+            evaluation=at.evaluation_steps,
         ),
+        evaluation_episodes=at.played_episodes,
         challengers=run.challengers,
         against_start=judgement,
         teacher=learner.teacher if isinstance(learner, HasTeacher) else None,

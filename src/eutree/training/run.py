@@ -25,7 +25,8 @@ from eutree.policies.reach import among_allowed, ever_allowed, within_reach
 from eutree.policy_search.model_trust import ModelTrust
 from eutree.schema import Schema
 from eutree.training.acting import GatheringEpisode, Racing, seed_of_next
-from eutree.training.evaluations import Arena, Evaluations
+from eutree.training.arena import Arena
+from eutree.training.evaluations import Evaluations
 from eutree.training.judging import START
 from eutree.training.phases import Phase, Plan, Position, RunState, due, generator_of
 from eutree.training.progress import GatheredEpisodes
@@ -254,7 +255,7 @@ class Run:
 
     def _evaluate(self) -> None:
         """Freeze the policy and evaluate it."""
-        self.evaluations.add(self._best(), self._acting().evaluator)
+        self.evaluations.add(self._best(), self._acting())
 
     def _race(self) -> None:
         """Run one episode of the policy search."""

@@ -55,6 +55,7 @@ _FRONT = ("tree", "n_leaves", "mean_return", "return_low", "return_high", "succe
 MIN_SAVING_INTERVAL = 1.0  # seconds
 SHARE = 20
 _LENGTH = ("episodes", "steps", "minutes")  # which may be another when a run is resumed
+_EVALUATION = {"evaluate_every": "every", "evaluation_episodes": "episodes"}
 
 
 class ConfigDocument(Document, frozen=True, kw_only=True):
@@ -69,8 +70,8 @@ class ConfigDocument(Document, frozen=True, kw_only=True):
     episodes: int
     steps: int | None = None
     minutes: float | None = None
-    evaluate_every: int
-    evaluation_episodes: int
+    evaluate_every: int | None  # None: in proportion to the run, whatever its length
+    evaluation_episodes: int | None
     history: int
     seed: int
     demonstrations: str
@@ -87,11 +88,14 @@ class ConfigDocument(Document, frozen=True, kw_only=True):
     monotone: tuple[str, ...] = ()
 
 
-def length_of_run(out: str | Path) -> dict[str, Any]:
-    """Return the most episodes, steps and minutes of the run in a folder; nothing where none is."""
+def started(out: str | Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the parts of the budget and of the schedule of the run in a folder; none without."""
     path = Path(out) / "config.json"
-    started = read_document(path, ConfigDocument) if path.exists() else None
-    return {} if started is None else {name: getattr(started, name) for name in _LENGTH}
+    if not path.exists():
+        return {}, {}
+    known = read_document(path, ConfigDocument)
+    schedule = {part: getattr(known, name) for name, part in _EVALUATION.items()}
+    return {name: getattr(known, name) for name in _LENGTH}, schedule
 
 
 class SavingClock:
@@ -250,7 +254,8 @@ def _check_same(
     path: Path, found: ConfigDocument, wanted: ConfigDocument, kind: type[Method]
 ) -> None:
     """Raise RunFolderError unless the run was started as it is resumed; its length may differ."""
-    free = ("format", "version", "made_by", "method", *_LENGTH)
+    proportion = [name for name in _EVALUATION if getattr(found, name) is None]
+    free = ("format", "version", "made_by", "method", *_LENGTH, *proportion)
     names = [name for name in ConfigDocument.__struct_fields__ if name not in free]
     pairs = {name: (repr(getattr(found, name)), repr(getattr(wanted, name))) for name in names}
     pairs |= _choices(_method(path, found, kind), wanted.method)

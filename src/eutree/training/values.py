@@ -14,7 +14,7 @@ from eutree.training.callback import CallbackLike, Callbacks
 from eutree.training.handover import Handover
 from eutree.training.listeners import Listener, Listeners, Progress, StopWhen, TensorBoard
 from eutree.training.run import Run
-from eutree.training.run_folder import length_of_run
+from eutree.training.run_folder import started
 from eutree.training.teaching import Teacher
 from eutree.validation import check_number
 
@@ -32,8 +32,9 @@ class Budget:
         steps: Most environment steps of the run: those of learning and of racing, without
             demonstrations and evaluations. An episode begins only if the longest possible one
             still fits; where none is known, one is cut short at the limit.
-        minutes: Most minutes of the clock for learning and racing. What is learned then depends
-            on the machine; everything else repeats byte for byte.
+        minutes: Most minutes of the clock for all of it: learning, racing and evaluation, for which
+            a fifth is kept at the end. What is learned then depends on the machine; everything else
+            repeats byte for byte.
         race_steps: Environment steps spent at the end on policy search with racing: trees proposed
             by several world models, prunings and random changes prove themselves against the
             policy in episodes with common starts. They are part of ``steps``.
@@ -55,12 +56,15 @@ class Schedule:
     """When the policy is frozen and evaluated, on the same episodes each time.
 
     Attributes:
-        every: Episodes between two evaluations.
-        episodes: Episodes of each evaluation.
+        every: Episodes between two evaluations. None for 20; where episodes run one by one and the
+            run is shorter than 400, only the first and the last policy are evaluated.
+        episodes: Episodes of each evaluation. None for 100; where episodes run one by one and the
+            run is shorter than 400, all that is played beside it, at its end too, is about half of
+            its episodes up to 40, 125 at 100, 500 at 200.
     """
 
-    every: int = 20
-    episodes: int = 100
+    every: int | None = None
+    episodes: int | None = None
 
 
 @dataclass(frozen=True)
@@ -213,11 +217,20 @@ class Asked:
         return {name: getattr(self, name) for name in names}
 
     def going_on(self) -> Self:
-        """Return the same; a run that is resumed without a budget has the one it began with."""
-        folder = self.folder
-        if folder is None or not folder.resume or not self.budget.is_open:
+        """Return the same; a run that is resumed has what it began with, where that is not named.
+
+        That is its budget, and when it is evaluated.
+        """
+        if self.folder is None or not self.folder.resume:
             return self
-        return replace(self, budget=replace(self.budget, **length_of_run(folder.path)))
+        length, schedule = started(self.folder.path)
+        budget, evaluation = self.budget, self.evaluation
+        named = {name: value for name, value in vars(evaluation).items() if value is not None}
+        return replace(
+            self,
+            budget=replace(budget, **length) if budget.is_open else budget,
+            evaluation=replace(evaluation, **(schedule | named)),
+        )
 
 
 def _built(name: str, given: Any, short: Mapping[str, Any]) -> Any:
