@@ -18,6 +18,7 @@ Seeds from 1000 to 1999 are for tuning; those of the table begin at 20,000.
 
 import argparse
 import csv
+import importlib
 import multiprocessing
 import resource
 import subprocess
@@ -46,6 +47,7 @@ ROOT = Path(__file__).resolve().parents[1]
 ROWS = ROOT / "docs" / "results" / "table"
 STEPS, LEAVES = (10_000, 50_000, 100_000), (4, 8, 16, 32)
 SEEDS, FIRST, FINAL_EPISODES = 10, 20_000, 200
+ENOUGH = 0.9  # a cell whose runs used a smaller share of their steps says so
 STUDENTS = ("dagger", "viper")
 ROUNDS, TEACHERS = 8, 0.5  # of DAgger and VIPER; the share of the steps that their teacher takes
 COLUMNS = ("who", "task", "steps", "leaves", "seed", "return", "error", "success", "worst",
@@ -108,7 +110,7 @@ class Settings:
     """What the settings of a task say: its method, and how a run of it goes."""
 
     method: Any
-    expert: str
+    expert: Any  # who records them
     demonstrations: int
     race: float  # share of the steps that are left
 
@@ -117,18 +119,20 @@ class Settings:
         document = tomllib.loads(zoo.settings_of(task).read_text())
         run = document.pop("run")
         method = with_choices(method_of(document.pop("method")), document)
-        return cls(method, run["expert"], run["demonstrations"], run["race_share"])
+        script = script_of(task, run["expert"])
+        return cls(method, script, run["demonstrations"], run["race_share"])
 
 
-def demonstrated(cell: Cell, env: Any) -> tuple[eutree.Demonstrations, Settings]:
-    settings = Settings.of(cell.task)
-    script = EXPERTS[cell.task][settings.expert]
-    return eutree.record(env, script, episodes=settings.demonstrations, seed=cell.seed), settings
+def script_of(task: str, name: str) -> Any:
+    """Return who demonstrates: one of the package's, or MODULE:CLASS, which registers the task."""
+    module, _, kind = name.rpartition(":")
+    return getattr(importlib.import_module(module), kind)() if module else EXPERTS[task][name]
 
 
-def learned(cell: Cell, env: Any) -> tuple[eutree.TreePolicy, int]:
+def learned(cell: Cell, env: Any, settings: Settings) -> tuple[eutree.TreePolicy, int]:
     """Return the tree of a run with the task's settings, and all steps that it took."""
-    shown, settings = demonstrated(cell, env)
+    episodes = settings.demonstrations
+    shown = eutree.record(env, settings.expert, episodes=episodes, seed=cell.seed)
     left = cell.steps - shown.n_transitions
     if left <= 0:
         raise SystemExit(f"{cell}: the demonstrations alone take {shown.n_transitions} steps")
@@ -181,6 +185,7 @@ def distilled(cell: Cell, env: Any) -> tuple[eutree.TreePolicy, int]:
 
 def measured(cell: Cell, trees: Path | None) -> dict[str, Any]:
     """Run a cell and return its row; its tree is kept in a folder, if there is one."""
+    settings = Settings.of(cell.task)
     env = gymnasium.make(cell.task)
     taught = int(TEACHERS * cell.steps) if cell.who in STUDENTS else 0
     teacher = network(cell.task, taught, cell.seed)[1] if taught else 0.0
@@ -189,7 +194,8 @@ def measured(cell: Cell, trees: Path | None) -> dict[str, Any]:
         policy: Any = network(cell.task, cell.steps, cell.seed)[0]
         used, has_leaves = cell.steps, 0
     else:
-        policy, used = (learned if cell.who == "eutree" else distilled)(cell, env)
+        ours = cell.who == "eutree"
+        policy, used = learned(cell, env, settings) if ours else distilled(cell, env)
         has_leaves = policy.tree.n_leaves
     spent = time.process_time() - begin
     end = eutree.evaluate(policy, env, episodes=FINAL_EPISODES, seed=1_000_000 + cell.seed)
@@ -280,7 +286,9 @@ def summary(rows: list[dict[str, str]]) -> str:
     low, high = mean_interval(returns)
     has = np.mean([float(row["has_leaves"]) for row in rows])
     size = f"; {has:.1f} leaves" if has else ""
-    return f"{np.mean(returns):.1f} [{low:.1f}, {high:.1f}], worst {min(returns):.1f}{size}"
+    used = np.mean([float(row["used"]) for row in rows])
+    left = f", {used:,.0f} steps used" if used < ENOUGH * float(rows[0]["steps"]) else ""
+    return f"{np.mean(returns):.1f} [{low:.1f}, {high:.1f}], worst {min(returns):.1f}{size}{left}"
 
 
 def page(folder: Path) -> str:
@@ -344,7 +352,10 @@ runs here have the seeds from 20,000 on. A cell that was made of fewer than ten 
 empty one was not run yet.
 
 `dagger` and `viper` are CART by DAgger and VIPER from a DQN of Stable-Baselines3, with its zoo's
-settings and half of the steps; `network` is that DQN with all of them and no tree at all.
+settings and half of the steps; `network` is that DQN with all of them and no tree at all. What
+they gather is planned for episodes of full length, so where episodes are short steps are left. The
+half was not tuned for them: what copies of a network that learned to its end reach, in more steps,
+is in the rows from elsewhere.
 
 Each size is a run of its own. The front of a single run has every size too, but pays for it: it
 plays each of its trees from 60 starts or more, by default two steps for each step of the run, and

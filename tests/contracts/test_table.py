@@ -1,5 +1,7 @@
 """The pages of the table and between releases are those of the rows that are stored."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from benchmarks import releases, table
@@ -53,3 +55,12 @@ def test_a_task_is_worse_where_it_earns_less_or_its_trees_are_larger() -> None:
     assert releases.is_worse(rows([0.0, 0.0, 0.5], 4), then, "T")
     assert releases.is_worse(rows([1.0, 2.0, 3.0], 8), then, "T")
     assert not releases.is_worse(rows([2.0, 3.0, 4.0], 6), then, "T")
+
+
+def test_the_settings_of_a_task_of_the_examples_are_those_of_the_example() -> None:
+    from examples.two_tanks import FloatSwitch, method_for
+
+    settings = table.Settings.of("TwoTanks-v0")
+    assert isinstance(settings.expert, FloatSwitch)
+    assert settings.method == replace(method_for(20), max_leaves=settings.method.max_leaves)
+    assert settings.method.world_model.memory
