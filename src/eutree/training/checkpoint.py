@@ -21,6 +21,8 @@ from eutree.compression.report import FrontEntry
 from eutree.errors import FormatError
 from eutree.evaluation import CurvePoint
 from eutree.files import Document, read_archive, write_archive
+from eutree.learners import Part, Stored
+from eutree.learners.declared import HISTORY_PART, Declared, part, taken
 from eutree.learners.episode_buffer import as_whole
 from eutree.learners.registry import restored
 from eutree.training.judging import Judgement
@@ -194,9 +196,13 @@ def _judgement(path: Path, event: dict[str, Any]) -> Judgement:
         raise FormatError(path, _EVENTS, f"a judgement: {error!r}") from None
 
 
-_TRANSITION = (("observations", "f", 2), ("actions", "i", 1), ("rewards", "f", 1),
-               ("next_observations", "f", 2), ("terminal", "b", 1), ("episodes", "i", 1),
-               ("continues", "b", 1))  # fmt: skip
+_GATHERED = Part(
+    {
+        "episode_returns": Stored("f8", "E"),
+        "episode_lengths": Stored("i8", "E"),
+        "episode_successes": Stored("i1", "E"),
+    }
+)
 
 
 def stored_observations(path: str | Path) -> Floats:
@@ -220,29 +226,17 @@ def stored_transitions(path: str | Path, n_actions: int) -> Transitions:
     """
     checkpoint = Path(path) / CHECKPOINT
     arrays = read_archive(checkpoint, CheckpointDocument, limit=MAX_CHECKPOINT)[1]
-    columns = {}
-    for name, kind, axes in _TRANSITION:
-        found = arrays.get(f"history_{name}")
-        if found is None or found.dtype.kind != kind or found.ndim != axes:
-            raise FormatError(checkpoint, f"history_{name}", f"must be there, with {axes} axes")
-        if kind == "f" and not np.isfinite(found).all():
-            raise FormatError(checkpoint, f"history_{name}", "must be finite")
-        columns[name] = found
-    if len({len(column) for column in columns.values()}) != 1:
-        raise FormatError(checkpoint, "history", "must have rows of the same number")
-    observations, actions = columns["observations"], columns["actions"].astype(np.int64)
-    episodes = columns["episodes"].astype(np.int64)
-    if columns["next_observations"].shape != observations.shape:
-        raise FormatError(checkpoint, "history_next_observations", "has another shape")
-    if not ((actions >= 0) & (actions < n_actions)).all() or (np.diff(episodes) < 0).any():
-        raise FormatError(checkpoint, "history_actions", "must be actions of ascending episodes")
+    stored = {name: arrays[name] for name in HISTORY_PART.arrays if name in arrays}
+    n_features = np.shape(stored.get("history_observations", 0))[-1:] or (0,)
+    declared = Declared(n_features[0], n_actions, (HISTORY_PART,))
+    history = part(taken(checkpoint, stored, declared), "history_")
     return Transitions(
-        observations,
-        actions,
-        columns["rewards"],
-        columns["next_observations"],
-        columns["terminal"],
-        as_whole(episodes, columns["continues"]),
+        history["observations"],
+        history["actions"].astype(np.int64),
+        history["rewards"],
+        history["next_observations"],
+        history["terminal"],
+        as_whole(history["episodes"].astype(np.int64), history["continues"]),
         n_actions,
     )
 
@@ -251,16 +245,7 @@ def _gathered(path: Path, arrays: dict[str, NDArray[Any]]) -> GatheredEpisodes:
     """Take what a run noted of its episodes out of the arrays of its checkpoint."""
     gathered = GatheredEpisodes()
     state = {name: arrays.pop(name, array) for name, array in gathered.state().items()}
-    for name, array in state.items():
-        kind = "f" if name == "episode_returns" else "i"
-        if (
-            array.ndim != 1
-            or array.dtype.kind != kind
-            or array.size != len(state["episode_returns"])
-        ):
-            raise FormatError(path, name, f"shape {array.shape} of {array.dtype} does not fit")
-        if not np.isfinite(array).all():
-            raise FormatError(path, name, "must be finite")
+    taken(path, state, Declared(0, 0, (_GATHERED,)))
     gathered.restore(state)
     return gathered
 

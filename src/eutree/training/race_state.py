@@ -10,19 +10,32 @@ from numpy.typing import NDArray
 
 from eutree.data import Episode
 from eutree.errors import FormatError
+from eutree.learners import Part, Stored
+from eutree.learners.declared import Declared, Found, part, taken
 from eutree.policies import TreePolicy
 from eutree.training.search import STAGES, SearchState
 
 _PREFIX = "race_"
-_KINDS = {
-    "lengths": "i",
-    "observations": "f",
-    "actions": "i",
-    "rewards": "f",
-    "terminated": "b",
-    "successes": "i",
-}
 _UNKNOWN = -1  # success of an episode of an environment that reports none
+
+
+def _are_episodes(found: Found) -> None:
+    n_steps, sizes = int(found.state[f"{_PREFIX}lengths"].sum()), found.sizes
+    if (sizes["N"], sizes["rows"]) != (n_steps, n_steps + sizes["E"]):
+        raise found.refuse(f"{_PREFIX}lengths", f"must add up to {sizes['N']}, got {n_steps}")
+
+
+EPISODES = Part(
+    {
+        f"{_PREFIX}lengths": Stored("i8", "E", low=1, below=2**40),
+        f"{_PREFIX}observations": Stored("f8", ("rows", "d")),
+        f"{_PREFIX}actions": Stored("i8", "N", low=0, below="A"),
+        f"{_PREFIX}rewards": Stored("f8", "N"),
+        f"{_PREFIX}terminated": Stored("b1", "E"),
+        f"{_PREFIX}successes": Stored("i1", "E", low=_UNKNOWN, most=1),
+    },
+    _are_episodes,
+)
 
 Count = Annotated[int, msgspec.Meta(ge=0)]
 
@@ -79,22 +92,15 @@ class RaceDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
 
 def race_to_document(state: SearchState) -> RaceDocument:
     """Return where a search stood as a document."""
-    fitted = state.fitted
-    return RaceDocument(
-        stage=state.stage,
-        incumbent=PolicyText.of(state.incumbent),
-        challengers=[PolicyText.of(tree) for tree in state.challengers],
-        round=state.round,
-        block=state.block,
-        limit=state.limit,
-        tried=state.tried,
-        won=state.won,
-        idle=state.idle,
-        n_episodes=state.n_episodes,
-        own=list(state.own),
-        fitted=None if fitted is None else FittedDocument(*fitted[:2], _chance_to(fitted[2])),
-        chance=None if state.chance is None else _chance_to(state.chance),
-    )
+    fitted, chance = state.fitted, state.chance
+    documents = {
+        "incumbent": PolicyText.of(state.incumbent),
+        "challengers": [PolicyText.of(tree) for tree in state.challengers],
+        "own": list(state.own),
+        "fitted": fitted and FittedDocument(*fitted[:2], _chance_to(fitted[2])),
+        "chance": chance and _chance_to(chance),
+    }
+    return RaceDocument(**vars(state) | documents)
 
 
 def race_from_document(document: RaceDocument, path: Path, n_episodes: int) -> SearchState:
@@ -104,34 +110,26 @@ def race_from_document(document: RaceDocument, path: Path, n_episodes: int) -> S
         FormatError: It does not fit the episodes, or names no stage.
     """
     fitted = document.fitted
-    known = [document.n_episodes, *(number + 1 for number in document.own)]
+    numbers = [document.n_episodes, *(number + 1 for number in document.own)]
     if fitted is not None:
-        known.append(fitted.episodes)
-    if max(known) > n_episodes:
-        raise FormatError(path, "race", f"must be of {n_episodes} episodes, got {max(known)}")
+        numbers.append(fitted.episodes)
+    if max(numbers) > n_episodes:
+        raise FormatError(path, "race", f"must be of {n_episodes} episodes, got {max(numbers)}")
     if document.stage not in STAGES:
         raise FormatError(path, "race", f"stage must be one of {STAGES}, got {document.stage!r}")
     if document.stage in ("cut", "race", "prove") and not document.challengers:
         raise FormatError(path, "race", f"stage {document.stage!r} must have challengers")
     if document.stage == "vary" and fitted is None:
         raise FormatError(path, "race", "stage 'vary' must say when advantages were fitted")
-    return SearchState(
-        stage=document.stage,
-        incumbent=document.incumbent.policy(path),
-        challengers=tuple(text.policy(path) for text in document.challengers),
-        round=document.round,
-        block=document.block,
-        limit=document.limit,
-        tried=document.tried,
-        won=document.won,
-        idle=document.idle,
-        n_episodes=document.n_episodes,
-        own=tuple(document.own),
-        fitted=None
-        if fitted is None
-        else (fitted.steps, fitted.episodes, _chance_from(path, fitted.chance)),
-        chance=None if document.chance is None else _chance_from(path, document.chance),
-    )
+    known = msgspec.structs.asdict(document)
+    values = {
+        "incumbent": document.incumbent.policy(path),
+        "challengers": tuple(text.policy(path) for text in document.challengers),
+        "own": tuple(document.own),
+        "fitted": fitted and (fitted.steps, fitted.episodes, _chance_from(path, fitted.chance)),
+        "chance": document.chance and _chance_from(path, document.chance),
+    }
+    return SearchState(**known | values)
 
 
 def episodes_to_arrays(episodes: Sequence[Episode]) -> dict[str, NDArray[Any]]:
@@ -158,28 +156,12 @@ def episodes_from_arrays(
     Raises:
         FormatError: They do not fit each other, or the environment.
     """
-    found = {name: arrays.pop(_PREFIX + name, None) for name in _KINDS}
-    if all(array is None for array in found.values()):
+    stored = {name: arrays.pop(name) for name in EPISODES.arrays if name in arrays}
+    if not stored:
         return []
-    known: dict[str, NDArray[Any]] = {}
-    for name, array in found.items():
-        dimensions = 2 if name == "observations" else 1
-        if array is None or array.dtype.kind != _KINDS[name] or array.ndim != dimensions:
-            raise FormatError(path, _PREFIX + name, "missing, or of another type or shape")
-        known[name] = array
-    lengths = known["lengths"]
-    _check(path, "lengths", bool((lengths > 0).all() and (lengths < 2**40).all()), "above 0")
-    n, e = int(lengths.sum()), lengths.size
-    sizes = {"actions": n, "rewards": n, "terminated": e, "successes": e, "observations": n + e}
-    for name, size in sizes.items():
-        _check(path, name, len(known[name]) == size, f"of {size} rows")
-    _check(path, "observations", known["observations"].shape[1] == n_features, "of the features")
-    for name in ("observations", "rewards"):
-        _check(path, name, bool(np.isfinite(known[name]).all()), "finite")
-    actions, successes = known["actions"], known["successes"]
-    _check(path, "actions", bool(((actions >= 0) & (actions < n_actions)).all()), "actions")
-    _check(path, "successes", bool(((successes >= _UNKNOWN) & (successes <= 1)).all()), "-1, 0, 1")
-    return [_episode(known, k, int(lengths[:k].sum())) for k in range(e)]
+    found = part(taken(path, stored, Declared(n_features, n_actions, (EPISODES,))), _PREFIX)
+    starts = np.cumsum(found["lengths"]) - found["lengths"]
+    return [_episode(found, k, start) for k, start in enumerate(starts.tolist())]
 
 
 def _episode(known: dict[str, NDArray[Any]], number: int, start: int) -> Episode:
@@ -195,11 +177,6 @@ def _episode(known: dict[str, NDArray[Any]], number: int, start: int) -> Episode
         truncated=not terminated,
         is_success=None if success == _UNKNOWN else bool(success),
     )
-
-
-def _check(path: Path, name: str, right: bool, wanted: str) -> None:
-    if not right:
-        raise FormatError(path, _PREFIX + name, f"must be {wanted}")
 
 
 def _chance_to(state: dict[str, Any]) -> ChanceDocument:
