@@ -310,17 +310,9 @@ class C45Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # sk
         """Return the tree in C4.5's own format: one line a branch, (cases/errors) at leaves."""
         return text.to_text(self._tree(), self._names())
 
-    def export_dot(self) -> str:
-        """Return the tree as a Graphviz digraph."""
-        return text.to_dot(self._tree(), self._names())
-
     def export_svg(self) -> str:
         """Return a drawing of the tree."""
         return text.to_svg(self._tree(), self._names())
-
-    def export_json(self) -> str:
-        """Return the tree as JSON: names, and nested tests and leaves with their classes."""
-        return text.to_json(self._tree(), self._names())
 
     def _html_repr(self) -> str:
         """Return what notebooks show: scikit-learn's diagram, and below it the fitted tree."""

@@ -1,11 +1,9 @@
-"""C4.5 trees as text, Graphviz and JSON, with names for attributes, values and classes.
+"""C4.5 trees as text and as a drawing, with names for attributes, values and classes.
 
 The writers of ``eutree.export`` take binary trees; these also take tests with many branches.
 """
 
-import json
 from dataclasses import dataclass
-from typing import Any
 from xml.sax.saxutils import escape
 
 from eutree.c45.tree import C45Tree
@@ -60,55 +58,9 @@ def to_text(tree: C45Tree, names: C45Names) -> str:
     return "\n".join(lines)
 
 
-def to_dot(tree: C45Tree, names: C45Names) -> str:
-    """Return a Graphviz digraph."""
-    lines = ["digraph tree {", "  node [shape=box];"]
-    for node, _ in tree.preorder():
-        inner = tree.n_children[node] > 0
-        name = printable(names.features[tree.feature[node]])
-        label = name if inner else verdict(tree, names, node)
-        lines.append(f"  n{node} [label={_quoted(label)}];")
-        for branch, child in enumerate(tree.children(node)):
-            text = condition(tree, names, node, branch)
-            edge = text.removeprefix(name).strip()
-            lines.append(f"  n{node} -> n{child} [label={_quoted(edge)}];")
-    return "\n".join([*lines, "}", ""])
-
-
-def to_json(tree: C45Tree, names: C45Names) -> str:
-    """Return names and nodes; children follow their parents, numbers are written in full."""
-    nodes: list[dict[str, Any]] = []
-    for node in range(tree.n_nodes):
-        entry: dict[str, Any] = {"classes": tree.distribution[node].tolist()}
-        if tree.n_children[node]:
-            entry |= {"feature": int(tree.feature[node]), "children": [*tree.children(node)]}
-            if tree.value_start[node] < 0:
-                entry["threshold"] = float(tree.threshold[node])
-            else:
-                branches = range(int(tree.n_children[node]))
-                entry["values"] = [list(tree.values_of_branch(node, b)) for b in branches]
-        nodes.append(entry)
-    document = {
-        "format": "eutree c45 tree",
-        "version": 1,
-        "features": [
-            {"name": name, "values": list(values)}
-            for name, values in zip(names.features, names.values, strict=True)
-        ],
-        "classes": list(names.classes),
-        "nodes": nodes,
-    }
-    return json.dumps(document, allow_nan=False, ensure_ascii=False, indent=1) + "\n"
-
-
 def _number(value: float) -> str:
     """Return the shortest decimal that reads back as the same double."""
     return repr(int(value)) if value == int(value) and abs(value) < 1e15 else repr(float(value))
-
-
-def _quoted(text: str) -> str:
-    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-    return f'"{escaped}"'
 
 
 _ROW, _BOX, _SIGN, _GAP, _MARGIN = 28.0, 20.0, 7.2, 40.0, 10.0

@@ -1,8 +1,10 @@
 """Self-contained HTML pages: the report of a run, a policy watched while it decides."""
 
-from eutree.report.demonstration_figures import DemonstrationFigures, demonstration_figures
-from eutree.report.demonstrations_page import demonstrations_page
-from eutree.report.importances import FeatureImportancesDisplay
+from eutree.report.demonstrations_page import (
+    DemonstrationFigures,
+    demonstration_figures,
+    demonstrations_page,
+)
 from eutree.report.policy_page import policy_page
 from eutree.report.run_folder_report import report_of_run
 from eutree.report.run_page import CHANGES_ID, Headline, RunReport, Table, WatchedTree, run_page
@@ -11,7 +13,6 @@ from eutree.report.watching import WatchedEpisode, watch
 __all__ = [
     "CHANGES_ID",
     "DemonstrationFigures",
-    "FeatureImportancesDisplay",
     "Headline",
     "RunReport",
     "Table",
