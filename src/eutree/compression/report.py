@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import Any
 
+import msgspec
+
 from eutree.compression.playing import Outcome
 from eutree.evaluation import Estimate, Interval, mean_interval
 from eutree.policies import TreePolicy
@@ -27,6 +29,14 @@ class RoundingPlayed:
     exact: float
     rounded: float
     kept: bool = True
+
+
+_EARNED: dict[str, Any] = {
+    "mean_return": float,
+    "return_interval": Interval,
+    "success_rate": float | None,
+    "success_interval": Interval | None,
+}
 
 
 @dataclass(frozen=True)
@@ -60,27 +70,14 @@ class FrontEntry:
 
     def facts(self, path: str | None = None) -> dict[str, Any]:
         """Return the entry in JSON's types; ``path`` is where its tree was written, if it was."""
-        success = self.success_interval
-        return {
-            "n_leaves": self.policy.n_leaves,
-            "mean_return": self.mean_return,
-            "return_interval": list(self.return_interval),
-            "success_rate": self.success_rate,
-            "success_interval": None if success is None else list(success),
-            "path": path,
-        }
+        earned = {name: getattr(self, name) for name in _EARNED}
+        return {"n_leaves": self.policy.n_leaves, **msgspec.to_builtins(earned), "path": path}
 
     @classmethod
     def from_facts(cls, policy: TreePolicy, facts: dict[str, Any]) -> "FrontEntry":
         """Take back ``facts()`` of a tree."""
-        rate, success = facts["success_rate"], facts["success_interval"]
-        return cls(
-            policy,
-            float(facts["mean_return"]),
-            Interval(*map(float, facts["return_interval"])),
-            None if rate is None else float(rate),
-            None if success is None else Interval(*map(float, success)),
-        )
+        earned = {name: msgspec.convert(facts[name], kind) for name, kind in _EARNED.items()}
+        return cls(policy, **earned)
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,9 @@
 """What a run gained against its start: both policies on the same fresh episodes."""
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, Literal
+
+import msgspec
 
 from eutree.evaluation import Evaluation, Interval, against
 from eutree.wording import counted
@@ -58,6 +60,14 @@ class JudgedTree:
         )
 
 
+_SAID = {  # names of facts in events.jsonl
+    "episodes": "episodes_compared",
+    "return_change": "return",
+    "success_change": "success",
+    "steps": "steps_of_judging",
+}
+
+
 @dataclass(frozen=True)
 class Judgement:
     """The learned tree of a run against its start.
@@ -110,42 +120,14 @@ class Judgement:
 
     def facts(self) -> dict[str, Any]:
         """Return the judgement in JSON's types."""
-        success = self.success_interval
-        return {
-            "episodes_compared": self.episodes,
-            "return": self.return_change,
-            "return_interval": list(self.return_interval),
-            "success": self.success_change,
-            "success_interval": None if success is None else list(success),
-            "challengers": self.challengers,
-            "start": None if self.start is None else asdict(self.start),
-            "learned": None if self.learned is None else asdict(self.learned),
-            "steps_of_judging": self.steps,
-            "handed_over": self.handed_over,
-            "why": self.why,
-            "condition": self.condition,
-        }
+        return {_SAID.get(name, name): fact for name, fact in msgspec.to_builtins(self).items()}
 
     @classmethod
     def from_facts(cls, facts: dict[str, Any]) -> "Judgement":
         """Take back ``facts()``, also those of a run before version 0.3."""
-        handed_over = facts.get("handed_over", LEARNED)
-        if handed_over not in (LEARNED, START):
-            raise ValueError(f"handed_over must be learned or start, got {handed_over!r}")
-        return cls(
-            int(facts["episodes_compared"]),
-            float(facts["return"]),
-            _interval(facts["return_interval"]),
-            None if facts["success"] is None else float(facts["success"]),
-            None if facts["success_interval"] is None else _interval(facts["success_interval"]),
-            int(facts["challengers"]),
-            _standing(facts.get("start")),
-            _standing(facts.get("learned")),
-            int(facts.get("steps_of_judging", 0)),
-            handed_over,
-            str(facts.get("why", "")),
-            str(facts.get("condition", "")),
-        )
+        known = {one.name: _SAID.get(one.name, one.name) for one in fields(cls)}
+        given = {name: facts[said] for name, said in known.items() if said in facts}
+        return msgspec.convert(given, cls, strict=False)
 
     def describe(self, start: str) -> str:
         """Return the judgement in words; ``start`` names the policy that it began with."""
@@ -200,26 +182,6 @@ def judged(
         start=JudgedTree.of(start, sizes[0]),
         learned=JudgedTree.of(learned, sizes[1]),
         condition=found.condition,
-    )
-
-
-def _interval(ends: Any) -> Interval:
-    low, high = ends
-    return Interval(float(low), float(high))
-
-
-def _standing(facts: dict[str, Any] | None) -> JudgedTree | None:
-    if facts is None:
-        return None
-    success = facts["success_rate"]
-    return JudgedTree(
-        int(facts["n_leaves"]),
-        float(facts["mean_return"]),
-        _interval(facts["return_interval"]),
-        float(facts["worst"]),
-        float(facts["quantile_05"]),
-        None if success is None else float(success),
-        None if facts["success_interval"] is None else _interval(facts["success_interval"]),
     )
 
 
