@@ -9,7 +9,7 @@ import pytest
 import eutree
 from eutree.compression.playing import CommonEpisodes, Ground
 from eutree.compression.searching import FrontSearch
-from eutree.interaction.recipe import Recipe
+from eutree.interaction.making import Recipe
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.trees import DecisionTree

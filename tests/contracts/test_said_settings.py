@@ -24,7 +24,7 @@ from eutree.learners.registry import METHODS
 from eutree.learners.starts import STARTS
 from eutree.policy_search import improvement, planner
 from eutree.splitting import KolmogorovSmirnov, Permutation
-from eutree.training import proposals, run_folder, search, variants
+from eutree.training import proposals, run_folder, search
 from eutree.training.planned import EPISODES
 from eutree.world_model.ensemble import EnsembleSettings
 
@@ -85,7 +85,7 @@ SAID = {
         f"is smaller and as good after {paired.most}.",
         f"If the steps end before, all {word(len(proposals._MODELS))} models",
         f"the returns to go in the last {proposals.RECENT} episodes",
-        f"with lambda = {variants.LAMBDA}.",
+        f"with lambda = {proposals.LAMBDA}.",
     ],
     "methods.md": [
         f"where at least {word(default_choice.ENOUGH_SHOWN)} demonstrations are given",

@@ -20,8 +20,8 @@ from eutree.errors import (
     MissingExtraError,
     UnknownNameError,
 )
+from eutree.interaction.making import Recipe
 from eutree.interaction.names import Names, named
-from eutree.interaction.recipe import Recipe
 from eutree.parallel import Workers
 from eutree.schema import EnvironmentSpec
 

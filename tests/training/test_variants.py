@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from eutree.training.variants import LAMBDA, Advantages, Variation, _add_what_follows
+from eutree.training.proposals import LAMBDA, Advantages, Variation, _add_what_follows
 from eutree.world_model import Transitions
 from eutree.world_model.action_trees import n_leaves, packed
 

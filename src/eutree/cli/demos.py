@@ -235,7 +235,7 @@ def stats(folder: Path, html: Path | None, as_json: bool) -> None:
     """Say what FOLDER covers, where it contradicts itself, and whether more would help."""
     from eutree.files import check_writable, write_text
     from eutree.report import demonstration_figures, demonstrations_page
-    from eutree.report.demonstration_figures import figures_as_values, figures_in_words
+    from eutree.report.demonstrations_page import figures_as_values, figures_in_words
 
     opened = _open(folder)
     episodes = _some(opened)

@@ -35,7 +35,7 @@ COMMANDS = {
     "warm-up": "Compile everything now, so that no later command waits for it.",
 }
 
-HOMES = {"diff": "why"}  # modules of commands that have none of their own
+HOMES = dict.fromkeys(("diff", "edit", "verify", "why"), "inspecting")  # the others: their own
 
 EXIT_MISTAKE = 2
 EXIT_INTERRUPTED = 130

@@ -43,7 +43,7 @@ from eutree.compression.report import CompressionReport, FrontEntry
 from eutree.contests.betting import episodes_needed
 from eutree.contests.smallest import ATTEMPTS
 from eutree.errors import InvalidArgumentError
-from eutree.interaction.recipe import Environment
+from eutree.interaction.making import Environment
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
 from eutree.trees.boxes import disagreement

@@ -15,7 +15,7 @@ from eutree.contests.betting import TUNED
 from eutree.contests.smallest import ATTEMPTS
 from eutree.evaluation import Estimate, Interval, evaluate
 from eutree.interaction import episode_seed
-from eutree.interaction.recipe import Environment, Recipe, made
+from eutree.interaction.making import Environment, Recipe, made
 from eutree.interaction.return_range import return_range as known_range
 from eutree.interaction.seeding import Stream
 from eutree.policies import TreePolicy

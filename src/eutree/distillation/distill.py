@@ -28,7 +28,7 @@ from eutree.interaction import GuardedEnv, episode_seed, run_episode
 from eutree.interaction.acting import Actor, Controller, as_policy, trained_steps
 from eutree.interaction.decoding import warn_of_codes
 from eutree.interaction.deriving import acting_as
-from eutree.interaction.recipe import Environment, Recipe, made
+from eutree.interaction.making import Environment, Recipe, made
 from eutree.interaction.seeding import Stream
 from eutree.parallel import Workers
 from eutree.policies import Policy, TreePolicy

@@ -23,7 +23,7 @@ from eutree.interaction import GuardedEnv, episode_seed, run_episode
 from eutree.interaction.acting import Actor, Controller, as_policy
 from eutree.interaction.deriving import acting_as
 from eutree.interaction.episode import ending_of, success_of
-from eutree.interaction.recipe import Environment, Recipe, made
+from eutree.interaction.making import Environment, Recipe, made
 from eutree.parallel import Workers
 from eutree.policies import Policy
 from eutree.schema import EnvironmentSpec

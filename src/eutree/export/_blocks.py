@@ -140,3 +140,9 @@ def _spelled(name: str) -> str:
     """Return a name with "minus" for the sign of a number and "p" for its point."""
     name = re.sub(r"(?<![\w.])-(?=\d)", "minus ", name)
     return re.sub(r"(?<=\d)\.(?=\d)", "p", name)
+
+
+ASSUMPTION = (
+    "Actions may be masked where it acts; this takes all to be allowed. "
+    "The next best ones are in the exports to C and Python."
+)

@@ -1,6 +1,6 @@
 """LaTeX pictures with TikZ and nothing else."""
 
-from eutree.export._masks import ASSUMPTION
+from eutree.export._blocks import ASSUMPTION
 from eutree.export.drawing import (
     branches,
     column_lefts,

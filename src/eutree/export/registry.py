@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import Any
 
 from eutree.errors import UnknownNameError
-from eutree.export._masks import ASSUMPTION
+from eutree.export._blocks import ASSUMPTION
 from eutree.export.c import to_c
 from eutree.export.drawing import branches, fills, words_of_leaf, words_of_test
 from eutree.export.latex import to_latex

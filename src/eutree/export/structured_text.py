@@ -1,6 +1,7 @@
 """Structured Text (IEC 61131-3) for programmable logic controllers."""
 
 from eutree.export._blocks import (
+    ASSUMPTION,
     STRUCTURED_TEXT_WORDS,
     block_roots,
     check_identifier,
@@ -14,7 +15,6 @@ from eutree.export._derived import (
     remembered_features,
     structured_text_functions,
 )
-from eutree.export._masks import ASSUMPTION
 from eutree.policies import TreePolicy
 from eutree.trees.text import (
     Syntax,

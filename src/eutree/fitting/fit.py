@@ -31,8 +31,7 @@ from eutree.fitting.report import FitReport, Person
 from eutree.inspection import keep_monotone, monotone_rules
 from eutree.interaction import describe
 from eutree.interaction.deriving import acting_as
-from eutree.interaction.making import make
-from eutree.interaction.recipe import Environment, opened
+from eutree.interaction.making import Environment, make, opened
 from eutree.learners.starts import (
     RELEASE_8,
     SETTINGS,

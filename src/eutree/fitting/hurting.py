@@ -33,7 +33,7 @@ from eutree.fitting.report import Person, result_in_words
 from eutree.fitting.segments import Edit, KeyRuns, Segment, accepted, last_steps, segments_of
 from eutree.interaction import episode_seed
 from eutree.interaction.deriving import acting_as
-from eutree.interaction.recipe import Environment, opened
+from eutree.interaction.making import Environment, opened
 from eutree.interaction.seeding import Stream
 from eutree.learners import fit_expert_tree
 from eutree.learners.starts import SETTINGS, Candidate, candidates, promising

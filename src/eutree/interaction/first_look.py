@@ -13,12 +13,10 @@ import numpy as np
 from gymnasium.wrappers import TimeLimit
 
 from eutree.errors import EutreeError
-from eutree.interaction.action_grid import GriddedAction, numbered
+from eutree.interaction.action_grid import ActionMasks, GriddedAction, numbered
 from eutree.interaction.decoding import warn_of_codes
 from eutree.interaction.guard import MAX_EPISODE_STEPS
-from eutree.interaction.making import make
-from eutree.interaction.masks import ActionMasks
-from eutree.interaction.own_folder import made_here
+from eutree.interaction.making import made_here, make
 from eutree.interaction.spaces import encoder, spec_of
 
 CHECKED_STEPS = 200

@@ -14,9 +14,8 @@ import numpy as np
 from eutree.arrays import Booleans, Floats
 from eutree.errors import EnvironmentFault, InvalidArgumentError, described, shown
 from eutree.features import FeatureMap
-from eutree.interaction.action_grid import counts_from_zero, grid_around, numbered
-from eutree.interaction.masks import ActionMasks
-from eutree.interaction.own_folder import OwnFolder
+from eutree.interaction.action_grid import ActionMasks, counts_from_zero, grid_around, numbered
+from eutree.interaction.making import OwnFolder
 from eutree.interaction.spaces import decoder, derived_around, describe, encoder, spec_of
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.validation import check_integer

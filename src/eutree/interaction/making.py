@@ -7,9 +7,13 @@ names, never ``render_mode``, and no text that could be the name of a file, a mo
 """
 
 import inspect
+import os
 import re
 from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import gymnasium
 from gymnasium.envs.registration import load_env_creator
@@ -31,9 +35,57 @@ from eutree.interaction.decoding import (
     decodes,
     one_hot_around,
 )
-from eutree.interaction.names import given_names
-from eutree.interaction.own_folder import made_here
+from eutree.interaction.names import Names, given_names, named
+from eutree.parallel import Workers
 from eutree.schema import EnvironmentSpec
+
+_FOLDERS: "WeakKeyDictionary[gymnasium.Env[Any, Any], str]" = WeakKeyDictionary()
+
+
+@contextmanager
+def made_here() -> Iterator[list[gymnasium.Env[Any, Any]]]:
+    """Come back to the working folder; the environments put into the list stay where they went."""
+    made: list[gymnasium.Env[Any, Any]] = []
+    ours = folder()
+    try:
+        yield made
+    finally:
+        there = folder()
+        if there != ours:
+            os.chdir(ours)
+            _FOLDERS.update({env.unwrapped: there for env in made})
+
+
+class OwnFolder:
+    """The working folder of one environment, which is that of the process until it is changed.
+
+    Args:
+        env: The environment.
+    """
+
+    def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
+        self._theirs = _FOLDERS.get(env.unwrapped, "")
+        self._ours = ""
+
+    def __enter__(self) -> None:
+        self._ours = folder()
+        if self._theirs:
+            os.chdir(self._theirs)
+
+    def __exit__(self, *exception: object) -> None:
+        there = folder()
+        self._theirs = "" if there == self._ours else there
+        if self._theirs and self._ours:
+            os.chdir(self._ours)
+
+
+def folder() -> str:
+    """Return the working folder; "" where it was deleted."""
+    try:
+        return os.getcwd()
+    except FileNotFoundError:
+        return ""
+
 
 _IMPORT = "One of your own is known once its module is imported: --import MODULE."
 MANNER = frozenset(
@@ -172,3 +224,80 @@ def _check_known(name: str) -> None:
     versions = [k for k in gymnasium.registry if k.split("-v")[0] == name.split("-v")[0]]
     if "-v" in name:
         raise UnknownNameError("environment", name, versions)
+
+
+Environment = gymnasium.Env[Any, Any] | EnvironmentSpec | str  # one, how to make it, its id
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """All that it takes to make an environment in another process.
+
+    Attributes:
+        spec: How it is made.
+        registered: What Gymnasium's registry holds of its id; None if its id names a module.
+        names: What its features and actions are called there, if a file says so.
+    """
+
+    spec: EnvironmentSpec
+    registered: Any
+    names: Names | None
+
+    @classmethod
+    def of(cls, spec: EnvironmentSpec | str) -> "Recipe":
+        """Return how to make what ``make`` makes here and now.
+
+        Raises:
+            InvalidArgumentError: It is neither an id nor an ``EnvironmentSpec``.
+        """
+        if not isinstance(spec, EnvironmentSpec | str):
+            raise InvalidArgumentError(
+                "environment must be an id or an EnvironmentSpec, of which each process makes its "
+                f"own, got {shown(spec)}"
+            )
+        spec = EnvironmentSpec(spec) if isinstance(spec, str) else spec
+        return cls(spec, gymnasium.registry.get(spec.id), given_names())
+
+    def make(self) -> gymnasium.Env[Any, Any]:
+        """Return the environment, in whichever process this is."""
+        if self.registered is not None:
+            gymnasium.registry.setdefault(self.spec.id, self.registered)
+        if self.names is None:
+            return make(self.spec)
+        with named(self.names):
+            return make(self.spec)
+
+
+def made(
+    env: Environment, n_jobs: int | None
+) -> tuple[gymnasium.Env[Any, Any], EnvironmentSpec | None]:
+    """Return the environment itself, and how other processes make it if they are to.
+
+    Raises:
+        InvalidArgumentError: It is no environment, or other processes are to make one that is made
+            already.
+    """
+    if not isinstance(env, gymnasium.Env | EnvironmentSpec | str):
+        raise InvalidArgumentError(
+            f"env must be a gymnasium.Env, an id or an EnvironmentSpec, got {shown(env)}"
+        )
+    if isinstance(env, gymnasium.Env):
+        if n_jobs not in (None, 1):
+            raise InvalidArgumentError(
+                "env must be an id or an EnvironmentSpec, of which each of n_jobs processes makes "
+                "its own, got one that is made already"
+            )
+        return env, None
+    spec = EnvironmentSpec(env) if isinstance(env, str) else env
+    return make(spec), spec if Workers(n_jobs).count > 1 else None
+
+
+@contextmanager
+def opened(env: Environment) -> Iterator[gymnasium.Env[Any, Any]]:
+    """Yield an environment as it is, or one that is made here and closed in the end."""
+    opened = made(env, None)[0]
+    try:
+        yield opened
+    finally:
+        if opened is not env:
+            opened.close()

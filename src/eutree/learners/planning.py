@@ -41,8 +41,7 @@ from eutree.learners.forgetting import RecentEpisodes
 from eutree.learners.history import History
 from eutree.learners.learner import Arrays, Decisions, Needs, Problem, Start, Step, Update
 from eutree.policies import LeafStatistics
-from eutree.policies.leaf_statistics import returns_by_action
-from eutree.policies.order import orders_of
+from eutree.policies.leaf_statistics import orders_of, returns_by_action
 from eutree.policy_search.planner import Planner, Rivals
 from eutree.trees import DecisionTree
 from eutree.trees.edit import graft

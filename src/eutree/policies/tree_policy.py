@@ -22,9 +22,8 @@ from eutree.policies.document import (
     policy_parts,
     policy_to_bytes,
 )
-from eutree.policies.leaf_statistics import LeafStatistics
+from eutree.policies.leaf_statistics import LeafStatistics, check_masks, orders_of
 from eutree.policies.observed import rows_of
-from eutree.policies.order import check_masks, orders_of
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.trees import DecisionTree
 from eutree.trees.text import definitions, printable, rules

@@ -1,8 +1,14 @@
 """Proofs about trajectories: whether a policy arrives, stays or succeeds, from every start."""
 
 from eutree.proof._kernels import ActingNodes
-from eutree.proof.certificate import Certificate, Picture, Pieces, Starts
-from eutree.proof.certificate_file import load_certificate, save_certificate
+from eutree.proof.certificate import (
+    Certificate,
+    Picture,
+    Pieces,
+    Starts,
+    load_certificate,
+    save_certificate,
+)
 from eutree.proof.intervals import Intervals, Truth, clip, cos, maximum, minimum, sin, sqrt, where
 from eutree.proof.plant import Plant
 from eutree.proof.plants import plant_of, register_plant

@@ -19,7 +19,7 @@ from eutree.arrays import Floats, Integers
 from eutree.errors import InvalidArgumentError
 from eutree.policies import TreePolicy
 from eutree.policies.sklearn_tree import float64_thresholds
-from eutree.proof import _kernels_layers as kernels
+from eutree.proof import _kernels as kernels
 from eutree.proof.affine import Affine, Doubt
 from eutree.proof.intervals import Intervals, Truth, middle
 from eutree.proof.plant import Plant, State

@@ -9,7 +9,7 @@ from eutree.interaction import GuardedEnv, episode_seed, run_episode
 from eutree.interaction.acting import Controller, as_policy
 from eutree.interaction.deriving import acting_as
 from eutree.interaction.first_look import look_at
-from eutree.interaction.recipe import Environment, opened
+from eutree.interaction.making import Environment, opened
 from eutree.interaction.seeding import Stream
 from eutree.validation import check_integer, check_seed
 

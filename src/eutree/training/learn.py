@@ -17,7 +17,7 @@ from eutree.evaluation.evaluate import evaluate_starts
 from eutree.interaction import GuardedEnv, episode_seed
 from eutree.interaction.deriving import acting_as
 from eutree.interaction.first_look import look_at
-from eutree.interaction.recipe import Environment, opened
+from eutree.interaction.making import Environment, opened
 from eutree.interaction.return_range import return_range as known_range
 from eutree.interaction.seeding import Stream
 from eutree.learners import Method, Problem, Start, start_of

@@ -26,8 +26,7 @@ from eutree.files.atomic import RUN
 from eutree.interaction import episode_seed
 from eutree.interaction.acting import Controller
 from eutree.interaction.first_look import look_at
-from eutree.interaction.making import make
-from eutree.interaction.recipe import Recipe
+from eutree.interaction.making import Recipe, make
 from eutree.interaction.return_range import return_range
 from eutree.interaction.seeding import Stream
 from eutree.learners import Method

@@ -23,9 +23,15 @@ from eutree.contests import Ahead, Halving
 from eutree.data import Episode
 from eutree.interaction.seeding import Stream
 from eutree.policies import TreePolicy
-from eutree.training.proposals import MOST_LEAVES, PROMISING, Proposals, SearchSettings, key
+from eutree.training.proposals import (
+    MOST_LEAVES,
+    PROMISING,
+    Advantages,
+    Proposals,
+    SearchSettings,
+    key,
+)
 from eutree.training.raced_episodes import Block, RacedEpisodes, Running
-from eutree.training.variants import Advantages
 from eutree.world_model import Transitions
 
 ROUNDS = 3  # of proposals, at most

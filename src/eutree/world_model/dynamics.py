@@ -18,8 +18,9 @@ import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.thresholds import threshold_between
+from eutree.trees import DecisionTree
+from eutree.world_model import _kernels_expectation, _kernels_termination
 from eutree.world_model import _kernels_regression as kernels
-from eutree.world_model import _kernels_termination
 from eutree.world_model._kernels import World
 from eutree.world_model._kernels_regression import move_towards_better
 from eutree.world_model.transitions import Transitions
@@ -434,3 +435,41 @@ def _unrolled(trees: Sequence[ModelTree], n_actions: int) -> World:
     lines, noise = out.lines[:n_lines], out.noise[:n_lines]
     tally = np.zeros(1, dtype=np.int64)
     return World(roots, levels, tests, thresholds, lines, noise, residuals, tally)
+
+
+def hold(
+    model: WorldModel,
+    tree: DecisionTree,
+    box: tuple[Floats, Floats],
+    places: Floats,
+    actions: Integers,
+    *,
+    discount: float,
+    longest: int,
+) -> tuple[Floats, Floats, Floats, Integers]:  # [N, d], [N], [N], [N]
+    """Hold actions until trajectories leave the leaves that they first entered.
+
+    Args:
+        model: The world model, fitted without memory of displacements; its noise is left out.
+        tree: The leaves.
+        box: Lower and upper corner of the whole, to which trajectories are clipped, each [d].
+        places: Where to start, shape [N, d].
+        actions: What to hold, shape [N].
+        discount: Weight of the next step.
+        longest: Steps that an action is held at most.
+
+    Returns:
+        Where trajectories ended, their discounted rewards, discount^tau times the chance to go on,
+        and the leaf they ended in.
+    """
+    places = np.array(places, dtype=np.float64, order="C")
+    n = len(places)
+    boxes = _kernels_expectation.Boxes(
+        tree.feature, tree.threshold, tree.left, tree.right, tree.leaf, box[0], box[1]
+    )
+    actions = np.ascontiguousarray(actions, dtype=np.int64)
+    held = _kernels_expectation.Held(
+        actions, places, np.empty(n), np.empty(n), np.empty(n, np.int64)
+    )
+    _kernels_expectation.hold(model.world, boxes, discount, longest, held)
+    return held.places, held.rewards, held.weights, held.entered

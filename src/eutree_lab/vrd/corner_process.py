@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from eutree.arrays import Floats, Integers
 from eutree.mdp import Model, Solution, solve
 from eutree.world_model import WorldModel
-from eutree.world_model.holding import hold
+from eutree.world_model.dynamics import hold
 from eutree_lab.vrd.kuhn import Grid
 
 Dynamics: TypeAlias = Callable[[Floats, Integers], tuple[Floats, Floats, Floats]]

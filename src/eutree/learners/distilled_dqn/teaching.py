@@ -23,7 +23,7 @@ from eutree.learners.history import TERMINAL, History
 from eutree.learners.learner import Arrays, Problem, Start, ValuingPolicy
 from eutree.neural import DoubleDQN, DoubleDQNSettings, Scaling
 from eutree.neural.double_dqn import reward_scale_of
-from eutree.policies.order import orders_of
+from eutree.policies.leaf_statistics import orders_of
 from eutree.trees import DecisionTree
 from eutree.validation import check_integer, check_number
 from eutree.world_model import ActionTree, Transitions, leaf_node

@@ -1,0 +1,340 @@
+"""What is known of a policy: ``eutree why``, ``diff``, ``verify`` and ``edit``."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+import numpy as np
+
+from eutree.cli._commands import Helped
+from eutree.cli._options import (
+    count_option,
+    env_arg_option,
+    json_option,
+    output_option,
+    override,
+    path_option,
+    seed_option,
+)
+from eutree.cli._output import Output
+from eutree.cli._policies import in_zoo, load_demonstrations, load_policy, policy_file, renamed
+from eutree.errors import InvalidArgumentError, shown
+from eutree.trees.text import labelled
+
+if TYPE_CHECKING:
+    from eutree.arrays import Floats
+    from eutree.data import Demonstrations
+    from eutree.policies import TreePolicy
+
+
+@click.command(epilog="Example: eutree why expert.json --observation 8,3.2,-1 --demos demos/")
+@click.argument("policy", type=click.Path(path_type=Path))
+@click.option("--observation", required=True, metavar="X,Y,...",
+              help="The observation, a number for each feature.")  # fmt: skip
+@path_option("--demos", text="Demonstrations whose steps in the same leaf to name.")
+@json_option
+def why(policy: Path, observation: str, demos: Path | None, as_json: bool) -> None:
+    """Say why POLICY decides as it does for an observation, and what would change it."""
+    from eutree.inspection import why as explain
+
+    try:
+        numbers = [float(part) for part in observation.split(",")]
+    except ValueError:
+        raise InvalidArgumentError(
+            f"--observation must be numbers with commas between, got {observation!r}"
+        ) from None
+    loaded = load_policy(policy)
+    shown = None if demos is None else load_demonstrations(demos, loaded)
+    found = explain(loaded, numbers, demonstrations=shown)
+    names = loaded.schema.actions
+    Output(as_json=as_json).result(
+        {
+            "action": names[found.action],
+            "leaf": found.leaf,
+            "region": found.region,
+            "path": [
+                {
+                    "node": step.node,
+                    "feature": loaded.schema.features[step.feature].name,
+                    "threshold": step.threshold,
+                    "value": step.value,
+                    "is_true": step.is_true,
+                    "distance": step.distance,
+                }
+                for step in found.path
+            ],
+            "alternatives": [
+                {
+                    "action": names[other.action],
+                    "observation": other.observation,
+                    "distance": other.distance,
+                    "leaf": other.leaf,
+                    "words": other.words,
+                }
+                for other in found.alternatives
+            ],
+            "visits": found.visits,
+            "values": found.values,
+            "demonstrations": None
+            if found.support is None
+            else [
+                {"episode": entry.episode, "step": entry.step, "action": names[entry.action]}
+                for entry in found.support
+            ],
+        },
+        found.text,
+    )
+
+
+@click.command(epilog="Example: eutree diff runs/a/expert.json runs/a/policy.json")
+@click.argument("first", type=click.Path(path_type=Path))
+@click.argument("second", type=click.Path(path_type=Path))
+@path_option("--demos", text="Demonstrations: how many of their steps each change concerns.")
+@json_option
+def diff(first: Path, second: Path, demos: Path | None, as_json: bool) -> None:
+    """Say where FIRST and SECOND, two policy files, decide differently, and how they are built."""
+    from eutree.inspection import diff as compare
+
+    one, two = load_policy(first), load_policy(second)
+    recorded = None if demos is None else load_demonstrations(demos, one)
+    found = compare(one, two, observations=None if recorded is None else _seen(one, recorded))
+    names = one.schema.actions
+    Output(as_json=as_json).result(
+        {
+            "share": found.share,
+            "boxes": [
+                {
+                    "share": box.share,
+                    "first": names[box.first],
+                    "second": names[box.second],
+                    "low": box.region.low,
+                    "high": box.region.high,
+                    "words": box.words,
+                    "visited": box.visited,
+                }
+                for box in found.boxes
+            ],
+            "visited": found.visited,
+            "structure": found.structure,
+            "n_leaves": found.n_leaves,
+        },
+        str(found),
+    )
+
+
+def _seen(policy: "TreePolicy", recorded: "Demonstrations") -> "Floats":
+    """Return what the policy sees before each recorded decision."""
+    return np.concatenate(
+        [policy.features.of_episode(e.observations, e.actions)[:-1] for e in recorded.episodes]
+    )
+
+
+EXIT_REFUTED = 1
+
+
+@click.command(
+    epilog="Example: eutree verify expert.json --property 'always go when position > 25'"
+)
+@click.argument("policy", type=click.Path(path_type=Path))
+@click.option("--property", "questions", required=True, multiple=True,
+              help="What to prove, for example 'always stop when -2 <= opponent_1 <= 2', "
+              "'monotone go in position' or 'no dead leaves'. May be repeated.")  # fmt: skip
+@path_option("--demos", text="Demonstrations, for dead leaves.")
+@path_option("--run", "run_folder", text="Run folder whose observations count, for dead leaves.")
+@click.option("--everywhere", is_flag=True,
+              help="Ask for all numbers, not only those within the features' bounds.")  # fmt: skip
+@json_option
+@click.pass_context
+def verify(
+    context: click.Context,
+    policy: Path,
+    questions: tuple[str, ...],
+    demos: Path | None,
+    run_folder: Path | None,
+    everywhere: bool,
+    as_json: bool,
+) -> None:
+    """Prove properties of POLICY, a policy file, or refute them with an observation.
+
+    The exit code is 0 if all are proven, 1 if one is refuted.
+    """
+    from eutree.inspection import verify as verify_policy
+
+    loaded = load_policy(policy)
+    rows = _observations(loaded, demos, run_folder)
+    answers = [
+        verify_policy(loaded, question, observations=rows, everywhere=everywhere)
+        for question in questions
+    ]
+    holds = all(answer.holds for answer in answers)
+    Output(as_json=as_json).result(
+        {
+            "holds": holds,
+            "answers": [
+                {
+                    "property": answer.property,
+                    "holds": answer.holds,
+                    "share": answer.share,
+                    "counter_examples": [
+                        {
+                            "words": example.words,
+                            "action": loaded.schema.actions[example.action],
+                            "leaf": example.leaf,
+                            "point": example.point,
+                            "raised": example.raised,
+                            "low": example.region.low,
+                            "high": example.region.high,
+                            "share": example.share,
+                        }
+                        for example in answer.counter_examples
+                    ],
+                }
+                for answer in answers
+            ],
+        },
+        "\n".join(map(str, answers)),
+    )
+    context.exit(0 if holds else EXIT_REFUTED)
+
+
+def _observations(
+    policy: "TreePolicy", demos: Path | None, run_folder: Path | None
+) -> "Floats | None":
+    from eutree.training import stored_observations
+
+    if run_folder is not None:
+        return stored_observations(run_folder)
+    if demos is not None:
+        shown = load_demonstrations(demos, policy)
+        return shown.with_history(policy.history, policy.past_actions).observations
+    return None
+
+
+_NUMBER = re.compile(r"[0-9]{1,9}")  # of a node or a leaf
+
+
+@click.command(
+    cls=Helped,
+    epilog="Example: eutree edit expert.json --set-threshold 0=18.5 --lock 1 --out new.json",
+)
+@click.argument("policy", type=click.Path(path_type=Path))
+@click.option("--set-threshold", "thresholds", multiple=True, metavar="NODE=VALUE",
+              help="New threshold of a test. May be repeated.")  # fmt: skip
+@click.option("--set-action", "actions", multiple=True, metavar="LEAF=NAME",
+              help="New action of a leaf. May be repeated.")  # fmt: skip
+@click.option("--lock", multiple=True, type=int, metavar="NODE",
+              help="Node below which learning and edits change nothing; repeatable.")  # fmt: skip
+@click.option("--unlock", multiple=True, type=int, metavar="NODE",
+              help="Node below which nothing stays locked; repeatable.")  # fmt: skip
+@click.option("--enforce", "rules", multiple=True, metavar="PROPERTY",
+              help="Make true, and lock: 'always ACTION when CONDITIONS'; repeatable.")  # fmt: skip
+@path_option("--rename", text="File of names for features and actions, as for --names.")
+@click.option("--reseal", is_flag=True,
+              help="Accept a file that was changed by hand; without --out it is written "
+              "again where it is.")  # fmt: skip
+@output_option("--out", text="File to write; without it the tree is shown with its numbers.")
+@count_option(
+    "--episodes",
+    100,
+    "Episodes of the evaluation before and after, where the policy's file "
+    "names its environment; 0 for none.",
+    least=0,
+)
+@env_arg_option
+@seed_option
+@json_option
+def edit(
+    policy: Path,
+    thresholds: tuple[str, ...],
+    actions: tuple[str, ...],
+    lock: tuple[int, ...],
+    unlock: tuple[int, ...],
+    rules: tuple[str, ...],
+    rename: Path | None,
+    reseal: bool,
+    out: Path | None,
+    episodes: int,
+    env_arguments: dict[str, Any],
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Change POLICY, a policy file, by hand; say what that does to its return."""
+    from eutree.evaluation import evaluate
+    from eutree.files import check_writable
+    from eutree.inspection import edit as change
+    from eutree.inspection import enforce, numbered
+    from eutree.interaction.names import Names
+
+    output, before = Output(as_json=as_json), load_policy(policy, hand_edited=reseal)
+    if reseal and out is None:
+        if in_zoo(policy):
+            raise InvalidArgumentError("--out must name the file to write: the zoo's are kept")
+        out = policy_file(policy)
+    edited = change(
+        before,
+        thresholds={node: _number(value) for node, value in _pairs("threshold", thresholds)},
+        actions=dict(_pairs("action", actions)),
+        lock=lock,
+        unlock=unlock,
+    )
+    if rename is not None:
+        named = renamed(edited.policy, Names.load(rename))
+        edited = replace(edited, policy=named, changes=(*edited.changes, _names_of(named)))
+    if rules:
+        ruled = enforce(edited.policy, rules)
+        edited = replace(ruled, changes=edited.changes + ruled.changes, warnings=edited.warnings)
+    if edited.changes and out is None:
+        raise InvalidArgumentError("--out must name the file to write, got none")
+    if out is not None:
+        check_writable(out)
+    returns: list[float] = []
+    if edited.changes and before.environment is not None and episodes:
+        spec = override(before.environment, env_arguments)
+        returns = [
+            evaluate(each, spec, episodes=episodes, seed=seed).mean_return
+            for each in (before, edited.policy)
+        ]
+    if out is not None:
+        edited.policy.save(out)
+    lines = [numbered(edited.policy), *edited.changes, *(f"warning: {w}" for w in edited.warnings)]
+    if returns:
+        lines.append(
+            f"mean return {returns[0]:.2f} before, {returns[1]:.2f} after, on the same "
+            f"{episodes} episodes"
+        )
+    output.result(
+        {
+            "changes": edited.changes,
+            "warnings": edited.warnings,
+            "mean_return_before": returns[0] if returns else None,
+            "mean_return_after": returns[1] if returns else None,
+            "locked": edited.policy.locked,
+            "path": None if out is None else str(out),
+        },
+        "\n".join(lines),
+    )
+
+
+def _names_of(policy: "TreePolicy") -> str:
+    """Return the names of the features of an observation and of the actions."""
+    features = policy.schema.features[: policy.observation_size]
+    return f"named: {', '.join(map(labelled, features))}; {', '.join(policy.schema.actions)}"
+
+
+def _pairs(what: str, texts: tuple[str, ...]) -> list[tuple[int, str]]:
+    pairs = []
+    for text in texts:
+        number, equals, value = text.partition("=")
+        if not equals or not _NUMBER.fullmatch(number.strip()):
+            raise InvalidArgumentError(f"--set-{what} must be NUMBER=VALUE, got {shown(text)}")
+        pairs.append((int(number), value))
+    return pairs
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise InvalidArgumentError(f"--set-threshold needs a number, got {shown(text)}") from None
