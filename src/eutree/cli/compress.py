@@ -18,7 +18,7 @@ from eutree.cli._options import (
     path_option,
     seed_option,
 )
-from eutree.cli._output import Output, front_drawn
+from eutree.cli._output import Output, figures_of, front_drawn
 from eutree.cli._policies import Rival, against_option, load_demonstrations
 from eutree.cli.parts import cluster, workers_options
 from eutree.errors import EutreeError, InvalidArgumentError, shown
@@ -33,6 +33,12 @@ if TYPE_CHECKING:
     from eutree.data import Demonstrations
     from eutree.policies import TreePolicy
     from eutree.world_model import Transitions
+
+_FIGURES = """
+    n_leaves_before n_leaves_after agreement disagreement_volume method weighted_disagreement
+    environment_steps mean_return_before mean_return_after return_range range_known episodes_needed
+    imagined by
+"""
 
 
 @click.command(
@@ -156,22 +162,9 @@ def compress(
     change = report.return_change
     output.result(
         {
-            "n_leaves_before": report.n_leaves_before,
-            "n_leaves_after": report.n_leaves_after,
-            "agreement": report.agreement,
-            "disagreement_volume": report.disagreement_volume,
-            "method": report.method,
-            "weighted_disagreement": report.weighted_disagreement,
-            "environment_steps": report.environment_steps,
-            "mean_return_before": report.mean_return_before,
-            "mean_return_after": report.mean_return_after,
+            **figures_of(report, _FIGURES),
             "return_change": None if change is None else list(change.interval),
-            "return_range": report.return_range,
-            "range_known": report.range_known,
-            "episodes_needed": report.episodes_needed,
-            "imagined": report.imagined,
             "rounding": None if report.rounding is None else vars(report.rounding),
-            "by": report.by,
             "front": [one.facts(path) for one, path in zip(report.front, paths, strict=True)],
             "against": None if rivalry is None else rivalry.facts(),
             "path": str(out),

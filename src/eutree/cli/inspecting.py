@@ -14,11 +14,10 @@ from eutree.cli._options import (
     env_arg_option,
     json_option,
     output_option,
-    override,
     path_option,
     seed_option,
 )
-from eutree.cli._output import Output
+from eutree.cli._output import Output, figures_of
 from eutree.cli._policies import in_zoo, load_demonstrations, load_policy, policy_file, renamed
 from eutree.errors import InvalidArgumentError, shown
 from eutree.trees.text import labelled
@@ -55,24 +54,13 @@ def why(policy: Path, observation: str, demos: Path | None, as_json: bool) -> No
             "leaf": found.leaf,
             "region": found.region,
             "path": [
-                {
-                    "node": step.node,
-                    "feature": loaded.schema.features[step.feature].name,
-                    "threshold": step.threshold,
-                    "value": step.value,
-                    "is_true": step.is_true,
-                    "distance": step.distance,
-                }
+                figures_of(step, "node threshold value is_true distance")
+                | {"feature": loaded.schema.features[step.feature].name}
                 for step in found.path
             ],
             "alternatives": [
-                {
-                    "action": names[other.action],
-                    "observation": other.observation,
-                    "distance": other.distance,
-                    "leaf": other.leaf,
-                    "words": other.words,
-                }
+                figures_of(other, "observation distance leaf words")
+                | {"action": names[other.action]}
                 for other in found.alternatives
             ],
             "visits": found.visits,
@@ -80,7 +68,7 @@ def why(policy: Path, observation: str, demos: Path | None, as_json: bool) -> No
             "demonstrations": None
             if found.support is None
             else [
-                {"episode": entry.episode, "step": entry.step, "action": names[entry.action]}
+                figures_of(entry, "episode step") | {"action": names[entry.action]}
                 for entry in found.support
             ],
         },
@@ -103,22 +91,13 @@ def diff(first: Path, second: Path, demos: Path | None, as_json: bool) -> None:
     names = one.schema.actions
     Output(as_json=as_json).result(
         {
-            "share": found.share,
+            **figures_of(found, "share visited structure n_leaves"),
             "boxes": [
-                {
-                    "share": box.share,
-                    "first": names[box.first],
-                    "second": names[box.second],
-                    "low": box.region.low,
-                    "high": box.region.high,
-                    "words": box.words,
-                    "visited": box.visited,
-                }
+                figures_of(box, "share words visited")
+                | figures_of(box.region, "low high")
+                | {"first": names[box.first], "second": names[box.second]}
                 for box in found.boxes
             ],
-            "visited": found.visited,
-            "structure": found.structure,
-            "n_leaves": found.n_leaves,
         },
         str(found),
     )
@@ -173,23 +152,14 @@ def verify(
         {
             "holds": holds,
             "answers": [
-                {
-                    "property": answer.property,
-                    "holds": answer.holds,
-                    "share": answer.share,
+                figures_of(answer, "property holds share")
+                | {
                     "counter_examples": [
-                        {
-                            "words": example.words,
-                            "action": loaded.schema.actions[example.action],
-                            "leaf": example.leaf,
-                            "point": example.point,
-                            "raised": example.raised,
-                            "low": example.region.low,
-                            "high": example.region.high,
-                            "share": example.share,
-                        }
+                        figures_of(example, "words leaf point raised share")
+                        | figures_of(example.region, "low high")
+                        | {"action": loaded.schema.actions[example.action]}
                         for example in answer.counter_examples
-                    ],
+                    ]
                 }
                 for answer in answers
             ],
@@ -291,7 +261,7 @@ def edit(
         check_writable(out)
     returns: list[float] = []
     if edited.changes and before.environment is not None and episodes:
-        spec = override(before.environment, env_arguments)
+        spec = before.environment.override(env_arguments)
         returns = [
             evaluate(each, spec, episodes=episodes, seed=seed).mean_return
             for each in (before, edited.policy)

@@ -222,46 +222,37 @@ class ImaginedEpisodes:
         *,
         generator: np.random.Generator,
     ) -> Pruned:
-        """Return a policy cut to at most so many leaves; see ``pruned_in_imagination``."""
-        return pruned_in_imagination(policy, costs, known, max_leaves, self.world_model, generator)
+        """Return the tree cut to at most so many leaves, by the best of several prunings.
 
-
-def pruned_in_imagination(
-    policy: TreePolicy,
-    costs: Costs,
-    known: Transitions,
-    max_leaves: int,
-    settings: EnsembleSettings,
-    generator: np.random.Generator,
-) -> Pruned:
-    """Return the tree cut to at most so many leaves, by the best of several prunings.
-
-    Args:
-        policy: The tree, without locks.
-        costs: What other decisions cost at the recorded observations, by labels.
-        known: Transitions to fit a world model to.
-        max_leaves: Most leaves of the result.
-        settings: How it is fitted.
-        generator: Source of all chance.
-    """
-    ladder = Ladder(policy, costs)
-    whole = merged(policy)
-    large = whole if whole.n_leaves <= TIMES * max_leaves else ladder.of_size(TIMES * max_leaves)
-    ensemble = fit_ensemble(known, settings, generator)
-    rivals = [("budget", ladder.of_size(max_leaves))]
-    for _ in range(TRIES):
-        rollouts = EnsembleRollouts(ensemble, N_STARTS, generator)
-        tree, _ = pruned_by_rollouts(_acting(large), rollouts, max_leaves, generator)
-        structure, actions = to_decision_tree(tree, policy.tree.n_features)
-        rivals.append(("imagined", _with(policy, structure, actions)))
-    fresh = EnsembleRollouts(ensemble, SELECTION_STARTS, generator)
-    fresh.run(_acting(whole))
-    scores = [fresh.score(fresh.returns_of(_acting(rival))) for _, rival in rivals]
-    best = int(np.argmax(scores))
-    method, chosen = rivals[best]
-    before = fresh.score(fresh.returns)
-    asked = (whole, *(rival for _, rival in rivals))
-    return Pruned(merged(chosen), method, before, scores[best], asked, np.array([before, *scores]))
+        Args:
+            known: Transitions to fit a world model to.
+            policy: The tree, without locks.
+            costs: What other decisions cost at the recorded observations, by labels.
+            max_leaves: Most leaves of the result.
+            generator: Source of all chance.
+        """
+        ladder = Ladder(policy, costs)
+        whole = merged(policy)
+        large = (
+            whole if whole.n_leaves <= TIMES * max_leaves else ladder.of_size(TIMES * max_leaves)
+        )
+        ensemble = fit_ensemble(known, self.world_model, generator)
+        rivals = [("budget", ladder.of_size(max_leaves))]
+        for _ in range(TRIES):
+            rollouts = EnsembleRollouts(ensemble, N_STARTS, generator)
+            tree, _ = pruned_by_rollouts(_acting(large), rollouts, max_leaves, generator)
+            structure, actions = to_decision_tree(tree, policy.tree.n_features)
+            rivals.append(("imagined", _with(policy, structure, actions)))
+        fresh = EnsembleRollouts(ensemble, SELECTION_STARTS, generator)
+        fresh.run(_acting(whole))
+        scores = [fresh.score(fresh.returns_of(_acting(rival))) for _, rival in rivals]
+        best = int(np.argmax(scores))
+        method, chosen = rivals[best]
+        before = fresh.score(fresh.returns)
+        asked = (whole, *(rival for _, rival in rivals))
+        return Pruned(
+            merged(chosen), method, before, scores[best], asked, np.array([before, *scores])
+        )
 
 
 def _acting(policy: TreePolicy) -> ActionTree:

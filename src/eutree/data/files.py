@@ -56,6 +56,9 @@ class EpisodeDocument(Document, frozen=True, kw_only=True, omit_defaults=True):
     has_rewards: bool = True
 
 
+_SAID = [n for n in EpisodeDocument.__struct_fields__ if n not in Document.__struct_fields__]
+
+
 def episode_to_bytes(episode: Episode) -> bytes:
     """Return the content of the episode's file; the same episode gives the same bytes.
 
@@ -78,17 +81,8 @@ def episode_to_bytes(episode: Episode) -> bytes:
 
 def episode_document(episode: Episode) -> EpisodeDocument:
     """Return what is to be written beside the arrays."""
-    return EpisodeDocument(
-        seed=episode.seed,
-        ending=episode.ending,
-        terminated=episode.terminated,
-        truncated=episode.truncated,
-        is_success=episode.is_success,
-        kept=episode.kept,
-        comment=episode.comment,
-        extras=plain_json(episode.extras, "extras"),
-        has_rewards=episode.has_rewards,
-    )
+    said = {name: getattr(episode, name) for name in _SAID}
+    return EpisodeDocument(**said | {"extras": plain_json(episode.extras, "extras")})
 
 
 def episode_from_bytes(data: bytes, path: str | Path) -> Episode:
@@ -127,19 +121,8 @@ def episode_from_document(
     try:
         check_finite("observations", arrays["observations"])
         check_finite("rewards", arrays["rewards"])
-        return Episode(
-            **arrays,
-            terminated=document.terminated,
-            truncated=document.truncated,
-            seed=document.seed,
-            ending=document.ending,
-            is_success=document.is_success,
-            kept=document.kept,
-            comment=document.comment,
-            steps=steps,
-            extras=document.extras,
-            has_rewards=document.has_rewards,
-        )
+        said: dict[str, Any] = {name: getattr(document, name) for name in _SAID}
+        return Episode(**arrays | said, steps=steps)
     except InvalidArgumentError as error:
         raise FormatError(path, "", str(error)) from None
 
