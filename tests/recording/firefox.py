@@ -14,8 +14,9 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from tests.recording.serving import ENOUGH
-from tests.report.browser import missing
 
 NAMES = ("firefox-esr", "firefox")
 KEYS = {"Enter": "\ue007", "Escape": "\ue00c", "ArrowRight": "\ue014", "ArrowLeft": "\ue012"}
@@ -141,7 +142,7 @@ def firefox() -> Iterator[Firefox]:
 
     path = next(filter(None, map(shutil.which, NAMES)), None)
     if path is None:
-        missing("no Firefox is installed")
+        pytest.skip("no Firefox is installed")
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
         lines = [f"user_pref({json.dumps(k)}, {json.dumps(v)});" for k, v in PREFERENCES.items()]
         (Path(profile) / "user.js").write_text("\n".join(lines))
