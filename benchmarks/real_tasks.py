@@ -2,6 +2,7 @@
 
     python benchmarks/real_tasks.py rivals [--junction Ingolstadt1-v0]
     python benchmarks/real_tasks.py trees --runs 10 [--junction Ingolstadt1-v0]
+    python benchmarks/real_tasks.py ahead
     python benchmarks/real_tasks.py dqn --runs 10
     python benchmarks/real_tasks.py jams --policy light.json --episodes 1000
     python benchmarks/real_tasks.py stock --runs 10
@@ -45,6 +46,19 @@ BEST_RULE = {  # of those in the table, by its rows
     "Cologne1-v0": traffic_light.max_wave,
     "Ingolstadt1-v0": traffic_light.longest_queue,
 }
+AHEAD = (  # least green in seconds, vehicles ahead, what one that waits counts
+    (0, (5.5, 3.5), 1), (0, (2.5, 2.5), 1), (10, (0.5, 0.5), 1), (10, (2.5, 2.5), 1),
+    (10, (4.5, 2.5), 1), (15, (0.5, 0.5), 1), (15, (2.5, 2.5), 1), (20, (0.5, 0.5), 1),
+    (20, (2.5, 2.5), 1), (10, (2, 1), 2), (10, (4, 4), 2), (15, (3, 3), 2), (15, (5, 5), 2),
+    (20, (4, 4), 2),
+)  # fmt: skip
+# How far the currents of the three windings are below the demand: what a drive measures, and what
+# the rotor's coordinates hide. Their signs say which of the six directions is the nearest.
+PHASES = (
+    'a missing = "d missing" * cosine - "q missing" * sine',
+    'b missing = 0.866 * ("d missing" * sine + "q missing" * cosine) - 0.5 * "a missing"',
+    'c missing = 0 - "a missing" - "b missing"',
+)
 FINAL_EPISODES = 200  # of the tasks that are no lights
 
 Row = dict[str, Any]
@@ -218,18 +232,18 @@ def stock(options: Any) -> None:
         found = summary(list(played(env, BaseStock(chosen), FINAL_EPISODES, 10**6)))
         keep(options.out, {**key, "controller": "best base-stock level", **found})
         print(f"the best level is {chosen}", file=sys.stderr)
-    others(options, "Inventory-v0", inventory.order_up_to, 15)
+    others(options, env, inventory.order_up_to, 15)
 
 
 def motor(options: Any) -> None:
     """Learn the motor's switching table with eight leaves; beside it C4.5's tree of the script."""
-    others(options, "MotorCurrents-v0", motor_currents.towards_the_error, 8, race=STEPS)
+    env = DerivedObservation(gymnasium.make("MotorCurrents-v0"), PHASES)
+    others(options, env, motor_currents.towards_the_error, 8, race=STEPS)
 
 
-def others(options: Any, task: str, rule: Any, most_leaves: int, *, race: int = 0) -> None:
+def others(options: Any, env: Any, rule: Any, most_leaves: int, *, race: int = 0) -> None:
     """Measure a task's rule, its tree, and what is learned from it, for each seed."""
-    name = f"tree ({options.method})"
-    env = gymnasium.make(task)
+    name, task = f"tree ({options.method})", env.spec.id
     for seed in seeds(options, task, name):
         result, facts = learned(env, rule, seed, options.method, most_leaves, race=race)
         for label, policy, own in (
@@ -285,6 +299,38 @@ def keep(out: Path, row: Row) -> None:
             writer.writeheader()
         writer.writerow(row)
     print(row, file=sys.stderr, flush=True)
+
+
+class Ahead:
+    """Change to the other main direction once it is ahead, after a least green.
+
+    Args:
+        green: Least seconds of green.
+        more: Vehicles by which east-west, and by which north-south has to be ahead.
+        waits: What a vehicle that waits counts; one that comes counts 1.
+    """
+
+    def __init__(self, green: float, more: tuple[float, float], waits: float) -> None:
+        self._green, self._more, self._waits = green, more, waits
+
+    def predict(self, observation: Any) -> Any:
+        """Return the phase that is to be green."""
+        counts = self._waits * observation[0:4] + observation[4:8]
+        phase = int(np.argmax(observation[8:12]))
+        ahead = (counts[2] - counts[0]) * (1 if phase == 0 else -1)
+        changes = observation[16] >= self._green and ahead > self._more[phase // 2]
+        return 2 - phase if changes else phase, None
+
+
+def ahead(options: Any) -> None:
+    """Print how many vehicles stand behind rules with two numbers, in episodes that judge none."""
+    for green, more, waits in AHEAD:
+        found = []
+        for seconds, demand in CONDITIONS:
+            env = light("Cologne1-v0", seconds=seconds, demand=demand)
+            found.append(-summary(list(played(env, Ahead(green, more, waits), 2, 100)))["return"])
+            env.close()
+        print(green, more, waits, *(f"{stand:.1f}" for stand in found), flush=True)
 
 
 def light_table(known: list[Row]) -> list[str]:
@@ -365,7 +411,7 @@ def page(options: Any) -> None:
 def main() -> None:
     """Measure a part."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parts = (rivals, trees, dqn, jams, stock, motor, page)
+    parts = (rivals, trees, ahead, dqn, jams, stock, motor, page)
     parser.add_argument("part", choices=[part.__name__ for part in parts])
     parser.add_argument("--junction", default="Cologne1-v0")
     parser.add_argument("--method", default="auto")

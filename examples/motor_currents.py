@@ -70,7 +70,7 @@ class MotorCurrents(gymnasium.Env[Any, Any]):
 
 def towards_the_error(observation: Any) -> int:
     """Put the voltage in the direction of the missing current: the rule of thumb."""
-    d, q, sine, cosine = observation
+    d, q, sine, cosine = observation[:4]
     if np.hypot(d, q) < 0.05:
         return 0
     wanted = np.arctan2(q, d) + np.arctan2(sine, cosine)
