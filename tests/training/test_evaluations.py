@@ -9,8 +9,7 @@ from eutree.errors import InvalidArgumentError
 from eutree.evaluation import Evaluation
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
-from eutree.training.arena import KNOWN, Arena, PlayedStarts
-from eutree.training.evaluations import Evaluations
+from eutree.training.evaluations import KNOWN, Arena, Evaluations, PlayedStarts
 from eutree.training.phases import Plan, RunState
 from eutree.trees import DecisionTree
 

@@ -24,8 +24,7 @@ from eutree.learners import Method, Problem, Start, start_of
 from eutree.learners.learner import check_fits
 from eutree.learners.registry import checked_document
 from eutree.policies import TreePolicy
-from eutree.training.arena import Arena
-from eutree.training.evaluations import ProvenFirst
+from eutree.training.evaluations import Arena, ProvenFirst
 from eutree.training.handover import Handover
 from eutree.training.listeners import Listeners
 from eutree.training.phases import Plan, generator_of

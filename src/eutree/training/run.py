@@ -25,8 +25,7 @@ from eutree.policies.reach import among_allowed, ever_allowed, within_reach
 from eutree.policy_search.model_trust import ModelTrust
 from eutree.schema import Schema
 from eutree.training.acting import GatheringEpisode, Racing, seed_of_next
-from eutree.training.arena import Arena
-from eutree.training.evaluations import Evaluations
+from eutree.training.evaluations import Arena, Evaluations
 from eutree.training.judging import START
 from eutree.training.phases import Phase, Plan, Position, RunState, due, generator_of
 from eutree.training.progress import GatheredEpisodes
