@@ -6,7 +6,7 @@ the one before is over, and only what belongs to it is obeyed. The page shows wh
 
 import secrets
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -26,7 +26,9 @@ from eutree.fitting.study_export import (
     PRACTISED,
     TAKEN_OVER,
     PersonDocument,
+    TreeResult,
     pack,
+    result_of,
     unpack,
     versions,
 )
@@ -54,7 +56,6 @@ from eutree.fitting.study_parts import (
     is_whole,
 )
 from eutree.fitting.study_plan import MAX_ANSWER, PERSON, StudyPlan, open_plan
-from eutree.fitting.study_tree import StudyTree
 from eutree.interaction.making import make
 from eutree.recording.events import Away, Command, Event
 from eutree.recording.play import COUNTDOWN, FINISHED, OPENING, PLAYING, REVIEW
@@ -65,6 +66,8 @@ if TYPE_CHECKING:
     import gymnasium
 
     from eutree.recording import Recorder, SessionSettings
+    from eutree.recording.scenes import Programme, Scene
+    from eutree.recording.tree_making import Show, TreeView
 
 
 @contextmanager
@@ -141,7 +144,7 @@ class Study:
     """
 
     def __init__(
-        self, recorder: "Recorder", maker: StudyTree, plan: StudyPlan, consent: str, protocol: str
+        self, recorder: "Recorder", maker: "StudyTree", plan: StudyPlan, consent: str, protocol: str
     ) -> None:
         self._recorder, self._maker, self._plan = recorder, maker, plan
         self._session, self._consent, self._protocol = recorder.session, consent, protocol
@@ -351,3 +354,70 @@ class Study:
             "answers": self.answers if asks else [],
             "may_withdraw": self.part not in (CONSENT, DELETED) and not self._asks,
         }  # fmt: skip
+
+
+class StudyTree:
+    """Makes the tree of a person of a study; a ``TreeMaker``.
+
+    It shows neither commands nor a choice, and keeps each tree with what it reached.
+
+    Args:
+        tree: Makes it.
+        folder: Where the trees are kept.
+        watched: Most episodes to watch.
+    """
+
+    def __init__(self, tree: PageTree, folder: Path, watched: int) -> None:
+        self._tree, self._folder, self._watched = tree, folder, watched
+        self.results: list[TreeResult] = []
+        self.failed = False
+
+    @property
+    def names(self) -> list[str]:
+        """Which trees there are."""
+        return [result.tree for result in self.results]
+
+    def make(self, show: "Show", stop: Callable[[], bool]) -> None:
+        """Make the tree of what was shown, or of that and what was put right."""
+        name = TAKEN_OVER if FITTED in self.names else FITTED
+        watched = self._watched if name == FITTED else -1
+        self._keep(name, lambda: self._tree.make(_plainly(show, watched), stop))
+
+    def practise(self, show: "Show", stop: Callable[[], bool]) -> None:
+        """Let the tree learn by itself."""
+        self._keep(PRACTISED, lambda: self._tree.practise(_plainly(show, -1), stop))
+
+    def missing(self) -> "Scene | None":
+        """Return None: each person is told the same."""
+        return None
+
+    def choose(self, way: int, show: "Show") -> None:
+        """Do nothing: there is no choice."""
+
+    def _keep(self, name: str, work: Callable[[], None]) -> None:
+        try:
+            work()
+        finally:
+            best = self._tree.best
+            self.failed = best is None
+        if best is not None:
+            tree, played = best
+            tree.save(self._folder / f"{name}.json")
+            self.results.append(result_of(name, tree, played))
+
+
+def _plainly(show: "Show", watched: int) -> "Show":
+    """Return a ``Show`` without commands and choices, and with at most so many episodes.
+
+    Args:
+        show: Shows it.
+        watched: Most episodes to watch; below 0 nothing drives any more.
+    """
+
+    def plain(view: "TreeView", programme: "Programme | None" = None) -> None:
+        if programme is not None:
+            programme = replace(programme, scenes=programme.scenes[:watched])
+        view = replace(view, commands=(), ways=(), changes=(), note="", may_gain=False)
+        show(view, programme if watched >= 0 else None)
+
+    return plain
