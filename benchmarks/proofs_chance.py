@@ -72,7 +72,7 @@ def page(rows: list[str], offs: list[list[float]], command: str, episodes: int) 
             f"command: {command}",
             f"commit: {commit}",
             f"date: {time.strftime('%Y-%m-%d')}",
-            "sources: benchmarks/proofs_chance.py src/eutree/proof",
+            "sources: benchmarks/proofs_chance.py src/eutree/proof src/eutree_lab/plants",
             "---",
             "",
             "# Proofs about chance",
