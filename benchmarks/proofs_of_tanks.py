@@ -89,7 +89,9 @@ def main() -> None:
         ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=True
     ).stdout.strip()
     head = f"---\ncommand: {command}\ncommit: {commit}\ndate: {time.strftime('%Y-%m-%d')}\n"
-    head += "sources: benchmarks/proofs_of_tanks.py src/eutree/proof examples/two_tanks_plant\n---\n\n"
+    head += (
+        "sources: benchmarks/proofs_of_tanks.py src/eutree/proof examples/two_tanks_plant\n---\n\n"
+    )
     text = TEXT.format(
         command=command, n=len(rows), rows="\n".join(rows),
         memory=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
