@@ -71,7 +71,8 @@ def test_an_environment_without_a_plant_gets_a_statistical_certificate(tmp_path,
         (["--sampled", "arrives"], "needs a plant"),
     ],
 )
-def test_mistakes_are_one_line(car, capsys, arguments, message):
+def test_mistakes_are_one_line(car, capsys, monkeypatch, arguments, message):
+    monkeypatch.setattr("eutree.evaluation.evaluate", None)  # nothing is played before
     assert run(["prove", str(car), *arguments]) == 2
     error = capsys.readouterr().err
     assert message in error

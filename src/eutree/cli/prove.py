@@ -122,11 +122,10 @@ def _sampled(
     """Return the statistical certificate of a property."""
     from eutree.cli._policies import check_fits
     from eutree.evaluation import evaluate
-    from eutree.proof.properties import parse
-    from eutree.proof.sampling import Sampling, certify_sample
+    from eutree.proof.sampling import Sampling, asked_of_episodes, certify_sample
 
     sampling = Sampling(confidence=sure[0], returns=sure[1])
-    asked = None if question is None else parse(question, None)
+    asked = asked_of_episodes(question, str(spec), sampling)
     check_fits(policy, path, spec)
     episodes, seed = drawn
     evaluation = evaluate(policy, spec, episodes=episodes, seed=seed)

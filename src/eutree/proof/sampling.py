@@ -76,15 +76,9 @@ def certify_sample(
         InvalidArgumentError: The text is no property, or the episodes cannot answer it.
     """
     sampling = sampling or Sampling()
-    asked = parse(question, None) if isinstance(question, str) else question
+    asked = asked_of_episodes(question, environment, sampling)
     if asked is None:
         return _plain(evaluation, environment, sampling)
-    if asked.kind not in ("succeeds", "returns"):
-        raise InvalidArgumentError(
-            f"property {asked.text!r} needs a plant, which says how the states move; none is known "
-            f"for {environment}. Without one: 'succeeds with probability at least P', 'returns at "
-            "least R [with probability at least P]'"
-        )
     if asked.kind == "succeeds" and asked.chance is None:
         _successes(evaluation, environment)  # there must be some to speak of
         return _plain(evaluation, environment, sampling)
@@ -99,6 +93,26 @@ def certify_sample(
         found = mean_bounds(evaluation.returns, sampling)
     conditions = _words_of(evaluation, environment, sampling)
     return _judged(asked, {name: found}, least, conditions, evaluation.episodes)
+
+
+def asked_of_episodes(
+    question: str | EpisodeProperty | None, environment: str, sampling: Sampling
+) -> EpisodeProperty | None:
+    """Return the property that is asked for; refuse one that no number of episodes answers.
+
+    Raises:
+        InvalidArgumentError: It is none, needs a plant, or a range of returns.
+    """
+    asked = parse(question, None) if isinstance(question, str) else question
+    if asked is not None and asked.kind not in ("succeeds", "returns"):
+        raise InvalidArgumentError(
+            f"property {asked.text!r} needs a plant, which says how the states move; none is known "
+            f"for {environment}. Without one: 'succeeds with probability at least P', 'returns at "
+            "least R [with probability at least P]'"
+        )
+    if asked is not None and asked.kind == "returns" and asked.chance is None:
+        _range(sampling)
+    return asked
 
 
 def share_bounds(successes: int, evaluation: Evaluation, sampling: Sampling) -> Interval:
@@ -117,12 +131,7 @@ def binomial_bounds(successes: int, n: int, *, error: float) -> Interval:
 
 def mean_bounds(returns: Floats, sampling: Sampling) -> Interval:
     """Return betting bounds of the mean of returns whose range is known, shape [E]."""
-    if sampling.returns is None:
-        raise InvalidArgumentError(
-            "bounds of a mean return need the lowest and the highest return there can be "
-            "(--range LOW HIGH): without a range no number of episodes rules out a rare disaster"
-        )
-    worst, best = sampling.returns
+    worst, best = _range(sampling)
     if returns.min() < worst or returns.max() > best:
         raise InvalidArgumentError(
             f"range must hold every return, got {[worst, best]} and returns from "
@@ -130,6 +139,16 @@ def mean_bounds(returns: Floats, sampling: Sampling) -> Interval:
         )
     low = lower_bound(returns, worst, sampling.error)
     return Interval(low, -lower_bound(-returns, -best, sampling.error))
+
+
+def _range(sampling: Sampling) -> tuple[float, float]:
+    """Return the lowest and the highest return, without which there are no bounds of a mean."""
+    if sampling.returns is None:
+        raise InvalidArgumentError(
+            "bounds of a mean return need the lowest and the highest return there can be "
+            "(--range LOW HIGH): without a range no number of episodes rules out a rare disaster"
+        )
+    return sampling.returns
 
 
 def _plain(evaluation: Evaluation, environment: str, sampling: Sampling) -> Certificate:
