@@ -46,7 +46,7 @@ def test_a_run_goes_on_with_them(eutree):
         == 0
     )
     line = ["learn", "CartPole-v1", "--demos", "raw", "--derive", "lean = angle / position",
-            "--episodes", 2, "--judge-episodes", 0, "--method", "u-tree",
+            "--episodes", 2, "--judge-episodes", 0, "--front-steps", 0, "--method", "u-tree",
             "--out", "run"]  # fmt: skip
     assert eutree(*line).code == 0
     learned = TreePolicy.load("run/policy.json")

@@ -34,10 +34,13 @@ def test_a_fitted_tree_keeps_the_rules(eutree, demos):
     assert proven(eutree, "e.json")
 
 
-@pytest.mark.parametrize("method", ["planning", "u-tree"])
-def test_a_learned_tree_keeps_them_and_so_does_the_start(eutree, demos, method):
+LITTLE = ["--set", "planner.n_steps=2000", "--set", "planner.improvement.deviations=500"]
+
+
+@pytest.mark.parametrize(("method", "little"), [("planning", LITTLE), ("u-tree", [])])
+def test_a_learned_tree_keeps_them_and_so_does_the_start(eutree, demos, method, little):
     line = ["learn", "CartPole-v1", "--demos", demos, "--episodes", 3, "--method", method,
-            "--evaluation-episodes", 3, "--evaluate-every", 2, "--out", "run"]  # fmt: skip
+            "--evaluation-episodes", 3, "--evaluate-every", 2, "--out", "run", *little]  # fmt: skip
     assert eutree(*line, *ASKED, "--judge-episodes", 5, "--front-steps", 2000).code == 0
     assert proven(eutree, "run/policy.json")
     assert json.loads(Path("run/config.json").read_text())["monotone"] == RULES

@@ -11,11 +11,13 @@ import pytest
 
 import eutree
 from eutree.data import Demonstrations
+from tests.patience import ENOUGH
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="needs POSIX permissions")
 
 SOURCE = str(Path(eutree.__file__).parents[1])
-LEARN = ("learn", "--demos", "{demos}", "--episodes", "3", "--evaluation-episodes", "2", "--out")
+LEARN = ("learn", "--demos", "{demos}", "--episodes", "3", "--evaluation-episodes", "2",
+         "--front-steps", "0", "--out")  # fmt: skip
 RECORD = ("record", "eutree/Evasion2-v0", "--expert", "gate", "--episodes", "2", "--out")
 COMMANDS = {
     "learn": (*LEARN, "{place}/run"),
@@ -47,7 +49,7 @@ def call(line, code=AS_ONESELF, **names):
         capture_output=True,
         text=True,
         env=environment,
-        timeout=240,
+        timeout=ENOUGH,
         check=False,
     )
     return process.returncode, process.stderr
@@ -103,7 +105,7 @@ def test_a_recording_that_is_killed_keeps_its_episodes(tmp_path):
         [sys.executable, "-m", "eutree", *line, "--out", str(tmp_path / "demos")], env=environment
     )
     try:
-        deadline = time.monotonic() + 120
+        deadline = time.monotonic() + ENOUGH
         while len(list((tmp_path / "demos").glob("episode-*.npz"))) < 20:
             assert process.poll() is None
             assert time.monotonic() < deadline

@@ -14,6 +14,7 @@ import pytest
 from eutree.data import Demonstrations, Episode
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
+from tests.patience import ENOUGH
 
 
 @pytest.mark.parametrize(
@@ -59,12 +60,12 @@ def test_ctrl_c_in_the_demo_says_so(tmp_path):
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
     mark = tmp_path / "d" / ".eutree-demo"
-    for _ in range(2400):
+    for _ in range(int(10 * ENOUGH)):
         if mark.exists() or demo.poll() is not None:
             break
         time.sleep(0.1)
     os.kill(demo.pid, signal.SIGINT)
-    _, said = demo.communicate(timeout=240)
+    _, said = demo.communicate(timeout=ENOUGH)
     assert demo.returncode == 130
     assert said.rstrip().endswith("interrupted")
 
@@ -78,7 +79,8 @@ def test_compression_that_changes_nothing_says_so(eutree, expert, demonstrations
 
 def test_thresholds_are_rounded_to_steps(eutree, expert, demonstrations):
     """--round left 20.12699 where two recorded temperatures lay on both sides of it."""
-    line = ("compress", expert, "--demos", demonstrations, "--out", "small.json", "--json")
+    line = ("compress", expert, "--demos", demonstrations, "--out", "small.json", "--json",
+            "--mode", "lossless", "--episodes", 20)  # fmt: skip
     assert eutree(*line, "--round", "0.5").code == 0
     tree = TreePolicy.load("small.json").tree
     cuts = tree.threshold[tree.feature >= 0]

@@ -158,7 +158,7 @@ def test_an_environment_alone_evaluates_before_and_after():
 
 def test_the_same_seed_gives_the_same_result():
     one, other = (
-        compress(BUSY, PLACES, env=RealEpisodes(Corridor(), margin=0.1, episodes=100), seed=4)
+        compress(BUSY, PLACES, env=RealEpisodes(Corridor(), margin=0.1, episodes=60), seed=4)
         for _ in range(2)
     )
     assert one[0] == other[0]
@@ -208,11 +208,11 @@ def test_no_width_of_a_range_is_too_large(width):
 
 
 def test_the_report_says_what_the_bounds_depend_on():
-    bounded = RealEpisodes(Corridor(), margin=0.5, episodes=100, return_range=(0.0, 50.0))
+    bounded = RealEpisodes(Corridor(), margin=0.5, episodes=40, return_range=(0.0, 50.0))
     _, known = compress(BUSY, PLACES, env=bounded)
     assert (known.range_known, known.return_range) == (True, (0.0, 50.0))
-    assert known.episodes_needed > 400  # 100 cannot show that less than 0.5 of 50 is lost
-    assert (known.method, known.return_change.n) == ("merge", 100)
-    _, seen = compress(BUSY, PLACES, env=RealEpisodes(Corridor(), margin=4.0, episodes=200))
+    assert known.episodes_needed > 400  # 40 cannot show that less than 0.5 of 50 is lost
+    assert (known.method, known.return_change.n) == ("merge", 40)
+    _, seen = compress(BUSY, PLACES, env=RealEpisodes(Corridor(), margin=4.0, episodes=60))
     assert (seen.range_known, seen.episodes_needed) == (False, None)
-    assert seen.return_range[1] - seen.return_range[0] >= 4.0 * 200 / 9
+    assert seen.return_range[1] - seen.return_range[0] >= 4.0 * 60 / 9

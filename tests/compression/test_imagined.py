@@ -125,6 +125,7 @@ def test_a_run_folder_has_the_experience(tmp_path, capsys):
         stored_transitions(folder, 1)
     out = tmp_path / "small.json"
     words = ["compress", str(folder), "--out", str(out), "--max-leaves", "2", "--json"]
+    words += ["--episodes", "20"]
     assert run(words) == 0
     assert '"imagined": null' in capsys.readouterr().out
     assert TreePolicy.load(out).n_leaves <= 2

@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from eutree.cli.main import run
+from tests import patience
 from tests.export.tools import need
 
 ROOT = Path(__file__).parents[2]
@@ -98,7 +99,7 @@ def run_block(
 
 # So many episodes show that a line works; the line itself is about what comes of hundreds or
 # thousands. A page that shows what is printed (`output`) is run as it stands.
-ENOUGH = {"fit": 20, "learn": 30, "evaluate": 50}
+ENOUGH = {"fit": 20, "learn": 30, "evaluate": 50, "compress": 50, "distill": 2}
 
 
 def shortened(words: list[str]) -> list[str]:
@@ -133,7 +134,7 @@ def run_command(line: str, folder: Path, *, quickly: bool = False) -> str:
     programs = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
     result = subprocess.run(
         ["bash", "-euc", line], cwd=folder, env={**os.environ, "PATH": programs},
-        capture_output=True, text=True, timeout=300, check=False,
+        capture_output=True, text=True, timeout=patience.ENOUGH, check=False,
     )  # fmt: skip
     assert result.returncode == 0, f"$ {line}\n{result.stdout}{result.stderr}"
     return result.stdout

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 import eutree
+from tests.patience import ENOUGH
 
 SOURCE = Path(__file__).parents[2] / "src"
 LARGE: dict[str, int] = {}  # files
@@ -33,7 +34,7 @@ def loaded(code: str) -> int:
     count = "sum(m.partition('.')[0] in ('eutree', 'eutree_lab') for m in sys.modules)"
     done = subprocess.run(
         [sys.executable, "-c", f"import sys\n{code}\nprint({count})"],
-        capture_output=True, text=True, check=True, timeout=120,
+        capture_output=True, text=True, check=True, timeout=ENOUGH,
     )  # fmt: skip
     return int(done.stdout.splitlines()[-1])
 

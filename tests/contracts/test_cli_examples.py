@@ -8,6 +8,7 @@ import pytest
 
 from eutree.cli.main import eutree, run
 from tests.contracts.documents import shortened
+from tests.little_search import little_search
 
 # Run elsewhere, or not by a test: why.
 NOT_HERE = {
@@ -60,7 +61,8 @@ def test_examples_run_as_one_session(
     assert names.index("record") == 0
     for name in names:
         line = INSTEAD.get(name) or example(COMMANDS[name])
-        code = run(shortened(shlex.split(line))[1:])
+        with little_search():
+            code = run(shortened(shlex.split(line))[1:])
         output = capsys.readouterr()
         assert code == 0, f"$ {line}\n{output.out}{output.err}"
 

@@ -2,6 +2,7 @@
 
 import re
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 
 import gymnasium
@@ -20,6 +21,7 @@ from tests.contracts.documents import (
     run_command,
     shortened,
 )
+from tests.little_search import little_search
 
 # Why a block may not run; any other reason is refused. Anything else in python or console runs.
 REASONS = {
@@ -77,9 +79,10 @@ def test_blocks_run(page: Path, folder: Path) -> None:
     found = blocks(page)
     quickly = "output" not in {block.mark for block in found}
     for block in found:
-        shown = run_block(
-            block, namespace, page=page, folder=folder, printed=printed, quickly=quickly
-        )
+        with little_search() if quickly else nullcontext():
+            shown = run_block(
+                block, namespace, page=page, folder=folder, printed=printed, quickly=quickly
+            )
         if block.language in ("python", "console"):
             printed = shown
 
@@ -120,7 +123,7 @@ def test_a_wrong_command_fails(tmp_path: Path) -> None:
         ("eutree", "eutree"),
         ("eutree learn Tank-v0 --episodes 5", "eutree learn Tank-v0 --episodes 5"),
         ("eutree learn --list-settings", "eutree learn --list-settings"),
-        ("eutree compress r --episodes 200", "eutree compress r --episodes 200"),
+        ("eutree compress r --episodes 200", "eutree compress r --episodes 50"),
     ],
 )
 def test_a_line_is_shortened_in_its_episodes_alone(line: str, played: str) -> None:

@@ -1,12 +1,13 @@
-"""What `import eutree` costs: none of the heavy packages, little more time than Gymnasium."""
+"""What `import eutree` costs: none of the heavy packages, little more than Gymnasium."""
 
 import ast
 import importlib.util
 import os
-import statistics
 import subprocess
 import sys
 from pathlib import Path
+
+from tests.patience import ENOUGH
 
 ROOT = Path(__file__).parents[2]
 HEAVY = {
@@ -35,7 +36,7 @@ def run(code: str) -> str:
         text=True,
         check=True,
         env=environment,
-        timeout=120,
+        timeout=ENOUGH,
     ).stdout
 
 
@@ -53,12 +54,13 @@ def test_help_loads_no_heavy_package() -> None:
     assert run(code).splitlines()[-1] == "[]"
 
 
-def test_import_takes_little_longer_than_gymnasium() -> None:
-    def cpu_seconds(package: str) -> float:
-        return float(run(f"import time, {package}; print(time.process_time())"))
+def test_import_loads_little_more_than_gymnasium() -> None:
+    """350 modules beside 303: counted, because a time depends on who else uses the machine."""
 
-    ratios = [cpu_seconds("eutree") / cpu_seconds("gymnasium") for _ in range(5)]
-    assert statistics.median(ratios) < 1.5
+    def modules(package: str) -> int:
+        return int(run(f"import sys, {package}; print(len(sys.modules))"))
+
+    assert modules("eutree") < 1.25 * modules("gymnasium")
 
 
 def test_what_benchmarks_pages_and_examples_import_is_there() -> None:

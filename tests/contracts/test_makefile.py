@@ -13,6 +13,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.patience import ENOUGH
+
 ROOT = Path(__file__).parents[2]
 MAKE = shutil.which("make")
 pytestmark = [
@@ -61,7 +63,7 @@ def make(
         capture_output=True,
         text=True,
         check=False,
-        timeout=120,
+        timeout=ENOUGH,
     )
 
 

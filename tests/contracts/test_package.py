@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 import eutree
+from tests.patience import ENOUGH
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
@@ -105,7 +106,7 @@ def test_the_wheel_works_without_the_sources(installed: Path, tmp_path: Path) ->
     )
     subprocess.run(
         [sys.executable, "-W", "error::ImportWarning", "-c", program],
-        cwd=tmp_path, env=environment, check=True, timeout=240,
+        cwd=tmp_path, env=environment, check=True, timeout=ENOUGH,
     )  # fmt: skip
     assert "<svg" in (tmp_path / "tree.html").read_text()
 

@@ -12,6 +12,7 @@ from gymnasium.utils.env_checker import check_env
 
 import eutree  # noqa: F401 - registers
 from eutree.envs import IDS, register
+from tests.patience import ENOUGH
 
 SOURCE = str(Path(__file__).parents[2] / "src")
 
@@ -113,7 +114,8 @@ def test_a_stranger_adds_an_environment_and_its_demonstrator(tmp_path: Path) -> 
     line = ["record", "stranger/Line-v0", "--expert", "go", "--episodes", "2", "--out", "demos"]
     done = subprocess.run(
         [sys.executable, "-m", "eutree", *line],
-        cwd=tmp_path, env=installed(tmp_path, points), capture_output=True, text=True, timeout=120,
+        cwd=tmp_path, env=installed(tmp_path, points), capture_output=True, text=True,
+        timeout=ENOUGH,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "demos" / "demonstrations.json").exists()
@@ -133,7 +135,7 @@ def test_a_stranger_that_cannot_be_imported_is_named_and_stops_nobody(tmp_path: 
     )
     done = subprocess.run(
         [sys.executable, "-c", code],
-        env=installed(tmp_path, points), capture_output=True, text=True, check=True, timeout=120,
+        env=installed(tmp_path, points), capture_output=True, text=True, check=True, timeout=ENOUGH,
     )  # fmt: skip
     first, second = done.stdout.splitlines()
     assert first.startswith("environments 'line', stranger:nothing, cannot be registered: ")

@@ -24,6 +24,7 @@ from eutree.interaction.making import Recipe
 from eutree.interaction.names import Names, named
 from eutree.parallel import Workers
 from eutree.schema import EnvironmentSpec
+from tests.little_search import little_search
 
 GATE = EnvironmentSpec("eutree/Evasion2-v0", {"opponent_speed": 4.2})
 
@@ -71,6 +72,7 @@ def test_results_come_in_the_order_of_the_arguments(impatient):
 
 
 def test_short_work_stays_in_this_process_and_long_work_does_not(monkeypatch):
+    monkeypatch.setattr("eutree.parallel.PATIENCE", 1e9)
     assert set(Workers(2).map(here, range(8))) == {os.getpid()}
     monkeypatch.setattr("eutree.parallel.PATIENCE", 0.0)
     assert os.getpid() not in set(Workers(2).map(here, range(8)))
@@ -157,6 +159,7 @@ def test_a_distilled_tree_is_the_same_in_two_processes(impatient):
     assert again == report
 
 
+@little_search()
 def test_a_race_is_the_same_in_two_processes(impatient):
     env = gymnasium.make("CartPole-v1")
     demos = eutree.record(env, Parity(), episodes=5, seed=0)

@@ -18,6 +18,7 @@ from eutree.export.c_test import probes
 from eutree.policies import TreePolicy
 from eutree.schema import Feature, Schema
 from tests.export.policies import EVASION, NASTY, policy_of, tree
+from tests.patience import ENOUGH
 
 NAMES = Schema(tuple(Feature(name, name) for name in NASTY), tuple(NASTY))
 POLICIES = {
@@ -80,5 +81,5 @@ def test_latex_typesets_the_picture(name: str, tmp_path: Path) -> None:
     opening = r"\documentclass{article}\usepackage[T1]{fontenc}\usepackage{tikz}\begin{document}"
     (tmp_path / "tree.tex").write_text(f"{opening}\n{picture}\\end{{document}}\n")
     command = [latex, "-interaction=nonstopmode", "-halt-on-error", "tree.tex"]
-    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True, timeout=120)
+    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True, timeout=ENOUGH)
     assert (tmp_path / "tree.pdf").stat().st_size > 1000

@@ -135,7 +135,7 @@ def fuzz(kind, count, seed, folder):
     load(path)  # imports what it needs, before the limit
     used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (used + 2**30, resource.RLIM_INFINITY))
-    signal.signal(signal.SIGALRM, lambda *_: (_ for _ in ()).throw(TimeoutError("2 s")))
+    signal.signal(signal.SIGPROF, lambda *_: (_ for _ in ()).throw(TimeoutError("2 s")))
     refused = 0
     for number in range(count):
         rng = random.Random(f"{kind} {seed} {number}")
@@ -156,18 +156,18 @@ def fuzz(kind, count, seed, folder):
 
 
 def within_2_seconds(load, path):
-    """Load a file; what takes longer gets a second chance, for it may have compiled something."""
+    """Load a file in 2 s of the processor; a second chance is for what has compiled something."""
     import signal
 
     for chance in (1, 2):
-        signal.setitimer(signal.ITIMER_REAL, 2.0)
+        signal.setitimer(signal.ITIMER_PROF, 2.0)
         try:
             return load(path)
         except TimeoutError:
             if chance == 2:
                 raise
         finally:
-            signal.setitimer(signal.ITIMER_REAL, 0)
+            signal.setitimer(signal.ITIMER_PROF, 0)
     return None
 
 

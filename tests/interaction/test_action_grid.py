@@ -142,10 +142,12 @@ def test_from_demonstrations_to_c(tmp_path, monkeypatch, capsys):
     assert again["mean_length"] == 200
     # By its name, too, the environment has the grid with which it was shown.
     line("learn", "Pendulum-v1", "--demos", "demos", "--out", "run", "--preset", "paper",
-         "--episodes", "2", "--evaluation-episodes", "2")  # fmt: skip
+         "--episodes", "2", "--evaluation-episodes", "2", "--judge-episodes", "4",
+         "--front-steps", "0")  # fmt: skip
     kept = eutree.TreePolicy.load("run/policy.json").environment
     assert kept == eutree.TreePolicy.load("expert.json").environment
-    line("compress", "run", "--out", "small.json")
+    line("compress", "run", "--out", "small.json", "--mode", "lossless", "--evaluate",
+         "--episodes", "2")  # fmt: skip
     line("export", "small.json", "--out", "swing.c", "--header")
     assert "double swing_torque(const double *observation);" in (tmp_path / "swing.h").read_text()
     assert line("show", "small.json")

@@ -10,9 +10,8 @@ from eutree.recording.browser import PageServer, record_in_browser
 from eutree.recording.events import KeyDown, KeyUp
 from eutree.recording.recorder import Recorder
 from eutree.recording.settings import SessionSettings
+from tests.patience import ENOUGH
 from tests.recording.people import Corridor
-
-ENOUGH = 60.0  # seconds for anything that takes milliseconds on a quiet machine
 
 
 class Served:

@@ -16,10 +16,10 @@ from websockets.sync.client import connect
 import eutree  # noqa: F401 - registers the environments
 from eutree.data import Demonstrations
 from eutree.interaction.replay import replay
+from tests.patience import ENOUGH
 from tests.training.processes import heed_interrupts
 
 ROOT = Path(__file__).parents[2]
-ENOUGH = 60.0
 
 
 class Recording:

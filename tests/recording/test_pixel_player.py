@@ -7,6 +7,7 @@ from benchmarks.ten_minutes import PixelPlayer, recording
 
 from eutree.data import Demonstrations
 from eutree.policies import TreePolicy
+from tests.patience import ENOUGH
 
 
 @pytest.mark.slow
@@ -15,13 +16,13 @@ def test_from_the_picture_to_a_tree(tmp_path, chromium) -> None:
         process, url = started
         page = chromium.new_page(viewport={"width": 1180, "height": 810})
         page.goto(url)
-        page.locator("body[data-state=opening][data-frame]").wait_for(timeout=60_000)
+        page.locator("body[data-state=opening][data-frame]").wait_for(timeout=ENOUGH * 1000.0)
         player = PixelPlayer(page)
         endings = [player.play() for _ in range(4)]
         assert len(player.lines) == 2
         verdict = player.make_tree()
         player.leave()
-        assert process.wait(60) == 0
+        assert process.wait(ENOUGH) == 0
     demos = Demonstrations.load(tmp_path / "my-demos")
     wins = sum(bool(episode.is_success) for episode in demos)
     assert endings.count("Goal reached") == wins

@@ -9,7 +9,9 @@ from typing import Any
 
 import pytest
 
-ENOUGH = 60_000.0  # milliseconds for anything that takes a few on a quiet machine
+from tests import patience
+
+ENOUGH = patience.ENOUGH * 1000.0  # milliseconds
 BROWSERS = ("/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome")
 
 

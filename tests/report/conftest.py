@@ -7,6 +7,7 @@ from eutree.policies import TreePolicy
 from eutree.report import WatchedEpisode
 from tests.export.policies import EVASION, policy_of, tree
 from tests.export.tools import need
+from tests.patience import ENOUGH
 from tests.report.browser import missing
 from tests.report.watched import episodes
 
@@ -20,7 +21,7 @@ def axe() -> str:
         folder.mkdir(parents=True, exist_ok=True)
         command = [need("npm"), "install", "--prefix", str(folder), "--no-audit", "axe-core@4"]
         try:
-            subprocess.run(command, capture_output=True, check=True, timeout=60)
+            subprocess.run(command, capture_output=True, check=True, timeout=ENOUGH)
         except (subprocess.SubprocessError, OSError) as error:
             missing(f"axe-core cannot be installed: {error}")
     return script.read_text(encoding="utf-8")

@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 import eutree
+from tests.patience import ENOUGH
 
 ARTEFACTS = (
     "policy.json",
@@ -92,13 +93,13 @@ def start(*arguments, code=COMMAND, **environment):
     )
 
 
-def finish(process, timeout=240):
+def finish(process, timeout=ENOUGH):
     """Wait for a process; return its exit code and what it said on standard error."""
     _, err = process.communicate(timeout=timeout)
     return process.returncode, err
 
 
-def wait_for_new(path, before, process, timeout=120):
+def wait_for_new(path, before, process, timeout=ENOUGH):
     """Wait until a file is another than ``before`` (see ``identity``), or the process has ended."""
     limit = time.monotonic() + timeout
     while identity(path) == before and process.poll() is None:

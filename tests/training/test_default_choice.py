@@ -93,9 +93,9 @@ env = "CartPole-v1"
 shown = eutree.record(env, eutree.experts.follow_the_fall, episodes=5, seed=0)
 for _ in range(2):
     eutree.learn(env, demonstrations=shown, steps=600, episodes=1, evaluation_episodes=1,
-                 judge_episodes=0)
+                 judge_episodes=0, front_steps=0)
 eutree.learn(env, demonstrations=shown, method="planning", steps=600, episodes=1,
-             evaluation_episodes=1, judge_episodes=0)
+             evaluation_episodes=1, judge_episodes=0, front_steps=0)
 """
 
 
@@ -111,6 +111,7 @@ def test_the_command_says_it_and_its_json_too(tmp_path, cart, capsys):
     cart.save(tmp_path / "demos")
     line = ["learn", "CartPole-v1", "--demos", str(tmp_path / "demos"), "--steps", "600",
             "--episodes", "1", "--evaluation-episodes", "1", "--judge-episodes", "0",
+            "--front-steps", "0",
             "--json", "--out", str(tmp_path / "run")]  # fmt: skip
     assert run(line) == 0
     out, err = capsys.readouterr()

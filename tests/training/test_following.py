@@ -13,7 +13,7 @@ from eutree.training.callback import Logger
 from tests.worlds import FEW_IMAGINED
 
 SHORT = {"episodes": 45, "evaluate_every": 15, "evaluation_episodes": 10, "seed": 4}
-SHORT |= {"method": FEW_IMAGINED}
+SHORT |= {"method": FEW_IMAGINED, "front_steps": 0}
 
 
 @pytest.fixture(scope="module")

@@ -30,7 +30,7 @@ WAYS = {
     "bounded": ("--max-transitions", 400),
     "paper, bounded": ("--preset", "paper", "--max-transitions", 400),
 }
-LENGTH = ("--episodes", 60, "--evaluate-every", 10, "--evaluation-episodes", 10)
+LENGTH = ("--episodes", 60, "--evaluate-every", 10, "--evaluation-episodes", 10, "--front-steps", 0)
 
 
 @pytest.fixture(scope="module")

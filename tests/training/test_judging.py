@@ -15,7 +15,7 @@ from eutree.wording import counted
 from tests.corridor import WRONG, Corridor, policy_of
 from tests.interaction.sick import Healthy
 
-SHORT = {"evaluate_every": 5, "evaluation_episodes": 40, "seed": 2}
+SHORT = {"evaluate_every": 5, "evaluation_episodes": 40, "seed": 2, "front_steps": 0}
 
 
 def evaluation(returns, successes=None):

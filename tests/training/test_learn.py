@@ -17,7 +17,7 @@ from eutree.schema import Schema
 from tests.interaction.sick import Healthy
 from tests.worlds import FEW_IMAGINED
 
-SHORT = {"episodes": 30, "evaluate_every": 10, "evaluation_episodes": 10}
+SHORT = {"episodes": 30, "evaluate_every": 10, "evaluation_episodes": 10, "front_steps": 0}
 
 
 @pytest.fixture(scope="module")
@@ -235,6 +235,7 @@ def test_a_fault_of_the_environment_leaves_the_run_resumable(tmp_path):
             return super().step(action)
 
     options = {"episodes": 10, "evaluate_every": 100, "evaluation_episodes": 1, "seed": 1}
+    options["front_steps"] = 0
     with pytest.raises(EnvironmentFault, match="finite"):
         eutree.learn(Breaks(), out=tmp_path / "a", **options)
     Breaks.broken = False

@@ -21,6 +21,7 @@ from eutree.cli.main import run
 from eutree.errors import FormatError, InvalidArgumentError, RunFolderError, UnknownNameError
 from eutree.learners import METHODS, Needs, method, register
 from eutree.learners.registry import GROUP, from_document, to_document
+from tests.patience import ENOUGH
 
 PAGE = Path(__file__).parents[2] / "docs" / "your-own-method.md"
 PROJECT = """
@@ -44,7 +45,7 @@ def corrections():
     click.echo("none yet")
 """
 TASK = "eutree/Evasion2-v0"
-SHORT = {"episodes": 40, "evaluate_every": 20, "evaluation_episodes": 4}
+SHORT = {"episodes": 40, "evaluate_every": 20, "evaluation_episodes": 4, "front_steps": 0}
 EPISODES = {"selection_episodes": 6, "judging_episodes": 6}
 
 
@@ -106,7 +107,7 @@ def elsewhere(site, folder, *line):
     """Run the command line in another process, which knows the distribution; return its output."""
     paths = os.pathsep.join([str(site), *sys.path])
     done = subprocess.run(
-        [sys.executable, "-m", "eutree", *map(str, line)], cwd=folder, text=True, timeout=240,
+        [sys.executable, "-m", "eutree", *map(str, line)], cwd=folder, text=True, timeout=ENOUGH,
         env={**os.environ, "PYTHONPATH": paths}, capture_output=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
@@ -146,7 +147,8 @@ def test_it_is_resumed_by_name_in_another_process(installed, demos, tmp_path):
     learned(demos, tmp_path / "parts", stop=lambda: next(steps) > 300)
     assert bytes_of(tmp_path / "parts") != bytes_of(tmp_path / "whole")
     line = ["learn", TASK, "--demos", demos, "--method", "corrected-imitation", "--episodes", 40]
-    line += ["--evaluate-every", 20, "--evaluation-episodes", 4, "--out", tmp_path / "parts"]
+    line += ["--evaluate-every", 20, "--evaluation-episodes", 4, "--front-steps", 0]
+    line += ["--out", tmp_path / "parts"]
     elsewhere(installed, tmp_path, *line, "--resume")
     assert bytes_of(tmp_path / "whole") == bytes_of(tmp_path / "parts")
 

@@ -16,7 +16,7 @@ from tests.corridor import WRONG, Corridor, policy_of
 
 ARTEFACTS = ("policy.json", "expert.json", "curve.csv", "progress.csv", "events.jsonl",
              "checkpoint.npz", "config.json")  # fmt: skip
-SHORT = {"evaluate_every": 10**6, "evaluation_episodes": 4, "seed": 3}
+SHORT = {"evaluate_every": 10**6, "evaluation_episodes": 4, "seed": 3, "front_steps": 0}
 
 
 @pytest.fixture(scope="module")
