@@ -1,4 +1,4 @@
-"""Make the pictures of recording.md: its page in headless Chromium.
+"""Make the pictures of the recorder's page, and of a study, in headless Chromium.
 
 Run: PYTHONPATH=src python docs/images/make_recorder_pictures.py
 
@@ -10,8 +10,12 @@ import re
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+from eutree.fitting.study_plan import USUAL_PLAN
 
 HERE = Path(__file__).parent
 CHROMIUM = "/usr/bin/chromium"
@@ -19,16 +23,23 @@ QUIET = (
     "--no-sandbox --headless=new --disable-gpu --disable-background-networking "
     "--disable-component-update --disable-sync --no-first-run"
 )
-PATIENCE = 30_000.0
+PATIENCE = 60_000.0
+DESK = {"viewport": {"width": 1180, "height": 810}}
+PHONE = {
+    "viewport": {"width": 390, "height": 844},
+    "has_touch": True,
+    "is_mobile": True,
+    "device_scale_factor": 2,
+}
 
 
 class Page:
     """The recorder's page, and a person before it."""
 
-    def __init__(self, browser: Any, url: str, **options: Any) -> None:
+    def __init__(self, browser: Any, url: str, state: str = "opening", **options: Any) -> None:
         self.page = browser.new_page(**options)
         self.page.goto(url)
-        self.until("opening")
+        self.until(state)
 
     def until(self, state: str) -> "Page":
         self.page.locator(f"body[data-state={state}]").wait_for(timeout=PATIENCE)
@@ -40,7 +51,7 @@ class Page:
 
     def take(self, name: str, *, whole: bool = False) -> "Page":
         self.rest(0.3)
-        self.page.screenshot(path=HERE / f"recorder-{name}.png", full_page=whole)
+        self.page.screenshot(path=HERE / f"{name}.png", full_page=whole)
         return self
 
     def press(self, key: str) -> "Page":
@@ -56,73 +67,79 @@ class Page:
         return self.rest(0.9)
 
 
-def picture_the_tree(page: Page, size: Any) -> None:
-    """Let the tree practise where that is offered, and show it on two screens."""
-    practise = page.page.get_by_role("button", name="Let it practise")
-    if practise.count():
-        practise.click()
-        page.page.locator("body[data-tree=practising]").wait_for(timeout=PATIENCE)
-        page.page.locator("body[data-tree=ready]").wait_for(timeout=10.0 * PATIENCE)
-    page.take("tree", whole=True)
-    page.page.set_viewport_size({"width": 1920, "height": 1080})
-    page.page.evaluate("() => scrollTo(0, 0)")
-    page.take("wide")
-    page.page.set_viewport_size(size)
+def picture_the_tree(page: Page) -> None:
+    """Watch the tree, take over from it, let it practise, and look at what it became."""
+    page.page.get_by_role("button", name="Make", exact=False).first.click()
+    page.until("watching").page.locator("body[data-seen^=over]").wait_for(timeout=PATIENCE)
+    page.take("recorder-watching").press("Escape").until("review").rest(0.9)
+    page.page.emulate_media(color_scheme="dark")
+    page.page.get_by_role("button", name="Correct it").click()
+    page.until("driving").rest(1.0).page.keyboard.down("Space")
+    page.page.locator("#acting", has_text="you:").wait_for(timeout=PATIENCE)
+    page.take("recorder-driving").page.keyboard.up("Space")
+    page.press("Escape").until("review").rest(0.9)
+    page.page.emulate_media(color_scheme="light")
+    page.page.get_by_role("button", name="Make it again").click()
+    page.until("watching").press("Escape").until("review").rest(0.9)
+    page.page.get_by_role("button", name="Let it practise").click()
+    page.page.locator("#ways-section").wait_for(timeout=20.0 * PATIENCE)
+    page.until("watching").press("Escape").until("review").take("recorder-tree", whole=True)
+    page.page.locator("#ways-section").screenshot(path=HERE / "recorder-ways.png")
 
 
-def picture_the_page(folder: Path) -> None:
-    from playwright.sync_api import sync_playwright
-
-    command = [sys.executable, "-m", "eutree", "record", "eutree/Evasion2-v0", "--fps"]
-    command += ["4", "--port", "0", "--episodes", "5", "--out", "demos"]
+@contextmanager
+def recording(folder: Path, *options: str) -> Iterator[str]:
+    """Start ``eutree record``; yield the page's address."""
+    command = [sys.executable, "-m", "eutree", "record", "eutree/Evasion2-v0", "--port", "0"]
     own = {**os.environ, "PYTHONPATH": str(HERE.parents[1] / "src")}
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, cwd=folder, env=own)
-    url = re.search(r"open (http://\S+)", process.stderr.readline())[1]
-    wide = {"viewport": {"width": 1180, "height": 810}}
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=QUIET.split())
-        page = Page(browser, url, color_scheme="light", **wide).take("opening")
-        page.press("Enter").until("countdown").rest(0.2).take("countdown").until("playing")
-        page.page.keyboard.down("Space")
-        page.rest(0.3).take("playing").page.keyboard.up("Space")
-        page.press("p").until("paused").take("paused")
+    process = subprocess.Popen(
+        [*command, *options], stderr=subprocess.PIPE, text=True, cwd=folder, env=own
+    )
+    try:
+        lines = (re.search(r"open (http://\S+)", line) for line in process.stderr)
+        yield next(filter(None, lines))[1]
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def picture_the_recorder(browser: Any, folder: Path) -> None:
+    with recording(folder, "--fps", "4", "--episodes", "5", "--out", "demos") as url:
+        page = Page(browser, url, color_scheme="light", **DESK).take("recorder-opening")
+        page.press("Enter").until("playing").page.keyboard.down("Space")
+        page.rest(0.6).take("recorder-playing").page.keyboard.up("Space")
         page.press("Delete").until("review").rest(0.9)
-        page.cross().cross(wait=1.5).press("r").until("playing")
-        page.page.keyboard.down("Space")
-        page.until("review").page.keyboard.up("Space")
-        page.rest(0.9).cross(wait=2.2).cross(wait=0.6).take("review")
+        page.cross().cross(wait=1.5).cross(wait=2.2).cross(wait=0.6).take("recorder-review")
         page.page.close()
-        phone = Page.__new__(Page)
-        phone.page = browser.new_page(
-            viewport={"width": 390, "height": 844},
-            color_scheme="dark",
-            has_touch=True,
-            is_mobile=True,
-            device_scale_factor=2,
-        )
-        phone.page.goto(url)
-        phone.until("review").take("phone-review")
-        phone.press("Enter").until("playing").rest(2.0).take("phone-playing")
-        phone.page.close()
-        page = Page.__new__(Page)
-        page.page = browser.new_page(color_scheme="dark", **wide)
-        page.page.goto(url)
-        page.until("paused").take("dark")
-        page.press("Enter").until("playing")
-        page.page.keyboard.down("Space")
-        page.until("review").page.keyboard.up("Space")
-        page.rest(0.9)
-        while page.page.locator("body").get_attribute("data-saved") < "5":
-            page.cross(wait=0.4)
-        page.page.emulate_media(color_scheme="light")
-        ready = page.press("Enter").page.locator("body[data-tree=ready]")
-        ready.wait_for(timeout=10.0 * PATIENCE)
-        picture_the_tree(page, wide["viewport"])
-        page.press("Escape").until("finished").take("finished")
-        browser.close()
-    process.wait()
+        phone = Page(browser, url, "review", color_scheme="dark", **PHONE)
+        phone.press("Enter").until("playing").rest(1.0)
+        phone.page.keyboard.down("Space")
+        phone.rest(0.5).take("recorder-phone-playing").until("review").page.close()
+        picture_the_tree(Page(browser, url, "review", color_scheme="light", **DESK))
+
+
+def picture_the_study(browser: Any, folder: Path) -> None:
+    """Go to the questions of a study with as few episodes as there may be."""
+    study = folder / "people"
+    study.mkdir()
+    plan = re.sub(r"(practice|watched|taken_over) = \d+", r"\1 = 0", USUAL_PLAN)
+    (study / "study.toml").write_text(plan.replace("episodes = 15", "episodes = 1"))
+    with recording(folder, "--fps", "8", "--study", "people") as url:
+        page = Page(browser, url, color_scheme="light", **DESK)
+        for name in ("I agree", "Begin"):
+            page.page.get_by_role("button", name=name, exact=True).click()
+        page.until("playing").page.keyboard.down("Space")
+        page.until("review").page.locator("#questions fieldset").first.wait_for(timeout=PATIENCE)
+        for place, answer in enumerate("64"):
+            page.page.locator("fieldset").nth(place).locator(f"[value='{answer}']").check()
+        page.take("study-questions")
 
 
 if __name__ == "__main__":
-    with tempfile.TemporaryDirectory() as name:
-        picture_the_page(Path(name))
+    from playwright.sync_api import sync_playwright
+
+    with tempfile.TemporaryDirectory() as name, sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=QUIET.split())
+        picture_the_recorder(chromium, Path(name))
+        picture_the_study(chromium, Path(name))
+        chromium.close()

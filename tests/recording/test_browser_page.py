@@ -502,7 +502,8 @@ def test_the_end_is_one_button(chromium, tmp_path) -> None:
             ["practised", "96 of 100", "17.6"],
         ]
         assert person.page.get_by_role("button", name="Kept").is_disabled()
-        assert "4.0 % of your steps" in person.page.locator("#changes").inner_text()
+        said = "4.0\u00a0% of your steps: more where x \u2264 5\u00a0m"
+        assert said in person.page.locator("#changes").text_content()
         person.page.get_by_role("button", name="Keep mine").click()
         person.page.locator("#verdict", has_text="kept 1").wait_for(timeout=PATIENCE)
         assert maker.calls == ["make", "practise", "choose 1"]

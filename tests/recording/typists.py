@@ -208,6 +208,6 @@ class ScriptedMaker:
                 of=100,
                 columns=("", "reaches", "steps"),
                 ways=ways,
-                changes=("4.0 % of your steps: more",),
+                changes=("4.0 % of your steps: more where x <= 5 m",),
             )
         )

@@ -833,7 +833,7 @@ function showWays(tree) {
   }));
   words($("changes"), ...(tree.changes || []).map((text) => {
     const item = document.createElement("li");
-    item.textContent = text;
+    item.textContent = text.replaceAll("<=", "≤").replaceAll(/(\d) (?=[a-z%])/g, "$1\u00a0"); // a number and its unit stay together
     return item;
   }));
   $("changes-title").hidden = !(tree.changes || []).length;
