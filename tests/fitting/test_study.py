@@ -390,7 +390,7 @@ def test_the_table_has_a_row_for_each_person_and_means(tmp_path, capsys) -> None
         (["--study", "s", "--out", "d"], "leave out --out"),
         (["--study", "s", "--episodes", "3"], "leave out --episodes"),
         (["--person", "00000000", "--out", "d"], "--person needs --study"),
-        ([], "--out must name a folder"),
+        ([], "Missing option '--out'"),
     ],
 )
 def test_options_that_do_not_go_together_are_refused(tmp_path, monkeypatch, capsys, options, said):

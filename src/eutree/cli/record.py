@@ -96,10 +96,10 @@ def record(
         pace = SessionSettings(fps=fps, hud=hud)
         _lead_through(output, spec, env, study, person, keys, pace, **page)
         return
-    if out is None or person is not None:
-        raise InvalidArgumentError(
-            "--out must name a folder to write" if out is None else "--person needs --study"
-        )
+    if person is not None:
+        raise InvalidArgumentError("--person needs --study")
+    if out is None:
+        raise click.MissingParameter(param_hint="'--out'", param_type="option")
     env = _made(output, spec, starts_from, None if expert is not None else "rgb_array")
     if expert is not None:
         _record_expert(
