@@ -16,6 +16,7 @@ from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
 from eutree.training.judging import judged
 from tests.export.policies import EVASION, policy_of, tree
+from tests.little_search import little_search
 
 FILES = [
     *("expert.json", "small.json", "small.c", "small.svg", "report.html", "demonstrations"),
@@ -33,6 +34,7 @@ def quick(environment, story):
     return DemoSettings(environment=spec, story=story, runs=2, n_jobs=1)
 
 
+@little_search()
 @pytest.mark.parametrize(
     ("environment", "story"), [("eutree/Evasion2-v0", FASTER), ("CartPole-v1", FEW)]
 )
