@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from eutree.policies import TreePolicy
     from eutree.recording.scenes import Programme, Scene
     from eutree.recording.tree_making import Show, TreeView
+    from eutree.training.run import Run
 
 FITTED = 200  # episodes that judge the fit; practice begins with them too
 PLAYED = 200  # episodes of the verdict, the same for every tree
@@ -136,7 +137,7 @@ class PageTree:
                 env,
                 episodes=episodes,
                 seed=self._seed,
-                callback=curve,
+                on_progress=curve,
                 stop=stop,
             )
         finally:
@@ -365,7 +366,7 @@ class _NobodyWaits(Exception):  # noqa: N818 - no error: whoever pressed the but
 
 
 class _Curve:
-    """What the practising tree reaches, shown as it goes on; a callback of ``learn``."""
+    """What the practising tree reaches, shown after each episode."""
 
     def __init__(
         self,
@@ -375,52 +376,29 @@ class _Curve:
     ) -> None:
         self._env, self._view, self._show = env, view, show
         self._finished = 0
-        self._step: dict[str, Any] = {}
-        self._model: Any = None
         self.points: tuple[tuple[int, float], ...] = ()
         show(view)
 
-    def init_callback(self, model: Any) -> None:
-        """Take the learner."""
-        self._model = model
-
-    def update_locals(self, locals_: dict[str, Any]) -> None:
-        """Take what is known of the present step."""
-        self._step = locals_
-
-    def on_step(self) -> bool:
+    def __call__(self, run: "Run") -> None:
         """Count finished episodes; after every few of them let the present policy play."""
-        if self._step["dones"][0]:
-            self._finished += 1
-            if self._finished % CURVE_EVERY == 0:
-                self.points = (*self.points, (self._finished, self._reached()))
-            self._show(
-                replace(
-                    self._view,
-                    message=f"The tree practises: {self._finished} of {self._view.of} episodes",
-                    finished=self._finished,
-                    curve=self.points,
-                )
+        if run.episode == self._finished:
+            return  # it was evaluated
+        self._finished = run.episode
+        if self._finished % CURVE_EVERY == 0:
+            self.points = (*self.points, (self._finished, self._reached(run.policy())))
+        self._show(
+            replace(
+                self._view,
+                message=f"The tree practises: {self._finished} of {self._view.of} episodes",
+                finished=self._finished,
+                curve=self.points,
             )
-        return True
+        )
 
-    def on_training_start(self, locals_: dict[str, Any], globals_: dict[str, Any]) -> None:
-        """Do nothing."""
-
-    def on_rollout_start(self) -> None:
-        """Do nothing."""
-
-    def on_rollout_end(self) -> None:
-        """Do nothing."""
-
-    def on_training_end(self) -> None:
-        """Do nothing."""
-
-    def _reached(self) -> float:
+    def _reached(self, tree: "TreePolicy") -> float:
         from eutree.evaluation import evaluate
 
-        played = evaluate(self._model.policy, self._env, episodes=PER_POINT, seed=PLAYED)
-        return value(played)
+        return value(evaluate(tree, self._env, episodes=PER_POINT, seed=PLAYED))
 
 
 def _scale(person: "Person", played: "Evaluation") -> dict[str, Any]:

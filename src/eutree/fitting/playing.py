@@ -19,7 +19,6 @@ from eutree.learners import ModelPlanning, PlanningMethod
 from eutree.policies import TreePolicy
 from eutree.policy_search.planner import Planner
 from eutree.training import Run, learn
-from eutree.training.callback import CallbackLike
 from eutree.trees.edit import graft, merge
 
 TIE = 1e-9  # of a success: what a unit of return is worth beside it
@@ -242,7 +241,6 @@ def practise(
     episodes: int,
     seed: int = 0,
     on_progress: Callable[[Run], None] | None = None,
-    callback: CallbackLike | None = None,
     stop: Callable[[], bool] = lambda: False,
 ) -> tuple[TreePolicy, ...]:
     """Return what learning makes of a tree in ``episodes`` episodes: one tree, or two.
@@ -261,7 +259,6 @@ def practise(
         episodes: How long.
         seed: The same seed gives the same tree.
         on_progress: Called after each episode, as by ``eutree.learn``.
-        callback: Follows the run, as in ``eutree.learn``.
         stop: Asked before every step; True ends the practice at its last finished episode.
     """
     known = (*demonstrations.episodes, *_recent(played))
@@ -283,7 +280,6 @@ def practise(
         evaluation_episodes=1,
         judge_episodes=0,
         seed=seed,
-        callback=callback,
         stop=stop,
         on_progress=follow,
     ).policy
