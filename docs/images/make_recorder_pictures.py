@@ -12,6 +12,7 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ QUIET = (
     "--disable-component-update --disable-sync --no-first-run"
 )
 PATIENCE = 60_000.0
+MISLEADING = 4  # a folder of a simulated person, of which the tree is far better without some
 DESK = {"viewport": {"width": 1180, "height": 810}}
 PHONE = {
     "viewport": {"width": 390, "height": 844},
@@ -135,6 +137,26 @@ def picture_the_study(browser: Any, folder: Path) -> None:
         page.take("study-questions")
 
 
+def picture_the_hurts(browser: Any, folder: Path) -> None:
+    """Show which seconds hurt in what a simulated person has recorded."""
+    sys.path.insert(0, str(HERE.parents[1] / "benchmarks"))
+    import people
+
+    shown = people.folder("evasion", MISLEADING)
+    held = [
+        replace(one, steps={"keys": one.actions[:, None] == 1}, extras={"keys": ["space"]})
+        for one in shown.episodes
+    ]
+    replace(shown, episodes=tuple(held)).save(folder / "simulated")
+    with recording(folder, "--out", "simulated") as url:
+        page = Page(browser, url, color_scheme="light", viewport={"width": 900, "height": 900})
+        page.page.get_by_role("button", name="Make my tree").click()
+        page.until("watching").press("Escape").until("opening")
+        page.page.get_by_role("button", name="Which seconds hurt?").click()
+        page.page.locator("#hurts article").first.wait_for(timeout=10.0 * PATIENCE)
+        page.page.locator("#hurts-section").screenshot(path=HERE / "recorder-hurts.png")
+
+
 if __name__ == "__main__":
     from playwright.sync_api import sync_playwright
 
@@ -142,4 +164,5 @@ if __name__ == "__main__":
         chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=QUIET.split())
         picture_the_recorder(chromium, Path(name))
         picture_the_study(chromium, Path(name))
+        picture_the_hurts(chromium, Path(name))
         chromium.close()

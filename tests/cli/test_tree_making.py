@@ -7,6 +7,7 @@ from dataclasses import replace
 import gymnasium
 import numpy as np
 import pytest
+from benchmarks.people import folder as recorded_by
 
 import eutree
 from eutree.cli.main import run
@@ -15,6 +16,7 @@ from eutree.errors import InvalidArgumentError
 from eutree.fitting import page_tree
 from eutree.fitting.page_tree import PageTree
 from eutree.interaction import GuardedEnv, run_episode
+from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
 from tests.recording.people import Corridor
 
@@ -239,3 +241,76 @@ def test_an_episode_ended_by_hand_is_no_result_of_the_person(folder) -> None:
     assert last.verdict == "not comparable"
     assert last.yours is None
     assert made(beside, episodes=3)[1][-1].message.startswith("you 2 of 2 (34 to 100 %);")
+
+
+TEACHES_WORSE = 4  # a folder whose tree succeeds in half of the episodes, and in 4 of 5 without it
+
+
+@pytest.fixture(scope="module")
+def misleading(tmp_path_factory):
+    path = tmp_path_factory.mktemp("people") / "demos"
+    recorded_by("evasion", TEACHES_WORSE).save(path)
+    return path
+
+
+def test_seconds_that_hurt_are_shown_as_strips_and_both_trees_stand_beside_each_other(
+    misleading,
+) -> None:
+    maker, views = made(misleading, episodes=15)
+    before = wins_of(views[-1])
+    file = misleading.with_name("demos-tree.json")
+    first = file.read_bytes()
+    maker.look(views.show, lambda: False)
+    assert {"fitting", "ready"} <= {view.phase for view in views}
+    found = [one for one in views[-1].hurts if one.what != "show again"]
+    assert views[-1].was_searched
+    assert found
+    folder = DemonstrationFolder(misleading)
+    for one in found:
+        for strip in one.strips:
+            episode = folder.read(strip.number)
+            assert [a for action, n in strip.runs for a in n * [action]] == episode.actions.tolist()
+            assert strip.words.startswith(f"Episode {strip.number}, {len(episode)} steps: ")
+        for part in one.segments:
+            episode = folder.read(part.episode)
+            assert set(episode.actions[part.start : part.stop].tolist()) == {part.action}
+            taught = episode.taught.copy()
+            taught[part.start : part.stop] = -1 if part.becomes is None else part.becomes
+            folder.write(part.episode, episode.teaching(taught))
+    maker.make_without(views.show, lambda: False)
+    assert views[-1].asks
+    assert [way.name for way in views[-1].ways] == ["you", "with them", "without them"]
+    assert not any(way.keep for way in views[-1].ways)
+    assert wins_of(views[-1]) > before
+    less = file.read_bytes()
+    assert less != first
+    maker.settle(views.show, undo=True)
+    assert file.read_bytes() == first
+    assert wins_of(views[-1]) == before
+    with pytest.raises(InvalidArgumentError, match="a change to settle"):
+        maker.settle(views.show, undo=False)
+    maker.make_without(views.show, lambda: False)
+    maker.settle(views.show, undo=False)
+    assert file.read_bytes() == less
+    assert not views[-1].asks
+    assert views.programmes[-1].policy.to_bytes() == TreePolicy.load(file).to_bytes()
+
+
+def test_who_leaves_while_seconds_are_looked_for_gets_no_answer(misleading) -> None:
+    maker, views = made(misleading, episodes=15)
+    count = len(views)
+    maker.look(views.show, lambda: True)
+    assert len(views) == count
+
+
+def test_where_all_was_cut_it_is_said_and_can_be_taken_back(folder) -> None:
+    maker, views = made(folder, episodes=3)
+    before = views[-1]
+    stored = DemonstrationFolder(folder)
+    for number, episode in stored.read_all().items():
+        stored.write(number, episode.teaching(np.full(len(episode), -1)))
+    maker.make_without(views.show, lambda: False)
+    assert "cut altogether" in views[-1].note
+    assert views[-1].asks
+    maker.settle(views.show, undo=True)
+    assert views[-1].message == before.message

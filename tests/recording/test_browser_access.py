@@ -6,7 +6,7 @@ from dataclasses import replace
 import gymnasium
 import pytest
 
-from eutree.recording.tree_making import TreeView
+from eutree.recording.tree_making import HurtView, SegmentView, StripView, TreeView
 from tests.recording.people import Corridor
 from tests.recording.serving import serving
 from tests.recording.typists import (
@@ -106,6 +106,95 @@ def test_axe_finds_nothing(chromium, tmp_path, axe, screen, scheme) -> None:
         person.tap("Escape").until(state="review")
         person.rest().tap("Escape").until(state="finished")
         assert findings() == []
+
+
+def hurts_of(*kinds):
+    """Return hurts of these kinds in the first episode, which has at least five steps."""
+    strip = StripView(
+        number=0,
+        runs=((1, 2), (2, 3)),
+        keys=(("right", 2, 5),),
+        marks=((2, 4),),
+        words="Episode 0, 5 steps. Marked: steps 3 to 4.",
+    )
+    segment = SegmentView(episode=0, start=2, stop=4, action=2, becomes=0)
+    return tuple(
+        HurtView(
+            what=what,
+            title=f"{what.capitalize()} 2 steps of 1 episode",
+            why="They teach right where place <= 3.",
+            reached="With them 100 of 200 (43 to 57 %), without 180 of 200 (85 to 94 %).",
+            segments=(segment,),
+            strips=(strip,),
+        )
+        for what in kinds
+    )
+
+
+@pytest.mark.parametrize(
+    ("screen", "scheme"), [("desk", "light"), ("phone", "dark"), ("phone on its side", "light")]
+)
+def test_seconds_that_hurt_are_found_cut_and_taken_back(
+    chromium, tmp_path, axe, screen, scheme
+) -> None:
+    """By keyboard alone; each state is without findings and has nothing cut off."""
+    maker = ScriptedMaker()
+    maker.hurts = hurts_of("flip", "cut", "show again")
+    with serving(tmp_path, fps=20.0, maker=maker) as served:
+        person = person_at(chromium, served, screen, color_scheme=scheme)
+        page = person.page
+        page.evaluate(axe)
+        wide = "() => document.documentElement.scrollWidth - document.documentElement.clientWidth"
+        focused = "() => document.activeElement.id"
+
+        def press(name, nth=0):
+            page.get_by_role("button", name=name, exact=True).nth(nth).press("Enter")
+
+        person.tap("Enter").until(state="playing").down("ArrowRight").until(state="review")
+        person.up("ArrowRight").rest()
+        shown = served.session.episodes[0]
+        served.session.wishes.express("make")
+        person.until(tree="ready")
+        press("Which seconds hurt?")
+        page.locator("#hurts-section article").nth(2).wait_for(timeout=PATIENCE)
+        assert page.evaluate(focused) == "hurts-title"
+        assert (
+            page.get_by_role("img", name="Episode 0, 5 steps. Marked: steps 3 to 4.").count() == 3
+        )
+        assert page.get_by_role("button", name="Which seconds hurt?").count() == 0
+        assert page.evaluate(FINDINGS) == []
+        assert page.evaluate(wide) == 0
+        press("Flip")
+        page.get_by_role("button", name="Take it back").wait_for(timeout=PATIENCE)
+        assert served.session.episodes[0].taught[2:4].tolist() == [0, 0]
+        assert page.evaluate(focused) == "verdict-title"
+        assert page.get_by_role("button", name="Make it again").count() == 0
+        assert page.evaluate(FINDINGS) == []
+        press("Take it back")
+        page.get_by_text("Settled.").wait_for(timeout=PATIENCE)
+        assert (served.session.episodes[0].taught == shown.actions).all()
+        press("Which seconds hurt?")
+        page.locator("#hurts-section article").nth(2).wait_for(timeout=PATIENCE)
+        press("Do all of these")
+        page.get_by_role("button", name="Keep what is left").wait_for(timeout=PATIENCE)
+        press("Keep what is left")
+        page.get_by_text("Settled.").wait_for(timeout=PATIENCE)
+        press("Which seconds hurt?")
+        page.locator("#hurts-section article").nth(2).wait_for(timeout=PATIENCE)
+        press("Show this again", 2)
+        person.until(state="countdown", step=2)
+        assert maker.calls == ["make", "look", "make_without", "undo", "look", "make_without",
+                               "accept", "look"]  # fmt: skip
+        assert person.messages == []
+
+
+def test_where_nothing_hurts_the_page_says_so(chromium, tmp_path) -> None:
+    with serving(tmp_path, fps=20.0, maker=ScriptedMaker()) as served:
+        person = person_at(chromium, served, "desk")
+        person.tap("Enter").until(state="playing").down("ArrowRight").until(state="review")
+        person.up("ArrowRight")
+        served.session.wishes.express("hurting")
+        person.page.get_by_text("none was shown to be better").wait_for(timeout=PATIENCE)
 
 
 def test_axe_would_find_a_name_without_its_words(chromium, tmp_path, axe) -> None:

@@ -157,6 +157,7 @@ class ScriptedMaker:
     def __init__(self, programme=None) -> None:
         self.calls = []
         self.programme = programme
+        self.hurts = ()
         self.ready = TreeView(
             phase="ready",
             message="you 13 of 15; this tree 56 of 100",
@@ -180,6 +181,19 @@ class ScriptedMaker:
     def choose(self, way, show) -> None:
         self.calls.append(f"choose {way}")
         show(replace(self.ready, message=f"kept {way}"))
+
+    def look(self, show, stop) -> None:
+        self.calls.append("look")
+        show(replace(self.ready, phase="fitting", message="Looking", finished=20, of=100))
+        show(replace(self.ready, hurts=self.hurts, was_searched=True, note="1 group of steps"))
+
+    def make_without(self, show, stop) -> None:
+        self.calls.append("make_without")
+        show(replace(self.ready, message="this tree 96 of 100", asks=True))
+
+    def settle(self, show, *, undo) -> None:
+        self.calls.append("undo" if undo else "accept")
+        show(replace(self.ready, note="Settled."))
 
     def practise(self, show, stop) -> None:
         self.calls.append("practise")

@@ -86,10 +86,15 @@ class Hurt:
         lines += [f"  {one.words(schema, numbers)}" for one in self.segments[:LISTED]]
         if len(self.segments) > LISTED:
             lines.append(f"  and {len(self.segments) - LISTED} segments more")
-        found = f"  with them {result_in_words(self.before)}"
-        if self.after is not None:
-            found += f", without {result_in_words(self.after)}"
-        return "\n".join([*lines, found])
+        return "\n".join([*lines, f"  {self.reached}"])
+
+    @property
+    def reached(self) -> str:
+        """What the tree reaches, in words."""
+        if self.after is None:
+            return f"the tree reaches {result_in_words(self.before)}"
+        before, after = result_in_words(self.before), result_in_words(self.after)
+        return f"with them {before}, without {after}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -329,11 +334,11 @@ class _Search:
         singles: list[tuple[Integers, str]] = []
         for leaf in guilty:
             inside, label = leaves == leaf, int(tree.actions[leaf])
-            why = f"they make {' where '.join(leaf_in_words(tree, leaf))}"
+            why = f"they teach {' where '.join(leaf_in_words(tree, leaf))}"
             agreed = inside & (steps.taught == label)
             yield from steps.edits(np.flatnonzero(agreed), why)
             yield from steps.edits(
-                np.flatnonzero(inside & ~agreed), why.replace("make", "contradict")
+                np.flatnonzero(inside & ~agreed), why.replace("teach", "contradict")
             )
             for count in EDGES:
                 for place in (steps.to_end, steps.from_start):

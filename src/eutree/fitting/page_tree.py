@@ -2,13 +2,14 @@
 
 import shlex
 from collections.abc import Callable
+from copy import copy
 from dataclasses import replace
 from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from eutree.data import Demonstrations
-from eutree.errors import InvalidArgumentError
+from eutree.errors import EutreeError, InvalidArgumentError
 from eutree.fitting.ways import Way, beside_each_other, smaller, value
 from eutree.schema import EnvironmentSpec
 from eutree.wording import counted
@@ -66,6 +67,7 @@ class PageTree:
         self._best: tuple[TreePolicy, Evaluation, Path] | None = None
         self._presses = 0
         self._ways: list[Way] = []
+        self._without: PageTree | None = None  # as it was before something was cut
 
     @property
     def best(self) -> "tuple[TreePolicy, Evaluation] | None":
@@ -74,14 +76,18 @@ class PageTree:
 
     def make(self, show: "Show", stop: Callable[[], bool]) -> None:
         """Fit a tree to the demonstrations recorded so far, and let it play."""
-        from eutree.fitting import Person
+        if self._made(show, stop):
+            show(self._verdict(note=""), self._programme(show))
+
+    def _made(self, show: "Show", stop: Callable[[], bool]) -> bool:
+        """Make the tree of all that is stored; return whether anybody waits for it."""
         from eutree.recording.tree_making import FITTING, TreeView
 
         show(TreeView(phase=FITTING, message="Fitting trees to what you showed"))
         demonstrations = Demonstrations.load(self._folder)
         fitted = self._fit(demonstrations, show, stop)
         if fitted is None:
-            return
+            return False
         tree = fitted.policy
         path = self._folder.with_name(f"{self._folder.name}-tree.json")
         tree.save(path)
@@ -89,7 +95,60 @@ class PageTree:
         if played is not None:
             self._fitted, self._best, self._presses = fitted, (tree, played, path), 0
             self._ways = [Way("your tree", "Keep mine", tree, played, path)]
-            show(self._verdict(Person.of(demonstrations), note=""), self._programme(show))
+        return played is not None
+
+    def look(self, show: "Show", stop: Callable[[], bool]) -> None:
+        """Find by playing which seconds of what was shown cost the tree its success."""
+        from eutree.data import DemonstrationFolder
+        from eutree.fitting import find_hurting
+        from eutree.fitting.strips import hurt_views, said_of
+        from eutree.recording.tree_making import FITTING, TreeView
+
+        if (self._best is None and not self._made(show, stop)) or self._best is None:
+            return
+        demonstrations, drawn = Demonstrations.load(self._folder), _drawn(self._best[0])
+
+        def progress(purpose: str, played: int, most: int) -> None:
+            if stop():
+                raise _NobodyWaits
+            message = f"Looking for seconds that hurt, {purpose}: {played} of {most} episodes"
+            show(TreeView(phase=FITTING, message=message, finished=played, of=most, **drawn))
+
+        env = self._make()
+        try:
+            found = find_hurting(demonstrations, env, seed=self._seed, on_progress=progress)
+        except _NobodyWaits:
+            return
+        finally:
+            env.close()
+        hurts = hurt_views(found, list(DemonstrationFolder(self._folder).read_all()))
+        show(replace(self._verdict(note=said_of(found)), hurts=hurts, was_searched=True))
+
+    def make_without(self, show: "Show", stop: Callable[[], bool]) -> None:
+        """Make the tree of what is left, and show it beside the one of all."""
+        self._without, before, note = copy(self), self._best, "Keep it so, or take it back?"
+        try:
+            if before is None or not self._made(show, stop) or self._best is None:
+                return
+            left = Way("without them", "", *self._best)
+            self._ways = [Way("with them", "", *before), left]
+        except EutreeError as error:  # nothing may be left
+            note = f"{error}. {note}"
+        show(replace(self._verdict(note=note), asks=True))
+
+    def settle(self, show: "Show", *, undo: bool) -> None:
+        """Keep the tree of what is left, or the one before it."""
+        before, self._without = self._without, None
+        if before is None or self._best is None:
+            raise InvalidArgumentError("there must be a change to settle, got none")
+        if undo:
+            vars(self).update(vars(before))
+        tree, played, path = self._best
+        tree.save(path)
+        if not undo:
+            self._ways = [Way("your tree", "Keep mine", tree, played, path)]
+        note = "Taken back: everything you showed counts." if undo else "What is left is kept."
+        show(self._verdict(note=note), self._programme(show))
 
     def _fit(
         self, demonstrations: "Demonstrations", show: "Show", stop: Callable[[], bool]
@@ -162,7 +221,7 @@ class PageTree:
         else:
             found = result_in_words(played)
             note = f"{episodes} episodes of practice found nothing better, only {found}."
-        ready = replace(self._verdict(person, note=note), curve=curve.points, of=episodes)
+        ready = replace(self._verdict(note=note), curve=curve.points, of=episodes)
         show(ready, self._programme(show))
 
     def missing(self) -> "Scene | None":
@@ -186,15 +245,12 @@ class PageTree:
 
     def choose(self, way: int, show: "Show") -> None:
         """Keep the tree of one of the ways that were shown; 0 is the person's own."""
-        from eutree.fitting import Person
-
         if not 1 <= way <= len(self._ways):
             raise InvalidArgumentError(f"way must be in 1..{len(self._ways)}, got {way}")
         chosen = self._ways[way - 1]
         chosen.tree.save(chosen.path)
         self._best = (chosen.tree, chosen.played, chosen.path)
-        person = Person.of(Demonstrations.load(self._folder))
-        show(self._verdict(person, note=f"Kept: {chosen.name}."), self._programme(show))
+        show(self._verdict(note=f"Kept: {chosen.name}."), self._programme(show))
 
     def _compare(self, show: "Show", stop: Callable[[], bool]) -> bool:
         """Find what stands beside the practised tree; return whether anybody waits for it.
@@ -315,13 +371,16 @@ class PageTree:
             **_drawn(tree),
         )
 
-    def _verdict(self, person: "Person", *, note: str) -> "TreeView":
+    def _verdict(self, *, note: str) -> "TreeView":
+        from eutree.fitting import Person
         from eutree.fitting.report import result_in_words, verdict
         from eutree.recording.tree_making import READY, TreeView
 
         if self._best is None:
             raise AssertionError("a verdict needs a tree")
         tree, played, path = self._best
+        known = Demonstrations.load(self._folder)
+        person = Person.of(known)
         found = verdict(person.whole, played)
         may_gain = found.is_worse or played.successes is None or value(played) < ENOUGH
         parts = [note, "Practice may make it better." if may_gain else ""]
@@ -331,7 +390,6 @@ class PageTree:
             parts += self._fitted.warnings
         env = self._make()
         try:
-            known = Demonstrations.load(self._folder)
             beside = beside_each_other(self._ways, tree, known, env, seed=self._seed)
         finally:
             env.close()

@@ -36,12 +36,12 @@ class Segment:
     action: int
     becomes: int | None
 
-    def words(self, schema: Schema, numbers: Sequence[int]) -> str:
+    def words(self, schema: Schema, numbers: Sequence[int] | None) -> str:
         """Return which steps these are, counted from 1, and what becomes of them.
 
         Args:
             schema: Names of the actions.
-            numbers: The number of each episode in its folder.
+            numbers: The number of each episode in its folder; None does not name the episode.
         """
         names, first = schema.actions, self.start + 1
         steps = f"step {first}" if self.stop == first else f"steps {first} to {self.stop}"
@@ -49,7 +49,8 @@ class Segment:
             "" if self.seconds is None else f" ({self.seconds[0]:.1f} to {self.seconds[1]:.1f} s)"
         )
         to = "" if self.becomes in (None, self.action) else f", as if {names[self.becomes or 0]}"
-        return f"episode {numbers[self.episode]}, {steps}{when}: {names[self.action]}{to}"
+        which = "" if numbers is None else f"episode {numbers[self.episode]}, "
+        return f"{which}{steps}{when}: {names[self.action]}{to}"
 
 
 def accepted(demonstrations: Demonstrations, segments: Iterable[Segment]) -> Demonstrations:

@@ -394,6 +394,15 @@ class StudyTree:
     def choose(self, way: int, show: "Show") -> None:
         """Do nothing: there is no choice."""
 
+    def look(self, show: "Show", stop: Callable[[], bool]) -> None:
+        """Do nothing: what was shown stays as it is."""
+
+    def make_without(self, show: "Show", stop: Callable[[], bool]) -> None:
+        """Do nothing: nothing is cut."""
+
+    def settle(self, show: "Show", *, undo: bool) -> None:
+        """Do nothing: nothing was cut."""
+
     def _keep(self, name: str, work: Callable[[], None]) -> None:
         try:
             work()

@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 from eutree.data import Episode
-from eutree.data.episode import ALLOWED
+from eutree.data.episode import ALLOWED, TAUGHT
 from eutree.interaction import GuardedEnv, episode_seed
 from eutree.interaction.seeding import Stream
 from eutree.recording.events import EpisodeChanged, EpisodeView, Output
@@ -13,6 +13,8 @@ from eutree.recording.scenes import Scene
 from eutree.recording.settings import SessionSettings
 from eutree.recording.trial import Trial
 from eutree.recording.views import episode_views
+
+AGAIN = "shown_again"  # of an episode's ``extras``: it went on from a segment of another one
 
 
 class Recording:
@@ -104,6 +106,8 @@ class Recording:
         if allowed is not None:
             action = action if allowed[action] else int(allowed.argmax())
             measured = {**measured, ALLOWED: allowed.tolist()}
+        if trial.extras.get(AGAIN):
+            measured = {TAUGHT: action, **measured}
         output = trial.step(action, self._env.step(action), now, measured)
         self._outputs.append(output)
         if output.terminated or output.truncated:
@@ -127,9 +131,12 @@ class Recording:
     def mark(self, index: int, *, kept: bool, comment: str = "") -> None:
         """Keep or discard an episode of the list."""
         if 0 <= index < len(self.episodes) and self.episodes[index].kept != kept:
-            changed = replace(self.episodes[index], kept=kept, comment=comment)
-            self.episodes[index] = changed
-            self._outputs.append(EpisodeChanged(index, changed))
+            self.change(index, replace(self.episodes[index], kept=kept, comment=comment))
+
+    def change(self, index: int, changed: Episode) -> None:
+        """Put another episode in the place of one of the list."""
+        self.episodes[index] = changed
+        self._outputs.append(EpisodeChanged(index, changed))
 
     def _keep(self, trial: Trial, episode: Episode) -> None:
         """Put a finished episode into the list, to be stored at once."""

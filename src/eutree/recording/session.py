@@ -32,7 +32,7 @@ from eutree.errors import EnvironmentFault, InvalidArgumentError
 from eutree.interaction import GuardedEnv
 from eutree.recording.controls import Controls
 from eutree.recording.driving import Driving
-from eutree.recording.episodes import Recording
+from eutree.recording.episodes import AGAIN, Recording
 from eutree.recording.events import (
     Away,
     Command,
@@ -45,6 +45,7 @@ from eutree.recording.events import (
     View,
 )
 from eutree.recording.keys import KeyMap, keys_of_environment
+from eutree.recording.lessons import Lessons
 from eutree.recording.pace import QUICK, SPEEDS, Pace
 from eutree.recording.play import (
     DRIVING,
@@ -70,6 +71,7 @@ from eutree.recording.views import (
 )
 
 FEW = 2  # demonstrations before one says what is missing
+EDITS = ("cut", "flip", "all", "again", "undo", "accept")  # of what was shown
 
 
 class Session:
@@ -88,6 +90,7 @@ class Session:
         settings: What the session was told at its start.
         play: The course of the present episode.
         recording: The episodes.
+        lessons: What of them is to be imitated.
         wishes: What is to be done with them.
         driving: The tree that the person watches, if there is one.
         task: The task in the environment's own words; may be empty.
@@ -98,7 +101,8 @@ class Session:
     COMMANDS: ClassVar[tuple[str, ...]] = (
         "start", "pause", "end", "redo", "discard", "finish", "slower", "faster", "wait", "mode",
         "speed", "toggle", "turn_based", "keep", "drop", "bind", "make", "practise", "stay",
-        "watch", "correct", "choose", "missing",
+        "watch", "correct", "choose", "missing", "hurting", "cut", "flip",
+        "all", "again", "undo", "accept",
     )  # fmt: skip
 
     def __init__(
@@ -125,6 +129,7 @@ class Session:
             controls.set_mode(Command("turn_based", 1.0))
         self.play = Play(controls, Pictures(env), self.settings.countdown)
         self.recording = Recording(env, self.settings, recorded, free_start)
+        self.lessons = Lessons(self.recording)
         self.wishes = Wishes(self.settings.makes)
         self.driving = Driving(env, self.play, self.recording)
         self.task = task_description(env.env)
@@ -205,10 +210,10 @@ class Session:
             return
         if name in ("start", "pause", "end", "redo", "discard", "finish"):
             getattr(self, f"_obey_{name}")(now)
-        elif name in ("make", "practise", "choose"):
+        elif name in ("make", "practise", "choose", "hurting", *EDITS):
             known = any(episode.kept for episode in self.episodes)
             if known and self.state in (OPENING, REVIEW, WATCHING):
-                self.wishes.express(name, value)
+                self._wish(name, int(value or 0), now)
         elif name == "missing":
             if self.recording.missing is not None and self.play.was_reviewed(now):
                 self._begin(now, chosen=self.recording.missing.seed)
@@ -226,6 +231,25 @@ class Session:
             known = 0 <= int(value) < self.env.schema.n_actions
             refused = play.controls.bind(command.key, int(value)) if known else ""
             play.message = refused or play.message
+
+    def _wish(self, name: str, value: int, now: float) -> None:
+        """Let something be done with the demonstrations; what is cut or flipped is stored first."""
+        if name not in EDITS:
+            self.wishes.express(name, value)
+        elif self.wishes.is_busy:
+            return
+        elif name in ("cut", "flip", "all"):
+            numbers = range(len(self.lessons.hurts)) if name == "all" else (value,)
+            if self.lessons.teach(numbers, None if name == "all" else name):
+                self.wishes.express("without")
+        elif name == "again":
+            if self.lessons.choose_segment(value):
+                self.driving.obey(Command("finish"), now)
+                self._begin(now, again=True)
+        else:
+            if name == "undo":
+                self.lessons.take_back()
+            self.wishes.express(name)
 
     def _obey_start(self, now: float) -> None:
         if self.state == OPENING and self.driving.can_correct and not self.recording.n_kept:
@@ -284,9 +308,15 @@ class Session:
         """Reset for the next episode, for the same one again or one by its seed; count down."""
         if not again:
             self.recording.choose_start(chosen)
+            self.lessons.again = None
         controls = self.play.controls
         extras = {**controls.facts(), "viewer": self.settings.viewer}
-        self.play.show(self.recording.begin(extras, list(controls.hands.held)))
+        if self.lessons.again is not None:
+            extras[AGAIN] = True
+        trial = self.recording.begin(extras, list(controls.hands.held))
+        measured = {**self.play.pictures.facts(), "speed": controls.pace.speed}
+        self.lessons.go_there(trial, now, measured)
+        self.play.show(trial)
         self.play.count_in(now)
 
     def _stop(self, now: float, *, kept: bool, comment: str = "") -> None:

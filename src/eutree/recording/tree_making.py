@@ -32,6 +32,65 @@ class WayView:
 
 
 @dataclass(frozen=True, kw_only=True)
+class SegmentView:
+    """Consecutive steps of an episode in which one action was taken.
+
+    Attributes:
+        episode: Place of the episode in the list.
+        start: The first step, from 0.
+        stop: The step after the last one.
+        action: What was done.
+        becomes: What may be imitated in its place; None where nothing was found to be better.
+    """
+
+    episode: int
+    start: int
+    stop: int
+    action: int
+    becomes: int | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class StripView:
+    """The course of an episode: its actions, the keys held, the steps that hurt.
+
+    Attributes:
+        number: Number of the episode.
+        runs: Action and number of steps, one after the other.
+        keys: Name of a key, first step and the one after the last, each time that it was held.
+        marks: First step and the one after the last.
+        words: The same in a sentence.
+    """
+
+    number: int
+    runs: tuple[tuple[int, int], ...]
+    keys: tuple[tuple[str, int, int], ...]
+    marks: tuple[tuple[int, int], ...]
+    words: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class HurtView:
+    """Segments that cost the tree its success.
+
+    Attributes:
+        what: ``"cut"``, ``"flip"`` or ``"show again"``.
+        title: What is proposed, in words.
+        why: What the segments have in common.
+        reached: What the tree reaches with them, and without them.
+        segments: The segments.
+        strips: The episodes that they are of, as many as can be looked at.
+    """
+
+    what: str
+    title: str
+    why: str
+    reached: str
+    segments: tuple[SegmentView, ...]
+    strips: tuple[StripView, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
 class TreeView:
     """How far a tree is, in JSON's types.
 
@@ -56,6 +115,9 @@ class TreeView:
         ways: The person's own way, the tree of it, the practised one and smaller ones; empty before
             practice.
         changes: Sentences on what practice changed.
+        hurts: Segments of what was shown that cost the tree its success.
+        was_searched: Whether these were looked for.
+        asks: Whether the tree was made without some of them, and is to be accepted or taken back.
     """
 
     phase: str
@@ -75,6 +137,9 @@ class TreeView:
     columns: tuple[str, ...] = ()
     ways: tuple[WayView, ...] = ()
     changes: tuple[str, ...] = ()
+    hurts: tuple[HurtView, ...] = ()
+    was_searched: bool = False
+    asks: bool = False
 
 
 class Show(Protocol):
@@ -106,6 +171,18 @@ class TreeMaker(Protocol):
 
     def choose(self, way: int, show: Show) -> None:
         """Keep the tree of one of the ways that were shown."""
+        ...
+
+    def look(self, show: Show, stop: Callable[[], bool]) -> None:
+        """Find which seconds of what was shown cost the tree its success."""
+        ...
+
+    def make_without(self, show: Show, stop: Callable[[], bool]) -> None:
+        """Make the tree of what is left, beside the one of all, and ask which one to keep."""
+        ...
+
+    def settle(self, show: Show, *, undo: bool) -> None:
+        """Keep the tree of what is left, or the one before it."""
         ...
 
 

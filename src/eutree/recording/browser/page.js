@@ -321,11 +321,12 @@ function show() {
   rebuild("controls", [view.controls, view.turn_based, view.study?.allowed], showControls);
   rebuild("pads", [view.actions, view.turn_based || drives(), view.controls], showPads);
   rebuild("buttons", [view.state, watching, asksToLeave(), view.saved >= view.target, view.saved > 0, view.controls,
-    lastKept(), view.makes, phase(), view.can_watch, view.can_correct, Boolean(view.missing), scene(), view.study?.allowed], showButtons);
-  rebuild("practise", [view.state, watching, phase(), view.tree?.may_gain], showPractise);
+    lastKept(), view.makes, phase(), view.tree?.asks, view.can_watch, view.can_correct, Boolean(view.missing), scene(), view.study?.allowed], showButtons);
+  rebuild("practise", [view.state, watching, phase(), view.tree?.may_gain, view.tree?.asks, view.tree?.was_searched], showPractise);
   rebuild("episodes", [view.episodes, watching, isOver()], showEpisodes);
   rebuild("numbers", view.numbers, showNumbers);
   rebuild("tree", view.tree || null, showTree);
+  rebuild("hurts", [view.tree?.hurts, view.tree?.was_searched, view.state, acts()], showHurts);
   rebuild("way", [view.driving?.nodes, view.driving?.tests, view.driving?.action, view.tree?.svg], showWay);
   rebuild("commands", commandsNow(), showCommands);
   showPace(watching);
@@ -450,9 +451,10 @@ function recordingButtons() {
   const make = ["make", view.tree ? "Make it again" : "Make my tree", enough && !view.tree ? "enter" : ""];
   if (asksToLeave()) return [["stay", "Wait for it", "enter"], ["finish", "Finish without it"]];
   if (view.driving) return watchingButtons();
-  const watch = works() ? [] : [...(view.can_correct ? [["correct", "Correct it"]] : []),
+  const asks = works() || view.tree?.asks; // nothing else is to be done with the tree now
+  const watch = asks ? [] : [...(view.can_correct ? [["correct", "Correct it"]] : []),
     ...(view.can_watch ? [["watch", "Watch it"]] : [])];
-  const trees = [...watch, ...(!view.makes || !view.episodes.some((e) => e.kept) || works() ? [] : [make])];
+  const trees = [...watch, ...(!view.makes || !view.episodes.some((e) => e.kept) || asks ? [] : [make])];
   if (view.state === "opening") {
     if (view.can_correct && !view.saved) return [["correct", "Let it drive", "enter"], ...trees.filter(([name]) => name === "make"), ["finish", "Leave"]];
     return enough && view.makes ? [...trees.reverse(), more, ["finish", "Leave"]]
@@ -504,16 +506,27 @@ function mark(episode) {
 
 const MARKS = { [GOOD]: "✓", [BAD]: "✕" };
 
-function showPractise() {
-  const offered = phase() === "ready" && view.tree.may_gain && ["opening", "review", "watching"].includes(view.state) && view.tree.svg;
+function treeButton(command, text, value = null) {
   const button = document.createElement("button");
   button.type = "button";
-  button.className = "first";
-  button.dataset.command = "practise";
-  button.textContent = "Let it practise";
+  button.dataset.command = command;
+  button.textContent = text;
   button.disabled = !acts();
-  button.addEventListener("click", () => act("practise"));
-  words($("tree-buttons"), ...(offered ? [button] : []));
+  button.addEventListener("click", () => act(command, value));
+  return button;
+}
+
+function showPractise() {
+  const offered = phase() === "ready" && view.tree.svg && ["opening", "review", "watching"].includes(view.state);
+  const buttons = [];
+  if (offered && view.tree.asks) buttons.push(treeButton("accept", "Keep what is left"), treeButton("undo", "Take it back"));
+  else if (offered) {
+    if (view.tree.may_gain) buttons.push(treeButton("practise", "Let it practise"));
+    if (!view.tree.was_searched) buttons.push(treeButton("hurting", "Which seconds hurt?"));
+  }
+  const now = buttons.filter((button) => allowed(button.dataset.command));
+  if (now.length && now[0].dataset.command !== "hurting") now[0].className = "first";
+  words($("tree-buttons"), ...now);
 }
 
 function showEpisodes() {
@@ -608,7 +621,7 @@ function recordingCard() {
   const slow = view.is_slowed ? " It is shown slowly at first, because it is quick; see Pace." : "";
   return {
     opening: () => ["Show how it is done", view.task || "Act as you would have the machine act.",
-      `${keySentence()}${slow} ${view.saved ? `${so_far}; this goes on with the next.` : "Failures may stay."}`],
+      `${keySentence()}${slow} ${enough ? `${so_far}.` : view.saved ? `${so_far}; this goes on with the next.` : "Failures may stay."}`],
     countdown: () => ["Get ready", begins ? `The episode begins with your first ${KEY}.`
       : `Hold the ${KEY} while it counts: what you hold counts from the first decision on.`, keySentence()],
     playing: () => [view.awaits_key ? `Press a ${KEY} to begin`

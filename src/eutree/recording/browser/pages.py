@@ -7,6 +7,7 @@ _FILES = {
     "/": ("page.html", "text/html; charset=utf-8"),
     "/page.js": ("page.js", "text/javascript; charset=utf-8"),
     "/study.js": ("study.js", "text/javascript; charset=utf-8"),
+    "/hurts.js": ("hurts.js", "text/javascript; charset=utf-8"),
     "/page.css": ("page.css", "text/css; charset=utf-8"),
 }
 _NONCE = "NONCE"

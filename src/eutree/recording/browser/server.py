@@ -378,9 +378,12 @@ class PageServer:
             try:
                 if wish == "choose":
                     maker.choose(way, show)
+                elif wish in ("undo", "accept"):
+                    maker.settle(show, undo=wish == "undo")
                 else:
-                    work = maker.make if wish == "make" else maker.practise
-                    work(show, lambda: self._is_closing)
+                    longer = {"make": maker.make, "practise": maker.practise,
+                              "hurting": maker.look, "without": maker.make_without}  # fmt: skip
+                    longer[wish](show, lambda: self._is_closing)
             except EutreeError as error:
                 show(TreeView(phase=FAILED, message=str(error)))
             except Exception as error:
@@ -389,7 +392,7 @@ class PageServer:
                 wishes.is_busy = False
 
         wishes.is_busy = True
-        if wish != "choose":
+        if wish in ("make", "practise"):
             self.show_tree(TreeView(phase=FITTING, message="Making your tree"))
         self._work = threading.Thread(target=run, name="eutree tree", daemon=True)
         self._work.start()
@@ -414,6 +417,7 @@ class PageServer:
         """Let every page show a tree, and the tree drive if there is a programme."""
         if programme is not None:
             self.recorder.session.driving.offer(programme)
+        self.recorder.session.lessons.hurts = view.hurts
         self._details["tree"] = msgspec.to_builtins(view)
         for viewer in self._viewers:
             viewer.show({"tree": self._details["tree"]})

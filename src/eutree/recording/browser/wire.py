@@ -14,7 +14,8 @@ from eutree.recording.keys import check_key
 from eutree.recording.session import Session
 
 MAX_MESSAGE = 2048  # bytes
-_INDEXED = ("bind", "keep", "drop", "choose")  # commands whose value is a place in a list
+# Commands whose value is a place in a list.
+_INDEXED = ("bind", "keep", "drop", "choose", "cut", "flip", "again")
 
 Number = Annotated[int, msgspec.Meta(ge=0, lt=2**32)]  # of a picture or of a key
 HEADER = struct.Struct(">III")  # picture's number, last key's sequence number, size in bytes
