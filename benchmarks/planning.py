@@ -7,17 +7,30 @@ has 4 actions and 10 successors a pair; ``line``, ``plane`` and ``space`` lead o
 of a one-, two- or three-dimensional grid, as leaves of a continuous space do; ``episodic`` is a
 plane that terminates with probability 0.02 a step. Printed are medians of thread CPU time over
 interleaved rounds, and their ratios. quantecon's columns are empty where it is not installed.
+
+``python benchmarks/planning.py --deviations 5`` measures something else: what single deviations
+cost in the default method at two, seven and eight actions, with as many steps whatever the number
+of actions (before) and with as many deviations (now), from the same seeds in turn in one process.
 """
 
 import argparse
 import importlib.util
+import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 
+import gymnasium
 import numba
 import numpy as np
 
+import eutree
 from eutree.mdp import Model, solve
+from eutree.policy_search import improvement
+from eutree.world_model.rollouts import PairedRollouts
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the examples
+
 
 TOLERANCE = 1e-6
 N_ACTIONS, N_SUCCESSORS = 4, 10
@@ -144,12 +157,74 @@ def measure(
     return {name: float(np.median(values)) for name, values in times.items()}
 
 
+TASKS = {  # demonstrator of each task
+    "CartPole-v1": eutree.experts.EXPERTS["CartPole-v1"]["fall"],
+    "Inventory-v0": lambda observation: 2,
+    "MotorCurrents-v0": lambda observation: 0,
+}
+AS_MANY_STEPS = 7  # other actions up to which there were as many steps: in all of these tasks
+
+
+def learned(task: str, seed: int) -> tuple[float, float, float]:
+    """Return the CPU seconds of deviations and of a run of 60 episodes, and what its tree earns."""
+    env, spent, plainly = gymnasium.make(task), [0.0], PairedRollouts.deviations
+
+    def clocked(rollouts: PairedRollouts, steps: np.ndarray) -> np.ndarray:
+        begin = time.thread_time()
+        found = plainly(rollouts, steps)
+        spent[0] += time.thread_time() - begin
+        return found
+
+    shown = eutree.record(env, TASKS[task], episodes=5, seed=seed)
+    PairedRollouts.deviations = clocked
+    begin = time.thread_time()
+    try:
+        result = eutree.learn(
+            env, demonstrations=shown, method="planning", episodes=60, judge_episodes=0,
+            evaluate_every=60, evaluation_episodes=1, seed=seed,
+        )  # fmt: skip
+    finally:
+        PairedRollouts.deviations = plainly
+    total = time.thread_time() - begin
+    score = eutree.evaluate(result.learned, env, episodes=100, seed=10**6 + seed)
+    return spent[0], total, score.mean_return
+
+
+def deviations(runs: int) -> None:
+    """Print what deviations cost before and now, and what the trees earn."""
+    now = improvement.OTHERS
+    print("| task | actions | deviations, s | now, s | ratio | share of the run | now |"
+          " return before | now, difference of pairs |")  # fmt: skip
+    print("|---|---|---|---|---|---|---|---|---|")
+    for task in TASKS:
+        learned(task, 0)  # compiles
+        rows = []  # [runs, before and now, 3]
+        for seed in range(2000, 2000 + runs):
+            pair = []
+            for improvement.OTHERS in (AS_MANY_STEPS, now):
+                pair.append(learned(task, seed))
+            rows.append(pair)
+        before, after = np.array(rows).swapaxes(0, 1)
+        spent, took = before[:, :2].sum(axis=0), after[:, :2].sum(axis=0)
+        gain = after[:, 2] - before[:, 2]
+        low, high = eutree.evaluation.mean_interval(gain)
+        n_actions = gymnasium.make(task).action_space.n
+        print(f"| {task} | {n_actions} | {spent[0] / runs:.2f} | {took[0] / runs:.2f} | "
+              f"{took[0] / spent[0]:.2f} | {spent[0] / spent[1]:.0%} | {took[0] / took[1]:.0%} | "
+              f"{before[:, 2].mean():.1f} | {gain.mean():+.1f} [{low:.1f}, {high:.1f}] |",
+              flush=True)  # fmt: skip
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--sizes", type=int, nargs="+", default=[100, 1000, 10_000])
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--families", nargs="+", default=[*REACH, "random"])
+    parser.add_argument("--deviations", type=int, metavar="RUNS", default=0)
     options = parser.parse_args()
+    if options.deviations:
+        deviations(options.deviations)
+        return
     peers = importlib.util.find_spec("quantecon") is not None
     print(
         "| model | states | discount | ours, ms | Gauss-Seidel, ms | quantecon PI, ms | "

@@ -24,6 +24,7 @@ from eutree.world_model.rollouts import Rollouts
 MOST_BOXES = 12
 SHIFTS = (0.02, 0.05, 0.1, 0.2, 0.4)
 FEW = 20
+OTHERS = 2  # other actions up to which all are tried at as many steps
 CYCLES, GROWN = 3, 5  # of shrinking, and leaves by which a policy may grow between two
 # What a deviation inside a box has to pay on average, as a share of the most that one pays.
 LEAST_GAINS = (0.25, 0.5, 0.75)
@@ -45,7 +46,8 @@ class Improvement:
         rounds: Rounds of box insertion, subtree replacement and threshold perturbation, each with
             other random numbers.
         price: Return per episode that a leaf must earn, as a share of a typical return's size.
-        deviations: Steps at which single deviations are tried, at most.
+        deviations: Steps at which single deviations are tried, at most; with more than three
+            actions so many fewer that no more deviations are tried than with three.
         min_rows: Fewest of them inside a box.
         max_leaves: Most leaves of the tree.
     """
@@ -164,7 +166,8 @@ class Improvement:
     def _deviations(self, rollouts: Rollouts) -> _Deviations:
         """Return what single deviations pay at some steps of the policy's episodes."""
         n_steps = rollouts.n_steps
-        n = min(self.deviations, n_steps)
+        others = max(rollouts.n_actions - 1, OTHERS)
+        n = min(self.deviations * OTHERS // others, n_steps)
         steps = np.sort(rollouts.generator.choice(n_steps, n, replace=False))
         gains = rollouts.deviations(steps) * (n_steps / n / rollouts.n_episodes)  # [n, A]
         return _Deviations(gains, rollouts.observations[steps], rollouts.node[steps])

@@ -48,6 +48,11 @@ class EnsembleRollouts(Rollouts):
         super().__init__(n_starts * self.n_members, self._horizon, d, generator)
 
     @property
+    def n_actions(self) -> int:
+        """Number of actions A."""
+        return self._n_actions
+
+    @property
     def n_steps_taken(self) -> int:
         """Steps taken so far in it."""
         return int(self._world.tally[0])

@@ -81,6 +81,11 @@ class Rollouts(ABC):
 
     @property
     @abstractmethod
+    def n_actions(self) -> int:
+        """Number of actions A."""
+
+    @property
+    @abstractmethod
     def n_steps_taken(self) -> int:
         """Steps taken so far in its world model."""
 
@@ -173,6 +178,11 @@ class PairedRollouts(Rollouts):
         super().__init__(n_episodes, model.horizon, model.starts.shape[1], generator)
 
     @property
+    def n_actions(self) -> int:
+        """Number of actions A."""
+        return self.model.n_actions
+
+    @property
     def n_steps_taken(self) -> int:
         """Steps taken so far in its world model."""
         return self.model.n_steps_taken
@@ -204,7 +214,7 @@ class PairedRollouts(Rollouts):
 
     def deviations(self, steps: Integers) -> Floats:
         """Return what one other action at each of the steps earns more, shape [n, A]."""
-        out = np.zeros((steps.size, self.model.n_actions))
+        out = np.zeros((steps.size, self.n_actions))
         _kernels_lanes.deviations(self._conditions, self._episodes, self.policy, steps, out)
         return out
 
