@@ -58,7 +58,8 @@ SAID = {
     ],
     "planning.md": [
         f"every time the history has grown by {percent(plans.growth - 1)} "
-        f"(asked after each gathering phase of {DEFAULT.gathering_episodes} episodes):",
+        f"(asked after {DEFAULT.gathering_episodes} episodes, or {DEFAULT.gathering_steps:,} steps "
+        "if sooner):",
         f"with probability {plans.explorer_share} the explorer acts",
         f"as long as the incumbent has fewer than {plans.incumbent_first} episodes",
         f"the chance of a bad end exceeds {percent(1 - plans.pessimism)}, an *optimist* where it "
@@ -69,7 +70,9 @@ SAID = {
         f"A threshold moves to one of {word(2 * len(improvement.SHIFTS))} places near it",
         f"({percent(better.price)} of a typical return for each leaf)",
         f"acts for at least {plans.min_episodes} episodes ({apart.few} if it earns "
-        f"more by {word(apart.clearly)} standard errors)",
+        f"more by {word(apart.clearly)} standard errors) or {plans.trial_steps:,} steps",
+        f"at {plans.improvement.deviations:,} steps, or at so many fewer that no more are tried "
+        f"than {plans.improvement.deviations * improvement.OTHERS:,}",
         f"the mean of its last {plans.memory} returns",
         f"has more than {proposals.MOST_LEAVES} leaves, what each of "
         f"{word(len(proposals._MODELS))} world models cuts it to",

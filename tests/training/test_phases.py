@@ -10,12 +10,25 @@ from eutree.training.phases import MANY, Phase, Plan, Position, due
 from eutree.training.proposals import SearchSettings
 
 
-def course(plan, *, length=10, gathering_episodes=2, max_episode_steps=10, settles=99, races=3):
+def course(
+    plan,
+    *,
+    length=10,
+    gathering_episodes=2,
+    gathering_steps=None,
+    max_episode_steps=10,
+    settles=99,
+    races=3,
+):
     """Return the names of all phases of a run whose episodes take ``length`` steps."""
     at, names = Position(), []
     while (
         phase := due(
-            plan, at, gathering_episodes=gathering_episodes, max_episode_steps=max_episode_steps
+            plan,
+            at,
+            gathering_episodes=gathering_episodes,
+            gathering_steps=gathering_steps,
+            max_episode_steps=max_episode_steps,
         )
     ) is not None:
         names.append(f"{phase[0]}{at.episode}")
@@ -25,7 +38,11 @@ def course(plan, *, length=10, gathering_episodes=2, max_episode_steps=10, settl
                 a, episode=a.episode + 1, steps=a.steps + length, longest=length
             ),
             Phase.UPDATE: lambda a, h=here: replace(
-                a, updates=a.updates + 1, updated_at=h, settled=a.updates + 1 >= settles
+                a,
+                updates=a.updates + 1,
+                updated_at=h,
+                updated_steps=a.steps,
+                settled=a.updates + 1 >= settles,
             ),
             Phase.EVALUATE: lambda a, h=here: replace(a, evaluated_at=h),
             Phase.RACE: lambda a: replace(
@@ -45,6 +62,14 @@ RACE = SearchSettings(steps=30)
 def test_a_run_gathers_updates_evaluates_and_is_judged():
     plan = Plan(episodes=5, evaluate_every=3)
     assert course(plan) == "e0 g0 g1 u2 g2 e3 g3 u4 g4 u5 e5 j5"
+
+
+def test_long_episodes_are_learned_from_after_fewer_of_them():
+    plan = Plan(episodes=5, evaluate_every=99)
+    long = course(plan, length=10, gathering_episodes=20, gathering_steps=20)
+    assert long == "e0 g0 g1 u2 g2 g3 u4 g4 u5 e5 j5"
+    short = course(plan, length=3, gathering_episodes=20, gathering_steps=20)
+    assert short == "e0 g0 g1 g2 g3 g4 u5 e5 j5"
 
 
 def test_racing_is_a_phase_of_the_run_and_its_result_is_evaluated():

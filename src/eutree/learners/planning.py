@@ -63,6 +63,8 @@ class PlanningMethod:
 
     Attributes:
         gathering_episodes: Episodes between two plannings.
+        gathering_steps: Steps after which it plans, though fewer episodes were gathered: long ones
+            say as much.
         exploration: Probability of a random action in the explorer's episodes.
         planner: How trees are planned, and when a challenger replaces the incumbent.
         max_transitions: Most transitions remembered between two episodes: the most recent
@@ -77,6 +79,7 @@ class PlanningMethod:
     deleted: ClassVar[Mapping[str, Any]] = {"planner.world_model": "trees"}
 
     gathering_episodes: int = 20
+    gathering_steps: int = 3000
     exploration: float = 0.1
     planner: Planner = Planner()
     max_transitions: int | None = None
@@ -84,6 +87,7 @@ class PlanningMethod:
 
     def __post_init__(self) -> None:
         check_integer("gathering_episodes", self.gathering_episodes, low=1)
+        check_integer("gathering_steps", self.gathering_steps, low=1)
         check_number("exploration", self.exploration, low=0.0, high=1.0)
         if self.max_transitions is not None:
             check_integer("max_transitions", self.max_transitions, low=1)

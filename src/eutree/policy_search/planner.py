@@ -116,6 +116,7 @@ class Planner:
         pessimism: Share of what is unknown that counts as fatal in the challenger's world model.
         optimism: The same in the explorer's; smaller.
         min_episodes: Fewest episodes of an online evaluation.
+        trial_steps: Steps after which it is over, though its episodes are fewer; five they are.
         memory: Most recent of its episodes that count.
         growth: Plan again when the history has grown by this factor.
         max_transitions: Most recent transitions a world model is fitted to.
@@ -135,6 +136,7 @@ class Planner:
     pessimism: float = 0.99
     optimism: float = 0.4
     min_episodes: int = 30
+    trial_steps: int = 4000
     memory: int = 60
     growth: float = 1.06
     max_transitions: int = 50_000
@@ -152,6 +154,7 @@ class Planner:
                 name, getattr(self, name), low=0.0, high=1.0, low_open=True, high_open=True
             )
         check_integer("min_episodes", self.min_episodes, low=2)
+        check_integer("trial_steps", self.trial_steps, low=1)
         check_integer("memory", self.memory, low=2)
         check_number("growth", self.growth, low=1.0)
         check_integer("max_transitions", self.max_transitions, low=1)
@@ -252,7 +255,10 @@ class Planner:
         """Return whether real returns prefer the challenger, and the model does too."""
         tried = plan.challenger_episodes[-self.memory :]
         table = self._against_incumbent(plan, tried, data.episode_returns)
-        if not isinstance(AheadApart(enough=self.min_episodes).next(table), Verdict):
+        steps = data.episode_lengths[list(tried)].sum()
+        enough = min(self.min_episodes, len(tried)) if steps >= self.trial_steps else None
+        rule = AheadApart(enough=enough or self.min_episodes)
+        if not isinstance(rule.next(table), Verdict):
             return False
         pessimistic.run(plan.incumbent)
         gain = pessimistic.gain(challenger)

@@ -73,6 +73,7 @@ class PositionDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True, 
     judged: bool
     fronted: bool = False
     front_steps: Count = 0
+    updated_steps: Count = 0
     played_episodes: Count = 0
     evaluation_steps: Count = 0
 

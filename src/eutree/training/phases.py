@@ -113,6 +113,7 @@ class Position:
         challengers: Trees that were put to the test so far, those of a race under way apart.
         updates: Updates so far.
         updated_at: Episode of the last update; -1 if there was none.
+        updated_steps: Steps gathered up to the last update.
         evaluated_at: Episode of the last evaluation of the present policy; -1 if there was none.
         settled: Whether the last update changed nothing.
         raced: Whether the policy search is over.
@@ -132,6 +133,7 @@ class Position:
     challengers: int = 0
     updates: int = 0
     updated_at: int = -1
+    updated_steps: int = 0
     evaluated_at: int = -1
     settled: bool = False
     raced: bool = False
@@ -150,7 +152,12 @@ class Position:
 
 
 def due(
-    plan: Plan, at: Position, *, gathering_episodes: int, max_episode_steps: int | None
+    plan: Plan,
+    at: Position,
+    *,
+    gathering_episodes: int,
+    max_episode_steps: int | None,
+    gathering_steps: int | None = None,
 ) -> Phase | None:
     """Return the phase that comes next; None at the end of the run.
 
@@ -159,6 +166,8 @@ def due(
         at: Where it stands.
         gathering_episodes: Episodes that the learner gathers between two updates.
         max_episode_steps: Most steps of an episode; None takes the longest so far.
+        gathering_steps: Steps after which it is updated though the episodes are fewer; None for
+            none.
     """
     if not plan.gathers:
         return None if at.settled or at.updates >= plan.episodes else Phase.UPDATE
@@ -166,7 +175,10 @@ def due(
         return _after_the_race(plan, at)
     over = at.episode >= plan.episodes or not _fits(plan, at, max_episode_steps)
     fresh = max(at.updated_at, at.evaluated_at) < at.episode
-    if at.episode and fresh and (over or at.episode % gathering_episodes == 0):
+    enough = at.episode % gathering_episodes == 0
+    if gathering_steps is not None:
+        enough = enough or at.steps - at.updated_steps >= gathering_steps
+    if at.episode and fresh and (over or enough):
         return Phase.UPDATE
     if at.evaluated_at < at.episode and (over or at.episode % plan.evaluate_every == 0):
         return Phase.EVALUATE

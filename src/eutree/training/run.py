@@ -201,6 +201,7 @@ class Run:
             self.plan,
             self.at,
             gathering_episodes=self.beginning.method.gathering_episodes,
+            gathering_steps=getattr(self.beginning.method, "gathering_steps", None),
             max_episode_steps=self.beginning.problem.max_episode_steps,
         )
 
@@ -246,6 +247,7 @@ class Run:
         state.move(
             updates=at.updates + 1,
             updated_at=at.episode,
+            updated_steps=at.steps,
             settled=not splits,
             challengers=at.challengers + (tried if isinstance(tried, int) else 0),
         )

@@ -100,25 +100,26 @@ class Transitions:
         return max(float(np.abs(self.episode_returns).mean()), 1e-9)
 
     @property
+    def episode_lengths(self) -> Integers:
+        """Steps of each episode, shape [E]."""
+        return np.flatnonzero(self.last) - np.flatnonzero(self.first) + 1
+
+    @property
     def mean_length(self) -> float:
         """Mean number of steps of an episode."""
-        return float(self._lengths().mean())
+        return float(self.episode_lengths.mean())
 
     def horizon(self) -> int:
         """Return the longest truncated episode's length, or twice the longest's if none was cut."""
         end = np.flatnonzero(self.last)
-        lengths = self._lengths()
+        lengths = self.episode_lengths
         cut = ~self.terminated[end]
         longest = lengths[cut].max() if cut.any() else 2 * lengths.max()
         return int(longest)
 
     def longest(self) -> int:
         """Return the longest episode's length."""
-        return int(self._lengths().max())
-
-    def _lengths(self) -> Integers:
-        """Return the number of steps of each episode, shape [E]."""
-        return np.flatnonzero(self.last) - np.flatnonzero(self.first) + 1
+        return int(self.episode_lengths.max())
 
     def recent(self, limit: int) -> "Transitions":
         """Return the last episodes that hold at most ``limit`` transitions, at least one."""
