@@ -9,7 +9,7 @@ from sklearn.metrics import accuracy_score
 from sklearn.model_selection import cross_val_score
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer
-from sklearn.tree import DecisionTreeClassifier
+from sklearn.tree import DecisionTreeClassifier, export_text
 
 import eutree
 from eutree import TreePolicy, TreePolicyClassifier
@@ -92,6 +92,20 @@ def test_what_does_not_fit_is_refused(policy):
         TreePolicyClassifier(None).predict(np.zeros((3, 2)))
     with pytest.raises(UnknownNameError, match="labels"):
         TreePolicyClassifier(policy, labels="names").predict(np.zeros((3, 3)))
+
+
+def test_scikit_learn_reads_the_tree(policy, rows):
+    read = TreePolicyClassifier(policy, labels="name").to_decision_tree_classifier()
+    exact = rows.astype(np.float32)
+    exact = exact[np.isfinite(exact).all(axis=1)]
+    wanted = TreePolicyClassifier(policy, labels="name").predict(exact.astype(np.float64))
+    table = {"X": exact, "check_input": False}  # no names of columns
+    np.testing.assert_array_equal(read.predict(**table), wanted)
+    text = export_text(read, feature_names=list(NAMED.feature_names), decimals=6)
+    assert text.count("class: ") == 9
+    for threshold in policy.tree.threshold[policy.tree.feature >= 0]:
+        assert f"{threshold:.6f}" in text
+    assert read.tree_.n_node_samples[0] == policy.leaves.visits.sum()
 
 
 def grown(seed, n_classes=3, size=400, **options):

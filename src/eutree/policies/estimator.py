@@ -12,6 +12,8 @@ from eutree.validation import check_choice
 
 try:
     from sklearn.base import BaseEstimator, ClassifierMixin
+    from sklearn.tree import DecisionTreeClassifier
+    from sklearn.tree._tree import Tree
     from sklearn.utils.metaestimators import available_if
     from sklearn.utils.validation import _check_n_features, check_array
 except ImportError as error:
@@ -125,6 +127,60 @@ class TreePolicyClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc
     def get_n_leaves(self) -> int:
         """Return the number of leaves."""
         return self._policy().n_leaves
+
+    def to_decision_tree_classifier(self) -> Any:
+        """Return the tree as a fitted ``sklearn.tree.DecisionTreeClassifier``, to be read.
+
+        ``sklearn.tree.plot_tree``, ``export_text`` and tools that explain trees take it. It rounds
+        observations to float32, as all trees of scikit-learn do, so it decides like the policy on
+        numbers that float32 holds exactly; between two of those, within half a unit in the last
+        place of float32 of a threshold, it may not.
+        """
+        policy = self._policy()
+        tree, schema = policy.tree, policy.schema
+        order = self._sorted()[1]
+        counts = np.zeros((tree.n_nodes, schema.n_actions))
+        one_hot = np.equal.outer(policy.actions, np.arange(schema.n_actions)).astype(np.float64)
+        known = None if policy.leaves is None else policy.leaves.visits.sum(axis=1)
+        # scikit-learn's class is the most frequent: the action gets all visits of its leaf.
+        sizes = np.ones(policy.n_leaves) if known is None else np.maximum(known, 1)
+        counts[tree.node_of_leaf] = one_hot * sizes[:, np.newaxis]
+        for node in range(tree.n_nodes - 1, 0, -1):  # children come after their parents
+            counts[tree.parent[node]] += counts[node]
+        shares = (counts / counts.sum(axis=1, keepdims=True))[:, np.newaxis, order]
+        grown = Tree(tree.n_features, np.array([schema.n_actions], dtype=np.intp), 1)
+        grown.__setstate__(
+            {
+                "max_depth": tree.depth,
+                "node_count": tree.n_nodes,
+                "nodes": self._nodes(counts, grown.__getstate__()["nodes"].dtype),
+                "values": np.ascontiguousarray(shares),
+            }
+        )
+        result = DecisionTreeClassifier()
+        result.tree_ = grown
+        result.n_features_in_ = tree.n_features
+        result.feature_names_in_ = np.array(schema.feature_names, dtype=object)
+        result.classes_ = self.classes_
+        result.n_classes_ = schema.n_actions
+        result.n_outputs_ = 1
+        result.max_features_ = tree.n_features
+        return result
+
+    def _nodes(self, counts: Floats, dtype: Any) -> Any:
+        """Return scikit-learn's table of nodes."""
+        tree = self._policy().tree
+        inner = tree.feature != tree.NO_FEATURE
+        nodes = np.zeros(tree.n_nodes, dtype=dtype)
+        nodes["left_child"] = np.where(inner, tree.left, -1)
+        nodes["right_child"] = np.where(inner, tree.right, -1)
+        nodes["feature"] = np.where(inner, tree.feature, -2)
+        nodes["threshold"] = np.where(inner, tree.threshold, -2.0)
+        sizes = counts.sum(axis=1)
+        nodes["impurity"] = 1 - ((counts / sizes[:, np.newaxis]) ** 2).sum(axis=1)
+        nodes["n_node_samples"] = sizes
+        nodes["weighted_n_node_samples"] = sizes
+        return nodes
 
     def _sorted(self) -> tuple[NDArray[Any], Integers]:
         """Return the classes in order, and the action of each."""
