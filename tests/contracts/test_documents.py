@@ -2,16 +2,18 @@
 
 import re
 import sys
-from contextlib import nullcontext
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
+from unittest import mock
 
 import gymnasium
 import joblib
 import pytest
 from joblib.externals.loky import get_reusable_executor
 
-import eutree  # noqa: F401 - registers its environments before a page registers its own
+import eutree  # registers its environments before a page registers its own
 from tests.contracts.documents import (
+    ENOUGH,
     ROOT,
     Block,
     blocks,
@@ -72,6 +74,21 @@ def processes(request, folder):
             yield
 
 
+@contextmanager
+def shorter():
+    """Learn few episodes and search little: as ``shortened`` has it, for blocks in Python."""
+
+    def few(function):
+        return lambda *given, **options: function(
+            *given, **{k: min(v, ENOUGH["learn"]) if k == "episodes" else v
+                       for k, v in options.items()}
+        )  # fmt: skip
+
+    learning = {name: few(getattr(eutree, name)) for name in ("learn", "learn_runs")}
+    with little_search(), mock.patch.multiple(eutree, **learning):
+        yield
+
+
 @pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("page", pages(), ids=name)
 def test_blocks_run(page: Path, folder: Path) -> None:
@@ -79,7 +96,7 @@ def test_blocks_run(page: Path, folder: Path) -> None:
     found = blocks(page)
     quickly = "output" not in {block.mark for block in found}
     for block in found:
-        with little_search() if quickly else nullcontext():
+        with shorter() if quickly else nullcontext():
             shown = run_block(
                 block, namespace, page=page, folder=folder, printed=printed, quickly=quickly
             )
