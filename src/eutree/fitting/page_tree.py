@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from eutree.policies import TreePolicy
     from eutree.recording.scenes import Programme, Scene
     from eutree.recording.tree_making import Show, TreeView
-    from eutree.training.run import Run
+    from eutree.training import Run
 
 FITTED = 200  # episodes that judge the fit; practice begins with them too
 PLAYED = 200  # episodes of the verdict, the same for every tree
