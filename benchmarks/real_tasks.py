@@ -1,4 +1,4 @@
-"""Measure the tasks of practice: two traffic lights in SUMO, a shop's stock, a motor's switches.
+"""Measure the tasks of practice: two traffic lights in SUMO, stock, a motor's switches, birds.
 
     python benchmarks/real_tasks.py rivals [--junction Ingolstadt1-v0]
     python benchmarks/real_tasks.py trees --runs 10 [--junction Ingolstadt1-v0]
@@ -7,13 +7,14 @@
     python benchmarks/real_tasks.py jams --policy light.json --episodes 1000
     python benchmarks/real_tasks.py stock --runs 10
     python benchmarks/real_tasks.py motor --runs 10
+    python benchmarks/real_tasks.py birds --runs 10 --first 2000
     python benchmarks/real_tasks.py page
 
 Each row is written to docs/results/real-tasks.csv as soon as it is known and none is measured
 twice, so that a measurement can be stopped and gone on with; ``page`` writes real-tasks.md of all
 rows. Seeds of runs are from 1000 on (in Cologne choices were made with 1000 itself, so fresh ones
 are from 1001 on); episodes that judge have seeds of their own. The lights need
-``pip install '.[sumo]'``, ``dqn`` Stable-Baselines3.
+``pip install '.[sumo]'``, ``dqn`` Stable-Baselines3, ``birds`` flappy-bird-gymnasium.
 """
 
 import argparse
@@ -132,11 +133,18 @@ def rivals(options: Any) -> None:
 
 
 def learned(
-    env: Any, rule: Any, seed: int, method: str, most_leaves: int, *, race: int = 0
+    env: Any,
+    rule: Any,
+    seed: int,
+    method: str,
+    most_leaves: int,
+    *,
+    race: int = 0,
+    steps: int = STEPS,
 ) -> tuple[Any, Row]:
     """Learn a tree from a few episodes of a rule of thumb; return it, and what that took.
 
-    Learning takes 20,000 steps; then trees race for ``race`` more.
+    Learning takes 20,000 steps, or ``steps``; then trees race for ``race`` more.
     """
     begun = time.process_time()
     shown = eutree.record(env, rule, episodes=SHOWN, seed=seed)
@@ -146,15 +154,15 @@ def learned(
         method=method,
         seed=seed,
         max_leaves=most_leaves,
-        steps=STEPS + race,
+        steps=steps + race,
         race_steps=race,
         judge_episodes=0,
         front_steps=0,
         evaluate_every=10**6,
         evaluation_episodes=1,
     )
-    steps = result.environment_steps.total
-    facts = {"seed": seed, "leaves": result.learned.n_leaves, "steps": steps, **cost(begun)}
+    taken = result.environment_steps.total
+    facts = {"seed": seed, "leaves": result.learned.n_leaves, "steps": taken, **cost(begun)}
     return result, facts
 
 
@@ -241,7 +249,44 @@ def motor(options: Any) -> None:
     others(options, env, motor_currents.towards_the_error, 8, race=STEPS)
 
 
-def others(options: Any, env: Any, rule: Any, most_leaves: int, *, race: int = 0) -> None:
+class FourNumbers(gymnasium.ObservationWrapper[Any, Any, Any]):
+    """Flappy Bird by place, height above and depth below the gap's edges, and speed; 20 pipes."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            gymnasium.make(
+                "flappy_bird_gymnasium:FlappyBird-v0",
+                use_lidar=False,
+                normalize_obs=False,
+                score_limit=20,
+            ).unwrapped
+        )
+        low, high = np.array([[-60.0, -500.0, -500.0, -10.0], [400.0, 500.0, 500.0, 12.0]])
+        self.observation_space = gymnasium.spaces.Box(low, high, dtype=np.float64)
+
+    def observation(self, observation: Any) -> Any:
+        """Return the four numbers of the next pipe that the bird has not passed."""
+        pipe = observation[:3] if observation[0] > 5 else observation[3:6]
+        height, speed = observation[9:11]
+        return np.array([pipe[0], pipe[2] - height, height - pipe[1], speed])
+
+
+gymnasium.register("FourNumbers-v0", FourNumbers, max_episode_steps=1000)
+
+
+def flaps_low(observation: Any) -> int:
+    """Flap a little too low: three pixels higher would be well."""
+    return int(observation[1] <= 31)
+
+
+def birds(options: Any) -> None:
+    """Learn to keep a bird in the air, for 30,000 steps; an episode of the script has 600."""
+    others(options, gymnasium.make("FourNumbers-v0"), flaps_low, 8, steps=30_000)
+
+
+def others(
+    options: Any, env: Any, rule: Any, most_leaves: int, *, race: int = 0, steps: int = STEPS
+) -> None:
     """Measure a task's rule, its tree, and what is learned from it, for each seed."""
     fits, task = options.method == "c45", env.spec.id  # c45: nothing is learned
     name = "its tree (C4.5)" if fits else f"tree ({options.method})"
@@ -250,7 +295,9 @@ def others(options: Any, env: Any, rule: Any, most_leaves: int, *, race: int = 0
             shown = eutree.record(env, rule, episodes=SHOWN, seed=seed)
             expert, learnt = eutree.fit_expert_tree(shown), []
         else:
-            result, facts = learned(env, rule, seed, options.method, most_leaves, race=race)
+            result, facts = learned(
+                env, rule, seed, options.method, most_leaves, race=race, steps=steps
+            )
             expert, learnt = result.expert, [(name, result.learned, facts)]
         for label, policy, own in (
             ("rule of thumb", rule, {}),
@@ -403,7 +450,8 @@ def page(options: Any) -> None:
     known = rows(options.out)
     path = options.out / "real-tasks.md"
     text = path.read_text(encoding="utf-8")
-    for task in ("Cologne1-v0", "Ingolstadt1-v0", "Inventory-v0", "MotorCurrents-v0"):
+    for task in ("Cologne1-v0", "Ingolstadt1-v0", "Inventory-v0", "MotorCurrents-v0",
+                 "FourNumbers-v0"):  # fmt: skip
         mine = [row for row in known if row["task"] == task]
         if not mine:
             continue
@@ -417,7 +465,7 @@ def page(options: Any) -> None:
 def main() -> None:
     """Measure a part."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parts = (rivals, trees, ahead, dqn, jams, stock, motor, page)
+    parts = (rivals, trees, ahead, dqn, jams, stock, motor, birds, page)
     parser.add_argument("part", choices=[part.__name__ for part in parts])
     parser.add_argument("--junction", default="Cologne1-v0")
     parser.add_argument("--method", default="auto")
