@@ -377,7 +377,8 @@ AIMS = """\
 | Acrobot -80 with 8 leaves, 100 k | -86.5; the best run -82.6 | sets of actions: no swing |
 | LunarLander 200 with 34, 160 with 20, 500 k | 166.8, 133.6 | nothing new: six CPU minutes a run |
 | two tanks -165 | -178.5 | nothing new |
-| 3-Evasion 98.5 % with 90, 4-Evasion 92 % with 75 | not measured here | nothing new |"""
+| 3-Evasion: 98.5 %, return 90 | 98.8 %, 85.8 with 16 leaves, 10 k, four runs | larger not run |
+| 4-Evasion: 92 %, return 75 | not run | nothing new |"""
 
 
 def draw(folder: Path) -> None:
