@@ -94,9 +94,10 @@ def shorter():
 def test_blocks_run(page: Path, folder: Path) -> None:
     namespace, printed = {"__name__": "__main__"}, ""
     found = blocks(page)
-    quickly = "output" not in {block.mark for block in found}
-    for block in found:
-        with shorter() if quickly else nullcontext():
+    exact = max((k for k, block in enumerate(found) if block.mark == "output"), default=-1)
+    for k, block in enumerate(found):
+        quickly = k > exact
+        with nullcontext() if not quickly else little_search() if exact >= 0 else shorter():
             shown = run_block(
                 block, namespace, page=page, folder=folder, printed=printed, quickly=quickly
             )
