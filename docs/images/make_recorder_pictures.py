@@ -85,7 +85,9 @@ def picture_the_tree(page: Page) -> None:
     page.until("watching").press("Escape").until("review").rest(0.9)
     page.page.get_by_role("button", name="Let it practise").click()
     page.page.locator("#ways-section").wait_for(timeout=20.0 * PATIENCE)
-    page.until("watching").press("Escape").until("review").take("recorder-tree", whole=True)
+    page.until("watching").press("Escape").until("review")
+    page.page.evaluate("() => { document.getElementById('rules-details').open = false; }")
+    page.take("recorder-tree", whole=True)
     page.page.locator("#ways-section").screenshot(path=HERE / "recorder-ways.png")
 
 
