@@ -65,11 +65,13 @@ def test_a_run_gathers_updates_evaluates_and_is_judged():
 
 
 def test_long_episodes_are_learned_from_after_fewer_of_them():
-    plan = Plan(episodes=5, evaluate_every=99)
-    long = course(plan, length=10, gathering_episodes=20, gathering_steps=20)
-    assert long == "e0 g0 g1 u2 g2 g3 u4 g4 u5 e5 j5"
-    short = course(plan, length=3, gathering_episodes=20, gathering_steps=20)
-    assert short == "e0 g0 g1 g2 g3 g4 u5 e5 j5"
+    plan = Plan(episodes=8, evaluate_every=99)
+    long = course(plan, length=10, gathering_episodes=20, gathering_steps=60)
+    assert long == "e0 g0 g1 g2 g3 g4 g5 u6 g6 g7 u8 e8 j8"
+    short = course(plan, length=3, gathering_episodes=20, gathering_steps=60)
+    assert short.count("u") == 1
+    longest = course(plan, length=100, gathering_episodes=20, gathering_steps=60)
+    assert "g4 u5 g5" in longest  # five of them at least
 
 
 def test_racing_is_a_phase_of_the_run_and_its_result_is_evaluated():

@@ -25,6 +25,7 @@ from eutree.training.proposals import SearchSettings
 from eutree.validation import check_integer, check_number, check_seed
 
 MANY = 10**12  # episodes, where only another budget ends a run
+FEWEST = 5  # episodes between two updates, however long they are
 
 
 class Phase(StrEnum):
@@ -166,8 +167,8 @@ def due(
         at: Where it stands.
         gathering_episodes: Episodes that the learner gathers between two updates.
         max_episode_steps: Most steps of an episode; None takes the longest so far.
-        gathering_steps: Steps after which it is updated though the episodes are fewer; None for
-            none.
+        gathering_steps: Steps after which it is updated though the episodes are fewer, five at
+            least; None for none.
     """
     if not plan.gathers:
         return None if at.settled or at.updates >= plan.episodes else Phase.UPDATE
@@ -177,7 +178,8 @@ def due(
     fresh = max(at.updated_at, at.evaluated_at) < at.episode
     enough = at.episode % gathering_episodes == 0
     if gathering_steps is not None:
-        enough = enough or at.steps - at.updated_steps >= gathering_steps
+        few = at.episode - max(at.updated_at, 0) < FEWEST
+        enough = enough or (not few and at.steps - at.updated_steps >= gathering_steps)
     if at.episode and fresh and (over or enough):
         return Phase.UPDATE
     if at.evaluated_at < at.episode and (over or at.episode % plan.evaluate_every == 0):
