@@ -31,6 +31,7 @@ from eutree.world_model.rollouts import PairedRollouts
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the examples
 
+from examples import inventory, motor_currents
 
 TOLERANCE = 1e-6
 N_ACTIONS, N_SUCCESSORS = 4, 10
@@ -159,8 +160,8 @@ def measure(
 
 TASKS = {  # demonstrator of each task
     "CartPole-v1": eutree.experts.EXPERTS["CartPole-v1"]["fall"],
-    "Inventory-v0": lambda observation: 2,
-    "MotorCurrents-v0": lambda observation: 0,
+    "Inventory-v0": inventory.order_up_to,
+    "MotorCurrents-v0": motor_currents.towards_the_error,
 }
 AS_MANY_STEPS = 7  # other actions up to which there were as many steps: in all of these tasks
 
