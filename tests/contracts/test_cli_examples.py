@@ -16,7 +16,7 @@ NOT_HERE = {
     "demo": "tests/demo runs it; it takes a while",
     "reproduce": "tests/lab/paper runs the smoke settings; the figures take hours",
     "demos replay": "opens a window",
-    "demos study": "needs what people did; tests/fitting/test_study.py runs it",
+    "study": "needs what people did; tests/lab/test_study.py runs it",
     "demos merge": "needs folders that the session does not make",
     "demos rename": "needs a file of names, which a person writes",
     "demos import": "needs a data set that the session does not make",

@@ -1,7 +1,6 @@
 """A study: one part after the other, one archive for each person, nothing personal in it."""
 
 import getpass
-import json
 import platform
 import re
 import time
@@ -18,9 +17,8 @@ from eutree.data import Demonstrations
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.fitting import page_tree
 from eutree.fitting.study import conduct
-from eutree.fitting.study_export import pack, unpack
+from eutree.fitting.study_export import unpack
 from eutree.fitting.study_plan import USUAL_PLAN, open_plan
-from eutree.fitting.study_table import study_table
 from eutree.recording import SessionSettings
 from eutree.recording.events import Command, KeyDown
 from eutree.schema import EnvironmentSpec
@@ -336,52 +334,6 @@ def test_an_archive_of_others_is_read_with_suspicion(tmp_path) -> None:
     path.write_bytes(b"no zip")
     with pytest.raises(FormatError, match="is no archive"):
         unpack(path, tmp_path / "out")
-
-
-def person_of(study, code, *, answer, tmp_path):
-    """Write the archive of a person who took part by script."""
-    env = made(render=False)
-    shown = eutree.record(env, eutree.experts.wait_at_crossing, episodes=3, seed=int(code, 16))
-    folder = tmp_path / code
-    shown.save(folder / "demos")
-    eutree.fit_expert_tree(shown).save(folder / "fitted.json")
-    document = {
-        "format": "eutree/person", "version": 1, "made_by": "eutree", "person": code,
-        "protocol": "p", "environment": {"id": str(SPEC.id), "arguments": {}},
-        "plan": {"questions": [{"text": "As I would?", "points": 5}]}, "versions": {},
-        "seconds": {"showing": 90.0, "questions": 30.0}, "results": [], "answers": [answer],
-        "part": "thanks",
-    }  # fmt: skip
-    (folder / "person.json").write_text(json.dumps(document))
-    (study / "study.toml").write_text(SHORT)
-    (study / "consent.md").write_text("yes")
-    (folder.rename(study / code))
-    pack(study / code, study)
-
-
-def test_the_table_has_a_row_for_each_person_and_means(tmp_path, capsys) -> None:
-    study = tmp_path / "study"
-    study.mkdir()
-    for code, answer in (("0000000a", "2"), ("0000000b", "4"), ("0000000c", "")):
-        person_of(study, code, answer=answer, tmp_path=tmp_path)
-    table = study_table(study, episodes=30)
-    assert [row["person"] for row in table.rows] == ["0000000a", "0000000b", "0000000c"]
-    assert all(row["own"] == 1.0 and row["minutes"] == 2.0 for row in table.rows)
-    assert all(row["taken-over"] is None and row["practised"] is None for row in table.rows)
-    tree = eutree.TreePolicy.load(study / "0000000a" / "fitted.json")
-    again = eutree.evaluate(tree, made(render=False), episodes=30, seed=1_000_003)
-    assert table.rows[0]["fitted"] == again.success_rate
-    mean, low, high, n = table.means()["answer 1"]
-    assert (mean, n) == (3.0, 2)
-    assert low < 2.0 < 4.0 < high
-    assert "taken-over less fitted" not in table.means()
-    assert (
-        run(["demos", "study", str(study), "--episodes", "10", "--csv", f"{tmp_path}/p.csv"]) == 0
-    )
-    assert "3 people; mean, 95 % interval" in capsys.readouterr().out
-    assert (tmp_path / "p.csv").read_text().startswith("person,own,fitted,taken-over,practised")
-    with pytest.raises(InvalidArgumentError, match=r"got no \.zip"):
-        study_table(tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,6 @@ from eutree.cli._options import (
 )
 from eutree.cli._output import Output
 from eutree.cli.fit import hurting
-from eutree.cli.study import study
 from eutree.errors import InvalidArgumentError
 from eutree.trees.text import labelled
 from eutree.wording import counted
@@ -36,7 +35,6 @@ def demos() -> None:
 
 
 demos.add_command(hurting)
-demos.add_command(study)
 
 
 def _folder(command: _Command) -> _Command:
