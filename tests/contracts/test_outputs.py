@@ -91,7 +91,11 @@ def test_an_output_is_no_input(words, command, output, source, place, capsys):
 
 def test_there_are_pairs_and_what_writes_says_so():
     assert len(PAIRS) >= 15
-    assert {words[0] for words, *_ in (pair.values for pair in PAIRS)} < {*COMMANDS, "reproduce", "study"}
+    assert {words[0] for words, *_ in (pair.values for pair in PAIRS)} < {
+        *COMMANDS,
+        "reproduce",
+        "study",
+    }
     names = {"out", "html", "run_html", "tensorboard", "target"}
     for words, command in ALL:
         for parameter in command.params:
