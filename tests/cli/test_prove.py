@@ -5,7 +5,8 @@ import json
 import pytest
 
 from eutree.cli.main import run
-from eutree.proof import Plant, plants
+from eutree.envs import PLANTS
+from eutree.proof import Plant
 from tests.proof.policies import BAD, GOOD, policy_of
 
 
@@ -98,7 +99,7 @@ class Still(Plant):
 
 
 def test_a_plant_without_a_step_is_one_line(tmp_path, capsys, monkeypatch):
-    monkeypatch.setitem(plants._PLANTS, "Acrobot-v1", Still)
+    monkeypatch.setitem(PLANTS, "Acrobot-v1", Still)
     path = tmp_path / "lander.json"
     policy_of((0, 0.0, 0, 1), "Acrobot-v1").save(path)
     assert run(["prove", str(path)]) == 2
