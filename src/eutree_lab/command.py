@@ -1,4 +1,4 @@
-"""``eutree reproduce``: the paper's figures and tables, with our numbers beside."""
+"""``eutree reproduce``: the paper's figures beside ours; ``eutree study``: a study's table."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -144,3 +144,23 @@ def _framework(output: Output, wanted: "list[FrameworkSpec]", out: Path, n_jobs:
     output.result(facts | {"path": str(result.folder)}, table)
     _say_smoke(output, smoke=smoke)
     output.say(f"tables: {result.folder / 'framework.md'}")
+
+
+@click.command(
+    short_help="Make the table of a study with people.",
+    epilog="Example: eutree study people/ --csv people.csv",
+)
+@click.argument("folder", type=click.Path(path_type=Path))
+@count_option("--episodes", 500, "How many further episodes each tree plays.")
+@output_option("--csv", "out", text="File to write: one row for each person.")
+@json_option
+def study(folder: Path, episodes: int, out: Path | None, as_json: bool) -> None:
+    """Print what the people of a study reached, and their trees; see `record --study`."""
+    from eutree.files import write_text
+    from eutree_lab.study import study_table
+
+    table = study_table(folder, episodes=episodes)
+    if out is not None:
+        write_text(out, table.to_csv())
+    found = {"people": list(table.rows), "means": table.means(), "questions": table.questions}
+    Output(as_json=as_json).result(found, str(table))

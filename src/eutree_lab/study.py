@@ -1,4 +1,4 @@
-"""``eutree study``: what each person of a study reached, and their trees; means with intervals."""
+"""The table of a study: what each person reached, and their trees; means with intervals."""
 
 import csv
 import io
@@ -7,14 +7,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import click
 import numpy as np
 
-from eutree.cli.parts import Output, count_option, json_option, output_option
 from eutree.data import Demonstrations
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import evaluate, mean_interval
-from eutree.files import write_text
 from eutree.files.schema_document import environment_from_document
 from eutree.fitting import Person
 from eutree.fitting.study_export import DEMOS, TREES, PersonDocument, unpack
@@ -159,20 +156,3 @@ def _said(cell: Cell) -> str:
     if cell is None:
         return "-"
     return f"{cell:.3g}" if isinstance(cell, float) else cell
-
-
-@click.command(
-    short_help="Make the table of a study with people.",
-    epilog="Example: eutree study people/ --csv people.csv",
-)
-@click.argument("folder", type=click.Path(path_type=Path))
-@count_option("--episodes", 500, "How many further episodes each tree plays.")
-@output_option("--csv", "out", text="File to write: one row for each person.")
-@json_option
-def study(folder: Path, episodes: int, out: Path | None, as_json: bool) -> None:
-    """Print what the people of a study reached, and their trees; see `record --study`."""
-    table = study_table(folder, episodes=episodes)
-    if out is not None:
-        write_text(out, table.to_csv())
-    found = {"people": list(table.rows), "means": table.means(), "questions": table.questions}
-    Output(as_json=as_json).result(found, str(table))
