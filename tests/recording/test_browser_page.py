@@ -124,6 +124,18 @@ def test_losing_the_focus_pauses(chromium, tmp_path) -> None:
         person.tap("Enter").until(state="playing", action=1)
 
 
+@pytest.mark.parametrize("script", ["study.js", "hurts.js"])
+def test_a_script_that_comes_late_is_waited_for(chromium, tmp_path, script) -> None:
+    """A view that came before it was shown by half, and no second one came."""
+    with serving(tmp_path, Corridor(length=100, limit=10_000)) as served:
+        first = Person(chromium, served).until(state="opening")
+        first.context.route(f"**/{script}", lambda route: (time.sleep(1.0), route.continue_()))
+        first.page.close()
+        second = first.open().until(state="opening")
+        assert second.page.locator("button[data-command=start]").count() == 1
+        assert second.messages == []
+
+
 @pytest.mark.promise(26)
 def test_two_tabs_one_acts(chromium, tmp_path) -> None:
     with serving(tmp_path, Corridor(length=100, limit=10_000)) as served:

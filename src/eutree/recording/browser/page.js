@@ -934,4 +934,5 @@ function sentence(episode) {
 }
 
 tabs.postMessage({ asks: me, client });
-setTimeout(connect, TAB_ANSWER);
+/* What arrives is shown by the scripts that come after this one, too: wait for them. */
+addEventListener("DOMContentLoaded", () => setTimeout(connect, TAB_ANSWER));
