@@ -9,9 +9,9 @@ A cell is a run of its own, in a process of its own: 15 demonstrations of the ta
 the settings of ``src/eutree/zoo/settings/TASK.toml`` for the steps that are left (demonstrations
 count). The tree has at most so many leaves, and 200 fresh episodes say what it earns.
 ``dagger`` and ``viper`` make trees (CART) of a DQN of Stable-Baselines3 with the settings of its
-zoo, which has half of the steps; all its steps count. ``network`` is that DQN with all of them:
-the line above. A row is written as soon as it is known, and what a file of rows has already is not
-run again. ``--trees`` keeps each tree, from which ``benchmarks/zoo.py`` takes the best.
+zoo, which has four fifths of the steps; all its steps count. ``network`` is that DQN with all of
+them: the line above. A row is written as soon as it is known, and what a file of rows has already
+is not run again. ``--trees`` keeps each tree, from which ``benchmarks/zoo.py`` takes the best.
 ``benchmarks/releases.py`` runs a small fixed part and compares it with earlier ones.
 Seeds from 1000 to 1999 are for tuning; those of the table begin at 20,000.
 """
@@ -40,8 +40,10 @@ from eutree import zoo
 from eutree.distillation import DistillationSettings
 from eutree.envs.experts import EXPERTS
 from eutree.evaluation import mean_interval
+from eutree.interaction.making import make
 from eutree.learners import method as method_of
 from eutree.learners.registry import with_choices
+from eutree.schema import EnvironmentSpec
 
 ROOT = Path(__file__).resolve().parents[1]
 ROWS = ROOT / "docs" / "results" / "table"
@@ -49,7 +51,7 @@ STEPS, LEAVES = (10_000, 50_000, 100_000), (4, 8, 16, 32)
 SEEDS, FIRST, FINAL_EPISODES = 10, 20_000, 200
 ENOUGH = 0.9  # a cell whose runs used a smaller share of their steps says so
 STUDENTS = ("dagger", "viper")
-ROUNDS, TEACHERS = 8, 0.5  # of DAgger and VIPER; the share of the steps that their teacher takes
+ROUNDS, TEACHERS = 8, 0.8  # of DAgger and VIPER; the share of the steps that their teacher takes
 COLUMNS = ("who", "task", "steps", "leaves", "seed", "return", "error", "success", "worst",
            "has_leaves", "used", "cpu_s", "peak_mb", "commit")  # fmt: skip
 # Of rl-baselines3-zoo's tuned DQN, as published; every number is in its hyperparams/dqn.yml.
@@ -113,6 +115,7 @@ class Settings:
     expert: Any  # who records them
     demonstrations: int
     race: float  # share of the steps that are left
+    arguments: dict[str, Any]  # that the task is made with
 
     @classmethod
     def of(cls, task: str) -> "Settings":
@@ -120,13 +123,15 @@ class Settings:
         run = document.pop("run")
         method = with_choices(method_of(document.pop("method")), document)
         script = script_of(task, run["expert"])
-        return cls(method, script, run["demonstrations"], run["race_share"])
+        shown, share = run["demonstrations"], run["race_share"]
+        return cls(method, script, shown, share, run.get("arguments", {}))
 
 
 def script_of(task: str, name: str) -> Any:
-    """Return who demonstrates: one of the package's, or MODULE:CLASS, which registers the task."""
-    module, _, kind = name.rpartition(":")
-    return getattr(importlib.import_module(module), kind)() if module else EXPERTS[task][name]
+    """Return who demonstrates: one of the package's, or MODULE:NAME, which registers the task."""
+    module, _, own = name.rpartition(":")
+    found = getattr(importlib.import_module(module), own) if module else EXPERTS[task][name]
+    return found() if isinstance(found, type) else found
 
 
 def learned(cell: Cell, env: Any, settings: Settings) -> tuple[eutree.TreePolicy, int]:
@@ -172,12 +177,13 @@ def distilled(cell: Cell, env: Any) -> tuple[eutree.TreePolicy, int]:
         tensor, _ = model.policy.obs_to_tensor(observations.astype(np.float32))
         return model.q_net(tensor).detach().numpy()
 
-    longest = gymnasium.spec(cell.task).max_episode_steps or 1000
-    each = max((cell.steps - steps) // (3 * ROUNDS * longest), 1)
+    left, longest = cell.steps - steps, gymnasium.spec(cell.task).max_episode_steps or 1000
+    rounds = min(ROUNDS, left // (3 * longest))  # an episode to learn from, two to judge
+    each = left // (3 * rounds * longest)
     tree, report = eutree.distill(
         model, env,
         DistillationSettings(method=cell.who, learner="cart", max_leaves=cell.leaves,
-                             iterations=ROUNDS, episodes=each, validation_episodes=2 * each),
+                             iterations=rounds, episodes=each, validation_episodes=2 * each),
         action_values=action_values, seed=cell.seed,
     )  # fmt: skip
     return tree, steps + report.environment_steps
@@ -186,7 +192,7 @@ def distilled(cell: Cell, env: Any) -> tuple[eutree.TreePolicy, int]:
 def measured(cell: Cell, trees: Path | None) -> dict[str, Any]:
     """Run a cell and return its row; its tree is kept in a folder, if there is one."""
     settings = Settings.of(cell.task)
-    env = gymnasium.make(cell.task)
+    env = make(EnvironmentSpec(cell.task, settings.arguments))
     taught = int(TEACHERS * cell.steps) if cell.who in STUDENTS else 0
     teacher = network(cell.task, taught, cell.seed)[1] if taught else 0.0
     begin = time.process_time() - teacher

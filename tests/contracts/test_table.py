@@ -64,3 +64,12 @@ def test_the_settings_of_a_task_of_the_examples_are_those_of_the_example() -> No
     assert isinstance(settings.expert, FloatSwitch)
     assert settings.method == replace(method_for(20), max_leaves=settings.method.max_leaves)
     assert settings.method.world_model.memory
+
+
+def test_the_settings_of_a_task_say_how_it_is_made_and_who_shows_it() -> None:
+    from examples.inventory import order_up_to
+
+    assert table.Settings.of("Inventory-v0").expert is order_up_to
+    pendulum = table.Settings.of("Pendulum-v1")
+    env = table.make(table.EnvironmentSpec("Pendulum-v1", pendulum.arguments))
+    assert env.action_space.n == 5

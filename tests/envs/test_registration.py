@@ -27,7 +27,8 @@ def test_check_env_has_nothing_to_say(name: str, observe_direction: bool) -> Non
 
 
 @pytest.mark.parametrize(
-    ("name", "count"), [("Evasion-v0", 2), ("Evasion2-v0", 2), ("Evasion3-v0", 3)]
+    ("name", "count"),
+    [("Evasion-v0", 2), ("Evasion2-v0", 2), ("Evasion3-v0", 3), ("Evasion4-v0", 4)],
 )
 def test_ids_have_their_number_of_opponents(name: str, count: int) -> None:
     assert gymnasium.make(f"eutree/{name}").observation_space.shape == (count + 1,)

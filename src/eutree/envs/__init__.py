@@ -24,6 +24,7 @@ IDS: dict[str, dict[str, Any]] = {
     "eutree/Evasion-v0": {},
     "eutree/Evasion2-v0": {"n_opponents": 2},
     "eutree/Evasion3-v0": {"n_opponents": 3},
+    "eutree/Evasion4-v0": {"n_opponents": 4},
     "eutree/PaperEvasion2-v0": {"n_opponents": 2, **PAPER_CONSTANTS},
     "eutree/PaperEvasion3-v0": {"n_opponents": 3, **PAPER_CONSTANTS},
 }

@@ -132,8 +132,8 @@ class EvasionEnv(gymnasium.Env[Any, Any]):
     env = gym.make("eutree/Evasion2-v0", opponent_speed=4.2)
     ```
 
-    Ids: ``eutree/Evasion2-v0`` and ``eutree/Evasion3-v0`` have 2 and 3 opponents,
-    ``eutree/Evasion-v0`` takes ``n_opponents``. ``eutree/PaperEvasion2-v0`` and
+    Ids: ``eutree/Evasion2-v0``, ``eutree/Evasion3-v0`` and ``eutree/Evasion4-v0`` have 2, 3 and 4
+    opponents, ``eutree/Evasion-v0`` takes ``n_opponents``. ``eutree/PaperEvasion2-v0`` and
     ``eutree/PaperEvasion3-v0`` have the constants in which most of what the paper says is true.
     ``gymnasium.make_vec`` makes a native vector environment with the same episodes, bit for bit.
 

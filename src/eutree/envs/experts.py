@@ -71,6 +71,7 @@ EXPERTS: Mapping[str, Mapping[str, Expert]] = {
     "eutree/Evasion-v0": _EVASION,
     "eutree/Evasion2-v0": _EVASION,
     "eutree/Evasion3-v0": _EVASION,
+    "eutree/Evasion4-v0": _EVASION,
     "eutree/PaperEvasion2-v0": _PAPER_EVASION,
     "eutree/PaperEvasion3-v0": _PAPER_EVASION,
     "CartPole-v1": {"fall": follow_the_fall, "balance": balance},

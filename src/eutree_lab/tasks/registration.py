@@ -18,7 +18,7 @@ TASKS: dict[str, tuple[str, dict[str, Any]]] = {
     "eutree/Tiger-v0": ("tiger:TigerEnv", {}),
 }
 
-EVASION = ("eutree/Evasion-v0", "eutree/Evasion2-v0", "eutree/Evasion3-v0")
+EVASION = tuple(f"eutree/Evasion{n}-v0" for n in ("", 2, 3, 4))
 
 
 def register() -> None:
