@@ -93,6 +93,13 @@ def serving(folder: Path, env=None, *, fps=None, maker=None, countdown=0.2, lost
     """
     settings = SessionSettings(target=3, countdown=countdown, fps=fps, makes=maker is not None)
     recorder = Recorder(env or Corridor(), folder / "demos", settings=settings)
+    with in_a_thread(recorder, lost_after=lost_after, maker=maker) as served:
+        yield served
+
+
+@contextmanager
+def in_a_thread(recorder: Recorder, *, lost_after=ENOUGH, **given):
+    """Serve a recorder's page in a thread until the block ends, with what else it is given."""
     ready, servers = threading.Event(), []
 
     def on_ready(server: PageServer) -> None:
@@ -100,7 +107,7 @@ def serving(folder: Path, env=None, *, fps=None, maker=None, countdown=0.2, lost
         ready.set()
 
     def run() -> None:
-        record_in_browser(recorder, port=0, on_ready=on_ready, maker=maker)
+        record_in_browser(recorder, port=0, on_ready=on_ready, **given)
 
     thread = threading.Thread(target=run, daemon=True)
     with (

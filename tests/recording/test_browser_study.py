@@ -1,9 +1,7 @@
 """A whole study in the real page: what a person sees in each part, on each screen, by ear."""
 
 import re
-import threading
 from contextlib import contextmanager
-from unittest import mock
 
 import gymnasium
 import pytest
@@ -12,9 +10,8 @@ from eutree.fitting import page_tree
 from eutree.fitting.study import conduct
 from eutree.fitting.study_export import unpack
 from eutree.recording import SessionSettings
-from eutree.recording.browser import record_in_browser
 from eutree.schema import EnvironmentSpec
-from tests.recording.serving import ENOUGH, Served
+from tests.recording.serving import in_a_thread
 from tests.recording.typists import FINDINGS, OUT_OF_SIGHT, PATIENCE, person_at
 
 SPEC = EnvironmentSpec("eutree/Evasion2-v0")
@@ -50,31 +47,11 @@ def studying(folder, monkeypatch, *, fps=10.0):
     (folder / "study.toml").write_text(PLAN)
     env = gymnasium.make(SPEC.id, render_mode="rgb_array")
     pace = SessionSettings(fps=fps, countdown=0.2)
-    ready, servers = threading.Event(), []
-    with conduct(folder, SPEC, env, pace=pace) as (recorder, tree, guide):
-
-        def run():
-            record_in_browser(
-                recorder,
-                port=0,
-                maker=tree,
-                guide=guide,
-                on_ready=lambda server: (servers.append(server), ready.set()),
-            )
-
-        thread = threading.Thread(target=run, daemon=True)
-        with (
-            mock.patch("eutree.recording.play.VIEWER_SECONDS", ENOUGH),
-            mock.patch("eutree.recording.browser.server.PING_SECONDS", ENOUGH),
-        ):
-            thread.start()
-            assert ready.wait(ENOUGH)
-            try:
-                yield Served(servers[0], recorder), guide
-            finally:
-                recorder.session.play.state = "finished"
-                thread.join(ENOUGH)
-                assert not thread.is_alive()
+    with (
+        conduct(folder, SPEC, env, pace=pace) as (recorder, tree, guide),
+        in_a_thread(recorder, maker=tree, guide=guide) as served,
+    ):
+        yield served, guide
 
 
 def go(person) -> None:

@@ -144,6 +144,12 @@ class Episode:
         same = np.array_equal(taught, self.actions)
         return replace(self, steps=steps if same else {**steps, TAUGHT: taught})
 
+    def teaching_in(self, start: int, stop: int, becomes: int | None) -> "Episode":
+        """Return the episode with an action to imitate in some steps; None for nothing."""
+        taught = self.taught.copy()
+        taught[start:stop] = CUT if becomes is None else becomes
+        return self.teaching(taught)
+
     @property
     def weights(self) -> Floats:
         """Weight of each step for imitating the episode, [T]: 1, or 0.

@@ -172,8 +172,8 @@ def find_hurting(
         return _Search(demonstrations, chosen, games, episodes, judged).run(most)
 
 
-class _Games:
-    """Plays trees from common starts and counts the episodes.
+class _Games(Player):
+    """Plays trees from common starts; of most episodes only the figures are asked for.
 
     Args:
         env: The environment.
@@ -184,25 +184,15 @@ class _Games:
     def __init__(
         self, env: gymnasium.Env[Any, Any], seed: int, on_progress: Progress | None
     ) -> None:
-        self.env, self.seed, self._on_progress = env, seed, on_progress
-        self.episodes = 0
-        self.begin("playing", 1)
+        super().__init__(env, seed, on_progress)
+        self._world = env  # unguarded: `evaluate` looks whether many copies can run side by side
 
-    def begin(self, stage: str, most: int) -> None:
-        """Say what the next episodes are for, and how many there may be of them."""
-        self._stage, self._most, self._before = stage, most, self.episodes
-
-    def play(self, tree: TreePolicy, block: int, episodes: int, first: int = 0) -> Evaluation:
+    def figures(self, tree: TreePolicy, block: int, episodes: int, first: int = 0) -> Evaluation:
         """Return what a tree reaches from so many starts of a block, the same for every tree."""
-        seed = episode_seed(episode_seed(self.seed, block, Stream.FITTING), first)
-        found = evaluate(tree, self.env, episodes=episodes, seed=seed)
+        seed = episode_seed(episode_seed(self._seed, block, Stream.FITTING), first)
+        found = evaluate(tree, self._world, episodes=episodes, seed=seed)
         self._count(episodes)
         return found
-
-    def watched(self, tree: TreePolicy, block: int) -> Played:
-        """Return some episodes of a tree, with all that happened in them."""
-        self._count(LOOKED_AT)
-        return Player(self.env, self.seed).play(tree, LOOKED_AT, block)
 
     def best(
         self, trees: Sequence[TreePolicy], block: int, budget: int, keep: int = 1
@@ -216,25 +206,19 @@ class _Games:
     def is_better(self, tree: TreePolicy, than: TreePolicy, block: int, error: float) -> bool:
         """Return whether a tree is shown to do better than another on fresh episodes."""
         pair = (than, tree)
-        known = None if self.play(than, block, 1).successes is None else (0.0, 1.0)
+        known = None if self.figures(than, block, 1).successes is None else (0.0, 1.0)
         rule = Better(error=error, most=MOST_PAIRS, known=known)
         return hold(rule, new_table(2, rule.most), self._runner(pair, block)).shown
 
     def _runner(self, trees: Sequence[TreePolicy], block: int) -> Run:
         def run(tree: int, starts: Sequence[int]) -> Floats:
-            found = self.play(trees[tree], block, len(starts), starts[0])
+            found = self.figures(trees[tree], block, len(starts), starts[0])
             if found.successes is None:
                 return found.returns
             worths: Floats = found.successes + TIE * found.returns
             return worths
 
         return run
-
-    def _count(self, episodes: int) -> None:
-        self.episodes += episodes
-        if self._on_progress is not None:
-            count = self.episodes - self._before
-            self._on_progress(self._stage, count, max(count, self._most))
 
 
 class _Search:
@@ -267,7 +251,7 @@ class _Search:
         first = tree = self._tree(known)
         reached, found = self._judge(tree), list[Hurt]()
         while len(found) < most:
-            played = games.watched(tree, LOOKING + len(found))
+            played = games.play(tree, LOOKED_AT, LOOKING + len(found))
             guilty = self._guilty(tree, played)
             better = self._better(known, tree, guilty, len(found))
             if better is None:
@@ -288,7 +272,7 @@ class _Search:
 
     def _judge(self, tree: TreePolicy) -> Evaluation:
         self._games.begin("judging", self._judged)
-        return self._games.play(tree, JUDGING, self._judged)
+        return self._games.figures(tree, JUDGING, self._judged)
 
     def _guilty(self, tree: TreePolicy, played: Played) -> list[int]:
         guilt = blame(played, played.failed(Person.of(self._given).mean_return))

@@ -17,7 +17,6 @@ from eutree.wording import counted
 if TYPE_CHECKING:
     import gymnasium
 
-    from eutree.data import Demonstrations
     from eutree.evaluation import Evaluation
     from eutree.fitting import FitReport, Person
     from eutree.policies import TreePolicy

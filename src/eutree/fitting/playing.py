@@ -108,11 +108,14 @@ class Player:
         played = []
         for number in range(first, first + episodes):
             played.append(run_episode(self._env, policy, episode_seed(seed, number)))
-            self.episodes += 1
-            if self.on_progress is not None:
-                count = self.episodes - self._before
-                self.on_progress(self._stage, count, max(count, self._most))
+            self._count(1)
         return Played(policy, tuple(played))
+
+    def _count(self, episodes: int) -> None:
+        self.episodes += episodes
+        if self.on_progress is not None:
+            count = self.episodes - self._before
+            self.on_progress(self._stage, count, max(count, self._most))
 
     def contest(
         self, rule: Halving, rivals: Sequence[TreePolicy], block: int

@@ -57,9 +57,8 @@ def accepted(demonstrations: Demonstrations, segments: Iterable[Segment]) -> Dem
     """Return demonstrations of which some segments are cut or flipped; what was done stays."""
     episodes = list(demonstrations.episodes)
     for one in segments:
-        taught = episodes[one.episode].taught.copy()
-        taught[one.start : one.stop] = CUT if one.becomes is None else one.becomes
-        episodes[one.episode] = episodes[one.episode].teaching(taught)
+        episode = episodes[one.episode]
+        episodes[one.episode] = episode.teaching_in(one.start, one.stop, one.becomes)
     return replace(demonstrations, episodes=tuple(episodes))
 
 
@@ -70,7 +69,7 @@ def restored(demonstrations: Demonstrations) -> Demonstrations:
 
 @dataclass(frozen=True, eq=False)
 class Edit:
-    """KeyRuns to try without: ``rows`` [n] of the kept transitions, what each ``becomes`` [n]."""
+    """Steps to try without: ``rows`` [n] of the kept transitions, what each ``becomes`` [n]."""
 
     rows: Integers  # [n]
     becomes: Integers  # [n]
@@ -88,8 +87,8 @@ class KeyRuns:
         taught: What is imitated, [N].
         episode: The number of the episode, [N].
         run: The number of the run, [N].
-        from_start: KeyRuns from the beginning of the run, [N].
-        to_end: KeyRuns to the end of the run, [N].
+        from_start: Steps from the beginning of the run, [N].
+        to_end: Steps to the end of the run, [N].
         before: What is imitated before the run; ``NONE`` where the episode begins with it, [N].
         after: The same behind it, [N].
     """
@@ -104,7 +103,7 @@ class KeyRuns:
 
     @classmethod
     def of(cls, demonstrations: Demonstrations) -> "KeyRuns":
-        """Return the steps of demonstrations."""
+        """Return the runs of demonstrations."""
         taught = taught_in(demonstrations)
         kept = [(k, len(e)) for k, e in enumerate(demonstrations.episodes) if e.kept]
         episode = np.repeat([k for k, _ in kept], [length for _, length in kept])

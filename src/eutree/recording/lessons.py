@@ -77,10 +77,9 @@ class Lessons:
             return  # it is to be shown again: nothing was found to be better
         episode = self._recording.episodes[one.episode]
         self._before.setdefault(one.episode, episode)
-        taught = episode.taught.copy()
-        other = one.becomes if how == "flip" else None
-        taught[one.start : one.stop] = CUT if other is None else other
-        self._recording.change(one.episode, episode.teaching(taught))
+        becomes = one.becomes if how == "flip" else None
+        changed = episode.teaching_in(one.start, one.stop, becomes)
+        self._recording.change(one.episode, changed)
 
     def _segments(self, number: int) -> tuple[SegmentView, ...]:
         """Return the segments of a number, if they are those of the list of episodes still."""
