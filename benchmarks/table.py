@@ -3,7 +3,6 @@
 Run: python benchmarks/table.py TASK [TASK ...] [--who eutree dagger viper network]
      [--steps 10000 50000 100000] [--leaves 4 8 16 32] [--seeds 10] [--first 20000]
      [--trees FOLDER] [--out docs/results/table]
-     python benchmarks/table.py --pages
 
 A cell is a run of its own, in a process of its own: 15 demonstrations of the task's script, then
 the settings of ``src/eutree/zoo/settings/TASK.toml`` for the steps that are left (demonstrations
@@ -11,7 +10,8 @@ count). The tree has at most so many leaves, and 200 fresh episodes say what it 
 ``dagger`` and ``viper`` make trees (CART) of a DQN of Stable-Baselines3 with the settings of its
 zoo, which has four fifths of the steps; all its steps count. ``network`` is that DQN with all of
 them: the line above. A row is written as soon as it is known, and what a file of rows has already
-is not run again. ``--trees`` keeps each tree, from which ``benchmarks/zoo.py`` takes the best.
+is not run again. ``--trees`` keeps each tree, from which ``benchmarks/zoo.py`` takes the best;
+``benchmarks/table_page.py`` makes the page of the rows, and a picture for each task.
 ``benchmarks/releases.py`` runs a small fixed part and compares it with earlier ones.
 Seeds from 1000 to 1999 are for tuning; those of the table begin at 20,000.
 """
@@ -22,7 +22,6 @@ import importlib
 import multiprocessing
 import resource
 import subprocess
-import textwrap
 import time
 import tomllib
 from collections.abc import Iterable
@@ -39,7 +38,6 @@ import eutree
 from eutree import zoo
 from eutree.distillation import DistillationSettings
 from eutree.envs.experts import EXPERTS
-from eutree.evaluation import mean_interval
 from eutree.interaction.making import make
 from eutree.learners import method as method_of
 from eutree.learners.registry import with_choices
@@ -49,7 +47,6 @@ ROOT = Path(__file__).resolve().parents[1]
 ROWS = ROOT / "docs" / "results" / "table"
 STEPS, LEAVES = (10_000, 50_000, 100_000), (4, 8, 16, 32)
 SEEDS, FIRST, FINAL_EPISODES = 10, 20_000, 200
-ENOUGH = 0.9  # a cell whose runs used a smaller share of their steps says so
 STUDENTS = ("dagger", "viper")
 ROUNDS, TEACHERS = 8, 0.8  # of DAgger and VIPER; the share of the steps that their teacher takes
 COLUMNS = ("who", "task", "steps", "leaves", "seed", "return", "error", "success", "worst",
@@ -286,159 +283,6 @@ def cells_of(arguments: argparse.Namespace) -> list[Cell]:
     ]
 
 
-def summary(rows: list[dict[str, str]]) -> str:
-    """Return a cell of the table: mean, its interval over seeds, the worst seed, the leaves."""
-    returns = [float(row["return"]) for row in rows]
-    low, high = mean_interval(returns)
-    has = np.mean([float(row["has_leaves"]) for row in rows])
-    size = f"; {has:.1f} leaves" if has else ""
-    used = np.mean([float(row["used"]) for row in rows])
-    left = f", {used:,.0f} steps used" if used < ENOUGH * float(rows[0]["steps"]) else ""
-    return f"{np.mean(returns):.1f} [{low:.1f}, {high:.1f}], worst {min(returns):.1f}{size}{left}"
-
-
-def page(folder: Path) -> str:
-    """Return the page of all rows that are stored, and of those known from elsewhere."""
-    others = rows_of(folder.parent / "elsewhere.csv")
-    files = {rows_of(path)[0]["task"]: path for path in folder.glob("*.csv")}
-    lines = [HEAD]
-    for task in sorted({*files, *(row["task"] for row in others)}):
-        lines += ["", f"## {task}"]
-        lines += of_task(files[task]) if task in files else []
-        lines += elsewhere([row for row in others if row["task"] == task])
-    return "\n".join([*lines, "", AIMS]) + "\n"
-
-
-def of_task(path: Path) -> list[str]:
-    """Return the picture and the table of a task's own rows."""
-    rows = rows_of(path)
-    budgets = sorted({int(row["steps"]) for row in rows})
-    lines = ["", f"![Return at each size](table-{path.stem}.svg)", ""]
-    lines.append(f"| who, at most | {' | '.join(f'{b:,} steps' for b in budgets)} |")
-    lines.append("|---" * (len(budgets) + 1) + "|")
-    for who, leaves in sorted({(row["who"], int(row["leaves"])) for row in rows}):
-        cells = []
-        for budget in budgets:
-            here = [
-                row for row in rows
-                if (row["who"], int(row["leaves"]), int(row["steps"])) == (who, leaves, budget)
-            ]  # fmt: skip
-            few = f" ({len(here)} seeds)" if 0 < len(here) < SEEDS else ""
-            cells.append(summary(here) + few if here else "")
-        name = who if not leaves else f"{who}, {leaves} leaves"
-        lines.append(f"| {name} | {' | '.join(cells)} |")
-    ours = [row for row in rows if row["who"] == "eutree"]
-    seconds = [float(row["cpu_s"]) for row in ours]
-    said = (
-        f"A run of eutree took {np.mean(seconds):.0f} CPU seconds on average, {max(seconds):.0f} "
-        f"at most, and {max(int(row['peak_mb']) for row in ours)} MB at its peak. Sources: "
-        f"{', '.join(sorted({row['commit'] for row in rows}))}."
-    )
-    return [*lines, "", *textwrap.wrap(said, 100)]
-
-
-def elsewhere(rows: list[dict[str, str]]) -> list[str]:
-    """Return the table of what is known of a task from elsewhere; nothing where nothing is."""
-    if not rows:
-        return []
-    titles = ("who", "leaves", "steps", "return", "known")
-    lines = ["", f"| {' | '.join(titles)} |", "|---" * len(titles) + "|"]
-    return [*lines, *(f"| {' | '.join(row[title] for title in titles)} |" for row in rows)]
-
-
-HEAD = """\
-# Return at size at counted steps
-
-Each cell: mean return of ten runs (200 fresh episodes each), 95 % interval over the runs, worst
-run, mean number of leaves. Every environment step is counted: demonstrations, learning, races; of
-`dagger` and `viper` those of their network too. Made by `python benchmarks/table.py TASK` for each
-task and `python benchmarks/table.py --pages`; every run is a row in `docs/results/table/`. The
-settings are those of `eutree learn --settings zoo:TASK` and were chosen on seeds from 1000 on; the
-runs here have the seeds from 20,000 on. A cell that was made of fewer than ten runs says so; an
-empty one was not run yet.
-
-`dagger` and `viper` are CART by DAgger and VIPER from a DQN of Stable-Baselines3, with its zoo's
-settings and half of the steps; `network` is that DQN with all of them and no tree at all. What
-they gather is planned for episodes of full length, so where episodes are short steps are left. The
-half was not tuned for them: what copies of a network that learned to its end reach, in more steps,
-is in the rows from elsewhere.
-
-Each size is a run of its own. The front of a single run has every size too, but pays for it: it
-plays each of its trees from 60 starts or more, by default two steps for each step of the run, and
-within 100,000 steps of MountainCar there are enough for two trees.
-
-Below each task's own rows: *measured*, with the authors' code on fresh seeds (Gymnasium 1.4, two
-cores; these programs are not part of this repository); *published*, by them; *here*, by another
-command of this repository, on the page that is linked."""
-
-
-AIMS = """\
-## Aims that were missed
-
-| aim | reached | tried |
-|---|---|---|
-| CartPole 500 with 4 leaves, 50 k | 496.9; three runs of ten | nothing beyond the settings |
-| MountainCar -98.5 with 5 leaves | -99.3, some 240 k steps | the tree of 8 copied by DAgger; \
-[sets of actions](../decisions/labels-as-sets.md) as labels: -101.9 |
-| Acrobot -80 with 8 leaves, 100 k | -86.5; the best run -82.6 | sets of actions: no swing |
-| LunarLander 200 with 34, 160 with 20, 500 k | 166.8, 133.6 | nothing new: six CPU minutes a run |
-| two tanks -165 | -178.5 | nothing new |
-| 3-Evasion: 98.5 %, return 90 | 98.8 %, 85.8 with 16 leaves, 10 k, four runs | larger not run |
-| 4-Evasion: 92 %, return 75 | not run | nothing new |"""
-
-
-def draw(folder: Path) -> None:
-    """Draw a picture for each task: mean return over size, a line for each budget and rival."""
-    import matplotlib as mpl
-
-    mpl.use("svg")
-    import matplotlib.pyplot as plt
-
-    mpl.rcParams["svg.hashsalt"] = "eutree"
-    others = rows_of(folder.parent / "elsewhere.csv")
-    for path in sorted(folder.glob("*.csv")):
-        rows = rows_of(path)
-        figure, axes = plt.subplots(figsize=(6.4, 3.8), layout="constrained")
-        kinds = dict.fromkeys((row["who"], int(row["steps"])) for row in rows)
-        for who, steps in sorted(kinds):
-            here = [row for row in rows if (row["who"], int(row["steps"])) == (who, steps)]
-            sizes = sorted({int(row["leaves"]) for row in here})
-            returns = [[float(r["return"]) for r in here if int(r["leaves"]) == n] for n in sizes]
-            means = [float(np.mean(one)) for one in returns]
-            label = f"{who}, {steps:,} steps"
-            if who == "network":
-                axes.axhline(means[0], linestyle=":", color="0.5", label=label)
-                continue
-            spread = [np.subtract(mean_interval(one)[1], np.mean(one)) for one in returns]
-            axes.errorbar(sizes, means, yerr=spread, marker="o", capsize=3, label=label,
-                          linestyle="-" if who == "eutree" else "--")  # fmt: skip
-        mark(axes, [row for row in others if row["task"] == rows[0]["task"]])
-        axes.set_xscale("log", base=2)
-        axes.set_xticks(LEAVES, [str(n) for n in LEAVES])
-        axes.set_xlabel("leaves, at most")
-        axes.set_ylabel("mean return")
-        axes.set_title(rows[0]["task"])
-        axes.grid(alpha=0.3)
-        axes.legend(fontsize=8)
-        figure.savefig(folder.parent / f"table-{path.stem}.svg", metadata={"Date": None})
-        plt.close(figure)
-
-
-def mark(axes: Any, others: list[dict[str, str]]) -> None:
-    """Mark the trees of others that have a size of the table and a return within the picture."""
-    low, high = axes.get_ylim()
-    known = [(row["leaves"], row["return"]) for row in others if row["known"] != "here"]
-    points = [
-        (float(leaves), float(earned)) for leaves, earned in known
-        if leaves.isdecimal() and earned.lstrip("-").replace(".", "").isdecimal()
-    ]  # fmt: skip
-    seen = [(x, y) for x, y in points if x <= LEAVES[-1] + 2 and y >= low - (high - low)]
-    if seen:
-        axes.scatter(
-            *zip(*seen, strict=True), marker="x", color="0.3", label="elsewhere, any steps"
-        )
-
-
 def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("tasks", nargs="*")
@@ -449,13 +293,8 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=FIRST)
     parser.add_argument("--trees", type=Path)
     parser.add_argument("--out", type=Path, default=ROWS)
-    parser.add_argument("--pages", action="store_true")
     arguments = parser.parse_args()
-    if arguments.pages:
-        draw(arguments.out)
-        (arguments.out.parent / "table.md").write_text(page(arguments.out))
-    else:
-        run(cells_of(arguments), arguments.out, arguments.trees)
+    run(cells_of(arguments), arguments.out, arguments.trees)
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks import releases, table
+from benchmarks import releases, table, table_page
 
 HERE = table.ROWS.parent
 
@@ -15,8 +15,8 @@ def body(name: str) -> str:
 
 
 def test_the_pages_are_made_of_the_rows() -> None:
-    again = "python benchmarks/table.py --pages; python -m benchmarks.releases --page"
-    assert body("table.md") == table.page(table.ROWS), again
+    again = "python -m benchmarks.table_page; python -m benchmarks.releases --page"
+    assert body("table.md") == table_page.page(table.ROWS), again
     assert body("between-releases.md") == releases.page(), again
 
 
