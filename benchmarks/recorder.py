@@ -25,8 +25,8 @@ import numpy as np
 
 import eutree  # noqa: F401 - registers the environments
 from eutree.recording.browser import record_in_browser
+from eutree.recording.events import SessionSettings
 from eutree.recording.recorder import Recorder
-from eutree.recording.settings import SessionSettings
 
 BROWSERS = ("/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome")
 QUIET = (

@@ -7,9 +7,8 @@ import numpy as np
 from gymnasium.spaces import Box, Discrete
 
 from eutree.interaction.guard import GuardedEnv
-from eutree.recording.events import Command, KeyDown, KeyUp, Seen
+from eutree.recording.events import Command, KeyDown, KeyUp, Seen, SessionSettings
 from eutree.recording.session import Session
-from eutree.recording.settings import SessionSettings
 
 TICK = 1 / 60
 

@@ -7,9 +7,8 @@ from pathlib import Path
 from unittest import mock
 
 from eutree.recording.browser import PageServer, record_in_browser
-from eutree.recording.events import KeyDown, KeyUp
+from eutree.recording.events import KeyDown, KeyUp, SessionSettings
 from eutree.recording.recorder import Recorder
-from eutree.recording.settings import SessionSettings
 from tests.patience import ENOUGH
 from tests.recording.people import Corridor
 

@@ -7,9 +7,8 @@ import pytest
 
 from eutree.data import DemonstrationFolder, Demonstrations
 from eutree.data.episode import CUT
-from eutree.recording.events import EpisodeChanged, EpisodeEnded
+from eutree.recording.events import EpisodeChanged, EpisodeEnded, SessionSettings
 from eutree.recording.recorder import Recorder
-from eutree.recording.settings import SessionSettings
 from eutree.recording.tree_making import HurtView, SegmentView
 from tests.recording.people import Corridor, Person
 

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from eutree.interaction.guard import GuardedEnv
-from eutree.recording.controls import Controls
-from eutree.recording.episodes import Recording
-from eutree.recording.events import Command
+from eutree.recording.controls import Controls, Pace
+from eutree.recording.episodes import Recording, Trial
+from eutree.recording.events import Command, SessionSettings
 from eutree.recording.keys import keys_of_environment
-from eutree.recording.pace import Pace
 from eutree.recording.play import (
     COUNTDOWN,
     PAUSED,
@@ -18,8 +17,6 @@ from eutree.recording.play import (
     Pictures,
     Play,
 )
-from eutree.recording.settings import SessionSettings
-from eutree.recording.trial import Trial
 from tests.recording.people import Corridor
 
 STAY, RIGHT = 1, 2

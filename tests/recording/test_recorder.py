@@ -14,8 +14,8 @@ import pytest
 from eutree.data import Demonstrations
 from eutree.errors import EnvironmentFault, FileError, InvalidArgumentError
 from eutree.files import atomic
+from eutree.recording.events import SessionSettings
 from eutree.recording.recorder import Recorder
-from eutree.recording.settings import SessionSettings
 from tests.recording.broken import Broken
 from tests.recording.people import Corridor, Person
 

@@ -13,6 +13,7 @@ from eutree.errors import InvalidArgumentError
 from eutree.interaction.guard import GuardedEnv
 from eutree.interaction.seeding import Stream, episode_seed
 from eutree.interaction.spaces import describe
+from eutree.recording.controls import SPEEDS, takes_turns
 from eutree.recording.events import (
     Away,
     Command,
@@ -26,9 +27,7 @@ from eutree.recording.events import (
     StepTaken,
 )
 from eutree.recording.keys import keys_of_environment, parse_keys
-from eutree.recording.pace import SPEEDS
 from eutree.recording.session import Session
-from eutree.recording.settings import takes_turns
 from eutree.recording.views import episode_views, task_description
 from tests.interaction.versions import CLIFF, TAXI
 from tests.recording.broken import Broken

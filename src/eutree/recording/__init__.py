@@ -6,10 +6,10 @@ from eutree.lazy import lazily
 from eutree.recording.record import record
 
 if TYPE_CHECKING:
+    from eutree.recording.events import SessionSettings
     from eutree.recording.keys import KeyMap, keys_of_environment, parse_keys
     from eutree.recording.recorder import Recorder
     from eutree.recording.session import Session
-    from eutree.recording.settings import SessionSettings
 
 __all__ = [
     "KeyMap",
@@ -27,6 +27,6 @@ __getattr__ = lazily(
         "eutree.recording.keys": "KeyMap keys_of_environment parse_keys",
         "eutree.recording.recorder": "Recorder",
         "eutree.recording.session": "Session",
-        "eutree.recording.settings": "SessionSettings",
+        "eutree.recording.events": "SessionSettings",
     },
 )

@@ -9,11 +9,10 @@ fitted again to all that is stored, and the new one drives on.
 from dataclasses import replace
 
 from eutree.interaction import GuardedEnv
-from eutree.recording.episodes import Recording
+from eutree.recording.episodes import Recording, Trial
 from eutree.recording.events import Command, DrivingView
 from eutree.recording.play import DRIVING, OPENING, REVIEW, WATCHING, Play
 from eutree.recording.scenes import Course, Programme
-from eutree.recording.trial import Trial
 from eutree.recording.views import told
 
 READ_SECONDS = 1.5  # after the end of an episode of which nothing is to be read

@@ -8,8 +8,42 @@ from numpy.typing import NDArray
 
 from eutree.arrays import Floats
 from eutree.data import Episode
+from eutree.validation import check_integer, check_number, check_seed
 
-# ---- in: what the person and the viewer did
+# ---- in: what a session is told at its start, what the person and the viewer did
+
+
+@dataclass(frozen=True, kw_only=True)
+class SessionSettings:
+    """What a session is told at its start.
+
+    Attributes:
+        target: How many kept episodes are wanted.
+        seed: Seed of the recording; start k is seeded with ``episode_seed(seed, k, 6)``.
+        first: Number of the first start: that of the episodes already in the folder.
+        fps: Decisions per second; None for the environment's ``render_fps``.
+        hud: Show the observation's numbers, which the paper's expert does not see.
+        countdown: Seconds before an episode; a third of it when it goes on after a pause.
+        makes: Whether a tree can be made of the demonstrations where they are recorded.
+        viewer: What the person looks at, for the episode's extras.
+    """
+
+    target: int = 15
+    seed: int = 0
+    first: int = 0
+    fps: float | None = None
+    hud: bool = False
+    countdown: float = 3.0
+    makes: bool = False
+    viewer: str = ""
+
+    def __post_init__(self) -> None:
+        check_integer("target", self.target, low=1)
+        check_seed(self.seed)
+        check_integer("first", self.first)
+        check_number("countdown", self.countdown, low=0.0)
+        if self.fps is not None:
+            check_number("fps", self.fps, low=0.0, high=240.0, low_open=True)
 
 
 @dataclass(frozen=True)

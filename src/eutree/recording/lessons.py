@@ -7,9 +7,8 @@ import numpy as np
 
 from eutree.data import Episode
 from eutree.data.episode import CUT, TAUGHT
-from eutree.recording.episodes import Recording
+from eutree.recording.episodes import Recording, Trial
 from eutree.recording.tree_making import HurtView, SegmentView
-from eutree.recording.trial import Trial
 
 
 class Lessons:

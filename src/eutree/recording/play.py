@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from eutree.errors import EnvironmentFault, described
 from eutree.interaction import GuardedEnv
-from eutree.recording.controls import Controls
+from eutree.recording.controls import FRAME_SECONDS, Controls
+from eutree.recording.episodes import Trial
 from eutree.recording.events import Frame
-from eutree.recording.pace import FRAME_SECONDS
-from eutree.recording.trial import Trial
 
 OPENING, COUNTDOWN, PLAYING = "opening", "countdown", "playing"
 PAUSED, REVIEW, FINISHED, FAILED = "paused", "review", "finished", "failed"

@@ -19,12 +19,12 @@ from eutree.recording.events import (
     EpisodeStarted,
     Event,
     Output,
+    SessionSettings,
     StepTaken,
     Tick,
 )
 from eutree.recording.keys import KeyMap, keys_of_environment, parse_keys
 from eutree.recording.session import Session
-from eutree.recording.settings import SessionSettings
 
 PERSON = "a person"
 

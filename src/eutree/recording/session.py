@@ -30,7 +30,7 @@ from typing import ClassVar
 from eutree.data import Episode
 from eutree.errors import EnvironmentFault, InvalidArgumentError
 from eutree.interaction import GuardedEnv
-from eutree.recording.controls import Controls
+from eutree.recording.controls import QUICK, SPEEDS, Controls, Pace, frames_per_second, takes_turns
 from eutree.recording.driving import Driving
 from eutree.recording.episodes import AGAIN, Recording
 from eutree.recording.events import (
@@ -41,12 +41,12 @@ from eutree.recording.events import (
     KeyUp,
     Present,
     Seen,
+    SessionSettings,
     Tick,
     View,
 )
 from eutree.recording.keys import KeyMap, keys_of_environment
 from eutree.recording.lessons import Lessons
-from eutree.recording.pace import QUICK, SPEEDS, Pace
 from eutree.recording.play import (
     DRIVING,
     FAILED,
@@ -59,7 +59,6 @@ from eutree.recording.play import (
     Pictures,
     Play,
 )
-from eutree.recording.settings import SessionSettings, frames_per_second, takes_turns
 from eutree.recording.tree_making import Wishes
 from eutree.recording.views import (
     ENDLESS,
@@ -356,7 +355,7 @@ class Session:
             can_watch=self.driving.can_watch,
             can_correct=self.driving.can_correct,
             driving=self.driving.view(),
-            numbers=sensed(schema, self.play.trial) if self.settings.hud else None,
+            numbers=sensed(schema, self.play.trial.observation) if self.settings.hud else None,
             **self.play.view_fields(now),
             **hands_fields(controls.hands, schema),
             **pace_fields(controls.pace, is_own=self.settings.fps is None),

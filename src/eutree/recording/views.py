@@ -8,13 +8,12 @@ from typing import Any
 
 import gymnasium
 
+from eutree.arrays import Floats
 from eutree.data import Episode
 from eutree.interaction.first_look import is_limited
-from eutree.recording.controls import Hands
+from eutree.recording.controls import QUICK, Hands, Pace
 from eutree.recording.events import ActionView, EpisodeView
 from eutree.recording.keys import KeyMap
-from eutree.recording.pace import QUICK, Pace
-from eutree.recording.trial import Trial
 from eutree.schema import Schema
 
 
@@ -141,13 +140,13 @@ def told(episode: Episode, env: gymnasium.Env[Any, Any] | None) -> tuple[str, bo
     return (known.bad if episode.terminated and known.bad else plain), False
 
 
-def sensed(schema: Schema, trial: Trial | None) -> list[tuple[str, str]]:
-    """Return names and values of the last observation, for people."""
-    if trial is None or trial.observation is None:
+def sensed(schema: Schema, observation: Floats | None) -> list[tuple[str, str]]:
+    """Return names and values of an observation [d], for people; nothing of none."""
+    if observation is None:
         return []
     return [
         (feature.name, f"{feature.text(float(value))} {feature.unit}".strip())
-        for feature, value in zip(schema.features, trial.observation, strict=True)
+        for feature, value in zip(schema.features, observation, strict=True)
     ]
 
 

@@ -1,5 +1,78 @@
 """The recorder's page: one port of this machine serves the page and its socket."""
 
-from eutree.recording.browser.server import PageServer, record_in_browser
+import asyncio
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any
+
+from eutree.recording.browser.server import PageServer
+from eutree.recording.recorder import Recorder
+from eutree.recording.tree_making import Guide, TreeMaker
 
 __all__ = ["PageServer", "record_in_browser"]
+
+
+def record_in_browser(
+    recorder: Recorder,
+    *,
+    host: str = "127.0.0.1",
+    port: int | None = None,
+    details: dict[str, Any] | None = None,
+    maker: TreeMaker | None = None,
+    guide: Guide | None = None,
+    on_ready: Callable[[PageServer], None] | None = None,
+) -> None:
+    """Let a person record in a browser until the session is over.
+
+    Args:
+        recorder: What is recorded, and where.
+        host: Address to bind to.
+        port: Port; None for 8765 or the next free one, 0 for any.
+        details: Further facts for the page to show.
+        maker: Makes a tree of what is recorded; ``settings.makes`` of the recorder offers it.
+        guide: Leads the person; None where they lead themselves.
+        on_ready: Called once the port is open; ``url`` of its argument is the page's address.
+
+    Raises:
+        EnvironmentFault: The environment broke its contract; what was recorded is stored.
+        FileError: The folder can no longer be written; what was recorded before is stored.
+    """
+
+    async def serve_page() -> None:
+        server = PageServer(
+            recorder, host=host, port=port, details=details, maker=maker, guide=guide
+        )
+        await server.run(on_ready)
+
+    with _orderly_end():
+        try:
+            asyncio.run(serve_page())
+        finally:
+            recorder.close()
+    recorder.raise_failure()
+
+
+@contextmanager
+def _orderly_end() -> Iterator[None]:
+    """Let SIGTERM raise SystemExit(143) where nothing else handles it.
+
+    SDL, which draws many environments, otherwise takes the signal for itself and ignores it.
+    """
+    if (
+        threading.current_thread() is not threading.main_thread()
+        or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL
+    ):
+        yield
+        return
+    signal.signal(signal.SIGTERM, _exit)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+def _exit(number: int, frame: FrameType | None) -> None:
+    raise SystemExit(128 + number)

@@ -14,9 +14,15 @@ from weakref import WeakSet
 import msgspec
 
 from eutree.errors import EutreeError, InvalidArgumentError, MissingExtraError
-from eutree.recording.browser.gate import PROTOCOL, SOCKET_PATH, Gate, is_loopback, new_token
-from eutree.recording.browser.pages import page, safe_headers
-from eutree.recording.browser.signals import orderly_end
+from eutree.recording.browser.gate import (
+    PROTOCOL,
+    SOCKET_PATH,
+    Gate,
+    is_loopback,
+    new_token,
+    page,
+    safe_headers,
+)
 from eutree.recording.browser.wire import (
     MAX_MESSAGE,
     Do,
@@ -27,6 +33,7 @@ from eutree.recording.browser.wire import (
     Message,
     Take,
     Tell,
+    Viewer,
     command_of,
     decode,
     encode_picture,
@@ -40,8 +47,6 @@ from eutree.recording.tree_making import FAILED, FITTING, Guide, TreeMaker, Tree
 if TYPE_CHECKING:
     from websockets.asyncio.server import Server, ServerConnection
     from websockets.http11 import Request, Response
-
-    from eutree.recording.browser.viewer import Viewer
 
 PORT = 8765
 PORTS_TO_TRY = 10
@@ -256,10 +261,8 @@ class PageServer:
             if sender is not None:
                 sender.cancel()
 
-    def _welcome(self, connection: "ServerConnection", client: str) -> "Viewer":
+    def _welcome(self, connection: "ServerConnection", client: str) -> Viewer:
         """Take in a page: it acts if nobody else does, or if it did before; else it watches."""
-        from eutree.recording.browser.viewer import Viewer
-
         viewer = Viewer(connection, client)
         self._viewers.append(viewer)
         if self._driver is None or self._driver.client == client:
@@ -269,7 +272,7 @@ class PageServer:
             viewer.picture(*self._picture)
         return viewer
 
-    def _farewell(self, viewer: "Viewer | None") -> None:
+    def _farewell(self, viewer: Viewer | None) -> None:
         if viewer in self._viewers:
             self._viewers.remove(viewer)
         if viewer is not None and viewer is self._driver:
@@ -278,7 +281,7 @@ class PageServer:
         for other in self._viewers:
             other.show({"role": self._role(other)})
 
-    def _set_driver(self, viewer: "Viewer") -> None:
+    def _set_driver(self, viewer: Viewer) -> None:
         if self._driver is not None:
             self._add(Away(TAKEN))
         self._driver, self._sequence = viewer, 0
@@ -286,14 +289,14 @@ class PageServer:
         for other in self._viewers:
             other.show({"role": self._role(other)})
 
-    def _role(self, viewer: "Viewer") -> str:
+    def _role(self, viewer: Viewer) -> str:
         if viewer is self._driver:
             return "acting"
         return "idle" if self._driver is None else "watching"
 
     # ---- messages
 
-    def _hear(self, viewer: "Viewer", message: Message) -> None:
+    def _hear(self, viewer: Viewer, message: Message) -> None:
         if isinstance(message, Drawn):
             viewer.drawn(message.frame)
         if isinstance(message, Take):
@@ -434,46 +437,6 @@ class PageServer:
                 async with asyncio.timeout(2.0):
                     await viewer.flush()
                     await viewer.connection.close(1000, "the session is over")
-
-
-def record_in_browser(
-    recorder: Recorder,
-    *,
-    host: str = "127.0.0.1",
-    port: int | None = None,
-    details: dict[str, Any] | None = None,
-    maker: TreeMaker | None = None,
-    guide: Guide | None = None,
-    on_ready: Callable[[PageServer], None] | None = None,
-) -> None:
-    """Let a person record in a browser until the session is over.
-
-    Args:
-        recorder: What is recorded, and where.
-        host: Address to bind to.
-        port: Port; None for 8765 or the next free one, 0 for any.
-        details: Further facts for the page to show.
-        maker: Makes a tree of what is recorded; ``settings.makes`` of the recorder offers it.
-        guide: Leads the person; None where they lead themselves.
-        on_ready: Called once the port is open; ``url`` of its argument is the page's address.
-
-    Raises:
-        EnvironmentFault: The environment broke its contract; what was recorded is stored.
-        FileError: The folder can no longer be written; what was recorded before is stored.
-    """
-
-    async def serve_page() -> None:
-        server = PageServer(
-            recorder, host=host, port=port, details=details, maker=maker, guide=guide
-        )
-        await server.run(on_ready)
-
-    with orderly_end():
-        try:
-            asyncio.run(serve_page())
-        finally:
-            recorder.close()
-    recorder.raise_failure()
 
 
 def _response(status: HTTPStatus, body: bytes, headers: dict[str, str]) -> "Response":
