@@ -19,8 +19,17 @@ from eutree.errors import InvalidArgumentError
 from eutree.inspection import Region
 from eutree.policies import TreePolicy
 from eutree.proof import Certificate, Intervals, Picture, Plant, Starts, clip, minimum, sqrt
-from eutree.proof.certificate import EMPTY, FAILS, KNOWN, OPEN, PROOF, PROVEN, REFUTED, UNDECIDED
-from eutree.proof.picture import CELLS
+from eutree.proof.certificate import (
+    CELLS,
+    EMPTY,
+    FAILS,
+    KNOWN,
+    OPEN,
+    PROOF,
+    PROVEN,
+    REFUTED,
+    UNDECIDED,
+)
 from eutree.proof.plant import State, own_arguments
 from eutree.proof.properties import EVER, EpisodeProperty
 from eutree.schema import EnvironmentSpec

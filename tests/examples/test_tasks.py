@@ -10,7 +10,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import eutree
-from eutree.interaction.return_range import return_range
+from eutree.interaction.first_look import return_range
 
 FOLDER = Path(__file__).parents[2] / "examples"
 TASKS = {  # module: id, class, rule of thumb, features, actions

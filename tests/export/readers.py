@@ -154,7 +154,7 @@ def read_dot(content: str, policy: TreePolicy) -> Decide:
 
 
 def read_latex(content: str, policy: TreePolicy) -> Decide:
-    from eutree.export.latex import _SIGNS
+    from eutree.export.drawing import _SIGNS
 
     meanings = {value: key for key, value in _SIGNS.items()} | {r"$\leq$": "<="}
     token = re.compile("|".join(re.escape(text) for text in meanings) + r"|[^\\{}$&#%_^~]")

@@ -12,7 +12,7 @@ from gymnasium.wrappers import (
 
 import eutree  # noqa: F401 - registers its environments
 from eutree.errors import InvalidArgumentError
-from eutree.interaction.return_range import return_range
+from eutree.interaction.first_look import return_range
 from tests.interaction.versions import CLIFF, TAXI
 
 KNOWN = {

@@ -75,7 +75,7 @@ def test_real_steps_stay_in_the_boxes_of_the_plant():
 
 
 def test_a_shorter_pole_is_caught(monkeypatch):
-    monkeypatch.setattr("eutree.proof.plants._LENGTH", 0.4999999)
+    monkeypatch.setattr("eutree.proof.plant._LENGTH", 0.4999999)
     with pytest.raises(InvalidArgumentError, match="plant must move as CartPole-v1 does"):
         check_plant(plant_of(SPEC), episodes=3, generator=np.random.default_rng(0))
 

@@ -8,7 +8,7 @@ from eutree.errors import InvalidArgumentError
 from eutree.proof import Effort, Plant, check_plant, plant_of, prove, register_plant, replay
 from eutree.proof.certificate import NEVER
 from eutree.proof.intervals import cos
-from eutree.proof.plants import MountainCar
+from eutree.proof.plant import MountainCar
 from eutree.proof.reach import Acting, boxes_along
 from eutree.schema import EnvironmentSpec
 from tests.proof.policies import BAD, GOOD, SWITCH, policy_of

@@ -210,8 +210,8 @@ class Rival:
     def follows(self, policy: "Evaluation", *, seed: int, n_jobs: int | None) -> "Rivalry":
         """Let the rival play the episodes that a policy has played."""
         from eutree.evaluation import against, evaluate
+        from eutree.interaction.first_look import return_range
         from eutree.interaction.making import make
-        from eutree.interaction.return_range import return_range
 
         n = policy.episodes
         other = evaluate(self._controller, self._spec, episodes=n, seed=seed, n_jobs=n_jobs)

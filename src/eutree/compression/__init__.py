@@ -5,10 +5,9 @@ from typing import TYPE_CHECKING
 from eutree.lazy import lazily
 
 if TYPE_CHECKING:
-    from eutree.compression.compressing import compress
+    from eutree.compression.compressing import compress, compress_monotone
     from eutree.compression.episodes import RealEpisodes
     from eutree.compression.imagined import ImaginedEpisodes
-    from eutree.compression.monotone import compress_monotone
     from eutree.compression.report import CompressionReport
 
 __all__ = ["CompressionReport", "ImaginedEpisodes", "RealEpisodes", "compress", "compress_monotone"]
@@ -16,10 +15,9 @@ __all__ = ["CompressionReport", "ImaginedEpisodes", "RealEpisodes", "compress", 
 __getattr__ = lazily(
     __name__,
     {
-        "eutree.compression.compressing": "compress",
+        "eutree.compression.compressing": "compress compress_monotone",
         "eutree.compression.episodes": "RealEpisodes",
         "eutree.compression.imagined": "ImaginedEpisodes",
-        "eutree.compression.monotone": "compress_monotone",
         "eutree.compression.report": "CompressionReport",
     },
 )

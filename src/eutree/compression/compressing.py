@@ -8,10 +8,10 @@ demanded fidelity wins. Who can give something up gets less: a share of the reco
 (``max_disagreement``), or a margin of the return (``env`` and ``margin``).
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -55,7 +55,7 @@ from eutree.validation import (
     check_seed,
 )
 
-if TYPE_CHECKING:  # a world model is loaded where episodes are imagined
+if TYPE_CHECKING:
     from eutree.compression.front import Pick
     from eutree.compression.imagined import ImaginedEpisodes, Pruned
 
@@ -332,3 +332,58 @@ def _check_gates(mode: str, max_disagreement: float | None, margin: float | None
         raise InvalidArgumentError(
             f'mode must be "auto" with max_disagreement or margin, got {mode!r}'
         )
+
+
+# Compression of a tree that keeps monotone rules, into one that keeps them.
+
+
+def compress_monotone(
+    policy: TreePolicy, observations: ArrayLike, monotone: Sequence[str], **options: Any
+) -> tuple[TreePolicy, CompressionReport]:
+    """Return what ``compress`` does, as a tree that keeps some rules, as ``policy`` does.
+
+    Where the tree that ``compress`` chooses breaks a rule, the best one of its front that keeps
+    them all takes its place, or else the exact merge, which decides the same everywhere.
+
+    Args:
+        policy: The policy to compress.
+        observations: Recorded observations, shape [N, d].
+        monotone: Rules such as ``"stop in distance"``.
+        **options: The other arguments of ``compress``.
+
+    Raises:
+        InvalidArgumentError: The policy itself breaks a rule, or no tree of ``max_leaves`` that
+            was found keeps them.
+        UnknownNameError: A rule names no feature or action.
+    """
+    from eutree.inspection import keep_monotone, monotone_rules
+
+    rules = monotone_rules(monotone, policy.schema)
+    for rule in rules:
+        if keep_monotone(policy, [rule]) is not policy:
+            raise InvalidArgumentError(
+                f"policy must keep {rule.text!r} to be compressed so; fit --monotone and "
+                "learn --monotone make a tree that does"
+            )
+    small, report = compress(policy, observations, **options)
+    if keep_monotone(small, rules) is small:
+        return small, report
+    most = options.get("max_leaves")
+    kept = [
+        one
+        for one in report.front
+        if (most is None or one.policy.n_leaves <= most)
+        and keep_monotone(one.policy, rules) is one.policy
+    ]
+    if kept:
+        best = max(kept, key=lambda one: (one.mean_return, -one.policy.n_leaves))
+        rows = check_observations("observations", observations, n_features=policy.tree.n_features)
+        changed = report_on(policy, best.policy, "monotone", Costs.of(policy, rows, "visits"))
+        return best.policy, replace(changed, front=report.front, by=report.by)
+    exact, merged = compress(policy, observations, mode="merge")
+    if most is not None and exact.n_leaves > most:
+        raise InvalidArgumentError(
+            f"max_leaves must be at least {exact.n_leaves}: no smaller tree was found that keeps "
+            f"{', '.join(rule.text for rule in rules)}, got {most}"
+        )
+    return exact, replace(merged, front=report.front, environment_steps=report.environment_steps)

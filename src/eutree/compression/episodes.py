@@ -15,8 +15,8 @@ from eutree.contests.betting import TUNED
 from eutree.contests.smallest import ATTEMPTS
 from eutree.evaluation import Estimate, Interval, evaluate
 from eutree.interaction import episode_seed
+from eutree.interaction.first_look import return_range as known_range
 from eutree.interaction.making import Environment, Recipe, made
-from eutree.interaction.return_range import return_range as known_range
 from eutree.interaction.seeding import Stream
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
@@ -63,7 +63,7 @@ class RealEpisodes:
         confidence: Of the decision about the margin, and of each end of the interval reported.
         episodes: Most episodes of each evaluation, and of each candidate before.
         return_range: Lowest and highest return of an episode, where the environment does not say
-            so itself (``eutree.interaction.return_range``).
+            so itself (``eutree.interaction.first_look``).
         n_jobs: Processes for the episodes, as ``evaluate`` takes them; the result is the same.
         evaluates: Whether the result is evaluated beside the input; else only rounding is played.
         searches: Whether the best tree of each size is looked for by playing; with a margin it is.

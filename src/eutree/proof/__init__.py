@@ -10,12 +10,10 @@ from eutree.proof.certificate import (
     save_certificate,
 )
 from eutree.proof.intervals import Intervals, Truth, clip, cos, maximum, minimum, sin, sqrt, where
-from eutree.proof.plant import Plant
-from eutree.proof.plants import plant_of, register_plant
+from eutree.proof.plant import Plant, plant_of, register_plant
 from eutree.proof.prove import prove
 from eutree.proof.reach import Effort
-from eutree.proof.replay import Trajectory, check_plant, replay
-from eutree.proof.starts import BeginningThere
+from eutree.proof.replay import BeginningThere, Trajectory, check_plant, replay
 
 __all__ = [
     "ActingNodes",

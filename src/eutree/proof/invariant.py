@@ -13,6 +13,7 @@ import numpy as np
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.errors import InvalidArgumentError
 from eutree.proof import _kernels
+from eutree.proof.certificate import CELLS, COLUMNS, EMPTY, KNOWN, OPEN, Picture
 from eutree.proof.intervals import Intervals
 from eutree.proof.plant import Plant, State
 from eutree.proof.reach import Acting
@@ -160,3 +161,21 @@ def _starting(plant: Plant, grid: StateGrid) -> Booleans:
     found = np.zeros(grid.shape, dtype=bool)
     found[tuple(slice(a, b + 1) for a, b in zip(first[0], last[0], strict=True))] = True
     return found.reshape(-1)
+
+
+def pictures_of_grid(plant: Plant, found: Invariant) -> tuple[Picture, ...]:
+    """Return which cells are never left, along the first two numbers of a grid."""
+    grid = found.grid
+    rank = np.select([found.starts & ~found.safe, found.starts, found.safe], [3, 2, 1])
+    worst = rank.reshape(*(*grid.shape, 1)[:2], -1).max(axis=2)
+    for axis, most in enumerate((COLUMNS, 1) if worst.shape[1] == 1 else (CELLS, CELLS)):
+        n = worst.shape[axis]
+        begins = np.unique(np.linspace(0, n, min(n, most), endpoint=False).astype(int))
+        worst = np.maximum.reduceat(worst, begins, axis=axis)
+    ends = [(float(edges[0]), float(edges[-1])) for edges in grid.edges[:2]]
+    low, high = zip(*ends, strict=True)
+    legend = "Dark: cells with starts; light: others that are never left. Black: a start in a cell "
+    legend += "that may be left."
+    marks = np.array([EMPTY, KNOWN, KNOWN, OPEN])[worst]
+    values = np.where(worst == 2, 1.0, 0.5)
+    return (Picture("The cells", plant.state[:2], low, high, values, marks, legend),)

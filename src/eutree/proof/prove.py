@@ -18,16 +18,15 @@ from eutree.proof.certificate import (
     Certificate,
     Pieces,
     Starts,
+    pictures_of_pieces,
 )
 from eutree.proof.intervals import Intervals, Truth, middle
-from eutree.proof.invariant import StateGrid, largest_invariant
+from eutree.proof.invariant import StateGrid, largest_invariant, pictures_of_grid
 from eutree.proof.layers import Layers, worst_starts
-from eutree.proof.picture import pictures_of_grid, pictures_of_pieces
 from eutree.proof.plant import Plant, State
 from eutree.proof.properties import EVER, EpisodeProperty, parse
 from eutree.proof.reach import Acting, Effort, Reach
-from eutree.proof.replay import breaking_seed, replay
-from eutree.proof.starts import MOST_BOXES, starts_among
+from eutree.proof.replay import MOST_BOXES, breaking_seed, replay, starts_among
 
 _TRIES = 20  # starts of undecided pieces that are replayed
 _SUMMED = 1e-9  # of the steps: what adding up shares may be off

@@ -58,7 +58,7 @@ class Handover:
             start. None for two for each step of the run, a hundred where episodes run side by side;
             0 lets the learned tree itself meet the start.
         return_range: Lowest and highest return that an episode can have, where the environment does
-            not say so itself (``eutree.interaction.return_range``); what is said of the learned
+            not say so itself (``eutree.interaction.first_look``); what is said of the learned
             tree then holds without a condition, also offline.
         prefer_proven: A property, or ``""`` for that of the environment's plant: of the front the
             best that is proven to have it is picked, if any is, and between the pick and the start

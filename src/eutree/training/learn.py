@@ -17,8 +17,8 @@ from eutree.evaluation.evaluate import evaluate_starts
 from eutree.interaction import GuardedEnv, episode_seed
 from eutree.interaction.deriving import acting_as
 from eutree.interaction.first_look import look_at
+from eutree.interaction.first_look import return_range as known_range
 from eutree.interaction.making import Environment, opened
-from eutree.interaction.return_range import return_range as known_range
 from eutree.interaction.seeding import Stream
 from eutree.learners import Method, Problem, Start, start_of
 from eutree.learners.learner import check_fits
@@ -148,7 +148,7 @@ def _beginning_there(
     if not starts:
         return env
     from eutree.proof import BeginningThere
-    from eutree.proof.starts import SHARE
+    from eutree.proof.replay import SHARE
 
     return BeginningThere(env, starts, share=SHARE)
 
@@ -157,7 +157,7 @@ def _digests(starts: "Sequence[Certificate]") -> str:
     """Return what tells certificates from others, in a run's configuration."""
     if not starts:
         return ""
-    from eutree.proof.starts import digest_of
+    from eutree.proof.replay import digest_of
 
     return " ".join(map(digest_of, starts))
 

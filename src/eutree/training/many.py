@@ -25,9 +25,8 @@ from eutree.files import make_folder, read_bytes, write_text
 from eutree.files.atomic import RUN
 from eutree.interaction import episode_seed
 from eutree.interaction.acting import Controller
-from eutree.interaction.first_look import look_at
+from eutree.interaction.first_look import look_at, return_range
 from eutree.interaction.making import Recipe, make
-from eutree.interaction.return_range import return_range
 from eutree.interaction.seeding import Stream
 from eutree.learners import Method
 from eutree.parallel import Workers

@@ -9,8 +9,7 @@ from eutree.envs.evasion import EvasionParameters
 from eutree.errors import InvalidArgumentError
 from eutree.policies import TreePolicy
 from eutree.proof import Certificate, Picture, Plant
-from eutree.proof.certificate import KNOWN, PROOF, PROVEN, REFUTED, UNDECIDED
-from eutree.proof.picture import CELLS
+from eutree.proof.certificate import CELLS, KNOWN, PROOF, PROVEN, REFUTED, UNDECIDED
 from eutree.proof.properties import EpisodeProperty
 from eutree.schema import EnvironmentSpec
 from eutree_lab.plants.evasion_chain import SUCCESS, EvasionChain, Payoffs
