@@ -3,14 +3,15 @@
 import json
 import re
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from eutree.cli.main import run
-from eutree.demo.job import run_demo, table_rows
-from eutree.demo.page import DemoFacts, DemoSettings, Story, story_of
+from eutree.demo import run_demo, table_rows
+from eutree.demo.page import DemoResult, DemoSettings, Story, story_of
 from eutree.evaluation import Evaluation
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
@@ -76,8 +77,9 @@ def facts(before, after, *, successes=(None, None)):
     policies["Compressed tree"] = policy_of(tree(4, 3), EVASION)
     one, two = evaluation(before, successes[0]), evaluation(after, successes[1])
     nothing = SimpleNamespace()
-    return DemoFacts(
+    return DemoResult(
         settings=quick("eutree/Evasion2-v0", FASTER),
+        folder=Path("demo"),
         demonstrations=nothing,
         policies=policies,
         evaluations={"Expert tree": one, "Compressed tree": two},
@@ -136,7 +138,7 @@ def test_every_story_is_of_an_environment_with_a_demonstrator():
 def test_a_demo_replaces_an_earlier_demo_and_nothing_else(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     few = replace(FEW, learning=dict(FEW.learning) | {"race_steps": 0})
-    monkeypatch.setattr("eutree.demo.job.story_of", lambda environment: few)
+    monkeypatch.setattr("eutree.demo.story_of", lambda environment: few)
     line = [
         "demo",
         "eutree/Evasion2-v0",

@@ -11,7 +11,7 @@ import gymnasium
 import pytest
 
 import eutree
-from eutree.demo.job import run_demo
+from eutree.demo import run_demo
 from eutree.demo.page import DemoSettings, Story
 from eutree.policies import TreePolicy
 from eutree.report import WatchedEpisode, demonstrations_page, policy_page, run_page

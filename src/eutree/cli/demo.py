@@ -20,7 +20,7 @@ from eutree.schema import EnvironmentSpec
 if TYPE_CHECKING:
     from rich.console import Group
 
-    from eutree.demo.job import DemoResult
+    from eutree.demo.page import DemoResult
 
 
 @click.command(epilog="Example: eutree demo CartPole-v1 --expert fall")
@@ -54,7 +54,7 @@ def demo(
     the tree; elsewhere the demonstrator is a mediocre script.
     """
     os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # pictures are drawn without a display
-    from eutree.demo.job import run_demo, settings_for, table_rows
+    from eutree.demo import run_demo, settings_for, table_rows
     from eutree.training.many import FinishedRun
 
     output = Output(as_json=as_json)
@@ -106,13 +106,12 @@ def _story(result: "DemoResult") -> "Group":
     from rich.table import Table
     from rich.text import Text
 
-    from eutree.demo.job import table_rows
+    from eutree.demo import table_rows
 
     header, rows = table_rows(result)
     table = Table(*header)
     for row in rows:
         table.add_row(*row)
-    small = tuple(result.policies.values())[-1]
     changes = [
         f"  {box.visited:.0%} of the steps: {box.words}"
         for box in result.changes.boxes[:3]
@@ -121,7 +120,7 @@ def _story(result: "DemoResult") -> "Group":
     lines = [
         "",
         *(["What learning changed:", *changes] if changes else []),
-        f"{result.report.parent / 'small.c'}: the {small.n_leaves} leaves as a C function",
+        f"{result.report.parent / 'small.c'}: the {result.small.n_leaves} leaves as a C function",
         f"open {result.report} in a browser: watch it decide, see what changed",
     ]
     return Group(Text(result.verdict, style="bold"), table, Text("\n".join(lines)))

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -154,11 +155,12 @@ class PlayedDemo:
 
 
 @dataclass(frozen=True, eq=False)
-class DemoFacts:
+class DemoResult:
     """Everything that the demo found out.
 
     Attributes:
         settings: What was done.
+        folder: What it wrote.
         demonstrations: What was shown.
         policies: Expert tree, learned tree and compressed tree, by name.
         evaluations: How each did on the same fresh episodes.
@@ -172,6 +174,7 @@ class DemoFacts:
     """
 
     settings: DemoSettings
+    folder: Path
     demonstrations: Demonstrations
     policies: Mapping[str, TreePolicy]
     evaluations: Mapping[str, Evaluation]
@@ -179,9 +182,14 @@ class DemoFacts:
     judgement: Judgement
     runs: LearningRuns
     compression: CompressionReport
-    played: "PlayedDemo"
+    played: PlayedDemo
     changes: PolicyDiff
     source: str
+
+    @property
+    def report(self) -> Path:
+        """The HTML report."""
+        return self.folder / "report.html"
 
     @property
     def expert(self) -> TreePolicy:
@@ -238,32 +246,32 @@ class DemoFacts:
         return [f"{first}. ", Pointer(better, CHANGES_ID), figures + end + as_often]
 
 
-def demo_report(facts: DemoFacts) -> RunReport:
+def demo_report(result: DemoResult) -> RunReport:
     """Return what the page shows."""
-    settings, small = facts.settings, facts.small
-    observations = facts.played.observations
+    settings, small = result.settings, result.small
+    observations = result.played.observations
     return RunReport(
         title=f"eutree demo, {settings.environment.id}: shown, learned, compressed, exported",
-        verdict=facts.sentence,
-        notes=[_measured(facts)],
-        stages=_stages(facts),
+        verdict=result.sentence,
+        notes=[_measured(result)],
+        stages=_stages(result),
         watched=WatchedTree(
             small,
-            _filmed(facts),
-            changed_leaves(facts.expert, small, observations),
+            _filmed(result),
+            changed_leaves(result.expert, small, observations),
             observations,
             "The tree that learning and compression made. A dashed outline marks leaves that "
             "decide otherwise than the tree that was shown; the lit path follows the episode.",
         ),
-        changes=[(b.words, b.visited or 0.0) for b in facts.changes.boxes if b.visited][
+        changes=[(b.words, b.visited or 0.0) for b in result.changes.boxes if b.visited][
             :MOST_CHANGES
         ],
-        curves=_curves(facts),
-        front=facts.compression.front,
+        curves=_curves(result),
+        front=result.compression.front,
         picked=small.n_leaves,
-        tables={"The runs": _runs(facts), "The trees": _trees(facts)},
-        trees={name: policy for name, policy in facts.policies.items() if policy is not small},
-        texts={f"The C function: {len(facts.source.splitlines())} lines": facts.source},
+        tables={"The runs": _runs(result), "The trees": _trees(result)},
+        trees={name: policy for name, policy in result.policies.items() if policy is not small},
+        texts={f"The C function: {len(result.source.splitlines())} lines": result.source},
         files=[
             ("the demonstrations", "demonstrations"),
             ("the expert tree", "expert.json"),
@@ -293,12 +301,12 @@ def _percent(share: float) -> str:
     return f"{100 * share:.0f} %" if 0.02 <= share <= 0.98 else f"{100 * share:.1f} %"
 
 
-def _measured(facts: DemoFacts) -> str:
-    low, high = facts.judgement.return_interval
-    gain = f"{facts.judgement.return_change:+.1f} [{low:.1f}, {high:.1f}]"
-    same = "every decision the same" if facts.judgement.is_start else f"return {gain}"
+def _measured(result: DemoResult) -> str:
+    low, high = result.judgement.return_interval
+    gain = f"{result.judgement.return_change:+.1f} [{low:.1f}, {high:.1f}]"
+    same = "every decision the same" if result.judgement.is_start else f"return {gain}"
     return (
-        f"On {facts.after.episodes:,} fresh episodes that chose nothing, the same for all "
+        f"On {result.after.episodes:,} fresh episodes that chose nothing, the same for all "
         f"trees: {same} against the tree that was shown. Brackets are 95 % intervals."
     )
 
@@ -312,40 +320,40 @@ def _figures(evaluation: Evaluation) -> tuple[str, str]:
     return _percent(evaluation.success_rate), f"[{100 * least:.1f}, {100 * most:.1f}]"
 
 
-def _stages(facts: DemoFacts) -> list[Headline]:
+def _stages(result: DemoResult) -> list[Headline]:
     """Return the story's figures in its order."""
-    shown, story, runs = facts.demonstrations, facts.settings.story, facts.runs
-    leaves = counted(facts.expert.n_leaves, "leaf")
-    if facts.at_home is None:
-        stages = [Headline("The tree that was shown", *_figures(facts.before),
+    shown, story, runs = result.demonstrations, result.settings.story, result.runs
+    leaves = counted(result.expert.n_leaves, "leaf")
+    if result.at_home is None:
+        stages = [Headline("The tree that was shown", *_figures(result.before),
                            f"{counted(len(shown), 'demonstration')}, {leaves}")]  # fmt: skip
     else:
         stages = [
-            Headline("The tree that was shown", *_figures(facts.at_home),
+            Headline("The tree that was shown", *_figures(result.at_home),
                      f"{counted(len(shown), 'demonstration')}, {leaves}, nothing changed"),
-            Headline("The same tree, another world", *_figures(facts.before),
+            Headline("The same tree, another world", *_figures(result.before),
                      f"now {story.changed}"),
         ]  # fmt: skip
-    learned = tuple(facts.evaluations.values())[1]
+    learned = tuple(result.evaluations.values())[1]
     best = runs.runs[runs.winner]
     steps = f"{best.environment_steps:,} steps, the best of {counted(len(runs.runs), 'run')}"
     stages.append(Headline("After learning", *_figures(learned), steps))
-    lines = len(facts.source.splitlines())
-    words = f"{facts.compression.n_leaves_before} leaves before; a C function of {lines} lines"
-    stages.append(Headline(f"Compressed to {counted(facts.small.n_leaves, 'leaf')}",
-                           *_figures(facts.after), words))  # fmt: skip
+    lines = len(result.source.splitlines())
+    words = f"{result.compression.n_leaves_before} leaves before; a C function of {lines} lines"
+    stages.append(Headline(f"Compressed to {counted(result.small.n_leaves, 'leaf')}",
+                           *_figures(result.after), words))  # fmt: skip
     return stages
 
 
-def _filmed(facts: DemoFacts) -> list[WatchedEpisode]:
+def _filmed(result: DemoResult) -> list[WatchedEpisode]:
     """Return the start at which learning made the largest difference, and a demonstration."""
-    changed, at = facts.settings.changed, facts.played.largest_gain
+    changed, at = result.settings.changed, result.played.largest_gain
     played = [
-        (changed, facts.played.after[at], "After learning"),
-        (changed, facts.played.before[at], "Before, from the same start"),
-        (facts.settings.environment, facts.demonstrations.episodes[0], "As it was shown"),
+        (changed, result.played.after[at], "After learning"),
+        (changed, result.played.before[at], "Before, from the same start"),
+        (result.settings.environment, result.demonstrations.episodes[0], "As it was shown"),
     ]
-    return Workers(facts.settings.n_jobs).map(_film, played)
+    return Workers(result.settings.n_jobs).map(_film, played)
 
 
 def _film(played: tuple[EnvironmentSpec, Episode, str]) -> WatchedEpisode:
@@ -353,9 +361,9 @@ def _film(played: tuple[EnvironmentSpec, Episode, str]) -> WatchedEpisode:
     return film_if_possible(spec, episode, by=by)
 
 
-def _curves(facts: DemoFacts) -> dict[str, Series]:
+def _curves(result: DemoResult) -> dict[str, Series]:
     """Return success, return and leaves of every run."""
-    runs = facts.runs
+    runs = result.runs
     found = {_name(run, number == runs.winner): run.curve() for number, run in enumerate(runs.runs)}
     measures: Mapping[str, Callable[[CurvePoint], float | None]] = {
         "success rate": lambda point: point.success_rate,
@@ -377,9 +385,9 @@ def _name(run: FinishedRun, chosen: bool) -> str:
     return f"run {run.seed}" + ", chosen" * chosen
 
 
-def _runs(facts: DemoFacts) -> Table:
+def _runs(result: DemoResult) -> Table:
     """Return every run as a row."""
-    runs = facts.runs
+    runs = result.runs
     success = all(run.selection.success_rate is not None for run in runs.runs)
     rows = []
     for number, run in enumerate(runs.runs):
@@ -394,14 +402,14 @@ def _runs(facts: DemoFacts) -> Table:
     )
 
 
-def _trees(facts: DemoFacts) -> Table:
+def _trees(result: DemoResult) -> Table:
     """Return every tree as a row."""
-    success = facts.before.success_rate is not None
+    success = result.before.success_rate is not None
     rows = [
-        [name, str(facts.policies[name].n_leaves), *_cells(evaluation, success)]
-        for name, evaluation in facts.evaluations.items()
+        [name, str(result.policies[name].n_leaves), *_cells(evaluation, success)]
+        for name, evaluation in result.evaluations.items()
     ]
-    caption = f"Judged on {facts.before.episodes:,} fresh episodes, the same for all."
+    caption = f"Judged on {result.before.episodes:,} fresh episodes, the same for all."
     return Table(["tree", "leaves", *_titles(success)], rows, caption, len(rows) - 1)
 
 
