@@ -16,7 +16,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from eutree.fitting.study_plan import USUAL_PLAN
+from eutree_lab.study.plan import PLAN, usual
 
 HERE = Path(__file__).parent
 CHROMIUM = "/usr/bin/chromium"
@@ -92,9 +92,9 @@ def picture_the_tree(page: Page) -> None:
 
 
 @contextmanager
-def recording(folder: Path, *options: str) -> Iterator[str]:
-    """Start ``eutree record``; yield the page's address."""
-    command = [sys.executable, "-m", "eutree", "record", "eutree/Evasion2-v0", "--port", "0"]
+def recording(folder: Path, *options: str, by: tuple[str, ...] = ("record",)) -> Iterator[str]:
+    """Start ``eutree record``, or what records besides; yield the page's address."""
+    command = [sys.executable, "-m", "eutree", *by, "eutree/Evasion2-v0", "--port", "0"]
     own = {**os.environ, "PYTHONPATH": str(HERE.parents[1] / "src")}
     process = subprocess.Popen(
         [*command, *options], stderr=subprocess.PIPE, text=True, cwd=folder, env=own
@@ -126,9 +126,9 @@ def picture_the_study(browser: Any, folder: Path) -> None:
     """Go to the questions of a study with as few episodes as there may be."""
     study = folder / "people"
     study.mkdir()
-    plan = re.sub(r"(practice|watched|taken_over) = \d+", r"\1 = 0", USUAL_PLAN)
+    plan = re.sub(r"(practice|watched|taken_over) = \d+", r"\1 = 0", usual(PLAN))
     (study / "study.toml").write_text(plan.replace("episodes = 15", "episodes = 1"))
-    with recording(folder, "--fps", "8", "--study", "people") as url:
+    with recording(folder, "--fps", "8", by=("study", "lead", "people")) as url:
         page = Page(browser, url, color_scheme="light", **DESK)
         for name in ("I agree", "Begin"):
             page.page.get_by_role("button", name=name, exact=True).click()

@@ -1,7 +1,9 @@
-"""``eutree reproduce``: the paper's figures beside ours; ``eutree study``: a study's table."""
+"""``eutree reproduce``: the paper's figures beside ours; ``eutree study``: a study with people."""
 
+import os
+import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -10,11 +12,13 @@ from eutree.cli.parts import (
     ProgressLine,
     cluster,
     count_option,
+    env_arg_option,
     json_option,
     output_option,
     seed_option,
     workers_options,
 )
+from eutree.cli.record import page_options, record_on_page
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -146,21 +150,67 @@ def _framework(output: Output, wanted: "list[FrameworkSpec]", out: Path, n_jobs:
     output.say(f"tables: {result.folder / 'framework.md'}")
 
 
-@click.command(
-    short_help="Make the table of a study with people.",
-    epilog="Example: eutree study people/ --csv people.csv",
-)
+@click.group(epilog="Example: eutree study lead people/ eutree/Evasion2-v0")
+def study() -> None:
+    """A study with people: lead each one through it, and make the table of all."""
+
+
+@study.command(epilog="Example: eutree study lead people/ eutree/Evasion2-v0")
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.argument("environment")
+@click.option("--person", metavar="CODE", help="Go on with this person.")
+@page_options
+@env_arg_option
+@json_option
+def lead(
+    folder: Path,
+    environment: str,
+    person: str | None,
+    keys: str | None,
+    hud: bool,
+    fps: float | None,
+    env_arguments: dict[str, Any],
+    as_json: bool,
+    **page: Any,
+) -> None:
+    """Lead one person through the study in FOLDER, and pack what they did.
+
+    Its plan, study.toml, and the text that people agree to, consent.md, are written where they are
+    missing, to be changed before the first person begins.
+    """
+    from eutree.interaction.making import make
+    from eutree.recording import SessionSettings
+    from eutree.schema import EnvironmentSpec
+    from eutree_lab.study.lead import conduct
+
+    os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # pictures are drawn without a display
+    output, spec = Output(as_json=as_json), EnvironmentSpec(environment, env_arguments)
+    env, pace = make(spec, render_mode="rgb_array"), SessionSettings(fps=fps, hud=hud)
+    with conduct(folder, spec, env, person=person, keys=keys, pace=pace) as (recorder, tree, guide):
+        code = recorder.folder.path.parent.name
+        again = shlex.join(["eutree", "study", "lead", str(folder), environment, "--person", code])
+        output.say(f"person {code}; if this stops: {again}")
+        record_on_page(output, recorder, spec, recorder.folder.path, lead=(tree, guide), **page)
+    packed = folder / f"{code}.zip"
+    said = f"all of it is in {packed}" if guide.is_finished else (
+        "nothing is kept" if guide.is_withdrawn else f"not finished; go on with --person {code}"
+    )  # fmt: skip
+    facts = {"person": code, "path": str(packed) if guide.is_finished else None}
+    output.result(facts, f"person {code}: {said}")
+
+
+@study.command(epilog="Example: eutree study table people/ --csv people.csv")
 @click.argument("folder", type=click.Path(path_type=Path))
 @count_option("--episodes", 500, "How many further episodes each tree plays.")
 @output_option("--csv", "out", text="File to write: one row for each person.")
 @json_option
-def study(folder: Path, episodes: int, out: Path | None, as_json: bool) -> None:
-    """Print what the people of a study reached, and their trees; see `record --study`."""
+def table(folder: Path, episodes: int, out: Path | None, as_json: bool) -> None:
+    """Print what the people of a study reached, and their trees."""
     from eutree.files import write_text
-    from eutree_lab.study import study_table
+    from eutree_lab.study.table import study_table
 
-    table = study_table(folder, episodes=episodes)
+    found = study_table(folder, episodes=episodes)
     if out is not None:
-        write_text(out, table.to_csv())
-    found = {"people": list(table.rows), "means": table.means(), "questions": table.questions}
-    Output(as_json=as_json).result(found, str(table))
+        write_text(out, found.to_csv())
+    facts = {"people": list(found.rows), "means": found.means(), "questions": found.questions}
+    Output(as_json=as_json).result(facts, str(found))

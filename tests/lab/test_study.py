@@ -8,8 +8,8 @@ import pytest
 import eutree
 from eutree.cli.main import run
 from eutree.errors import InvalidArgumentError
-from eutree.fitting.study_export import pack
-from eutree_lab.study import study_table
+from eutree_lab.study.archive import pack
+from eutree_lab.study.table import study_table
 
 TASK = "eutree/Evasion2-v0"
 
@@ -51,7 +51,9 @@ def test_the_table_has_a_row_for_each_person_and_means(tmp_path, capsys) -> None
     assert (mean, n) == (3.0, 2)
     assert low < 2.0 < 4.0 < high
     assert "taken-over less fitted" not in table.means()
-    assert run(["study", str(study), "--episodes", "10", "--csv", f"{tmp_path}/p.csv"]) == 0
+    assert (
+        run(["study", "table", str(study), "--episodes", "10", "--csv", f"{tmp_path}/p.csv"]) == 0
+    )
     assert "3 people; mean, 95 % interval" in capsys.readouterr().out
     assert (tmp_path / "p.csv").read_text().startswith("person,own,fitted,taken-over,practised")
     with pytest.raises(InvalidArgumentError, match=r"got no \.zip"):

@@ -7,10 +7,10 @@ import gymnasium
 import pytest
 
 from eutree.fitting import page_tree
-from eutree.fitting.study import conduct
-from eutree.fitting.study_export import unpack
 from eutree.recording import SessionSettings
 from eutree.schema import EnvironmentSpec
+from eutree_lab.study.archive import unpack
+from eutree_lab.study.lead import conduct
 from tests.recording.serving import in_a_thread
 from tests.recording.typists import FINDINGS, OUT_OF_SIGHT, PATIENCE, person_at
 

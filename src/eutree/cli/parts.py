@@ -15,7 +15,13 @@ from typing import Any, TypeVar
 
 import click
 
-from eutree.cli._options import count_option, json_option, output_option, seed_option
+from eutree.cli._options import (
+    count_option,
+    env_arg_option,
+    json_option,
+    output_option,
+    seed_option,
+)
 from eutree.cli._output import Output, ProgressLine
 from eutree.errors import InvalidArgumentError, MissingExtraError
 
@@ -24,6 +30,7 @@ __all__ = [
     "ProgressLine",
     "cluster",
     "count_option",
+    "env_arg_option",
     "json_option",
     "output_option",
     "seed_option",

@@ -5,11 +5,11 @@ import os
 import shlex
 import sys
 import webbrowser
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -33,11 +33,31 @@ if TYPE_CHECKING:
     import gymnasium
 
     from eutree.data import Episode
-    from eutree.recording import Recorder, SessionSettings
+    from eutree.recording import Recorder
     from eutree.recording.browser import PageServer
     from eutree.recording.tree_making import Guide, TreeMaker
 
+_Command = TypeVar("_Command", bound=Callable[..., Any])
+
 _REDIRECT = '<!doctype html><meta http-equiv="refresh" content="0;url={}">\n'
+
+
+def page_options(command: _Command) -> _Command:
+    """Add what a page takes on which a person records, with which keys and at which pace."""
+    for option in reversed((
+        click.option("--keys",
+                     help="What the keys mean: left=0,right=1,none=0 (numbers or names)."),
+        click.option("--hud", is_flag=True,
+                     help="Show the person the numbers that the agent senses."),
+        click.option("--fps", type=click.FloatRange(0, 240, min_open=True),
+                     help="Decisions per second; the environment's own pace if not given."),
+        click.option("--port", type=click.IntRange(0, 65535),
+                     help="Port of the page; 0 for any. Default: 8765 or the next."),
+        click.option("--host", default="127.0.0.1", show_default=True,
+                     help="Address of the page; others than this let other machines in."),
+    )):  # fmt: skip
+        command = option(command)
+    return command
 
 
 @click.command(cls=Helped, epilog="Example: eutree record eutree/Evasion2-v0 --out demos/")
@@ -47,17 +67,7 @@ _REDIRECT = '<!doctype html><meta http-equiv="refresh" content="0;url={}">\n'
 @click.option("--drive", type=click.Path(path_type=Path), metavar="TREE",
               help="Let this tree drive, and take over from it where it is wrong.")  # fmt: skip
 @click.option("--web", is_flag=True, help="A person records in a browser, as without --expert.")
-@click.option("--study", type=click.Path(path_type=Path), metavar="FOLDER",
-              help="Lead one person through a study; its plan is in the FOLDER.")  # fmt: skip
-@click.option("--person", metavar="CODE", help="Go on with this person of the --study.")
-@click.option("--keys", help="What the keys mean: left=0,right=1,none=0 (numbers or names).")
-@click.option("--hud", is_flag=True, help="Show the person the numbers that the agent senses.")
-@click.option("--fps", type=click.FloatRange(0, 240, min_open=True),
-              help="Decisions per second; the environment's own pace if not given.")  # fmt: skip
-@click.option("--port", type=click.IntRange(0, 65535),
-              help="Port of the page; 0 for any. Default: 8765 or the next.")  # fmt: skip
-@click.option("--host", default="127.0.0.1", show_default=True,
-              help="Address of the page; others than this let other machines in.")  # fmt: skip
+@page_options
 @click.option("--expert", help=f"A scripted expert, for example gate, or one of your own: {OWN}.")
 @click.option("--careless", type=click.FloatRange(0, 1), default=0.0, show_default=True,
               help="Share of random actions of the scripted expert.")  # fmt: skip
@@ -68,7 +78,6 @@ _REDIRECT = '<!doctype html><meta http-equiv="refresh" content="0;url={}">\n'
 def record(
     environment: str,
     out: Path | None,
-    study: Path | None,
     episodes: int,
     expert: str | None,
     careless: float,
@@ -89,15 +98,6 @@ def record(
     spec = EnvironmentSpec(environment, env_arguments)
     if expert is not None and web:
         raise InvalidArgumentError("choose one of --expert and --web")
-    person = page.pop("person")
-    if study is not None:
-        _check_study_alone()
-        env = _made(output, spec, None, "rgb_array")
-        pace = SessionSettings(fps=fps, hud=hud)
-        _lead_through(output, spec, env, study, person, keys, pace, **page)
-        return
-    if person is not None:
-        raise InvalidArgumentError("--person needs --study")
     if out is None:
         raise click.MissingParameter(param_hint="'--out'", param_type="option")
     env = _made(output, spec, starts_from, None if expert is not None else "rgb_array")
@@ -111,47 +111,6 @@ def record(
         )
         recorder = Recorder(env, out, keys=keys, settings=settings)
         _record_person(output, spec, recorder, out, **page)
-
-
-def _check_study_alone() -> None:
-    """Raise InvalidArgumentError for an option that a study's plan decides."""
-    context = click.get_current_context()
-    decided = ("out", "episodes", "seed", "expert", "careless", "drive", "starts_from")
-    for name in decided:
-        if context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE:
-            option = name.replace("_", "-")
-            raise InvalidArgumentError(
-                f"--study decides it by its study.toml: leave out --{option}"
-            )
-
-
-def _lead_through(
-    output: Output,
-    spec: EnvironmentSpec,
-    env: "gymnasium.Env[Any, Any]",
-    study: Path,
-    person: str | None,
-    keys: str | None,
-    pace: "SessionSettings",
-    **page: Any,
-) -> None:
-    """Lead one person through a study, and pack what they did."""
-    from eutree.fitting.study import conduct
-
-    with conduct(study, spec, env, person=person, keys=keys, pace=pace) as (recorder, tree, guide):
-        code = recorder.folder.path.parent.name
-        output.say(
-            f"person {code}; if this stops: --study {shlex.quote(str(study))} --person {code}"
-        )
-        _record_in_browser(output, recorder, spec, recorder.folder.path, lead=(tree, guide), **page)
-    packed = study / f"{code}.zip"
-    said = f"all of it is in {packed}" if guide.is_finished else (
-        "nothing is kept" if guide.is_withdrawn else f"not finished; go on with --person {code}"
-    )  # fmt: skip
-    output.result(
-        {"person": code, "path": str(packed) if guide.is_finished else None},
-        f"person {code}: {said}",
-    )
 
 
 def _made(
@@ -229,7 +188,7 @@ def _record_person(
     if recorder.recovered:
         numbers = ", ".join(map(str, recorder.recovered))
         output.say(f"recovered interrupted episode {numbers} from a recorder that died")
-    _record_in_browser(output, recorder, spec, out, **page)
+    record_on_page(output, recorder, spec, out, **page)
     kept = [episode for episode in recorder.session.episodes if episode.kept]
     steps = sum(map(len, kept))
     output.result(
@@ -238,7 +197,7 @@ def _record_person(
     )
 
 
-def _record_in_browser(
+def record_on_page(
     output: Output,
     recorder: "Recorder",
     spec: EnvironmentSpec,
@@ -246,9 +205,21 @@ def _record_in_browser(
     *,
     host: str,
     port: int | None,
-    drive: Path | None,
+    drive: Path | None = None,
     lead: "tuple[TreeMaker, Guide] | None" = None,
 ) -> None:
+    """Let a person record on a page of the browser, whose address is said, until they finish.
+
+    Args:
+        output: Says it.
+        recorder: Records.
+        spec: How to make the environment again.
+        out: Where it records.
+        host: Address of the page.
+        port: Port of the page; None for any that is usual.
+        drive: A tree that drives from the beginning.
+        lead: What makes the tree and what leads the person; None where they lead themselves.
+    """
     from eutree.fitting.page_tree import PageTree
     from eutree.interaction.making import make
     from eutree.recording.browser import record_in_browser

@@ -16,12 +16,12 @@ from eutree.cli.main import run
 from eutree.data import Demonstrations
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.fitting import page_tree
-from eutree.fitting.study import conduct
-from eutree.fitting.study_export import unpack
-from eutree.fitting.study_plan import USUAL_PLAN, open_plan
 from eutree.recording import SessionSettings
 from eutree.recording.events import Command, KeyDown
 from eutree.schema import EnvironmentSpec
+from eutree_lab.study.archive import unpack
+from eutree_lab.study.lead import conduct
+from eutree_lab.study.plan import PLAN, open_plan, usual
 from tests.recording.people import Person
 
 SPEC = EnvironmentSpec("eutree/Evasion2-v0")
@@ -317,7 +317,7 @@ def test_a_plan_that_cannot_be_meant_is_refused(tmp_path, plan, said) -> None:
 
 def test_the_usual_plan_is_written_to_be_changed(tmp_path) -> None:
     plan, consent, digest = open_plan(tmp_path / "new", SPEC)
-    assert (tmp_path / "new" / "study.toml").read_text() == USUAL_PLAN
+    assert (tmp_path / "new" / "study.toml").read_text() == usual(PLAN)
     assert (plan.practice, plan.episodes, len(plan.questions)) == (2, 15, 3)
     assert "Delete what I did" in consent
     assert open_plan(tmp_path / "new", SPEC)[2] == digest
@@ -336,20 +336,29 @@ def test_an_archive_of_others_is_read_with_suspicion(tmp_path) -> None:
         unpack(path, tmp_path / "out")
 
 
+def test_one_person_after_the_other_is_led_by_the_command(tmp_path, monkeypatch, capsys) -> None:
+    def finished(output, recorder, spec, out, *, lead, host, port) -> None:
+        assert (host, port, str(spec)) == ("127.0.0.1", None, "eutree/Evasion2-v0")
+        lead[1].hear("decline")
+
+    monkeypatch.setattr("eutree_lab.command.record_on_page", finished)
+    assert run(["study", "lead", str(tmp_path), "eutree/Evasion2-v0", "--fps", "5"]) == 0
+    said = capsys.readouterr()
+    assert re.search(r"eutree study lead \S+ eutree/Evasion2-v0 --person [0-9a-f]{8}", said.err)
+    assert re.search(r"person [0-9a-f]{8}: nothing is kept", said.out)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["consent.md", "study.toml"]
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--study", "s", "--out", "d"], "leave out --out"),
-        (["--study", "s", "--episodes", "3"], "leave out --episodes"),
-        (["--person", "00000000", "--out", "d"], "--person needs --study"),
-        ([], "Missing option '--out'"),
+        (["--person", "00000000"], "has no person '00000000'"),
+        (["--keys", "left"], "KEY=ACTION"),
     ],
 )
-def test_options_that_do_not_go_together_are_refused(tmp_path, monkeypatch, capsys, options, said):
-    monkeypatch.chdir(tmp_path)
-    assert run(["record", "eutree/Evasion2-v0", *options]) != 0
+def test_who_cannot_be_led_is_refused(tmp_path, capsys, options, said) -> None:
+    assert run(["study", "lead", str(tmp_path), "eutree/Evasion2-v0", *options]) != 0
     assert said in capsys.readouterr().err
-    assert not list(tmp_path.iterdir())
 
 
 def test_what_need_not_end_is_no_task_of_a_study(tmp_path) -> None:

@@ -14,18 +14,16 @@ import os
 import platform
 import re
 import zipfile
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, ClassVar
 
-import gymnasium
 import msgspec
-import numpy as np
 
 from eutree.errors import FormatError
 from eutree.files import Document, read_bytes, read_document, write_bytes
 from eutree.files.schema_document import EnvironmentDocument
-from eutree.fitting.study_plan import CONSENT, PLAN, StudyPlan
-from eutree.version import __version__
+from eutree_lab.study.plan import CONSENT_TEXT, PLAN, StudyPlan
 
 FITTED, TAKEN_OVER, PRACTISED = "fitted", "taken-over", "practised"
 TREES = (FITTED, TAKEN_OVER, PRACTISED)
@@ -87,12 +85,8 @@ class PersonDocument(Document, frozen=True, kw_only=True):
 
 def versions() -> dict[str, str]:
     """Return the versions of the packages that play a part in an episode."""
-    return {
-        "eutree": __version__,
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-        "gymnasium": gymnasium.__version__,
-    }
+    known = {name: version(name) for name in ("eutree", "numpy", "gymnasium")}
+    return {**known, "python": platform.python_version()}
 
 
 def pack(folder: Path, study: Path) -> Path:
@@ -105,7 +99,7 @@ def pack(folder: Path, study: Path) -> Path:
     names = [PERSON_FILE, *(f"{tree}.json" for tree in TREES)]
     names += sorted(f"{DEMOS}/{path.name}" for path in (folder / DEMOS).iterdir())
     members = {name: folder / name for name in names if (folder / name).exists()}
-    members |= {name: study / name for name in (PLAN, CONSENT)}
+    members |= {name: study / name for name in (PLAN, CONSENT_TEXT)}
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w") as archive:
         for name, path in members.items():

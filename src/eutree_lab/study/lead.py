@@ -6,6 +6,7 @@ the one before is over, and only what belongs to it is obeyed. The page shows wh
 
 import secrets
 import shutil
+import tomllib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
@@ -19,7 +20,13 @@ from eutree.errors import InvalidArgumentError, shown
 from eutree.files import make_folder, read_document, write_document
 from eutree.files.schema_document import environment_to_document
 from eutree.fitting.page_tree import PageTree
-from eutree.fitting.study_export import (
+from eutree.interaction.making import make
+from eutree.recording import Recorder, SessionSettings
+from eutree.recording.events import Away, Command, Event
+from eutree.recording.play import COUNTDOWN, FINISHED, OPENING, PLAYING, REVIEW
+from eutree.recording.views import never_ends
+from eutree.schema import EnvironmentSpec
+from eutree_lab.study.archive import (
     DEMOS,
     FITTED,
     PERSON_FILE,
@@ -32,41 +39,36 @@ from eutree.fitting.study_export import (
     unpack,
     versions,
 )
-from eutree.fitting.study_parts import (
+from eutree_lab.study.plan import (
     ACTING,
     ALLOWED,
-    ASKED,
     CONSENT,
     CORRECTING,
     COUNTED,
     DELETED,
-    HEADS,
     MAKING,
+    MAX_ANSWER,
     PARTS,
+    PERSON,
     PRACTICE,
     QUESTIONS,
     READ,
     SHOWING,
     THANKS,
-    TOLD,
     WAITING,
     WATCHING,
+    WORDS,
     Counts,
-    buttons,
+    StudyPlan,
     is_whole,
+    open_plan,
+    usual,
 )
-from eutree.fitting.study_plan import MAX_ANSWER, PERSON, StudyPlan, open_plan
-from eutree.interaction.making import make
-from eutree.recording.events import Away, Command, Event
-from eutree.recording.play import COUNTDOWN, FINISHED, OPENING, PLAYING, REVIEW
-from eutree.recording.views import never_ends
-from eutree.schema import EnvironmentSpec
 
 if TYPE_CHECKING:
     import gymnasium
 
-    from eutree.recording import Recorder, SessionSettings
-    from eutree.recording.scenes import Programme, Scene
+    from eutree.recording.scenes import Programme
     from eutree.recording.tree_making import Show, TreeView
 
 
@@ -78,7 +80,7 @@ def conduct(
     *,
     person: str | None = None,
     keys: str | None = None,
-    pace: "SessionSettings",
+    pace: SessionSettings,
 ) -> "Iterator[tuple[Recorder, StudyTree, Study]]":
     """Yield what records a person of a study, what makes their tree, and what leads them.
 
@@ -95,8 +97,6 @@ def conduct(
             or the study is another one than those before have taken part in.
         FormatError: The plan says what it cannot mean.
     """
-    from eutree.recording import Recorder
-
     if never_ends(env):
         raise InvalidArgumentError(
             f"{spec} must end by itself: give a limit, for example --env-arg max_episode_steps=200"
@@ -108,8 +108,7 @@ def conduct(
     folder = study / (person or secrets.token_hex(4))
     settings = replace(pace, target=plan.episodes, seed=plan.seed, viewer="browser", makes=True)
     recorder = Recorder(env, make_folder(folder) / DEMOS, keys=keys, settings=settings)
-    tree = PageTree(recorder.folder.path, spec, lambda: make(spec), seed=plan.seed)
-    maker = StudyTree(tree, folder, plan.watched)
+    maker = StudyTree(folder, spec, plan)
     guide = Study(recorder, maker, plan, consent, protocol)
     try:
         yield recorder, maker, guide
@@ -144,13 +143,14 @@ class Study:
     """
 
     def __init__(
-        self, recorder: "Recorder", maker: "StudyTree", plan: StudyPlan, consent: str, protocol: str
+        self, recorder: Recorder, maker: "StudyTree", plan: StudyPlan, consent: str, protocol: str
     ) -> None:
         self._recorder, self._maker, self._plan = recorder, maker, plan
         self._session, self._consent, self._protocol = recorder.session, consent, protocol
         self._counts = Counts(recorder.session, plan)
         self._folder = recorder.folder.path.parent
         self._parts = [part for part in PARTS if getattr(plan, COUNTED.get(part, "episodes"))]
+        self._words = tomllib.loads(usual(WORDS))
         self._seconds: dict[str, float] = {}
         self.answers = [""] * len(plan.questions)
         self.part = CONSENT
@@ -326,7 +326,8 @@ class Study:
 
     def view(self) -> dict[str, Any]:
         """Return the page's fields of the study, in JSON's types."""
-        title, text = ASKED if self._asks else TOLD.get(self.part, ("", ""))
+        card = "asked" if self._asks else self.part
+        text = self._words[card].get("text", "")
         if not self._begun and self.part == self._parts[1] and not self._asks:
             text = "{task}\n\n" + text
         numbers = {
@@ -336,16 +337,17 @@ class Study:
         }
         is_card = self._asks or not self._begun or self.part not in ALLOWED
         asks = self.part == QUESTIONS and not self._asks
+        on_it = self._words[card if self._asks or self._begun else "told"]
         return {
-            "part": "asked" if self._asks else self.part,
+            "part": card,
             "place": self._parts.index(self.part) + 1 if self.part in self._parts else 0,
             "of": len(self._parts),
-            "title": title or HEADS[self.part],
+            "title": self._words[card]["title"],
             "text": self._consent if self.part == CONSENT else text.format(
                 **numbers, person=self._folder.name, task=self._session.task
             ),
             "is_card": is_card,
-            "buttons": buttons("asked" if self._asks else self.part if self._begun else "told"),
+            "buttons": on_it.get("buttons", []),
             "allowed": list(self._session.allowed or ()),
             "label": self._counts.label(self.part),
             "works": self.part in (MAKING, WAITING),
@@ -356,19 +358,20 @@ class Study:
         }  # fmt: skip
 
 
-class StudyTree:
-    """Makes the tree of a person of a study; a ``TreeMaker``.
+class StudyTree(PageTree):
+    """Makes the tree of a person of a study.
 
     It shows neither commands nor a choice, and keeps each tree with what it reached.
 
     Args:
-        tree: Makes it.
-        folder: Where the trees are kept.
-        watched: Most episodes to watch.
+        folder: The person's, where the trees are kept; the demonstrations are in it.
+        spec: Where the tree plays and practises.
+        plan: What is the same for each person.
     """
 
-    def __init__(self, tree: PageTree, folder: Path, watched: int) -> None:
-        self._tree, self._folder, self._watched = tree, folder, watched
+    def __init__(self, folder: Path, spec: EnvironmentSpec, plan: StudyPlan) -> None:
+        super().__init__(folder / DEMOS, spec, lambda: make(spec), seed=plan.seed)
+        self._person, self._watched = folder, plan.watched
         self.results: list[TreeResult] = []
         self.failed = False
 
@@ -379,39 +382,27 @@ class StudyTree:
 
     def make(self, show: "Show", stop: Callable[[], bool]) -> None:
         """Make the tree of what was shown, or of that and what was put right."""
-        name = TAKEN_OVER if FITTED in self.names else FITTED
+        name, of_all = TAKEN_OVER if FITTED in self.names else FITTED, super().make
         watched = self._watched if name == FITTED else -1
-        self._keep(name, lambda: self._tree.make(_plainly(show, watched), stop))
+        self._keep(name, lambda: of_all(_plainly(show, watched), stop))
 
     def practise(self, show: "Show", stop: Callable[[], bool]) -> None:
         """Let the tree learn by itself."""
-        self._keep(PRACTISED, lambda: self._tree.practise(_plainly(show, -1), stop))
+        further = super().practise
+        self._keep(PRACTISED, lambda: further(_plainly(show, -1), stop))
 
-    def missing(self) -> "Scene | None":
+    def missing(self) -> None:
         """Return None: each person is told the same."""
-        return None
-
-    def choose(self, way: int, show: "Show") -> None:
-        """Do nothing: there is no choice."""
-
-    def look(self, show: "Show", stop: Callable[[], bool]) -> None:
-        """Do nothing: what was shown stays as it is."""
-
-    def make_without(self, show: "Show", stop: Callable[[], bool]) -> None:
-        """Do nothing: nothing is cut."""
-
-    def settle(self, show: "Show", *, undo: bool) -> None:
-        """Do nothing: nothing was cut."""
 
     def _keep(self, name: str, work: Callable[[], None]) -> None:
         try:
             work()
         finally:
-            best = self._tree.best
+            best = self.best
             self.failed = best is None
         if best is not None:
             tree, played = best
-            tree.save(self._folder / f"{name}.json")
+            tree.save(self._person / f"{name}.json")
             self.results.append(result_of(name, tree, played))
 
 
