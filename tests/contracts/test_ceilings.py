@@ -72,9 +72,9 @@ def test_files_of_a_folder() -> None:
 @pytest.mark.parametrize(
     ("code", "ceiling"),
     [
-        ("import eutree; eutree.learn; from eutree.learners import PRESETS", 131),
+        ("import eutree; eutree.learn; from eutree.learners import PRESETS", 123),
         ("import eutree; eutree.compress", 70),
-        ("import eutree; eutree.export.FORMATS", 46),
+        ("import eutree; eutree.export.FORMATS", 42),
         ("import eutree.cli.show, eutree.report", 132),
     ],
     ids=["learn", "compress", "export", "show"],
