@@ -4,16 +4,22 @@ import json
 from dataclasses import replace
 
 import gymnasium
+import numpy as np
 import pytest
 
 import eutree
+from eutree.compression.episodes import Demand
+from eutree.compression.front import Pick, front_among
+from eutree.compression.playing import CommonEpisodes, Ground
 from eutree.contests import SmallestWithin, new_table
 from eutree.policies import TreePolicy
 from eutree.report.run_folder_report import report_of_run
 from eutree.report.run_page import run_page
+from eutree.schema import Schema
 from eutree.training.front import FEWEST, MOST, Extent
 from eutree.training.handover import Handover
 from eutree.training.phases import Phase, Plan, Position, due
+from eutree.trees import DecisionTree
 from eutree.world_model.action_trees import from_decision_tree
 from tests.compression.policies import random_policy
 
@@ -166,3 +172,34 @@ def test_a_notebook_draws_it(folder):
     drawn = result._repr_html_()
     assert "Mean return by leaves" in drawn
     assert drawn.count("<circle") >= len(result.front)
+
+
+class Lottery(gymnasium.Env):
+    """One step: much is paid where one loses once in 200 episodes, little where one never does."""
+
+    observation_space = gymnasium.spaces.Box(0.0, 1.0, (1,))
+    action_space = gymnasium.spaces.Discrete(3)
+    paid = (0.8, 0.3, 1.0)
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        return self.observation_space.high * self.np_random.random(dtype="float32"), {}
+
+    def step(self, action):
+        lost = action == 2 and self.np_random.random() < 1 / 200
+        info = {"is_success": not lost}
+        return self.observation_space.low, self.paid[action] - lost, True, False, info
+
+
+@pytest.mark.parametrize(("margin", "action"), [(0.0, 1), (0.01, 2)])
+def test_a_start_that_was_lucky_leaves_more_than_the_luckiest_tree(margin, action):
+    """The start did not fail in these episodes, nor did the tree that earns little."""
+    one = DecisionTree.single_leaf(1)
+    start, poor = (TreePolicy(one, np.array([a]), Schema.anonymous(1, 3)) for a in (0, 1))
+    rich = TreePolicy(one.split(0, 0, 0.5), np.array([2, 2]), Schema.anonymous(1, 3))
+    common = CommonEpisodes(Ground(Lottery(), 1), 400)
+    demand = Demand(margin=0.0, error=0.05, episodes=400)
+    pick = Pick(demand, floor=start, success_margin=margin)
+    found = front_among(rich, [rich, poor], common, pick)
+    assert found.picked.actions[0] == action
+    assert 0.99 < common.outcome.success_rate < 1.0

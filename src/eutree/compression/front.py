@@ -24,7 +24,7 @@ FEW_STARTS, FEW_STEPS = 60, 1_500_000  # where they run one by one
 PER_START = 800  # episodes of a search for each start, about
 LOSES = 0.1  # of the range of returns: a size that loses more ends the search
 SLACK = 0.01  # of the range of returns: what is not more is no difference
-SUCCESS = 0.01  # that a tree may succeed less often
+SUCCESS = 0.005  # that a tree may succeed less often
 CONTEST, REPORT = 2**40, 2**41  # first starts
 
 Finish = Callable[[TreePolicy], TreePolicy]
@@ -57,14 +57,16 @@ class Pick:
         keeps_margin: Whether it is the smallest that is shown to keep the margin; else the smallest
             within one standard error of the best.
         max_leaves: Most leaves: the best of at most so many instead; None for no limit.
-        floor: A tree that the pick may not succeed less often than, if any of the front does so;
-            None for the input, with half a point allowed.
+        floor: A tree than which the pick may not succeed less often, as long as any tree of the
+            front does not; None for the input.
+        success_margin: By how much it may, all the same: that much is no difference.
     """
 
     demand: Demand
     keeps_margin: bool = False
     max_leaves: int | None = None
     floor: TreePolicy | None = None
+    success_margin: float = SUCCESS
 
 
 def front_of(
@@ -105,9 +107,10 @@ def front_among(
     if pick.max_leaves is not None:
         picked = _largest_worth(best, pick.max_leaves)
     elif pick.floor is not None:
-        picked = _near_best(_no_less_successful(best, common, pick.floor), ground, pick)
+        allowed = _no_less_successful(best, common, pick.floor, pick.success_margin)
+        picked = _near_best(allowed, ground, pick)
     else:
-        allowed = [one for one, successes in best if _succeeds(successes, common.outcome)]
+        allowed = _succeeding(best, common.outcome.success_rate, pick.success_margin)
         picked, verdict = _contest(policy, allowed, ground, pick)
     report = CommonEpisodes(ground, pick.demand.episodes, REPORT)
     report.redraw(policy)
@@ -155,23 +158,29 @@ def _best_of_each_size(
     return best[::-1]
 
 
-def _succeeds(outcome: Outcome, start: Outcome) -> bool:
-    """Return whether a tree succeeds about as often as the start."""
-    if outcome.success_rate is None or start.success_rate is None:
-        return True
-    return outcome.success_rate >= start.success_rate - SUCCESS / 2
+def _succeeding(
+    best: Sequence[tuple[TreePolicy, Outcome]], least: float | None, margin: float
+) -> list[TreePolicy]:
+    """Return the trees that succeed so often, or less often by a margin; all, where none counts."""
+    rates = [(tree, outcome.success_rate) for tree, outcome in best]
+    return [tree for tree, rate in rates if least is None or rate is None or rate >= least - margin]
 
 
 def _no_less_successful(
-    best: Sequence[tuple[TreePolicy, Outcome]], common: CommonEpisodes, floor: TreePolicy
+    best: Sequence[tuple[TreePolicy, Outcome]],
+    common: CommonEpisodes,
+    floor: TreePolicy,
+    margin: float,
 ) -> list[TreePolicy]:
-    """Return the trees that succeed as often as another one; if none does, the one that is next."""
-    (least,) = common.outcomes([floor])
-    if least.success_rate is None:
-        return [one for one, _ in best]
-    rates = [outcome.success_rate or 0.0 for _, outcome in best]
-    needed = min(least.success_rate, max(rates))
-    return [one for (one, _), rate in zip(best, rates, strict=True) if rate >= needed]
+    """Return the trees that succeed as often as another one; if none does, those that come next.
+
+    In so few episodes the floor may have been lucky, and the most successful of many trees was:
+    without the margin that one alone would be left, be it small and earn little.
+    """
+    (least,) = (outcome.success_rate for outcome in common.outcomes([floor]))
+    rates = [outcome.success_rate for _, outcome in best if outcome.success_rate is not None]
+    reached = least if least is None else min(least, max(rates, default=least))
+    return _succeeding(best, reached, margin)
 
 
 def _near_best(trees: Sequence[TreePolicy], ground: Ground, pick: Pick) -> TreePolicy:

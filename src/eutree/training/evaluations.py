@@ -234,6 +234,7 @@ class Evaluations:
                 extent,
                 keeping,
                 max_leaves=plan.handover.max_leaves,
+                success_margin=plan.handover.success_margin,
                 generator=generator_of(plan.seed, Stream.FRONT, 0),
             )
             self.front, self.picked = found.entries, self._preferred(found, arena)

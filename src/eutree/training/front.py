@@ -73,18 +73,20 @@ def front_of_run(
     keeping: Callable[[TreePolicy], TreePolicy],
     *,
     max_leaves: int | None,
+    success_margin: float,
     generator: np.random.Generator,
 ) -> Front:
     """Return the front of a run; the pick is never None.
 
     Args:
         trees: What was learned, then what was learned before.
-        start: What the run began with: the pick does not succeed less often.
+        start: What the run began with, which the pick succeeds as often as, but for the margin.
         learner: Imagines, where it can, and knows what was seen.
         ground: Where trees play.
         extent: How much.
         keeping: Makes a tree keep the run's rules.
         max_leaves: Most leaves of the pick; None for any number.
+        success_margin: That of the judgement that follows.
         generator: Source of all chance that is not of an episode.
     """
     learned = trees[0]
@@ -103,7 +105,7 @@ def front_of_run(
     else:
         found = _by_labels(learned, learner, checked)
     demand = Demand(margin=0.0, error=0.05, episodes=extent.starts)
-    pick = Pick(demand, max_leaves=max_leaves, floor=start)
+    pick = Pick(demand, max_leaves=max_leaves, floor=start, success_margin=success_margin)
     common = CommonEpisodes(ground, extent.starts)
     return front_among(learned, _few([checked(learned), *found], extent.trees), common, pick)
 

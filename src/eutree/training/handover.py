@@ -54,9 +54,9 @@ class Handover:
             what is planned before may be larger. None for any number.
         front_steps: Most environment steps of the front: of what was learned the best tree of each
             size is made, imagined where the method has a world model, and the smallest that plays
-            within one standard error of the best, and succeeds as often as the start, meets the
-            start. None for two for each step of the run, a hundred where episodes run side by side;
-            0 lets the learned tree itself meet the start.
+            within one standard error of the best, and succeeds as often as the start but for the
+            ``success_margin``, meets the start. None for two for each step of the run, a hundred
+            where episodes run side by side; 0 lets the learned tree itself meet the start.
         return_range: Lowest and highest return that an episode can have, where the environment does
             not say so itself (``eutree.interaction.first_look``); what is said of the learned
             tree then holds without a condition, also offline.
