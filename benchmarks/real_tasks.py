@@ -4,7 +4,7 @@
     python benchmarks/real_tasks.py trees --runs 10 [--junction Ingolstadt1-v0]
     python benchmarks/real_tasks.py ahead
     python benchmarks/real_tasks.py dqn --runs 10
-    python benchmarks/real_tasks.py jams --policy light.json --episodes 1000
+    python benchmarks/real_tasks.py jams --keep trees --episodes 100
     python benchmarks/real_tasks.py stock --runs 10
     python benchmarks/real_tasks.py motor --runs 10
     python benchmarks/real_tasks.py birds --runs 10 --first 2000
@@ -33,6 +33,7 @@ import eutree
 from eutree.evaluation import mean_interval
 from eutree.inspection import enforce
 from eutree.interaction import DerivedObservation
+from eutree.interaction.names import declarations
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the examples
 
@@ -53,13 +54,6 @@ AHEAD = (  # least green in seconds, vehicles ahead, what one that waits counts
     (20, (2.5, 2.5), 1), (10, (2, 1), 2), (10, (4, 4), 2), (15, (3, 3), 2), (15, (5, 5), 2),
     (20, (4, 4), 2),
 )  # fmt: skip
-# How far the currents of the three windings are below the demand: what a drive measures, and what
-# the rotor's coordinates hide. Their signs say which of the six directions is the nearest.
-PHASES = (
-    'a missing = "d missing" * cosine - "q missing" * sine',
-    'b missing = 0.866 * ("d missing" * sine + "q missing" * cosine) - 0.5 * "a missing"',
-    'c missing = 0 - "a missing" - "b missing"',
-)
 FINAL_EPISODES = 200  # of the tasks that are no lights
 
 Row = dict[str, Any]
@@ -139,13 +133,9 @@ def learned(
     method: str,
     most_leaves: int,
     *,
-    race: int = 0,
     steps: int = STEPS,
 ) -> tuple[Any, Row]:
-    """Learn a tree from a few episodes of a rule of thumb; return it, and what that took.
-
-    Learning takes 20,000 steps, or ``steps``; then trees race for ``race`` more.
-    """
+    """Learn a tree from a few episodes of a rule of thumb; return it, and what that took."""
     begun = time.process_time()
     shown = eutree.record(env, rule, episodes=SHOWN, seed=seed)
     result = eutree.learn(
@@ -154,8 +144,7 @@ def learned(
         method=method,
         seed=seed,
         max_leaves=most_leaves,
-        steps=steps + race,
-        race_steps=race,
+        steps=steps,
         judge_episodes=0,
         front_steps=0,
         evaluate_every=10**6,
@@ -205,17 +194,15 @@ class Deterministic:
 
 
 def jams(options: Any) -> None:
-    """Play a policy for many half hours, and count those in which a vehicle stands too long."""
-    policy = eutree.TreePolicy.load(options.policy)
+    """Play the trees that were kept for many half hours; count where a vehicle stands too long."""
     env = light(options.junction)
-    found: list[Row] = []
-    for each in played(env, policy, options.episodes, 2 * 10**6):
-        found.append(each)
-        if len(found) % 50 == 0:
-            print(summary(found), file=sys.stderr, flush=True)
-    key = {"task": options.junction, "controller": "half hours", "seed": 0, "seconds": 1800,
-           "demand": "drawn", "leaves": policy.n_leaves}  # fmt: skip
-    keep(options.out, {**key, **summary(found)})
+    for path in sorted(options.keep.glob(f"{options.junction}-*.json")):
+        policy, seed = eutree.TreePolicy.load(path), int(path.stem.rpartition("-")[2])
+        key = {"task": options.junction, "controller": "half hours", "seed": seed,
+               "seconds": 1800, "demand": "drawn"}  # fmt: skip
+        if not is_known(options.out, key):
+            found = summary(list(played(env, policy, options.episodes, 10**7 + 1000 * seed)))
+            keep(options.out, {**key, "leaves": policy.n_leaves, **found})
 
 
 class BaseStock:
@@ -245,8 +232,9 @@ def stock(options: Any) -> None:
 
 def motor(options: Any) -> None:
     """Learn the motor's switching table with eight leaves; beside it C4.5's tree of the script."""
-    env = DerivedObservation(gymnasium.make("MotorCurrents-v0"), PHASES)
-    others(options, env, motor_currents.towards_the_error, 8, race=STEPS)
+    declared = declarations(Path(motor_currents.__file__).with_suffix(".txt"))
+    env = DerivedObservation(gymnasium.make("MotorCurrents-v0"), declared)
+    others(options, env, motor_currents.towards_the_error, 8)
 
 
 class FourNumbers(gymnasium.ObservationWrapper[Any, Any, Any]):
@@ -284,9 +272,7 @@ def birds(options: Any) -> None:
     others(options, gymnasium.make("FourNumbers-v0"), flaps_low, 8, steps=30_000)
 
 
-def others(
-    options: Any, env: Any, rule: Any, most_leaves: int, *, race: int = 0, steps: int = STEPS
-) -> None:
+def others(options: Any, env: Any, rule: Any, most_leaves: int, *, steps: int = STEPS) -> None:
     """Measure a task's rule, its tree, and what is learned from it, for each seed."""
     fits, task = options.method == "c45", env.spec.id  # c45: nothing is learned
     name = "its tree (C4.5)" if fits else f"tree ({options.method})"
@@ -295,9 +281,7 @@ def others(
             shown = eutree.record(env, rule, episodes=SHOWN, seed=seed)
             expert, learnt = eutree.fit_expert_tree(shown), []
         else:
-            result, facts = learned(
-                env, rule, seed, options.method, most_leaves, race=race, steps=steps
-            )
+            result, facts = learned(env, rule, seed, options.method, most_leaves, steps=steps)
             expert, learnt = result.expert, [(name, result.learned, facts)]
         for label, policy, own in (
             ("rule of thumb", rule, {}),
@@ -472,7 +456,6 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=10)
     parser.add_argument("--first", type=int, default=1000)
     parser.add_argument("--episodes", type=int, default=5)
-    parser.add_argument("--policy")
     parser.add_argument("--keep", type=Path, help="folder for the trees")
     parser.add_argument("--out", type=Path, default=Path("docs/results"))
     options = parser.parse_args()

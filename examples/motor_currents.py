@@ -77,4 +77,4 @@ def towards_the_error(observation: Any) -> int:
     return 1 + round(float(wanted) / (np.pi / 3.0)) % 6
 
 
-gymnasium.register("MotorCurrents-v0", MotorCurrents)
+gymnasium.register("MotorCurrents-v0", MotorCurrents, max_episode_steps=STEPS)

@@ -10,7 +10,9 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import eutree
+from eutree.interaction import DerivedObservation
 from eutree.interaction.first_look import return_range
+from eutree.interaction.names import declarations
 
 FOLDER = Path(__file__).parents[2] / "examples"
 TASKS = {  # module: id, class, rule of thumb, features, actions
@@ -161,6 +163,17 @@ def test_a_state_of_the_bridge_moves_the_current_its_way():
     inner._speed = 0.0
     env.step(0)
     assert (np.abs(inner._currents) < [10.0, 5.0]).all()
+
+
+def test_eight_leaves_are_a_switching_table_with_what_is_declared_for_the_motor():
+    _, env, rule = parts("motor_currents")
+    declared = declarations(FOLDER / "motor_currents.txt")
+    env = DerivedObservation(env, declared)
+    policy = eutree.fit_expert_tree(eutree.record(env, rule, episodes=10, seed=0))
+    assert policy.n_leaves <= 8
+    seen = np.concatenate([run(env, rule, seed)[0] for seed in range(100, 105)])
+    agree = np.mean(policy.predict(seen)[0] == [rule(observation) for observation in seen])
+    assert agree > 0.99
 
 
 def test_the_wall_of_the_room_is_warmed_by_its_air():
