@@ -19,6 +19,10 @@ def test_from_the_shell(eutree):
         "why p.json --observation 0,1,2,3 --demos raw",
         "show p.json --html p.html --episodes 1",
         "verify p.json --property 'no dead leaves' --demos raw",
+        "compress p.json --max-leaves 3 --episodes 3 --out small.json",
+        "compress p.json --demos raw --return-margin 50 --episodes 3 --out small.json",
+        "diff p.json small.json",
+        "edit p.json --enforce 'always left when angle <= -0.2' --episodes 2 --out safe.json",
     ):
         answer = eutree(*shlex.split(line))
         assert answer.code in (0, 1), answer.err

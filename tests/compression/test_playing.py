@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 import eutree
+from eutree.compression import RealEpisodes
 from eutree.compression.playing import CommonEpisodes, Ground
 from eutree.compression.searching import FrontSearch
+from eutree.data import derive
 from eutree.interaction.making import Recipe
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec, Schema
@@ -113,3 +115,16 @@ def test_the_best_of_at_most_so_many_leaves_is_never_worse_because_it_is_smaller
     sizes = [one.policy.n_leaves for one in report.front]
     assert sizes == [4, 2]  # the input first; what two leaves do as well is left out
     assert report.front[1].mean_return == report.mean_return_after
+
+
+@pytest.mark.parametrize("n_jobs", [None, 2])
+def test_trees_that_ask_for_what_is_derived_play_where_nobody_declared_it(n_jobs):
+    falls = eutree.experts.EXPERTS["CartPole-v1"]["fall"]
+    demos = eutree.record("CartPole-v1", falls, episodes=3, seed=0)
+    policy = eutree.fit_expert_tree(derive(demos, ['lean = angle + "turn rate"']))
+    assert policy.tree.n_features == 5
+    episodes = RealEpisodes(EnvironmentSpec("CartPole-v1"), episodes=4, n_jobs=n_jobs,
+                            searches=True)  # fmt: skip
+    small, report = eutree.compress(policy, np.empty((0, 5)), max_leaves=2, env=episodes)
+    assert small.n_leaves <= 2
+    assert report.front

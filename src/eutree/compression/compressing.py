@@ -13,6 +13,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -122,7 +123,7 @@ def compress(
     arena = demand = verdict = scores = None
     front: tuple[FrontEntry, ...] = ()
     if real is not None:
-        arena = CountedEnv.of(real.env, seed, real.n_jobs)
+        arena = CountedEnv.of(real.env, policy, seed, real.n_jobs)
         demand = real.demand(arena.env)
     searches = real is not None and (real.searches or margin is not None)
     searches &= mode == "auto" and max_disagreement is None and imagined is None
@@ -156,7 +157,7 @@ def compress(
     if real is not None and real.evaluates and arena and demand and verdict is None:
         verdict = meet(policy, result, arena, demand)
         too_few = _episodes_needed(demand, verdict) if margin else None
-    if arena is not None and real is not None and arena.env is not real.env:
+    if arena is not None and real is not None and not isinstance(real.env, gymnasium.Env):
         arena.env.close()
     report = report_on(policy, result, method, costs, verdict)
     return result, replace(

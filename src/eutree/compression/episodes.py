@@ -15,6 +15,7 @@ from eutree.contests.betting import TUNED
 from eutree.contests.smallest import ATTEMPTS
 from eutree.evaluation import Estimate, Interval, evaluate
 from eutree.interaction import episode_seed
+from eutree.interaction.deriving import acting_as
 from eutree.interaction.first_look import return_range as known_range
 from eutree.interaction.making import Environment, Recipe, made
 from eutree.interaction.seeding import Stream
@@ -130,10 +131,12 @@ class CountedEnv:
     steps: int = 0
 
     @classmethod
-    def of(cls, env: Environment, seed: int, n_jobs: int | None) -> "CountedEnv":
-        """Return an environment, or what it is made from, with nothing asked of it yet."""
+    def of(
+        cls, env: Environment, policy: TreePolicy, seed: int, n_jobs: int | None
+    ) -> "CountedEnv":
+        """Return where a policy's trees play: an environment, or what it is made from."""
         itself, spec = made(env, n_jobs)
-        return cls(itself, seed, spec, n_jobs)
+        return cls(acting_as(itself, policy), seed, spec, n_jobs)
 
     def ground(self) -> Ground:
         """Return where trees are searched for."""

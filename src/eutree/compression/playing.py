@@ -18,6 +18,7 @@ from eutree.arrays import Booleans, Floats, Integers
 from eutree.evaluation import Interval, wilson_interval
 from eutree.evaluation.evaluate import run_batch, same_parameters, vector_form
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
+from eutree.interaction.deriving import acting_as
 from eutree.interaction.making import Recipe
 from eutree.interaction.seeding import Stream
 from eutree.parallel import Workers
@@ -247,7 +248,7 @@ class _Pairs:
 
 
 def _run(env: gymnasium.Env[Any, Any], pairs: Sequence[tuple[TreePolicy, int]]) -> list[_Episode]:
-    guarded = GuardedEnv(env)
+    guarded = GuardedEnv(acting_as(env, pairs[0][0]))  # all trees know the same features
     found: list[_Episode] = []
     for policy, seed in pairs:
         episode = run_episode(guarded, policy, seed)
