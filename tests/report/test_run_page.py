@@ -13,7 +13,7 @@ from eutree.report import (
     WatchedTree,
     run_page,
 )
-from eutree.report.chart import chart, ticks
+from eutree.report.chart import chart, scatter, ticks
 from eutree.report.html import LeafChange, changed_leaves
 from tests.export.policies import EVASION, NASTY, policy_of, tree
 from tests.report.browser import ENOUGH, Opened, grave_violations, open_page
@@ -79,6 +79,14 @@ def test_axes_show_what_can_be(values, choices, low, high) -> None:
     assert max(values) <= marks[-1] <= high
     assert marks[-1] - marks[0] > 0.09 * max(values)
     assert not choices.get("whole") or all(mark == int(mark) for mark in marks)
+
+
+def test_the_axes_of_a_front_count_leaves_and_show_shares_as_percentages() -> None:
+    drawing = scatter("leaves", "share", [(8.0, 0.992, "a"), (9.0, 0.999, "b")], percent=True)
+    said = re.findall(r"<text[^>]*>([^<]*)</text>", drawing)
+    assert said[-3:] == ["8", "9", "leaves"]
+    assert said[0] == "90 %"
+    assert said[-4] == "100 %"
 
 
 def test_chart_without_points_says_so() -> None:

@@ -83,16 +83,25 @@ def chart(title: str, series: Series, *, percent: bool = False, whole: bool = Fa
     return "\n".join([*lines, "</svg>"])
 
 
-def scatter(x_title: str, y_title: str, points: Sequence[tuple[float, float, str]]) -> str:
+def scatter(
+    x_title: str,
+    y_title: str,
+    points: Sequence[tuple[float, float, str]],
+    *,
+    percent: bool = False,
+) -> str:
     """Return a chart of single points.
 
     Args:
         x_title: What is measured from left to right.
         y_title: What is measured upwards.
         points: Both measures of each, and its name, which is shown under the pointer.
+        percent: Whether what is measured upwards are shares, to be shown as percentages.
     """
-    x_ticks = ticks(min(p[0] for p in points), max(p[0] for p in points))
-    y_ticks = ticks(min(p[1] for p in points), max(p[1] for p in points))
+    counts = all(float(p[0]).is_integer() for p in points)
+    x_ticks = ticks(min(p[0] for p in points), max(p[0] for p in points), whole=counts)
+    ends = min(p[1] for p in points), max(p[1] for p in points)
+    y_ticks = _shares(*ends) if percent else ticks(*ends)
     width, height = _WIDTH - _LEFT - _RIGHT, _HEIGHT - _TOP - _BOTTOM
 
     def x(value: float) -> float:
@@ -108,7 +117,7 @@ def scatter(x_title: str, y_title: str, points: Sequence[tuple[float, float, str
         lines.append(
             f'<line class="grid" x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{y(tick):.1f}" '
             f'y2="{y(tick):.1f}"/><text x="{_LEFT - 6}" y="{y(tick) + 4:.1f}" '
-            f'text-anchor="end">{_number(tick, False)}</text>'
+            f'text-anchor="end">{_number(tick, percent)}</text>'
         )
     for tick in x_ticks:
         lines.append(
@@ -220,17 +229,23 @@ def front_charts(front: Sequence[FrontEntry]) -> list[str]:
     """
     rates = [(one, one.success_rate) for one in front if one.success_rate is not None]
     charts = [_chart("mean return", [(one, one.mean_return) for one in front])] if front else []
-    return [*charts, _chart("share of successes", rates)] if rates else charts
+    return [*charts, _chart("share of successes", rates, percent=True)] if rates else charts
 
 
-def _chart(measure: str, values: Sequence[tuple[FrontEntry, float]]) -> str:
+def _chart(
+    measure: str, values: Sequence[tuple[FrontEntry, float]], *, percent: bool = False
+) -> str:
     points = [
-        (float(one.policy.n_leaves), value, f"{counted(one.policy.n_leaves, 'leaf')}: {value:.4g}")
+        (
+            float(one.policy.n_leaves),
+            value,
+            f"{counted(one.policy.n_leaves, 'leaf')}: {_number(value, percent)}",
+        )
         for one, value in values
     ]
     return (
         f"<figure><figcaption>{measure.capitalize()} by leaves</figcaption>\n"
-        f"{scatter('leaves', measure, points)}</figure>"
+        f"{scatter('leaves', measure, points, percent=percent)}</figure>"
     )
 
 
