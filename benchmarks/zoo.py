@@ -1,6 +1,6 @@
 """Choose the trees of the zoo: of those that the table's runs kept, the best at each size.
 
-Run: python benchmarks/zoo.py FOLDER [--tasks TASK ...] [--episodes 1000]
+Run: python -m benchmarks.zoo FOLDER [--tasks TASK ...] [--episodes 1000]
 
 FOLDER holds the trees of ``python benchmarks/table.py TASK --trees FOLDER``. The three of each task
 and size that earned most there play 1,000 fresh episodes, which choose one; 1,000 others, which
@@ -18,12 +18,13 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-import gymnasium
 import numpy as np
+from benchmarks.table import Settings, rows_of
 
 import eutree
 from eutree import zoo
 from eutree.evaluation import mean_interval
+from eutree.interaction.making import make
 from eutree.proof import plant_of, prove
 from eutree.schema import EnvironmentSpec
 
@@ -32,18 +33,14 @@ HOME = ROOT / "src" / "eutree" / "zoo"
 SIZES = (4, 8, 16, 32)
 CHOOSING, JUDGING = 5_000_000, 7_000_000  # seeds of the episodes that choose, and that judge
 EXTRAS = {"LunarLander-v3": "gymnasium[box2d]"}
+MODULES = {"Inventory-v0": "examples.inventory", "TwoTanks-v0": "examples.two_tanks"}
 FINALISTS = 3
 
 
 def rows() -> list[dict[str, str]]:
     """Return all rows of the table that are ours."""
-    import csv
-
-    found = []
-    for path in sorted((ROOT / "docs" / "results" / "table").glob("*.csv")):
-        with path.open(newline="") as file:
-            found += [row for row in csv.DictReader(file) if row["who"] == "eutree"]
-    return found
+    paths = sorted((ROOT / "docs" / "results" / "table").glob("*.csv"))
+    return [row for path in paths for row in rows_of(path) if row["who"] == "eutree"]
 
 
 def file_of(row: dict[str, str], trees: Path) -> Path:
@@ -52,7 +49,8 @@ def file_of(row: dict[str, str], trees: Path) -> Path:
 
 
 def returns_of(policy: eutree.TreePolicy, task: str, episodes: int, seed: int) -> Any:
-    return eutree.evaluate(policy, gymnasium.make(task), episodes=episodes, seed=seed)
+    env = make(EnvironmentSpec(task, Settings.of(task).arguments))
+    return eutree.evaluate(policy, env, episodes=episodes, seed=seed)
 
 
 def best_of(
@@ -71,7 +69,8 @@ def proven(policy: eutree.TreePolicy, task: str) -> str | None:
     if plant is None:
         return None
     found = prove(policy, plant)
-    return found.sentence if found.verdict == "proven" else None
+    says_something = found.verdict == "proven" and "is in [0, 1]" not in found.sentence
+    return found.sentence if says_something else None
 
 
 def card_of(row: dict[str, str], policy: eutree.TreePolicy, size: int, episodes: int) -> zoo.Card:
@@ -87,6 +86,7 @@ def card_of(row: dict[str, str], policy: eutree.TreePolicy, size: int, episodes:
         command=f"python benchmarks/table.py {task} --steps {row['steps']} "
         f"--leaves {row['leaves']} --first {row['seed']} --seeds 1",
         commit=row["commit"], date=date.today().isoformat(), extra=EXTRAS.get(task, ""),
+        module=MODULES.get(task, ""),
         proven=proven(policy, task), file=f"{task.replace('/', '-')}-{size}.json",
     )  # fmt: skip
 

@@ -1,6 +1,6 @@
 """Make the page of the zoo: a card for each tree, at play, and as a program.
 
-Run: python benchmarks/zoo_page.py
+Run: python -m benchmarks.zoo_page
 
 A tree is drawn at play in its first fresh episode, and written as the shortest Python program that
 decides like it, ``play(x)``, after the protocol of Kohler and others (2025): its bytes, and the
@@ -10,16 +10,17 @@ same seconds: a forward pass in numpy of a network with two layers of 64, for th
 
 import timeit
 from collections.abc import Callable, Iterator
+from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import gymnasium
 import numpy as np
 from PIL import Image
 
 import eutree
 from eutree import zoo
+from eutree.interaction.making import make
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 BEGIN, SHOWN = (
@@ -53,14 +54,18 @@ def compiled(program: str) -> Callable[[Any], int]:
 
 
 def seen_by(policy: eutree.TreePolicy, env: Any) -> tuple[np.ndarray, list[Any]]:
-    """Return the observations of one episode, and its pictures."""
+    """Return the observations of one episode, and its pictures, if the task draws any."""
+
+    def seen() -> list[Any]:
+        return [env.render()] if env.render_mode else []
+
     observation, _ = env.reset(seed=EPISODE)
-    rows, pictures, over = [], [env.render()], False
+    rows, pictures, over = [], seen(), False
     while not over:
         rows.append(np.asarray(observation, dtype=np.float64).ravel())
         action = policy.predict(observation)[0]
         observation, _, terminated, truncated, _ = env.step(action)
-        pictures.append(env.render())
+        pictures += seen()
         over = terminated or truncated
     return np.array(rows), pictures
 
@@ -104,17 +109,23 @@ def times(program: str, rows: np.ndarray, n_actions: int) -> tuple[float, float]
 
 def card_lines(card: zoo.Card) -> Iterator[str]:
     """Yield the card of a tree; its picture is drawn on the way."""
+    if card.module:
+        import_module(card.module)
     policy = zoo.load(card.name)
-    env = gymnasium.make(card.task, render_mode="rgb_array")
-    rows, pictures = seen_by(policy, env)
+    assert policy.environment is not None
+    drawn = "rgb_array" in make(policy.environment).metadata["render_modes"]
+    rows, pictures = seen_by(
+        policy, make(policy.environment, render_mode="rgb_array" if drawn else None)
+    )
     stem = Path(card.file).stem
-    draw(pictures, DOCS / "images" / f"zoo-{stem}.gif")
     program = play_program(policy)
     decision, network = times(program, rows, policy.schema.n_actions)
     low, high = card.interval
     yield f"### {card.name}\n"
     picture = f"images/zoo-{stem}.gif"
-    yield f"![{card.task}, an episode of the tree with {card.leaves} leaves]({picture})\n"
+    if drawn:
+        draw(pictures, DOCS / "images" / f"zoo-{stem}.gif")
+        yield f"![{card.task}, an episode of the tree with {card.leaves} leaves]({picture})\n"
     yield "| | |\n|---|---|"
     yield f"| leaves | {card.leaves} |"
     yield f"| return of {card.episodes:,} fresh episodes | {card.mean_return} [{low}, {high}] |"
@@ -122,6 +133,8 @@ def card_lines(card: zoo.Card) -> Iterator[str]:
     if card.success is not None:
         yield f"| success | {card.success:.1%} |"
     yield f"| counted steps, seed | {card.steps:,}, {card.seed} |"
+    if card.module:
+        yield f"| its task | an example of the repository: `--import {card.module}` |"
     yield f"| learned by | `{card.command}` |"
     yield f"| proven | {card.proven or 'nothing'} |"
     yield f"| `play(x)` | {len(program.encode())} bytes |"
@@ -142,7 +155,7 @@ def main() -> None:
 
 
 NOTE = """\
-Made by `python benchmarks/zoo_page.py`. Each tree is shown in an episode that chose nothing, and
+Made by `python -m benchmarks.zoo_page`. Each tree is shown in an episode that chose nothing, and
 as the shortest Python program that decides like it, `play(x)`: its bytes, and the time of a
 decision beside that of a network with two layers of 64 in numpy, timed in the same seconds on one
 machine (the protocol of Kohler and others, 2025).

@@ -1,10 +1,10 @@
 """The trees that come with the package: what their cards say is what they are."""
 
 import tomllib
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 
-import gymnasium
 import pytest
 
 import eutree
@@ -13,6 +13,7 @@ from eutree.cli.learn import _teacher
 from eutree.cli.main import run
 from eutree.envs.experts import EXPERTS
 from eutree.errors import InvalidArgumentError, UnknownNameError
+from eutree.interaction.making import make
 from eutree.learners import method
 from eutree.learners.registry import with_choices
 from eutree.schema import EnvironmentSpec
@@ -38,9 +39,11 @@ def test_a_tree_earns_what_its_card_says(card: zoo.Card) -> None:
     """Thirty episodes: their mean lies within five standard errors of the card's."""
     if not playable(card.task):
         pytest.skip("needs Box2D")
-    found = eutree.evaluate(
-        zoo.load(card.name), gymnasium.make(card.task), episodes=30, seed=11_000_000
-    )
+    if card.module:
+        import_module(card.module)
+    tree = zoo.load(card.name)
+    assert tree.environment is not None
+    found = eutree.evaluate(tree, make(tree.environment), episodes=30, seed=11_000_000)
     spread = max(float(found.returns.std(ddof=1)), card.interval[1] - card.interval[0], 1e-9)
     assert abs(found.mean_return - card.mean_return) <= 5 * spread / 30**0.5 + 1e-6
 

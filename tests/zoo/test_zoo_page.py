@@ -29,15 +29,15 @@ def test_the_program_of_a_tree_decides_like_it_on_every_threshold(card: zoo.Card
 @pytest.mark.parametrize("card", CARDS)
 def test_the_card_on_the_page_is_that_of_the_tree(card: zoo.Card) -> None:
     found = re.search(rf"### {re.escape(card.name)}\n(.*?)(?=\n### |\Z)", PAGE, re.DOTALL)
-    assert found is not None, "python benchmarks/zoo_page.py makes the page"
+    assert found is not None, "python -m benchmarks.zoo_page makes the page"
     low, high = card.interval
     size = len(play_program(zoo.load(card.name)).encode())
     assert f"| leaves | {card.leaves} |" in found[1]
     assert f"{card.mean_return} [{low}, {high}]" in found[1]
     assert f"| `play(x)` | {size} bytes |" in found[1]
     picture = DOCS / f"images/zoo-{Path(card.file).stem}.gif"
-    assert picture.name in found[1]
-    assert picture.stat().st_size < 100_000
+    assert card.module or picture.name in found[1]  # those of the examples draw nothing
+    assert card.module or picture.stat().st_size < 100_000
 
 
 def test_the_page_has_no_card_of_a_tree_that_is_gone() -> None:

@@ -45,5 +45,7 @@ def _lines(one: "Card", *, full: bool) -> Iterator[str]:
     ).rstrip()
     if full and one.proven:
         yield f"  proven: {one.proven}"
+    if full and one.module:
+        yield f"  its task is an example of the repository: --import {one.module}"
     if full:
         yield f"  learned by: {one.command} ({one.commit}, {one.date})"

@@ -41,6 +41,8 @@ class Card:
         commit: With which sources.
         date: When, as YYYY-MM-DD.
         extra: What has to be installed to play it, such as ``gymnasium[box2d]``; may be empty.
+        module: What registers its environment where the package does not, for ``--import``: a
+            module of the repository; may be empty.
         proven: What ``eutree prove`` says of it; None where nothing is proven.
         file: Its file in the zoo.
     """
@@ -59,6 +61,7 @@ class Card:
     commit: str
     date: str
     extra: str
+    module: str
     proven: str | None
     file: str
 
