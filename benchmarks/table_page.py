@@ -161,9 +161,9 @@ def lines_of(axes: Any, rows: Rows) -> Iterator[float]:
         axes.errorbar(has, means, yerr=np.abs(np.subtract(bounds, np.array(means)[:, None])).T,
                       marker="o", capsize=3, label=label, color=colour,
                       linestyle="-" if who == "eutree" else "--")  # fmt: skip
-        few = [row for cell in cells if len(cell) < FEW for row in cell]
-        axes.scatter([float(row["has_leaves"]) for row in few],
-                     [float(row["return"]) for row in few], s=9, color=colour, alpha=0.5)  # fmt: skip
+        few = [cell for cell in cells if len(cell) < FEW]
+        runs = [(float(row["has_leaves"]), float(row["return"])) for cell in few for row in cell]
+        axes.scatter(*np.array(runs).reshape(-1, 2).T, s=9, color=colour, alpha=0.5)
 
 
 def marks_of(axes: Any, rows: Rows, *, least: float) -> None:
