@@ -23,7 +23,6 @@ import multiprocessing
 import resource
 import subprocess
 import time
-import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cache
@@ -36,11 +35,10 @@ import numpy as np
 
 import eutree
 from eutree import zoo
+from eutree.cli._given import RunSettings, chosen_method
 from eutree.distillation import DistillationSettings
 from eutree.envs.experts import EXPERTS
 from eutree.interaction.making import make
-from eutree.learners import method as method_of
-from eutree.learners.registry import with_choices
 from eutree.schema import EnvironmentSpec
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -116,12 +114,11 @@ class Settings:
 
     @classmethod
     def of(cls, task: str) -> "Settings":
-        document = tomllib.loads(zoo.settings_of(task).read_text())
-        run = document.pop("run")
-        method = with_choices(method_of(document.pop("method")), document)
-        script = script_of(task, run["expert"])
-        shown, share = run["demonstrations"], run["race_share"]
-        return cls(method, script, shown, share, run.get("arguments", {}))
+        path = zoo.settings_of(task)
+        method = chosen_method(None, offline=False, settings=path, changes=(), discount=None)
+        run = RunSettings.of(path)
+        script = script_of(task, str(run.expert))
+        return cls(method, script, run.demonstrations, run.race_share, dict(run.arguments))
 
 
 def script_of(task: str, name: str) -> Any:

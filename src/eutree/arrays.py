@@ -22,8 +22,9 @@ _Scalar = TypeVar("_Scalar", bound=np.generic)
 
 
 def frozen(array: NDArray[_Scalar]) -> NDArray[_Scalar]:
-    """Return the array itself if it is read-only, else a read-only C-ordered copy of it."""
-    if not array.flags.writeable and array.flags.c_contiguous:
+    """Return the array itself if nobody can write to it, else a read-only C-ordered copy of it."""
+    is_shared = isinstance(array.base, np.ndarray) and array.base.flags.writeable
+    if not (array.flags.writeable or is_shared) and array.flags.c_contiguous:
         return array
     copy = np.array(array, order="C", copy=True)
     copy.setflags(write=False)

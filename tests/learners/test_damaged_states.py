@@ -109,3 +109,11 @@ def test_a_declaration_that_says_too_little_is_caught():
     lax = Trusting(gathering_episodes=4, max_transitions=60, solve_growth=1.2)
     with pytest.raises(AssertionError, match="prior"):
         damaged(replace(case, method=lax), state, ["prior"])
+
+
+def test_a_run_that_asked_cannot_go_on():
+    """What demonstrations it had asked for stands in the checkpoints of earlier releases."""
+    case, state = stored("planning")
+    none, some = (np.arange(n) for n in (0, 2))
+    assert outcome(case, state | {"plan_assisted_episodes": none}) == "works"
+    assert outcome(case, state | {"plan_assisted_episodes": some}) == "refused"

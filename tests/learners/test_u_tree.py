@@ -48,6 +48,15 @@ def test_it_learns_to_walk_on(preset):
     assert goes.mean() > 0.7
 
 
+@pytest.mark.parametrize("preset", PRESETS)
+def test_what_it_decided_stays_as_it_was(preset):
+    learner = learned_to_walk(PRESETS[preset], phases=1)
+    before = learner.decisions().policy(Walk.problem).to_bytes()
+    policy = learner.decisions().policy(Walk.problem)
+    Walk(np.random.default_rng(9)).run(learner, np.random.default_rng(10))
+    assert policy.to_bytes() == before != learner.decisions().policy(Walk.problem).to_bytes()
+
+
 def test_value_differs_away_from_the_end_too():
     """A target that uses V of the same leaf (Eq. 2 as printed) splits near the reward only."""
     settings_ = replace(PAPER, discount=0.9, exploration=0.0, untried_value=0.0)

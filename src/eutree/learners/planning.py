@@ -52,7 +52,7 @@ from eutree.world_model.rollouts import Rollouts
 
 _UNPRUNED = C45Settings(use_penalty=False, prune=False)
 _TREES = ("incumbent", "challenger", "explorer", "corrected")
-_EPISODES = ("incumbent_episodes", "challenger_episodes", "assisted_episodes")
+_EPISODES = ("incumbent_episodes", "challenger_episodes")
 _EXPLORED = "explorer_episodes"
 _NUMBERS = ("planned_at", "demonstrations", "valid_from")
 
@@ -119,7 +119,6 @@ _PLAN = (
         "actions": Stored("i8", "L", low=0, below="A"),
         "plan_incumbent_episodes": Stored("i8", "P", low=0, below="history_n_episodes"),
         "plan_challenger_episodes": Stored("i8", "R", low=0, below="history_n_episodes"),
-        "plan_assisted_episodes": Stored("i8", "H", low=0, below="history_n_episodes"),
         "plan_planned_at": Stored("i8", "1", low=0, most=MOST),
         "plan_demonstrations": _COUNT,
         "plan_valid_from": _COUNT,
@@ -129,6 +128,8 @@ _PLAN = (
     Part(
         {f"plan_{_EXPLORED}": Stored("i8", "G", low=0, below="history_n_episodes")}, optional=True
     ),
+    # Those of releases that could ask for demonstrations; a run that did cannot go on.
+    Part({"plan_assisted_episodes": Stored("i8", (0,))}, optional=True),
     *(action_tree_part(f"plan_{name}_", optional=name != "incumbent") for name in _TREES),
 )  # fmt: skip
 
@@ -204,7 +205,7 @@ class ModelPlanning:
             actor = plan.incumbent if plan.explorer is None else plan.explorer
             self._exploration = 1.0 if blind else self.method.exploration
         tree, actions = to_decision_tree(actor, self.tree.n_features)
-        self._actor = _Actor(tree, actions, self.history, self.n_actions)
+        self._actor = _Actor(tree, actions, self.n_actions)
 
     def act(self, allowed: Booleans | None = None) -> int:
         """Return the acting tree's action for the present observation; the explorer's may err."""
@@ -342,17 +343,10 @@ class ModelPlanning:
 
 
 class _Actor:
-    """The tree that acts in an episode, and what was lived through in its leaves.
+    """The tree that acts in an episode."""
 
-    The experience is looked up when it is first asked for: the history is the same throughout an
-    episode.
-    """
-
-    def __init__(
-        self, tree: DecisionTree, actions: Integers, history: History, n_actions: int
-    ) -> None:
-        self._tree, self._actions = tree, actions.tolist()
-        self._history, self._n_actions = history, n_actions
+    def __init__(self, tree: DecisionTree, actions: Integers, n_actions: int) -> None:
+        self._tree, self._actions, self._n_actions = tree, actions.tolist(), n_actions
 
     def act(self, observation: Floats, allowed: Booleans | None = None) -> int:
         """Return the action at an observation, shape [d], among those that are allowed, [A]."""
@@ -363,28 +357,10 @@ class _Actor:
         order = self._orders[leaf]
         return int(order[allowed[order].argmax()])
 
-    def experience(self, observation: Floats) -> tuple[int, Integers]:
-        """Return the action at an observation, and the stored transitions of its leaf, [n]."""
-        leaf = self._tree.leaf_of(observation.tolist())
-        return self._actions[leaf], self._rows[leaf]
-
     @cached_property
     def _orders(self) -> Integers:
         """The order of the actions in each leaf, shape [L, A]."""
         return orders_of(self._tree, np.array(self._actions), self._n_actions, None)
-
-    @cached_property
-    def returns_to_go(self) -> Floats:
-        """Sum of rewards from each stored transition to the end of its episode, shape [N]."""
-        return transitions_of(self._history, self._n_actions).returns_to_go
-
-    @cached_property
-    def _rows(self) -> list[Integers]:
-        """Stored transitions of each leaf, ascending."""
-        leaves = self._tree.leaf_index(self._history.observations)
-        order = np.argsort(leaves, kind="stable")
-        sizes = np.bincount(leaves, minlength=self._tree.n_leaves)
-        return np.split(order, np.cumsum(sizes)[:-1])
 
 
 def _forgetting(method: PlanningMethod) -> RecentEpisodes | None:
@@ -406,7 +382,6 @@ def _plan_of(state: Mapping[str, NDArray[Any]]) -> Rivals:
         corrected=trees.get("corrected"),
         incumbent_episodes=tuple(state["incumbent_episodes"].tolist()),
         challenger_episodes=tuple(state["challenger_episodes"].tolist()),
-        assisted_episodes=tuple(state["assisted_episodes"].tolist()),
         explorer_episodes=tuple(state[_EXPLORED].tolist()) if _EXPLORED in state else (),
         planned_at=int(state["planned_at"][0]),
         demonstrations=int(state["demonstrations"][0]),

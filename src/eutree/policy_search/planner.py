@@ -38,7 +38,6 @@ class Rivals:
         challenger_episodes: Episodes in which challengers did, since the last adoption.
         corrected: The incumbent with the corrective demonstrations since the last planning, a tree
             to begin from; None if there were none.
-        assisted_episodes: Episodes with a demonstration in them: evidence on no tree.
         explorer_episodes: The latest episodes in which explorers acted.
         planned_at: Number of transitions seen at the last planning.
         demonstrations: How many of the first episodes are demonstrations that still count.
@@ -53,7 +52,6 @@ class Rivals:
     corrected: ActionTree | None = None
     incumbent_episodes: tuple[int, ...] = ()
     challenger_episodes: tuple[int, ...] = ()
-    assisted_episodes: tuple[int, ...] = ()
     explorer_episodes: tuple[int, ...] = ()
     planned_at: int = 0
     demonstrations: int = 0
@@ -94,7 +92,6 @@ class Rivals:
             self,
             incumbent_episodes=kept(self.incumbent_episodes),
             challenger_episodes=kept(self.challenger_episodes),
-            assisted_episodes=kept(self.assisted_episodes),
             explorer_episodes=kept(self.explorer_episodes),
             demonstrations=int(np.searchsorted(episodes, self.demonstrations)),
             valid_from=int(np.searchsorted(episodes, self.valid_from)),
@@ -317,6 +314,4 @@ def _knows_nothing(plan: Rivals) -> bool:
 
 def _others(plan: Rivals, n_episodes: int) -> tuple[int, ...]:
     """Return the episodes of no challenger: evidence where the incumbent has no episodes."""
-    return tuple(
-        sorted(set(range(n_episodes)) - set(plan.challenger_episodes) - set(plan.assisted_episodes))
-    )
+    return tuple(sorted(set(range(n_episodes)) - set(plan.challenger_episodes)))

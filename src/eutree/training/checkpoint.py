@@ -99,7 +99,7 @@ class CheckpointDocument(Document, frozen=True, kw_only=True):
     """Where a run stood at the end of an episode; the arrays beside it are the learner's."""
 
     FORMAT: ClassVar[str] = "eutree/checkpoint"
-    VERSION: ClassVar[int] = 3
+    VERSION: ClassVar[int] = 4
 
     position: PositionDocument
     kept: KeptDocument | None = None
