@@ -79,9 +79,9 @@ def test_a_kernel_is_compiled_once_it_takes_long_or_gets_much(patience, large, c
 
 
 WARM_UP = """
-from eutree.cli import warm_up
+from eutree.cli import included
 from eutree.cli.main import run
-warm_up.JOBS = {"fitting": warm_up.JOBS["fitting"]}  # the others take minutes
+included.JOBS = {"fitting": included.JOBS["fitting"]}  # the others take minutes
 raise SystemExit(run(["warm-up", "--n-jobs", "1", "--json"]))
 """
 

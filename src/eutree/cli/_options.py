@@ -13,7 +13,7 @@ import click
 from eutree.cli._commands import Written
 from eutree.errors import described, shown
 from eutree.files.schema_document import plain_json
-from eutree.schema import MAX_ACTIONS, EnvironmentSpec
+from eutree.schema import MAX_ACTIONS
 from eutree.validation import MAX_SEED
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ class _Count(click.IntRange):
         return ""
 
 
-def count_option(
+def count(
     flag: str, default: int | None, text: str, *, least: int = 1, most: int = MAX_COUNT
 ) -> Callable[[_Command], _Command]:
     """Return an option that takes a whole number from ``least`` to ``most``."""
@@ -55,12 +55,12 @@ def count_option(
     )
 
 
-def path_option(*names: str, text: str) -> Callable[[_Command], _Command]:
+def path(*names: str, text: str) -> Callable[[_Command], _Command]:
     """Return an option that takes a file or a folder to read, passed on as a path."""
     return click.option(*names, type=click.Path(path_type=Path), help=text)
 
 
-def output_option(
+def output(
     *names: str, text: str, required: bool = False, default: str = ""
 ) -> Callable[[_Command], _Command]:
     """Return an option that takes a file or a folder to write, passed on as a path."""
@@ -70,7 +70,7 @@ def output_option(
     return click.option(*names, type=kind, required=required, help=text, **usual)
 
 
-def starts_option(text: str, *, multiple: bool = False) -> Callable[[_Command], _Command]:
+def starts(text: str, *, multiple: bool = False) -> Callable[[_Command], _Command]:
     """Return the option that takes a certificate, in whose boxes episodes begin."""
     kind = click.Path(path_type=Path)
     words = f"A certificate, by prove --out, of what is not proven: {text}"
@@ -79,19 +79,19 @@ def starts_option(text: str, *, multiple: bool = False) -> Callable[[_Command], 
     )
 
 
-def json_option(command: _Command) -> _Command:
+def as_json(command: _Command) -> _Command:
     """Add ``--json``, passed on as ``as_json``."""
     text = "Print exactly one JSON object on standard output."
     return click.option("--json", "as_json", is_flag=True, help=text)(command)
 
 
-def seed_option(command: _Command) -> _Command:
+def seed(command: _Command) -> _Command:
     """Add ``--seed``."""
     text = "Seed; the same seed gives the same bytes."
-    return count_option("--seed", 0, text, least=0, most=MAX_SEED)(command)
+    return count("--seed", 0, text, least=0, most=MAX_SEED)(command)
 
 
-def env_arg_option(command: _Command) -> _Command:
+def environment(command: _Command) -> _Command:
     """Add what every command that makes an environment takes.
 
     ``--env-arg key=value`` (repeatable) is passed on as a dict ``env_arguments``, with what
@@ -142,10 +142,10 @@ def env_arg_option(command: _Command) -> _Command:
         help="For continuous actions: the levels to choose from, valve=0,50,100 or "
         "'valve [%]=0:100:5' (five from 0 to 100). One for each number of the action, in order.",
     )
-    return argument(decode(grid(import_option(derive(names(command))))))
+    return argument(decode(grid(module(derive(names(command))))))
 
 
-def monotone_option(command: _Command) -> _Command:
+def monotone(command: _Command) -> _Command:
     """Add ``--monotone`` (repeatable), passed on as a tuple of rules."""
     return click.option(
         "--monotone",
@@ -156,7 +156,7 @@ def monotone_option(command: _Command) -> _Command:
     )(command)
 
 
-def import_option(command: _Command) -> _Command:
+def module(command: _Command) -> _Command:
     """Add ``--import``, which is obeyed before the command begins."""
     return click.option(
         "--import",
@@ -288,8 +288,3 @@ def _parsed(value: str) -> Any:
         return json.loads(value)
     except ValueError:
         return {"True": True, "False": False, "None": None}.get(value, value)
-
-
-def override(spec: EnvironmentSpec, arguments: dict[str, Any]) -> EnvironmentSpec:
-    """Return ``spec`` with some of its arguments replaced."""
-    return spec.override(arguments)

@@ -7,17 +7,8 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
+from eutree.cli import _options as option
 from eutree.cli._commands import Helped
-from eutree.cli._options import (
-    count_option,
-    env_arg_option,
-    json_option,
-    monotone_option,
-    output_option,
-    override,
-    path_option,
-    seed_option,
-)
 from eutree.cli._output import Output, figures_of, front_drawn
 from eutree.cli._policies import Rival, against_option, load_demonstrations
 from eutree.cli.parts import cluster, workers_options
@@ -55,8 +46,8 @@ _FIGURES = """
     epilog="Example: eutree compress runs/a --out small.json --round",
 )  # fmt: skip
 @click.argument("source", type=click.Path(path_type=Path))
-@output_option("--out", text="File to write.", required=True)
-@path_option(
+@option.output("--out", text="File to write.", required=True)
+@option.path(
     "--demos",
     text="Demonstrations whose observations to keep the decisions on; needed where SOURCE is a "
     "policy file instead of a run folder, and nothing is played.",
@@ -67,7 +58,7 @@ _FIGURES = """
 @click.option("--max-disagreement", type=float, metavar="SHARE",
               help="Give the smallest tree that changes at most this share of the recorded "
               "decisions.")  # fmt: skip
-@count_option("--max-leaves", None, "Give the best tree of at most so many leaves.", least=2)
+@option.count("--max-leaves", None, "Give the best tree of at most so many leaves.", least=2)
 @click.option("--imagined", is_flag=True,
               help="With --max-leaves, cut where that costs least in episodes imagined by a world "
               "model of the run's transitions, or of those of --demos.")  # fmt: skip
@@ -82,7 +73,7 @@ _FIGURES = """
               "so itself.")  # fmt: skip
 @click.option("--confidence", type=float, default=0.95, show_default=True,
               help="Of the decision about the margin.")  # fmt: skip
-@count_option("--episodes", 1000, "Episodes of each evaluation.", least=2)
+@option.count("--episodes", 1000, "Episodes of each evaluation.", least=2)
 @click.option("--evaluate", "evaluates", is_flag=True,
               help="Evaluate before and after in the policy's environment.")  # fmt: skip
 @click.option("--round", "round_thresholds", is_flag=False, flag_value="", multiple=True,
@@ -91,12 +82,12 @@ _FIGURES = """
               "step, as its multiples: 0.1 for all features, room=0.1 for one. May be "
               "repeated.")  # fmt: skip
 @against_option
-@path_option("--front", text="Folder to write the best tree of each size to.")
+@option.path("--front", text="Folder to write the best tree of each size to.")
 @workers_options("the episodes of evaluations, where they take more than a few seconds")
-@monotone_option
-@env_arg_option
-@seed_option
-@json_option
+@option.monotone
+@option.environment
+@option.seed
+@option.as_json
 def compress(
     source: Path,
     out: Path,
@@ -182,7 +173,7 @@ def _where(source: Path, policy: "TreePolicy", arguments: dict[str, Any]) -> Env
             f"{source} must name an environment for --evaluate, --return-margin, --against and "
             "--env-arg"
         )
-    return override(policy.environment, arguments)
+    return policy.environment.override(arguments)
 
 
 def _policy(source: Path) -> "TreePolicy":

@@ -7,13 +7,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from eutree.cli import _options as option
 from eutree.cli._commands import Written
-from eutree.cli._options import (
-    env_arg_option,
-    import_option,
-    json_option,
-    output_option,
-)
 from eutree.cli._output import Output
 from eutree.cli.fit import hurting
 from eutree.errors import InvalidArgumentError
@@ -47,7 +42,7 @@ def _numbers(command: _Command) -> _Command:
 
 @demos.command("list", epilog="Example: eutree demos list demos/")
 @_folder
-@json_option
+@option.as_json
 def list_(folder: Path, as_json: bool) -> None:
     """List the episodes of FOLDER with result, length and return."""
     opened = _open(folder)
@@ -66,7 +61,7 @@ def list_(folder: Path, as_json: bool) -> None:
 @_folder
 @_numbers
 @click.option("--comment", help="A remark to store with the episodes.")
-@json_option
+@option.as_json
 def keep(folder: Path, numbers: tuple[int, ...], comment: str | None, as_json: bool) -> None:
     """Let learners use the episodes NUMBERS of FOLDER (again)."""
     _set_kept(folder, numbers, comment, True, as_json)
@@ -76,7 +71,7 @@ def keep(folder: Path, numbers: tuple[int, ...], comment: str | None, as_json: b
 @_folder
 @_numbers
 @click.option("--comment", help="A remark to store with the episodes.")
-@json_option
+@option.as_json
 def drop(folder: Path, numbers: tuple[int, ...], comment: str | None, as_json: bool) -> None:
     """Discard the episodes NUMBERS of FOLDER; they stay, marked, and `keep` takes them back."""
     _set_kept(folder, numbers, comment, False, as_json)
@@ -86,7 +81,7 @@ def drop(folder: Path, numbers: tuple[int, ...], comment: str | None, as_json: b
 @_folder
 @click.argument("number", type=int)
 @click.option("--steps", type=click.IntRange(min=1), required=True, help="How many to leave.")
-@json_option
+@option.as_json
 def trim(folder: Path, number: int, steps: int, as_json: bool) -> None:
     """Cut the episode NUMBER of FOLDER off after some steps."""
     opened = _open_to_edit(folder)
@@ -115,7 +110,7 @@ def trim(folder: Path, number: int, steps: int, as_json: bool) -> None:
 @demos.command(epilog="Example: eutree demos rename demos/ names.json")
 @_folder
 @click.argument("names", type=click.Path(path_type=Path))
-@json_option
+@option.as_json
 def rename(folder: Path, names: Path, as_json: bool) -> None:
     """Name the features and actions of FOLDER by the file NAMES, which is as for --names."""
     from eutree.interaction.names import Names
@@ -134,7 +129,7 @@ def rename(folder: Path, names: Path, as_json: bool) -> None:
 @_folder
 @click.argument("number", type=int)
 @click.option("--window", is_flag=True, help="Run it again and show it in a window.")
-@json_option
+@option.as_json
 def replay(folder: Path, number: int, window: bool, as_json: bool) -> None:
     """Show the episode NUMBER of FOLDER step by step."""
     opened = _open(folder)
@@ -172,8 +167,8 @@ def replay(folder: Path, number: int, window: bool, as_json: bool) -> None:
 @demos.command(epilog="Example: eutree demos check demos/")
 @_folder
 @click.option("--env", "environment", help="The environment; the one of FOLDER if not given.")
-@env_arg_option
-@json_option
+@option.environment
+@option.as_json
 def check(
     folder: Path, environment: str | None, env_arguments: dict[str, Any], as_json: bool
 ) -> None:
@@ -209,8 +204,8 @@ def check(
 
 @demos.command(epilog="Example: eutree demos merge monday/ tuesday/ --out demos/")
 @click.argument("folders", type=click.Path(path_type=Path), nargs=-1, required=True)
-@output_option("--out", text="A new folder.", required=True)
-@json_option
+@option.output("--out", text="A new folder.", required=True)
+@option.as_json
 def merge(folders: tuple[Path, ...], out: Path, as_json: bool) -> None:
     """Put the episodes of several FOLDERS of one environment into a new folder."""
     from eutree.data import Demonstrations
@@ -227,8 +222,8 @@ def merge(folders: tuple[Path, ...], out: Path, as_json: bool) -> None:
 
 @demos.command(epilog="Example: eutree demos stats demos/ --html demos.html")
 @_folder
-@output_option("--html", text="Write the summary as a page, too.")
-@json_option
+@option.output("--html", text="Write the summary as a page, too.")
+@option.as_json
 def stats(folder: Path, html: Path | None, as_json: bool) -> None:
     """Say what FOLDER covers, where it contradicts itself, and whether more would help."""
     from eutree.files import check_writable, write_text
@@ -255,7 +250,7 @@ def stats(folder: Path, html: Path | None, as_json: bool) -> None:
     "import", epilog="Example: eutree demos import minari:eutree/evasion2/human-v0 --out demos/"
 )
 @click.argument("source", type=click.Path())
-@output_option("--out", text="A new folder.", required=True)
+@option.output("--out", text="A new folder.", required=True)
 @click.option("--env", "environment", help="The environment, where the source names none.")
 @click.option("--episode-column", help="Column of a .csv that says which episode; else 'episode'.")
 @click.option("--action-column", help="Column with the actions, names or numbers; else 'action'.")
@@ -272,8 +267,8 @@ def stats(folder: Path, html: Path | None, as_json: bool) -> None:
               help="Its form, '%d.%m.%Y %H:%M', where it is not seconds or ISO 8601.")  # fmt: skip
 @click.option("--episode-gap", metavar="SPAN", help="A pause that ends an episode: 90s, 1h.")
 @click.option("--actions", metavar="NAME,NAME,...", help="The actions, in order.")
-@env_arg_option
-@json_option
+@option.environment
+@option.as_json
 def import_(
     source: str,
     out: Path,
@@ -339,8 +334,8 @@ def import_(
 @demos.command(epilog="Example: eutree demos export demos/ minari:eutree/evasion2/human-v0")
 @_folder
 @click.argument("target", type=Written())
-@import_option
-@json_option
+@option.module
+@option.as_json
 def export(folder: Path, target: str, as_json: bool) -> None:
     """Write the kept episodes of FOLDER to TARGET: minari:ID, or a file .csv or .npz.
 

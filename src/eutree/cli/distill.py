@@ -5,15 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from eutree.cli import _options as option
 from eutree.cli._commands import Helped
-from eutree.cli._options import (
-    count_option,
-    env_arg_option,
-    json_option,
-    output_option,
-    path_option,
-    seed_option,
-)
 from eutree.cli._output import Output
 from eutree.cli._policies import OWN, controller, load_demonstrations, load_policy
 from eutree.cli.parts import cluster, workers_options
@@ -30,22 +23,22 @@ EXAMPLE = "eutree distill eutree/Evasion2-v0 --expert gate --max-leaves 8 --out 
 
 @click.command(cls=Helped, epilog=f"Example: {EXAMPLE}")
 @click.argument("environment")
-@output_option("--out", text="File to write.", required=True)
+@option.output("--out", text="File to write.", required=True)
 @click.option(
     "--expert", help=f"The teacher: a scripted expert, for example gate, or your own, {OWN}."
 )
-@path_option("--policy", text="The teacher: a policy file.")
-@path_option("--demos", text="What the teacher showed already, in place of its first episodes.")
+@option.path("--policy", text="The teacher: a policy file.")
+@option.path("--demos", text="What the teacher showed already, in place of its first episodes.")
 @click.option("--method", default="dagger", show_default=True, help="dagger, viper or cloning.")
 @click.option("--learner", default="c4.5", show_default=True, help="c4.5 or cart.")
-@count_option("--max-leaves", 32, "Most leaves of the tree.")
-@count_option("--iterations", 10, "How many trees are fitted; the best is written.")
-@count_option("--episodes", 10, "Episodes gathered before each tree.")
-@count_option("--validation-episodes", 50, "Episodes that judge each tree.", least=2)
+@option.count("--max-leaves", 32, "Most leaves of the tree.")
+@option.count("--iterations", 10, "How many trees are fitted; the best is written.")
+@option.count("--episodes", 10, "Episodes gathered before each tree.")
+@option.count("--validation-episodes", 50, "Episodes that judge each tree.", least=2)
 @workers_options("the episodes of the trees, where they take more than a few seconds")
-@env_arg_option
-@seed_option
-@json_option
+@option.environment
+@option.seed
+@option.as_json
 def distill(
     environment: str,
     out: Path,

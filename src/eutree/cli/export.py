@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from eutree.cli._options import json_option, output_option, path_option
+from eutree.cli import _options as option
 from eutree.cli._output import Output
 from eutree.cli._policies import load_policy, with_certificate
 from eutree.errors import InvalidArgumentError
@@ -24,7 +24,7 @@ from eutree.files import write_bytes
     metavar="FORMAT",
     help=f"One of {', '.join(FORMATS)}. If left out, the suffix of --out decides.",
 )
-@output_option("--out", text="File to write.")
+@option.output("--out", text="File to write.")
 @click.option("--name", help="Name of the function (c, python, st). For c, --out names it too.")
 @click.option("--number", help="Type of the numbers in C: double, float or int32.")
 @click.option(
@@ -35,9 +35,9 @@ from eutree.files import write_bytes
 )
 @click.option("--header", is_flag=True, help="For c: write NAME.h too, and include it.")
 @click.option("--self-test", is_flag=True, help="For c: write NAME_test.c too, a test program.")
-@path_option("--certificate", text="What prove --out wrote of POLICY: its sentence becomes a "
+@option.path("--certificate", text="What prove --out wrote of POLICY: its sentence becomes a "
              "comment (c, python, st).")  # fmt: skip
-@json_option
+@option.as_json
 def export(
     policy: Path,
     format_name: str | None,

@@ -7,17 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from eutree.cli import _options as option
 from eutree.cli._commands import Helped
-from eutree.cli._options import (
-    AUTO,
-    count_option,
-    env_arg_option,
-    json_option,
-    monotone_option,
-    output_option,
-    override,
-    seed_option,
-)
 from eutree.cli._output import Output, figures_of
 from eutree.cli._policies import load_demonstrations
 from eutree.errors import InvalidArgumentError
@@ -31,28 +22,28 @@ if TYPE_CHECKING:
 
 @click.command(cls=Helped, epilog="Example: eutree fit demos/ --out expert.json")
 @click.argument("demonstrations", type=click.Path(path_type=Path))
-@output_option("--out", text="File to write.", required=True)
-@count_option(
+@option.output("--out", text="File to write.", required=True)
+@option.count(
     "--episodes",
     200,
     "Fresh episodes that judge the tree; choosing takes three times as many and more. 0: play "
     "nothing.",
     least=0,
 )
-@count_option(
+@option.count(
     "--practise",
     0,
     "Go on with so many episodes of learning; the better of both trees is kept.",
     least=0,
 )
-@count_option(
+@option.count(
     "--history",
     None,
     "Previous observations as features; by default 0, or 1 where that explains more.",
     least=0,
 )
 @click.option("--release-8", is_flag=True, help="C4.5 of release 8 as it is; choose nothing.")
-@count_option(
+@option.count(
     "--min-objects",
     None,
     "C4.5's m, chosen by you: the fewest transitions on a side of a test.",
@@ -63,10 +54,10 @@ if TYPE_CHECKING:
     help="C4.5's CF, chosen by you: the smaller, the more is pruned.",
 )
 @click.option("--no-pruning", is_flag=True, help="Keep C4.5's unpruned tree.")
-@monotone_option
-@env_arg_option
-@seed_option
-@json_option
+@option.monotone
+@option.environment
+@option.seed
+@option.as_json
 def fit(
     demonstrations: Path,
     out: Path,
@@ -94,7 +85,7 @@ def fit(
     output = Output(as_json=as_json)
     demos = load_demonstrations(demonstrations)
     check_writable(out)
-    env = override(demos.environment, env_arguments) if demos.environment else None
+    env = demos.environment.override(env_arguments) if demos.environment else None
     with _Stages(output) as stages:
         report = fit_tree(
             demos,
@@ -104,7 +95,7 @@ def fit(
             settings=_settings(release_8, min_objects, confidence, no_pruning),
             history=history,
             monotone=monotone,
-            derive=AUTO if AUTO in click.get_current_context().meta else (),
+            derive=option.AUTO if option.AUTO in click.get_current_context().meta else (),
             seed=seed,
             on_progress=stages.show,
         )
@@ -140,12 +131,12 @@ class _Stages:
 
 @click.command(epilog="Example: eutree demos hurting demos/ --out demos-cut/")
 @click.argument("folder", type=click.Path(path_type=Path))
-@output_option("--out", text="A new folder, without the segments that were found.")
-@count_option("--episodes", 3000, "Episodes of a search; confirming takes more.")
+@option.output("--out", text="A new folder, without the segments that were found.")
+@option.count("--episodes", 3000, "Episodes of a search; confirming takes more.")
 @click.option("--undo", is_flag=True, help="Take back all that was cut or flipped in FOLDER.")
-@env_arg_option
-@seed_option
-@json_option
+@option.environment
+@option.seed
+@option.as_json
 def hurting(
     folder: Path,
     out: Path | None,
@@ -177,7 +168,7 @@ def hurting(
     with _Stages(output) as stages:
         found = find_hurting(
             demos,
-            override(demos.environment, env_arguments),
+            demos.environment.override(env_arguments),
             episodes=episodes,
             seed=seed,
             on_progress=stages.show,

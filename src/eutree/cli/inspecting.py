@@ -8,15 +8,8 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
+from eutree.cli import _options as option
 from eutree.cli._commands import Helped
-from eutree.cli._options import (
-    count_option,
-    env_arg_option,
-    json_option,
-    output_option,
-    path_option,
-    seed_option,
-)
 from eutree.cli._output import Output, figures_of
 from eutree.cli._policies import in_zoo, load_demonstrations, load_policy, policy_file, renamed
 from eutree.errors import InvalidArgumentError, shown
@@ -32,8 +25,8 @@ if TYPE_CHECKING:
 @click.argument("policy", type=click.Path(path_type=Path))
 @click.option("--observation", required=True, metavar="X,Y,...",
               help="The observation, a number for each feature.")  # fmt: skip
-@path_option("--demos", text="Demonstrations whose steps in the same leaf to name.")
-@json_option
+@option.path("--demos", text="Demonstrations whose steps in the same leaf to name.")
+@option.as_json
 def why(policy: Path, observation: str, demos: Path | None, as_json: bool) -> None:
     """Say why POLICY decides as it does for an observation, and what would change it."""
     from eutree.inspection import why as explain
@@ -79,8 +72,8 @@ def why(policy: Path, observation: str, demos: Path | None, as_json: bool) -> No
 @click.command(epilog="Example: eutree diff runs/a/expert.json runs/a/policy.json")
 @click.argument("first", type=click.Path(path_type=Path))
 @click.argument("second", type=click.Path(path_type=Path))
-@path_option("--demos", text="Demonstrations: how many of their steps each change concerns.")
-@json_option
+@option.path("--demos", text="Demonstrations: how many of their steps each change concerns.")
+@option.as_json
 def diff(first: Path, second: Path, demos: Path | None, as_json: bool) -> None:
     """Say where FIRST and SECOND, two policy files, decide differently, and how they are built."""
     from eutree.inspection import diff as compare
@@ -120,11 +113,11 @@ EXIT_REFUTED = 1
 @click.option("--property", "questions", required=True, multiple=True,
               help="What to prove, for example 'always stop when -2 <= opponent_1 <= 2', "
               "'monotone go in position' or 'no dead leaves'. May be repeated.")  # fmt: skip
-@path_option("--demos", text="Demonstrations, for dead leaves.")
-@path_option("--run", "run_folder", text="Run folder whose observations count, for dead leaves.")
+@option.path("--demos", text="Demonstrations, for dead leaves.")
+@option.path("--run", "run_folder", text="Run folder whose observations count, for dead leaves.")
 @click.option("--everywhere", is_flag=True,
               help="Ask for all numbers, not only those within the features' bounds.")  # fmt: skip
-@json_option
+@option.as_json
 @click.pass_context
 def verify(
     context: click.Context,
@@ -200,21 +193,21 @@ _NUMBER = re.compile(r"[0-9]{1,9}")  # of a node or a leaf
               help="Node below which nothing stays locked; repeatable.")  # fmt: skip
 @click.option("--enforce", "rules", multiple=True, metavar="PROPERTY",
               help="Make true, and lock: 'always ACTION when CONDITIONS'; repeatable.")  # fmt: skip
-@path_option("--rename", text="File of names for features and actions, as for --names.")
+@option.path("--rename", text="File of names for features and actions, as for --names.")
 @click.option("--reseal", is_flag=True,
               help="Accept a file that was changed by hand; without --out it is written "
               "again where it is.")  # fmt: skip
-@output_option("--out", text="File to write; without it the tree is shown with its numbers.")
-@count_option(
+@option.output("--out", text="File to write; without it the tree is shown with its numbers.")
+@option.count(
     "--episodes",
     100,
     "Episodes of the evaluation before and after, where the policy's file "
     "names its environment; 0 for none.",
     least=0,
 )
-@env_arg_option
-@seed_option
-@json_option
+@option.environment
+@option.seed
+@option.as_json
 def edit(
     policy: Path,
     thresholds: tuple[str, ...],

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from eutree.cli import _options as option
 from eutree.cli._given import (
     GoesOn,
     RunSettings,
@@ -19,17 +20,6 @@ from eutree.cli._given import (
     listed,
 )
 from eutree.cli._learning import Following, as_values, in_words, many_results, run_many
-from eutree.cli._options import (
-    count_option,
-    env_arg_option,
-    json_option,
-    monotone_option,
-    output_option,
-    override,
-    path_option,
-    seed_option,
-    starts_option,
-)
 from eutree.cli._output import Output
 from eutree.cli._policies import (
     OWN,
@@ -70,21 +60,21 @@ if TYPE_CHECKING:
     epilog="Example: eutree learn eutree/Evasion2-v0 --demos demos/ --out runs/a",
 )  # fmt: skip
 @click.argument("environment", required=False)
-@path_option("--demos", text="Demonstrations to start from.")
-@path_option("--expert", text="Policy file to start from, instead of the expert tree of --demos.")
+@option.path("--demos", text="Demonstrations to start from.")
+@option.path("--expert", text="Policy file to start from, instead of the expert tree of --demos.")
 @click.option("--teacher", type=click.Path(), metavar="NAME",
               help="Who teaches instead of a network: a policy file, a scripted "
               f"expert, or your own, {OWN}; for distilled-dqn.")  # fmt: skip
-@count_option("--teacher-steps", None, "Steps in which --teacher was trained.", least=0)
-@starts_option("half of the episodes begin where it failed. May be repeated.", multiple=True)
-@output_option("--out", text="Run folder to write.")
+@option.count("--teacher-steps", None, "Steps in which --teacher was trained.", least=0)
+@option.starts("half of the episodes begin where it failed. May be repeated.", multiple=True)
+@option.output("--out", text="Run folder to write.")
 @click.option("--method", help="How to learn: planning, distilled-dqn, u-tree, ...; a preset; one "
               "of your own, MODULE:CLASS; by default auto, between the first two.")  # fmt: skip
 @click.option("--preset", help="A method with all choices made: default, paper (literal), paper-d, "
               "corrected (the default of --offline).")  # fmt: skip
 @click.option("--set", "changes", multiple=True, metavar="KEY=VALUE",
               help="A choice of the method, for example price=0.004. May be repeated.")  # fmt: skip
-@path_option(
+@option.path(
     "--settings",
     text="TOML file of choices, the config.json of a run, or zoo:TASK, which is known to work.",
 )
@@ -93,36 +83,36 @@ if TYPE_CHECKING:
               help="Say what each choice of the method does, and which to turn first.")  # fmt: skip
 @click.option("--start", help="nothing, tree, tree+demos, demos or random-tree; by default what is "
               "given.")  # fmt: skip
-@count_option(
+@option.count(
     "--episodes", None, "Episodes of experience; 400 where no other budget is given.", least=0
 )
-@count_option("--steps", None, "Most environment steps: learning and racing.")
+@option.count("--steps", None, "Most environment steps: learning and racing.")
 @click.option("--minutes", type=click.FloatRange(min=0, min_open=True),
               help="Most minutes of the clock, evaluation included.")  # fmt: skip
-@count_option("--evaluate-every", None, "Episodes between two frozen evaluations; by default 20, "
+@option.count("--evaluate-every", None, "Episodes between two frozen evaluations; by default 20, "
               "or all of a short run whose episodes run one by one.")  # fmt: skip
-@count_option("--evaluation-episodes", None, "Episodes of each frozen evaluation; by default 100, "
+@option.count("--evaluation-episodes", None, "Episodes of each frozen evaluation; by default 100, "
               "or in proportion to a short run whose episodes run one by one.")  # fmt: skip
-@count_option("--history", 0, "Previous observations that become features too.", least=0)
-@count_option(
+@option.count("--history", 0, "Previous observations that become features too.", least=0)
+@option.count(
     "--race-steps",
     0,
     "Environment steps spent at the end on policy search: challengers race the policy.",
     least=0,
 )
-@count_option("--max-leaves", None, "Most leaves of the result.", least=2)
+@option.count("--max-leaves", None, "Most leaves of the result.", least=2)
 @click.option("--keep-success", is_flag=True,
               help="Replace the policy only by one that succeeds as often.")  # fmt: skip
-@count_option("--judge-episodes", None, "Most fresh episodes of start and result at the end; the "
+@option.count("--judge-episodes", None, "Most fresh episodes of start and result at the end; the "
               "start is handed over where the result is not shown to be better. 0: none.",
               least=0)  # fmt: skip
 @click.option("--return-range", type=float, nargs=2, metavar="LOW HIGH",
               help="Lowest and highest return of an episode, where the environment does not say "
               "it, and --offline.")  # fmt: skip
-@count_option("--front-steps", None, "Most steps in which the best tree of each size plays at the "
+@option.count("--front-steps", None, "Most steps in which the best tree of each size plays at the "
               "end; by default 2 for each step of the run, 100 where episodes run side by side. "
               "0: none.", least=0)  # fmt: skip
-@count_option("--max-transitions", None, "Most transitions to remember; by default all.")
+@option.count("--max-transitions", None, "Most transitions to remember; by default all.")
 @click.option("--offline", is_flag=True, help="Learn from the demonstrations alone.")
 @click.option(
     "--resume", is_flag=True, help="Go on with the run in the folder --out, which is enough."
@@ -130,18 +120,18 @@ if TYPE_CHECKING:
 @click.option("--checkpoint-seconds", type=click.FloatRange(min=0),
               help="Time between two checkpoints; 0 for one after every episode. By default "
               "saving takes at most a twentieth of the time.")  # fmt: skip
-@output_option("--tensorboard", text="Folder for a log that TensorBoard shows; one for each run.")
-@monotone_option
+@option.output("--tensorboard", text="Folder for a log that TensorBoard shows; one for each run.")
+@option.monotone
 @click.option("--strict", is_flag=True, help="Refuse observations outside the space's bounds.")
 @against_option
-@count_option("--runs", 1, "Runs, with seeds from --seed on; the best is chosen and judged.")
+@option.count("--runs", 1, "Runs, with seeds from --seed on; the best is chosen and judged.")
 @click.option("--prefer-proven", metavar="[PROPERTY]", is_flag=False, flag_value="",
               help="Hand over a tree that is proven, as prove does, if any of the front or of "
               "--runs is; without PROPERTY that of the environment's plant.")  # fmt: skip
 @workers_options("--runs")
-@env_arg_option
-@seed_option
-@json_option
+@option.environment
+@option.seed
+@option.as_json
 def learn(
     environment: str | None,
     demos: Path | None,
@@ -342,5 +332,5 @@ def _spec(
             "name an environment, or with --demos demonstrations that name one; from a log alone "
             "learns --offline"
         )
-    spec = override(demonstrations.environment, arguments)
+    spec = demonstrations.environment.override(arguments)
     return replace(spec, from_file=spec.from_file | chosen_by_file(arguments))

@@ -35,7 +35,11 @@ COMMANDS = {
     "warm-up": "Compile everything now, so that no later command waits for it.",
 }
 
-HOMES = dict.fromkeys(("diff", "edit", "verify", "why"), "inspecting")  # the others: their own
+HOMES = {  # of several commands; the others have a module of their own
+    **dict.fromkeys(("diff", "edit", "verify", "why"), "inspecting"),
+    **dict.fromkeys(("evaluate", "prove"), "measuring"),
+    **dict.fromkeys(("demo", "warm_up", "zoo"), "included"),
+}
 
 EXIT_MISTAKE = 2
 EXIT_INTERRUPTED = 130

@@ -15,13 +15,11 @@ from typing import Any, TypeVar
 
 import click
 
-from eutree.cli._options import (
-    count_option,
-    env_arg_option,
-    json_option,
-    output_option,
-    seed_option,
-)
+from eutree.cli._options import as_json as json_option
+from eutree.cli._options import count as count_option
+from eutree.cli._options import environment as env_arg_option
+from eutree.cli._options import output as output_option
+from eutree.cli._options import seed as seed_option
 from eutree.cli._output import Output, ProgressLine
 from eutree.errors import InvalidArgumentError, MissingExtraError
 

@@ -13,15 +13,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from eutree.cli import _options as option
 from eutree.cli._commands import Helped
-from eutree.cli._options import (
-    count_option,
-    env_arg_option,
-    json_option,
-    output_option,
-    seed_option,
-    starts_option,
-)
 from eutree.cli._output import Output
 from eutree.cli._policies import OWN, controller, load_policy
 from eutree.errors import EutreeError, InvalidArgumentError
@@ -62,8 +55,8 @@ def page_options(command: _Command) -> _Command:
 
 @click.command(cls=Helped, epilog="Example: eutree record eutree/Evasion2-v0 --out demos/")
 @click.argument("environment")
-@output_option("--out", text="Folder to write; a person continues one that exists.")
-@count_option("--episodes", 15, "How many episodes.")
+@option.output("--out", text="Folder to write; a person continues one that exists.")
+@option.count("--episodes", 15, "How many episodes.")
 @click.option("--drive", type=click.Path(path_type=Path), metavar="TREE",
               help="Let this tree drive, and take over from it where it is wrong.")  # fmt: skip
 @click.option("--web", is_flag=True, help="A person records in a browser, as without --expert.")
@@ -71,10 +64,10 @@ def page_options(command: _Command) -> _Command:
 @click.option("--expert", help=f"A scripted expert, for example gate, or one of your own: {OWN}.")
 @click.option("--careless", type=click.FloatRange(0, 1), default=0.0, show_default=True,
               help="Share of random actions of the scripted expert.")  # fmt: skip
-@starts_option("the episodes begin where it failed.")
-@env_arg_option
-@seed_option
-@json_option
+@option.starts("the episodes begin where it failed.")
+@option.environment
+@option.seed
+@option.as_json
 def record(
     environment: str,
     out: Path | None,

@@ -6,15 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from eutree.cli._options import (
-    count_option,
-    env_arg_option,
-    json_option,
-    output_option,
-    override,
-    path_option,
-    seed_option,
-)
+from eutree.cli import _options as option
 from eutree.cli._output import Output
 from eutree.cli._policies import load_demonstrations, load_policy
 from eutree.trees.text import definitions, is_reversed, printable, question
@@ -35,17 +27,17 @@ _SCALE = ("blue", "cyan", "green", "yellow", "red")
 
 @click.command(epilog="Example: eutree show small.json --html small.html --demos demos/")
 @click.argument("policy", type=click.Path(path_type=Path))
-@output_option("--html", text="Write a page on which the policy can be watched and questioned.")
-@output_option(
+@option.output("--html", text="Write a page on which the policy can be watched and questioned.")
+@option.output(
     "--run-html",
     text="Write a page about the run in the folder POLICY: curve, teacher, world model, races.",
 )
-@count_option("--episodes", 10, "How many episodes the page plays.", least=0)
-@path_option("--demos", text="Demonstrations whose steps the page shows in their leaves.")
-@path_option("--certificate", text="What prove --out wrote of POLICY; the page shows it.")
-@env_arg_option
-@seed_option
-@json_option
+@option.count("--episodes", 10, "How many episodes the page plays.", least=0)
+@option.path("--demos", text="Demonstrations whose steps the page shows in their leaves.")
+@option.path("--certificate", text="What prove --out wrote of POLICY; the page shows it.")
+@option.environment
+@option.seed
+@option.as_json
 def show(
     policy: Path,
     html: Path | None,
@@ -82,7 +74,7 @@ def show(
         return
     check_writable(html)
     proven = None if certificate is None else load_certificate(certificate, loaded)
-    spec = loaded.environment and override(loaded.environment, env_arguments)
+    spec = loaded.environment and loaded.environment.override(env_arguments)
     watched = _watched(output, loaded, spec, episodes=episodes, seed=seed)
     demonstrations = None if demos is None else load_demonstrations(demos, loaded)
     content = policy_page(

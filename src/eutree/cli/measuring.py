@@ -1,27 +1,74 @@
-"""``eutree prove``: a certificate about trajectories."""
+"""How a policy does in its environment: ``eutree evaluate`` and ``prove``."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from eutree.cli import _options as option
 from eutree.cli._commands import Helped
-from eutree.cli._options import (
-    count_option,
-    env_arg_option,
-    json_option,
-    output_option,
-    override,
-    seed_option,
-)
-from eutree.cli._output import Output
-from eutree.cli._policies import load_policy
+from eutree.cli._output import Output, figures_of
+from eutree.cli._policies import Rival, against_option, check_fits, load_policy
+from eutree.cli.parts import cluster, workers_options
 from eutree.errors import InvalidArgumentError
 from eutree.schema import EnvironmentSpec
 
 if TYPE_CHECKING:
     from eutree.policies import TreePolicy
     from eutree.proof import Certificate
+
+
+@click.command(cls=Helped, epilog="Example: eutree evaluate runs/a/policy.json --episodes 1000")
+@click.argument("policy", type=click.Path(path_type=Path))
+@click.argument("environment", required=False)
+@option.count("--episodes", 100, "How many episodes.")
+@against_option
+@workers_options("the episodes, where they take more than a few seconds")
+@option.environment
+@option.seed
+@option.as_json
+def evaluate(
+    policy: Path,
+    environment: str | None,
+    episodes: int,
+    against: str | None,
+    n_jobs: int,
+    backend: str,
+    address: str | None,
+    env_arguments: dict[str, Any],
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Evaluate POLICY, a policy file or a run folder, in ENVIRONMENT, or in the one it names.
+
+    Intervals are of 95 %: Wilson's of the success rate, Student's of the mean return. One in
+    twenty is the 5 % quantile of the returns.
+    """
+    from eutree.evaluation import evaluate as evaluate_policy
+
+    output = Output(as_json=as_json)
+    loaded = load_policy(policy)
+    hint = f"eutree evaluate {policy} ENVIRONMENT"
+    spec = _spec(loaded, policy, environment, env_arguments, hint)
+    check_fits(loaded, policy, spec)
+    rival = None if against is None else Rival(against, spec)
+    with cluster(backend, address):
+        result = evaluate_policy(loaded, spec, episodes=episodes, seed=seed, n_jobs=n_jobs)
+        rivalry = None if rival is None else rival.follows(result, seed=seed, n_jobs=n_jobs)
+    output.result(
+        {
+            **figures_of(result, "episodes success_rate success_interval mean_return"),
+            **figures_of(result, "return_interval worst_return return_quantile_05 warning"),
+            "n_leaves": loaded.n_leaves,
+            "mean_length": result.mean_length,
+            "environment": str(spec),
+            "against": None if rivalry is None else rivalry.facts(),
+        },
+        f"{spec}, {result}; {result.extremes}"
+        + (f"\n{result.warning}" if result.warning else "")
+        + ("" if rivalry is None else f"\n{rivalry.lines()}"),
+    )
+
 
 EXIT_CODES = {"proven": 0, "refuted": 1, "undecided": 3}
 
@@ -30,18 +77,18 @@ EXIT_CODES = {"proven": 0, "refuted": 1, "undecided": 3}
 @click.argument("policy", type=click.Path(path_type=Path))
 @click.argument("question", metavar="[PROPERTY]", required=False)
 @click.option("--env", "environment", metavar="ID", help="In place of the one POLICY names.")
-@output_option("--html", text="Write a page: the certificate, and the starts coloured by steps.")
-@output_option("--out", text="Write the certificate, for export --certificate.")
+@option.output("--html", text="Write a page: the certificate, and the starts coloured by steps.")
+@option.output("--out", text="Write the certificate, for export --certificate.")
 @click.option("--sampled", is_flag=True,
               help="A statistical certificate even where a plant is known.")  # fmt: skip
-@count_option("--episodes", 1000, "How many episodes a statistical certificate draws.")
+@option.count("--episodes", 1000, "How many episodes a statistical certificate draws.")
 @click.option("--confidence", type=float, default=0.99, show_default=True,
               help="Of a statistical certificate.")  # fmt: skip
 @click.option("--range", "returns", type=float, nargs=2, metavar="LOW HIGH",
               help="Lowest and highest return there can be, for bounds of its mean.")  # fmt: skip
-@env_arg_option
-@seed_option
-@json_option
+@option.environment
+@option.seed
+@option.as_json
 @click.pass_context
 def prove(
     context: click.Context,
@@ -68,7 +115,8 @@ def prove(
     The exit code is 0 if it is proven, 1 if it is refuted, 3 if it is left undecided.
     """
     from eutree.files import check_writable, write_text
-    from eutree.proof import save_certificate
+    from eutree.proof import plant_of, save_certificate
+    from eutree.proof import prove as prove_policy
     from eutree.report.proof_page import proof_page
 
     output = Output(as_json=as_json)
@@ -76,10 +124,12 @@ def prove(
     for path in (html, out):
         if path is not None:
             check_writable(path)
-    spec = _spec(loaded, policy, environment, env_arguments)
-    found = None if sampled else _proven(loaded, spec, question)
-    if found is None:
+    spec = _spec(loaded, policy, environment, env_arguments, "--env ID")
+    plant = None if sampled else plant_of(spec)
+    if plant is None:
         found = _sampled(loaded, policy, spec, question, (episodes, seed), (confidence, returns))
+    else:
+        found = prove_policy(loaded, plant, question)
     figures = found.figures()
     if out is not None:
         save_certificate(out, found, loaded)
@@ -91,24 +141,18 @@ def prove(
 
 
 def _spec(
-    policy: "TreePolicy", path: Path, environment: str | None, arguments: dict[str, Any]
+    policy: "TreePolicy",
+    path: Path,
+    environment: str | None,
+    arguments: dict[str, Any],
+    hint: str,
 ) -> EnvironmentSpec:
+    """Return the environment that is named, or else the policy's own; the hint says how to."""
     if environment is not None:
         return EnvironmentSpec(environment, arguments)
     if policy.environment is None:
-        raise InvalidArgumentError(f"{path} names no environment; name one: --env ID")
-    return override(policy.environment, arguments)
-
-
-def _proven(
-    policy: "TreePolicy", spec: EnvironmentSpec, question: str | None
-) -> "Certificate | None":
-    """Return the proof or its failure; None where the environment has no plant."""
-    from eutree.proof import plant_of
-    from eutree.proof import prove as prove_policy
-
-    plant = plant_of(spec)
-    return None if plant is None else prove_policy(policy, plant, question)
+        raise InvalidArgumentError(f"{path} names no environment; name one: {hint}")
+    return policy.environment.override(arguments)
 
 
 def _sampled(
@@ -120,7 +164,6 @@ def _sampled(
     sure: tuple[float, tuple[float, float] | None],
 ) -> "Certificate":
     """Return the statistical certificate of a property."""
-    from eutree.cli._policies import check_fits
     from eutree.evaluation import evaluate
     from eutree.proof.sampling import Sampling, asked_of_episodes, certify_sample
 

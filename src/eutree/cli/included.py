@@ -1,0 +1,241 @@
+"""What comes with the package: ``eutree demo``, ``zoo`` and ``warm-up``."""
+
+import io
+import os
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from eutree.cli import _options as option
+from eutree.cli._output import Output
+from eutree.errors import EutreeError
+from eutree.schema import EnvironmentSpec
+
+if TYPE_CHECKING:
+    from rich.console import Group
+
+    from eutree.demo.page import DemoResult
+    from eutree.zoo import Card
+
+
+@click.command(epilog="Example: eutree demo CartPole-v1 --expert fall")
+@click.argument("environment", default="eutree/Evasion2-v0")
+@click.option("--expert", help="A scripted demonstrator of the environment; by default its first.")
+@option.output("--out", text="Folder to write.", default="demo-report")
+@option.count(
+    "--episodes", None, "Episodes of each learning run, instead of the demo's own budget."
+)
+@option.count("--runs", 3, "Learning runs; the best is chosen.")
+@click.option("--n-jobs", type=int, default=-1, show_default=True,
+              help="Processes for the runs; -1 for all cores.")  # fmt: skip
+@option.environment
+@option.seed
+@option.as_json
+def demo(
+    environment: str,
+    expert: str | None,
+    out: Path,
+    episodes: int | None,
+    runs: int,
+    n_jobs: int,
+    env_arguments: dict[str, Any],
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Show, fit, learn, judge, compress and export in ENVIRONMENT; write an HTML report.
+
+    ENVIRONMENT is one that has a scripted demonstrator; your own is shown with eutree record.
+    In Evasion the opponents run faster once the demonstrations are over, and learning has to mend
+    the tree; elsewhere the demonstrator is a mediocre script.
+    """
+    os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # pictures are drawn without a display
+    from eutree.demo import run_demo, settings_for, table_rows
+    from eutree.training.many import FinishedRun
+
+    output = Output(as_json=as_json)
+    settings = settings_for(
+        EnvironmentSpec(environment, env_arguments),
+        expert=expert,
+        runs=runs,
+        n_jobs=n_jobs,
+        seed=seed,
+    )
+    if episodes is not None:
+        story = settings.story
+        learning = dict(story.learning) | {"episodes": episodes}
+        settings = replace(settings, story=replace(story, learning=learning))
+    with output.progress("runs", runs) as progress:
+
+        def follow(count: int, run: FinishedRun) -> None:
+            progress.update(count, f"run {run.seed}: {run.selection}")
+
+        result = run_demo(settings, out, say=output.say, follow=follow)
+    header, rows = table_rows(result)
+    output.result(
+        {
+            "report": str(result.report),
+            "verdict": result.verdict,
+            "policies": [dict(zip(header, row, strict=True)) for row in rows],
+            "against_start": result.judgement.facts(),
+            "changed_steps": result.changes.visited,
+            "runs": [
+                {
+                    "seed": run.seed,
+                    "path": str(run.path),
+                    "n_leaves": run.n_leaves,
+                    "environment_steps": run.environment_steps,
+                    "mean_return": run.selection.mean_return,
+                    "success_rate": run.selection.success_rate,
+                    "winner": number == result.runs.winner,
+                }
+                for number, run in enumerate(result.runs.runs)
+            ],
+        },
+        _story(result),
+    )
+
+
+def _story(result: "DemoResult") -> "Group":
+    """Return the whole story on one screen."""
+    from rich.console import Group
+    from rich.table import Table
+    from rich.text import Text
+
+    from eutree.demo import table_rows
+
+    header, rows = table_rows(result)
+    table = Table(*header)
+    for row in rows:
+        table.add_row(*row)
+    changes = [
+        f"  {box.visited:.0%} of the steps: {box.words}"
+        for box in result.changes.boxes[:3]
+        if box.visited
+    ]
+    lines = [
+        "",
+        *(["What learning changed:", *changes] if changes else []),
+        f"{result.report.parent / 'small.c'}: the {result.small.n_leaves} leaves as a C function",
+        f"open {result.report} in a browser: watch it decide, see what changed",
+    ]
+    return Group(Text(result.verdict, style="bold"), table, Text("\n".join(lines)))
+
+
+@click.command(epilog="Example: eutree zoo MountainCar-v0")
+@click.argument("task", required=False)
+@option.as_json
+def zoo(task: str | None, as_json: bool) -> None:
+    """List the learned trees that come with the package, or those of TASK.
+
+    Each NAME can stand, as zoo:NAME, wherever a command takes a policy file; zoo:TASK is the
+    smallest tree as good as the best.
+    """
+    from eutree.zoo import card, cards
+
+    shown = cards() if task is None else [one for one in cards() if one.task == card(task).task]
+    Output(as_json=as_json).result(
+        {"trees": [{"name": one.name} | asdict(one) for one in shown]},
+        "\n".join([HEAD, *(line for one in shown for line in _lines(one, full=task is not None))]),
+    )
+
+
+HEAD = "name                    leaves  return [95 %]              worst    steps  proven"
+
+
+def _lines(one: "Card", *, full: bool) -> Iterator[str]:
+    """Yield a tree's row and, in full, what is proven of it and what learned it."""
+    low, high = one.interval
+    returns = f"{one.mean_return:.1f} [{low:.1f}, {high:.1f}]"
+    proven = "yes" if one.proven else ""
+    yield (
+        f"{one.name:<22}  {one.leaves:>6}  {returns:<24}  {one.worst:>6.1f}  {one.steps:>7,}"
+        f"  {proven}"
+    ).rstrip()
+    if full and one.proven:
+        yield f"  proven: {one.proven}"
+    if full and one.module:
+        yield f"  its task is an example of the repository: --import {one.module}"
+    if full:
+        yield f"  learned by: {one.command} ({one.commit}, {one.date})"
+
+
+_TASK = "eutree/Evasion2-v0"
+_SHORT = ("--episodes", "40", "--evaluate-every", "40", "--evaluation-episodes", "4")
+_NETWORKS = (
+    "--method", "distilled-dqn", "--steps", "3000", "--evaluate-every", "1000",
+    "--evaluation-episodes", "4", "--set", "teacher.updates_per_step=0.01",
+    "--set", "demonstration_updates=1", "--set", "world_model.updates=1",
+    "--set", "world_model.more_updates=1",
+)  # fmt: skip
+# What compiles it: by name, a command to which demonstrations are added; the longest first.
+JOBS = {
+    "planning": ("learn", _TASK, *_SHORT),
+    "fitting": ("fit", "--episodes", "20"),
+    "networks": ("learn", _TASK, *_NETWORKS),
+    "u-tree": ("learn", _TASK, "--method", "corrected", *_SHORT),
+    "paper": ("learn", _TASK, "--method", "paper", *_SHORT),
+}
+
+
+@click.command(name="warm-up", epilog="Example: eutree warm-up")
+@option.count("--n-jobs", 2, "Processes that compile at the same time.")
+@option.as_json
+def warm_up(n_jobs: int, as_json: bool) -> None:
+    """Compile the loops of fitting, planning and learning for this computer.
+
+    What is compiled is kept beside the package, or where NUMBA_CACHE_DIR says.
+    """
+    from eutree.parallel import Workers
+
+    output = Output(as_json=as_json)
+    begin = time.monotonic()
+    with tempfile.TemporaryDirectory() as folder:
+        record = ("record", _TASK, "--expert", "gate", "--episodes", "5")
+        _compiled_by(record, Path(folder) / "demos")
+        with output.progress("compiling", len(JOBS)) as progress:
+            task = _Job(Path(folder))
+            for count, name in enumerate(Workers(n_jobs).as_finished(task, list(JOBS)), 1):
+                progress.update(count, name)
+    seconds = time.monotonic() - begin
+    output.result({"seconds": seconds, "parts": list(JOBS)}, f"compiled in {seconds:.0f} s")
+
+
+class _Job:
+    """Runs one of the commands, in whichever process this is; returns its name."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def __call__(self, name: str) -> str:
+        verb, *rest = JOBS[name]
+        demos = str(self._folder / "demos")
+        given = [demos] if verb == "fit" else ["--demos", demos]
+        _compiled_by((verb, *rest, *given), self._folder / f"{name}.json")
+        return name
+
+
+def _compiled_by(command: tuple[str, ...], out: Path) -> None:
+    """Run a command whose kernels are compiled at their first call.
+
+    Raises:
+        EutreeError: It failed.
+    """
+    from eutree import compiled
+    from eutree.cli.main import run
+
+    said, before = io.StringIO(), compiled.AT_ONCE
+    compiled.AT_ONCE = True
+    try:
+        with redirect_stdout(io.StringIO()), redirect_stderr(said):
+            code = run([*command, "--out", str(out)])
+    finally:
+        compiled.AT_ONCE = before
+    if code:
+        lines = said.getvalue().strip().splitlines() or [f"exit code {code}"]
+        raise EutreeError(f"{command[0]} could not be compiled: {lines[-1]}")
