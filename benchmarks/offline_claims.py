@@ -22,7 +22,7 @@ import numpy as np
 from eutree.arrays import Floats
 from eutree.data import Episode
 from eutree.evaluation.evaluation import mean_interval
-from eutree.evaluation.off_policy import Judge, compare_off_policy, hold_out
+from eutree.evaluation.off_policy import Judge, hold_out
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
 from eutree.trees import DecisionTree
@@ -141,9 +141,9 @@ def room_claims(threshold: float, *, episodes: int, logs: int) -> tuple[float, R
         generator = np.random.default_rng(number)
         log = [room_episode(generator, operator.act, random=0.1) for _ in range(episodes)]
         known, held_out = hold_out(log, generator)
-        found = compare_off_policy(
-            other, operator, known, held_out, discount=0.99, generator=generator
-        )
+        found = Judge(
+            other=operator, known=known, held_out=held_out, discount=0.99, generator=generator
+        ).of(other)
         lows[number] = found.low if found.believed else -np.inf
     truth = float(means[0] - means[1])
     return truth, shares(lows, truth)

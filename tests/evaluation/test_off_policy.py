@@ -8,7 +8,7 @@ import pytest
 from eutree.data import Episode
 from eutree.evaluation import off_policy
 from eutree.evaluation.log_gains import FittedLog, cuts
-from eutree.evaluation.off_policy import FEWEST_HELD_OUT, Judge, compare_off_policy, hold_out
+from eutree.evaluation.off_policy import FEWEST_HELD_OUT, Judge, hold_out
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
 from eutree.trees import DecisionTree
@@ -29,7 +29,8 @@ def compared(policy, seed, n_episodes=24):
     generator = np.random.default_rng(seed)
     log = [room_episode(generator, OPERATOR.act, random=0.1) for _ in range(n_episodes)]
     known, held_out = hold_out(log, generator)
-    return compare_off_policy(policy, OPERATOR, known, held_out, discount=0.99, generator=generator)
+    judge = Judge(other=OPERATOR, known=known, held_out=held_out, discount=0.99, generator=generator)
+    return judge.of(policy)
 
 
 @pytest.mark.parametrize("threshold", [22.5, 25.0])
@@ -68,9 +69,8 @@ def test_too_few_episodes_decide_nothing():
     log = [room_episode(generator, OPERATOR.act) for _ in range(3 * FEWEST_HELD_OUT - 1)]
     known, held_out = hold_out(log, generator)
     assert (len(known), held_out) == (len(log), ())
-    found = compare_off_policy(
-        heats_below(20.0), OPERATOR, known, held_out, discount=0.99, generator=generator
-    )
+    judge = Judge(other=OPERATOR, known=known, held_out=held_out, discount=0.99, generator=generator)
+    found = judge.of(heats_below(20.0))
     assert not found.believed
     assert found.facts() == {
         "gain": None,
@@ -99,14 +99,14 @@ def test_one_deviation_is_estimated_without_bias():
         reward = 3.0 if action else 1.0
         return Episode(generator.random((2, 1)), [action], [reward], True, False)
 
-    found = compare_off_policy(
-        one,
-        two,
-        [episode() for _ in range(4000)],
-        [episode() for _ in range(4000)],
+    judge = Judge(
+        other=two,
+        known=[episode() for _ in range(4000)],
+        held_out=[episode() for _ in range(4000)],
         discount=1.0,
         generator=generator,
     )
+    found = judge.of(one)
     assert abs(found.gain - 2.0) < 0.2
     assert 1.5 < found.low < 2.0
     assert np.isnan(found.predicted)
@@ -152,10 +152,11 @@ def rarely_lost(departs, generator):
 def of_log(log, seed=0, learned=0.0, **options):
     known, held_out = hold_out(log, np.random.default_rng(seed))
     generator = np.random.default_rng(seed)
-    return compare_off_policy(
-        chooses(learned), chooses(0.5), known, held_out,
+    judge = Judge(
+        other=chooses(0.5), known=known, held_out=held_out,
         discount=0.99, generator=generator, **options,
     )  # fmt: skip
+    return judge.of(chooses(learned))
 
 
 def test_rare_losses_that_were_not_seen_are_no_gain_where_the_range_is_known():

@@ -11,19 +11,27 @@ Single deviations say little of a tree that goes where nobody stayed. So where t
 must also earn more in a world model of the episodes that it was learned from, in paired rollouts
 from their starts. The two fail differently: the first where trees differ in long runs, the second
 where the model is poor. What they say together holds under a condition, which is in the sentence.
+
+What is learned from a log may be worse than an imitation of its actor, and no episode can be run to
+find out. So of a log (``Log``) a third of the episodes is held out; the learned tree is cut to what
+they support, and unless they speak for it the result is the tree of ``fit``, which is fitted to all
+of them: it imitates actions and knows no rewards, so it is the tree to beat, too.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
 from eutree.contests import Bounds
 from eutree.contests.betting import lower_bound, tuned_stake
 from eutree.contests.rules import BLIND
-from eutree.data import Episode
+from eutree.data import Demonstrations, Episode, check_rewards
 from eutree.evaluation.log_gains import FittedLog, Gains, cuts
+from eutree.interaction.seeding import Stream
+from eutree.learners.starts import SETTINGS, best_left_out, candidates
 from eutree.policies import TreePolicy
 from eutree.wording import counted
 from eutree.world_model import PairedRollouts, Transitions, fit_world_models
@@ -36,6 +44,7 @@ ROLLOUTS = 200
 MOST_WEIGHT, MOST_WEIGHT_KNOWN = 20.0, 1000.0  # the second where the range of returns is known
 MIDDLE = 0.5  # between pessimism and optimism
 CONFIDENCE = 0.95  # of the one-sided bound
+DISCOUNT = 0.99  # of advantages, for methods without a discount
 
 
 @dataclass(frozen=True)
@@ -123,41 +132,9 @@ def hold_out(
     )
 
 
-def compare_off_policy(
-    learned: TreePolicy,
-    other: TreePolicy,
-    known: Sequence[Episode],
-    held_out: Sequence[Episode],
-    *,
-    discount: float,
-    generator: np.random.Generator,
-    return_range: tuple[float, float] | None = None,
-) -> OffPolicyComparison:
-    """Return what held-out episodes say of a learned tree against another.
-
-    Args:
-        learned: The tree that is to be believed or not.
-        other: The other one, for example the tree of ``fit``.
-        known: Episodes that V and the actions' chances are fitted to.
-        held_out: Episodes that nothing was fitted to.
-        discount: gamma of the advantages of single deviations.
-        generator: Source of the random numbers of rollouts.
-        return_range: Lowest and highest return of an episode; None where they are not known.
-    """
-    judge = Judge(
-        other=other,
-        known=known,
-        held_out=held_out,
-        discount=discount,
-        generator=generator,
-        return_range=return_range,
-    )
-    return judge.of(learned)
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Judge:
-    """Compares trees with one and the same other tree; see ``compare_off_policy``.
+    """Compares trees with one and the same other tree, for example that of ``fit``.
 
     Attributes:
         other: The tree to beat.
@@ -251,3 +228,81 @@ class Judge:
             )
         known = self.return_range is not None
         return Bounds(0.0, 0.0, 0.0, self._limits, known).condition()
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """Recorded episodes in two parts.
+
+    Attributes:
+        recorded: All of them.
+        known: Those that are learned from.
+        held_out: Those that judge.
+        expert: The tree to beat; None for that of ``fit``.
+        return_range: Lowest and highest return of an episode; None where they are not known.
+        seed: Seed of the division and of what is estimated.
+    """
+
+    recorded: Demonstrations
+    known: Demonstrations
+    held_out: tuple[Episode, ...]
+    expert: TreePolicy | None = None
+    return_range: tuple[float, float] | None = None
+    seed: int = 0
+
+    @classmethod
+    def of(
+        cls,
+        recorded: Demonstrations,
+        expert: TreePolicy | None,
+        return_range: tuple[float, float] | None,
+        *,
+        seed: int,
+    ) -> Self:
+        """Divide recorded episodes; the seed chooses which are held out."""
+        check_rewards(recorded, alone=True)
+        known, held_out = hold_out(recorded.kept, _chance(seed, 0))
+        learned_from = replace(recorded, episodes=known)
+        return cls(recorded, learned_from, held_out, expert, return_range, seed)
+
+    def chosen(
+        self, learned: TreePolicy, *, discount: float | None
+    ) -> tuple[TreePolicy, OffPolicyComparison]:
+        """Return the learned tree, cut, if it is believed to be the better; else the other one."""
+        rival = self.expert or self._fitted(learned)
+        known, held_out = self.known.kept, self.held_out
+        widest = max((learned, rival), key=lambda policy: policy.tree.n_features)
+        if widest.tree.n_features > self.recorded.schema.n_features:  # the other's come first in it
+            known, held_out = (
+                tuple(episode.with_features(widest.features) for episode in part)
+                for part in (known, held_out)
+            )
+        judge = Judge(
+            other=rival,
+            known=known,
+            held_out=held_out,
+            discount=DISCOUNT if discount is None else discount,
+            generator=_chance(self.seed, 1),
+            return_range=self.return_range,
+        )
+        tree, found = judge.chosen(learned)
+        return (tree if found.believed else rival), found
+
+    def _fitted(self, learned: TreePolicy) -> TreePolicy:
+        """Return the tree of ``fit`` without playing.
+
+        Like ``fit`` it may choose to see the observation before, unless the past is among the
+        recorded features already, or the learned tree sees previous actions alone.
+        """
+        stacked = learned.history and learned.tree.n_features == self.recorded.schema.n_features
+        if stacked:
+            return replace(self._best(histories=(0,)), history=learned.history)
+        return self._best(histories=(0, 1) if learned.history or not learned.past_actions else (0,))
+
+    def _best(self, histories: tuple[int, ...]) -> TreePolicy:
+        found = candidates(self.recorded, settings=SETTINGS, histories=histories)
+        return best_left_out(found).policy
+
+
+def _chance(seed: int, number: int) -> np.random.Generator:
+    return np.random.default_rng(np.random.SeedSequence((seed, Stream.HOLD_OUT, number)))

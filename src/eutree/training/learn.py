@@ -36,9 +36,8 @@ from eutree.training.teaching import Teacher, as_teacher
 from eutree.training.values import Asked, Budget, Folder, Schedule, ShortForms
 
 if TYPE_CHECKING:
-    from eutree.evaluation.off_policy import OffPolicyComparison
+    from eutree.evaluation.off_policy import Log, OffPolicyComparison
     from eutree.proof import Certificate
-    from eutree.training.log import Log
 
 RIVAL_EPISODES = 100  # that the policy and a rival both play
 
@@ -166,7 +165,7 @@ def _recorded(
     recorded: Demonstrations, expert: TreePolicy | None, asked: Asked, seed: int
 ) -> _Place:
     """Return where is learned without an environment: a log of recorded episodes."""
-    from eutree.training.log import Log
+    from eutree.evaluation.off_policy import Log
 
     log = Log.of(recorded, expert, asked.handover.return_range, seed=seed)
     problem = Problem(recorded.schema, recorded.environment, asked.history)
