@@ -98,16 +98,19 @@ def store(
     generator: np.random.Generator | None = None,
     *,
     demonstrated: bool = False,
-) -> None:
+) -> Booleans:
     """Append an episode to the store of transitions; ``generator`` serves a bounded one.
 
     Without ``leaves`` the store has a single one.
+
+    Returns:
+        Which of its transitions are stored, shape [T].
     """
-    history.append_episode(
+    return history.append_episode(
         episode.observations,
         episode.actions,
         episode.rewards,
-        _single_leaf(episode.actions) if leaves is None else leaves,
+        np.zeros(len(episode.actions) + 1, dtype=np.int32) if leaves is None else leaves,
         terminated=episode.terminated,
         demonstrated=demonstrated,
         generator=generator,
@@ -119,10 +122,6 @@ def store_demonstrations(history: History, episodes: Iterable[Episode]) -> None:
     """Append demonstrations to a store of a single leaf."""
     for episode in episodes:
         store(history, episode, demonstrated=True)
-
-
-def _single_leaf(actions: Integers) -> Int32s:
-    return np.zeros(len(actions) + 1, dtype=np.int32)
 
 
 def transitions_of(history: History, n_actions: int) -> Transitions:

@@ -17,7 +17,7 @@ Forgetting takes time in proportion to what is stored, so an eighth of the room 
 """
 
 import warnings
-from typing import Any, Protocol
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,38 +29,6 @@ _FREED = 8
 
 Ranks = NDArray[np.uint32]
 Labels = NDArray[np.integer[Any]]
-
-
-class Forgetting(Protocol):
-    """A rule for what is stored, and for what stays when there is too much.
-
-    Attributes:
-        max_transitions: Most transitions stored between two episodes.
-        bounds: Bound of each reservoir.
-    """
-
-    max_transitions: int
-    bounds: NDArray[np.uint64]  # [L, A] or [1]
-
-    def draw(self, n_steps: int, generator: np.random.Generator) -> Ranks:
-        """Return the ranks of an episode's transitions, shape [T]."""
-        ...
-
-    def admits(self, leaves: Labels, actions: Labels, ranks: Ranks) -> Booleans:
-        """Return which of new transitions are stored, shape [T]."""
-        ...
-
-    def keeps(self, leaves: Int32s, actions: Int32s, episodes: Int32s, ranks: Ranks) -> Booleans:
-        """Return which of all stored transitions stay, shape [N]; lower bounds for it."""
-        ...
-
-    def rescaled(self, leaves: Labels, actions: Labels, ranks: Ranks) -> Ranks:
-        """Return ranks over the whole range, for reservoirs that are reset, shape [n]."""
-        ...
-
-    def reset(self, n_leaves: int, leaves: list[int] | None = None) -> None:
-        """Let the reservoirs of ``leaves`` (None: of all) take in everything again."""
-        ...
 
 
 class LeafReservoirs:
@@ -80,11 +48,11 @@ class LeafReservoirs:
         self.bounds = np.full((n_leaves, n_actions), RANKS, dtype=np.uint64)
 
     def draw(self, n_steps: int, generator: np.random.Generator) -> Ranks:
-        """Return a rank for each transition, shape [T]."""
+        """Return a rank for each transition of an episode, shape [T]."""
         return generator.integers(RANKS, size=n_steps, dtype=np.uint32)
 
     def admits(self, leaves: Labels, actions: Labels, ranks: Ranks) -> Booleans:
-        """Return which ranks lie below the bounds of their reservoirs, shape [T]."""
+        """Return which new transitions are stored: those below the bounds of theirs, shape [T]."""
         below: Booleans = ranks < self.bounds[leaves, actions]
         return below
 
@@ -101,7 +69,7 @@ class LeafReservoirs:
         return self.admits(leaves, actions, ranks)
 
     def rescaled(self, leaves: Labels, actions: Labels, ranks: Ranks) -> Ranks:
-        """Return the ranks, which lie below the bounds, scaled to the whole range."""
+        """Return ranks of reservoirs that are reset, scaled to the whole range, shape [n]."""
         scaled = ranks.astype(np.uint64) * np.uint64(RANKS) // self.bounds[leaves, actions]
         return scaled.astype(np.uint32)
 
@@ -168,6 +136,9 @@ class RecentEpisodes:
 
     def reset(self, n_leaves: int, leaves: list[int] | None = None) -> None:
         """Do nothing: a leaf has no reservoir here."""
+
+
+Forgetting: TypeAlias = LeafReservoirs | RecentEpisodes
 
 
 def fair_shares(sizes: Integers, room: int) -> Integers:

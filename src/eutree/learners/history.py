@@ -6,7 +6,7 @@ Rows of one episode are stored one after the other; where a bounded history has 
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,8 @@ from eutree.errors import InvalidArgumentError
 from eutree.learners import _kernels
 from eutree.learners.forgetting import RANKS, Forgetting, LeafReservoirs
 from eutree.trees import DecisionTree
+
+_Array = TypeVar("_Array", bound=NDArray[Any])
 
 _FIRST_ROOM = 64
 _GROWTH = 1.25
@@ -157,6 +159,17 @@ class Relabelling:
     new_entered: Int32s  # [n]
 
 
+class _View(Generic[_Array]):
+    """A column of a history's store, by the name of the attribute; a view."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    def __get__(self, history: "History", owner: type) -> _Array:
+        column: _Array = history.columns[self._name]  # type: ignore[assignment]  # as declared
+        return column
+
+
 class History:
     """All stored transitions of a learner.
 
@@ -167,11 +180,30 @@ class History:
 
     Attributes:
         columns: What is stored of each transition; once actions were masked ``allowed``, too.
+        observations: Observation o of each; this and what follows are views of columns.
+        next_observations: Observation o'.
+        actions: Action.
+        rewards: Reward.
+        episodes: Number of its episode among those stored.
+        continues: Whether it came right after the one before it.
+        left: Leaf L(o) that it left.
+        entered: Leaf L(o') that it entered, ``TERMINAL`` at the end.
+        demonstrated: Whether another agent showed it.
         leaving: The rows that left each leaf.
         entering: The rows that entered each leaf.
         n_seen: Number of transitions ever appended, with those that were left out.
         n_episodes: Number of episodes stored.
     """
+
+    observations: _View[Floats] = _View()  # [N, d]
+    next_observations: _View[Floats] = _View()  # [N, d]
+    actions: _View[Int32s] = _View()  # [N]
+    rewards: _View[Floats] = _View()  # [N]
+    episodes: _View[Int32s] = _View()  # [N]
+    continues: _View[Booleans] = _View()  # [N]
+    left: _View[Int32s] = _View()  # [N]
+    entered: _View[Int32s] = _View()  # [N]
+    demonstrated: _View[Booleans] = _View()  # [N]
 
     def __init__(
         self, n_features: int, n_leaves: int, forgetting: Forgetting | None = None
@@ -205,51 +237,6 @@ class History:
     def size(self) -> int:
         """Number of transitions N."""
         return self.columns.size
-
-    @property
-    def observations(self) -> Floats:
-        """Observation o of each transition, shape [N, d]; a view."""
-        return self.columns["observations"]
-
-    @property
-    def next_observations(self) -> Floats:
-        """Observation o' of each transition, shape [N, d]; a view."""
-        return self.columns["next_observations"]
-
-    @property
-    def actions(self) -> Int32s:
-        """Action of each transition, shape [N]; a view."""
-        return self.columns["actions"]
-
-    @property
-    def rewards(self) -> Floats:
-        """Reward of each transition, shape [N]; a view."""
-        return self.columns["rewards"]
-
-    @property
-    def episodes(self) -> Int32s:
-        """Number of the episode of each transition among those stored, shape [N]; a view."""
-        return self.columns["episodes"]
-
-    @property
-    def continues(self) -> Booleans:
-        """Whether each transition came right after the one before it, shape [N]; a view."""
-        return self.columns["continues"]
-
-    @property
-    def left(self) -> Int32s:
-        """Leaf L(o) that each transition left, shape [N]; a view."""
-        return self.columns["left"]
-
-    @property
-    def entered(self) -> Int32s:
-        """Leaf L(o') that each transition entered, ``TERMINAL`` at the end; shape [N]; a view."""
-        return self.columns["entered"]
-
-    @property
-    def demonstrated(self) -> Booleans:
-        """Whether another agent showed each transition, shape [N]; a view."""
-        return self.columns["demonstrated"]
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return what the history holds; its labels and lists follow from the tree."""

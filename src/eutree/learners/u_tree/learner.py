@@ -29,7 +29,7 @@ from eutree.learners.declared import (
     part,
     prefixed,
 )
-from eutree.learners.episode_buffer import random_action
+from eutree.learners.episode_buffer import random_action, store
 from eutree.learners.forgetting import LeafReservoirs
 from eutree.learners.history import History
 from eutree.learners.learner import (
@@ -223,15 +223,8 @@ class UTree:
     def add_demonstrations(self, episodes: Iterable[Episode]) -> None:
         """Store the expert's transitions and solve the MDP for the first Q-table."""
         for episode in episodes:
-            self.history.append_episode(
-                episode.observations,
-                episode.actions,
-                episode.rewards,
-                self.tree.leaf_index(episode.observations),
-                terminated=episode.terminated,
-                demonstrated=True,
-                allowed=episode.allowed,
-            )
+            leaves = self.tree.leaf_index(episode.observations)
+            store(self.history, episode, leaves, demonstrated=True)
             self.history.forget()
         self.mdp = counted_again(self.mdp, self.history, self.method)
         self._solving.solve(self.mdp, self.history)
@@ -265,16 +258,7 @@ class UTree:
     def end_episode(self) -> None:
         """Store the transitions (o, a, r, o') of the episode, each in leaf L(o)."""
         one = self._steps.finish()
-        episode = one.steps
-        stored = self.history.append_episode(
-            episode.observations,
-            episode.actions,
-            episode.rewards,
-            one.leaves,
-            terminated=episode.terminated,
-            generator=self._steps.generator,
-            allowed=episode.allowed,
-        )
+        stored = store(self.history, one.steps, one.leaves, self._steps.generator)
         if self.method.max_transitions is not None:
             if not stored.all():
                 uncount(self.mdp, self._rewards_before, one, stored)
