@@ -53,3 +53,26 @@ def integer_best_cut(x, q, *, min_leaf, score):
             if value > (best[0] if best else 0.0):
                 best = (value, feature, values[i - 1], values[i], W, i)
     return best
+
+
+def exact_p(statistic, n_left, n_right):
+    """The chance that two samples of one distribution are at least so far apart, by lattice paths.
+
+    A random order of both is a path from (0, 0) to (n_left, n_right): what leaves the band around
+    the diagonal is summed where it leaves.
+    """
+    lattice = np.lcm(n_left, n_right)
+    bound = round(statistic * lattice) * (n_left * n_right // lattice)
+    if bound <= 0:
+        return 1.0
+    inside, left = np.zeros(n_right + 1), 0.0
+    for i in range(n_left + 1):
+        for j in range(n_right + 1):
+            remaining = n_left + n_right - i - j + 1
+            here = 1.0 if i == j == 0 else 0.0
+            here += inside[j] * (n_left - i + 1) / remaining if i else 0.0
+            here += inside[j - 1] * (n_right - j + 1) / remaining if j else 0.0
+            if abs(i * n_right - j * n_left) >= bound:
+                left, here = left + here, 0.0
+            inside[j] = here
+    return left

@@ -6,10 +6,11 @@ imported on first use (PEP 562), so that ``import eutree`` costs little more tha
 """
 
 import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from eutree import display as _display
 from eutree.envs import register as _register
+from eutree.lazy import lazily
 from eutree.version import __version__ as __version__
 
 if TYPE_CHECKING:
@@ -70,80 +71,58 @@ if TYPE_CHECKING:
     from eutree.training.values import ShortForms as ShortForms
     from eutree.trees import DecisionTree as DecisionTree
 
-# Where each public name lives, as "module" or "module:attribute". The imports above say the same to
-# type checkers; a contract test compares the two.
-_PUBLIC = {
-    "Budget": "eutree.training.values:Budget",
-    "C45Classifier": "eutree.c45.estimator:C45Classifier",
-    "C45Settings": "eutree.c45:C45Settings",
-    "compress": "eutree.compression.compressing:compress",
-    "CompressionReport": "eutree.compression:CompressionReport",
-    "diff": "eutree.inspection.diff:diff",
-    "distill": "eutree.distillation.distill:distill",
-    "DistillationReport": "eutree.distillation:DistillationReport",
-    "DecisionTree": "eutree.trees:DecisionTree",
-    "Demonstrations": "eutree.data:Demonstrations",
-    "EnvironmentFault": "eutree.errors:EnvironmentFault",
-    "EnvironmentSpec": "eutree.schema:EnvironmentSpec",
-    "Episode": "eutree.data:Episode",
-    "EutreeError": "eutree.errors:EutreeError",
-    "evaluate": "eutree.evaluation.evaluate:evaluate",
-    "Evaluation": "eutree.evaluation:Evaluation",
-    "experts": "eutree.envs.experts",
-    "export": "eutree.export",
-    "Feature": "eutree.schema:Feature",
-    "FileError": "eutree.errors:FileError",
-    "fit": "eutree.fitting.fit:fit",
-    "fit_expert_tree": "eutree.learners.starts:fit_expert_tree",
-    "FitReport": "eutree.fitting:FitReport",
-    "Folder": "eutree.training.values:Folder",
-    "FormatError": "eutree.errors:FormatError",
-    "Handover": "eutree.training.handover:Handover",
-    "inspection": "eutree.inspection",
-    "interaction": "eutree.interaction",
-    "InvalidArgumentError": "eutree.errors:InvalidArgumentError",
-    "LeafStatistics": "eutree.policies:LeafStatistics",
-    "learn": "eutree.training.learn:learn",
-    "learn_runs": "eutree.training.many:learn_runs",
-    "LearningRuns": "eutree.training.many:LearningRuns",
-    "learners": "eutree.learners",
-    "listeners": "eutree.training.listeners",
-    "LearningResult": "eutree.training:LearningResult",
-    "mdp": "eutree.mdp",
-    "MissingExtraError": "eutree.errors:MissingExtraError",
-    "play": "eutree.recording.record:play",
-    "Policy": "eutree.policies:Policy",
-    "record": "eutree.recording:record",
-    "recording": "eutree.recording",
-    "report": "eutree.report",
-    "RunFolderError": "eutree.errors:RunFolderError",
-    "Schedule": "eutree.training.values:Schedule",
-    "Schema": "eutree.schema:Schema",
-    "ShortForms": "eutree.training.values:ShortForms",
-    "splitting": "eutree.splitting",
-    "Teacher": "eutree.training:Teacher",
-    "TreePolicy": "eutree.policies:TreePolicy",
-    "TreePolicyClassifier": "eutree.policies.estimator:TreePolicyClassifier",
-    "UnknownNameError": "eutree.errors:UnknownNameError",
-    "UnsupportedSpaceError": "eutree.errors:UnsupportedSpaceError",
-    "verify": "eutree.inspection.verify:verify",
-    "why": "eutree.inspection.why:why",
-    "zoo": "eutree.zoo",
+# Where each public name lives, and the modules that are public names. The imports above say the
+# same to type checkers; a contract test compares the two.
+_HOMES = {
+    "eutree.c45": "C45Settings",
+    "eutree.c45.estimator": "C45Classifier",
+    "eutree.compression": "CompressionReport",
+    "eutree.compression.compressing": "compress",
+    "eutree.data": "Demonstrations Episode",
+    "eutree.distillation": "DistillationReport",
+    "eutree.distillation.distill": "distill",
+    "eutree.errors": (
+        "EnvironmentFault EutreeError FileError FormatError InvalidArgumentError "
+        "MissingExtraError RunFolderError UnknownNameError UnsupportedSpaceError"
+    ),
+    "eutree.evaluation": "Evaluation",
+    "eutree.evaluation.evaluate": "evaluate",
+    "eutree.fitting": "FitReport",
+    "eutree.fitting.fit": "fit",
+    "eutree.inspection.diff": "diff",
+    "eutree.inspection.verify": "verify",
+    "eutree.inspection.why": "why",
+    "eutree.learners.starts": "fit_expert_tree",
+    "eutree.policies": "LeafStatistics Policy TreePolicy",
+    "eutree.policies.estimator": "TreePolicyClassifier",
+    "eutree.recording": "record",
+    "eutree.recording.record": "play",
+    "eutree.schema": "EnvironmentSpec Feature Schema",
+    "eutree.training": "LearningResult Teacher",
+    "eutree.training.handover": "Handover",
+    "eutree.training.learn": "learn",
+    "eutree.training.many": "LearningRuns learn_runs",
+    "eutree.training.values": "Budget Folder Schedule ShortForms",
+    "eutree.trees": "DecisionTree",
 }
+_MODULES = (
+    "eutree.envs.experts",
+    "eutree.export",
+    "eutree.inspection",
+    "eutree.interaction",
+    "eutree.learners",
+    "eutree.mdp",
+    "eutree.recording",
+    "eutree.report",
+    "eutree.splitting",
+    "eutree.training.listeners",
+    "eutree.zoo",
+)
 
-__all__ = list(_PUBLIC)
+__all__ = list(" ".join(_HOMES.values()).split())
+__all__ += [module.rpartition(".")[2] for module in _MODULES]
 
-
-def __getattr__(name: str) -> Any:
-    """Import a public name on first use."""
-    if name not in _PUBLIC:
-        raise AttributeError(f"module 'eutree' has no attribute {name!r}")
-    module, _, attribute = _PUBLIC[name].partition(":")
-    value: Any = importlib.import_module(module)
-    if attribute:
-        value = getattr(value, attribute)
-    globals()[name] = value
-    return value
+__getattr__ = lazily(__name__, _HOMES, _MODULES)
 
 
 def __dir__() -> list[str]:

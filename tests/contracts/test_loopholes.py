@@ -35,7 +35,7 @@ def modules() -> Sources:
 # notebooks show (nothing below knows them), the command line its commands and the modules of its
 # users, Minari's files what only Minari brings.
 BY_NAME = {
-    "eutree": {"module", "'eutree.report.notebook'"},
+    "eutree": {"'eutree.report.notebook'"},
     "eutree.lazy": {"home", "package"},
     "eutree.cli.main": {"f'eutree.cli.{home}'"},
     "eutree.cli._policies": {"module"},

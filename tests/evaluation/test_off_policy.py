@@ -29,7 +29,9 @@ def compared(policy, seed, n_episodes=24):
     generator = np.random.default_rng(seed)
     log = [room_episode(generator, OPERATOR.act, random=0.1) for _ in range(n_episodes)]
     known, held_out = hold_out(log, generator)
-    judge = Judge(other=OPERATOR, known=known, held_out=held_out, discount=0.99, generator=generator)
+    judge = Judge(
+        other=OPERATOR, known=known, held_out=held_out, discount=0.99, generator=generator
+    )
     return judge.of(policy)
 
 
@@ -69,7 +71,9 @@ def test_too_few_episodes_decide_nothing():
     log = [room_episode(generator, OPERATOR.act) for _ in range(3 * FEWEST_HELD_OUT - 1)]
     known, held_out = hold_out(log, generator)
     assert (len(known), held_out) == (len(log), ())
-    judge = Judge(other=OPERATOR, known=known, held_out=held_out, discount=0.99, generator=generator)
+    judge = Judge(
+        other=OPERATOR, known=known, held_out=held_out, discount=0.99, generator=generator
+    )
     found = judge.of(heats_below(20.0))
     assert not found.believed
     assert found.facts() == {

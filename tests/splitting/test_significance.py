@@ -19,6 +19,7 @@ from eutree.splitting import (
     permutation_p,
 )
 from eutree.splitting.significance import EpisodeRows
+from tests import naive_splitting
 
 slow_without_compilation = pytest.mark.skipif(
     not compiled.ENABLED, reason="too slow without compilation"
@@ -71,7 +72,7 @@ class TestNaive:
             n_left, n_right = generator.integers(1, 40, size=2)
             left, right = generator.normal(size=n_left), generator.normal(0.5, size=n_right)
             theirs = stats.ks_2samp(left, right, method="exact")
-            ours = naive_p(theirs.statistic, int(n_left), int(n_right), method="exact")
+            ours = naive_splitting.exact_p(theirs.statistic, int(n_left), int(n_right))
             assert ours == pytest.approx(theirs.pvalue, abs=1e-12)
 
     @pytest.mark.promise(17)
@@ -79,7 +80,7 @@ class TestNaive:
         """0.08 from 10 tuples per side on, 0.005 where p is small enough to matter (below 0.02)."""
         for n_left, n_right in [(20, 20), (10, 50), (40, 90)]:
             for k in range(1, n_left):
-                exact = naive_p(k / n_left, n_left, n_right, method="exact")
+                exact = naive_splitting.exact_p(k / n_left, n_left, n_right)
                 bound = 0.08 if exact > 0.02 else 0.005
                 assert naive_p(k / n_left, n_left, n_right) == pytest.approx(exact, abs=bound)
 

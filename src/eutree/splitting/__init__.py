@@ -6,7 +6,6 @@ from eutree.splitting.significance import (
     Maximal,
     Naive,
     Permutation,
-    Significance,
     SignificanceTest,
     permutation_p,
 )
@@ -17,7 +16,6 @@ __all__ = [
     "Maximal",
     "Naive",
     "Permutation",
-    "Significance",
     "SignificanceTest",
     "Split",
     "best_split",

@@ -7,43 +7,30 @@ literally; the best of many cuts is not a fixed cut, and on noise this p-value i
 import math
 from bisect import bisect_right
 from functools import lru_cache
-from typing import Literal
 
 import numpy as np
 
-from eutree.splitting._kernels_lattice import chance_of_leaving
 from eutree.splitting._maximal_ks_table import SIZES, TAILS, VALUES, VALUES_SHARE_10
-from eutree.validation import check_choice, check_integer, check_number
+from eutree.validation import check_integer, check_number
 
 _TERMS = 100
 _SMALLEST = 0.04  # below it 1 - Q is under 1e-300 and the alternating series needs many terms
 
 
-def naive_p(
-    statistic: float,
-    n_left: int,
-    n_right: int,
-    *,
-    method: Literal["asymptotic", "exact"] = "asymptotic",
-) -> float:
+def naive_p(statistic: float, n_left: int, n_right: int) -> float:
     """Return the chance that two samples of one continuous distribution are at least D apart.
+
+    It is the limit law at (sqrt(e) + 0.12 + 0.11 / sqrt(e)) * D with e = n_left * n_right /
+    (n_left + n_right), Stephens' correction.
 
     Args:
         statistic: D, from 0 to 1.
         n_left: Size of one sample.
         n_right: Size of the other sample.
-        method: ``"asymptotic"`` uses the limit law at (sqrt(e) + 0.12 + 0.11 / sqrt(e)) * D with
-            e = n_left * n_right / (n_left + n_right), Stephens' correction; ``"exact"`` counts
-            lattice paths in time n_left * n_right.
     """
     check_number("statistic", statistic, low=0.0, high=1.0)
     check_integer("n_left", n_left, low=1)
     check_integer("n_right", n_right, low=1)
-    check_choice("method", method, ("asymptotic", "exact"))
-    if method == "exact":
-        lattice = n_left * n_right // math.gcd(n_left, n_right)
-        steps = round(statistic * lattice)
-        return chance_of_leaving(n_left, n_right, steps * (n_left * n_right // lattice))
     root = math.sqrt(n_left * n_right / (n_left + n_right))
     return kolmogorov_tail((root + 0.12 + 0.11 / root) * statistic)
 

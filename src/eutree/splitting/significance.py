@@ -7,7 +7,7 @@ cuts, attributes and actions.
 
 import math
 from dataclasses import dataclass
-from typing import Protocol, TypeAlias
+from typing import TypeAlias
 
 import msgspec
 import numpy as np
@@ -198,23 +198,6 @@ def _legal(columns: Floats, order: Integers) -> Booleans:
     legal = np.zeros(values.shape, dtype=np.bool_)
     legal[:, 1:] = values[:, :-1] < values[:, 1:]
     return legal
-
-
-class Significance(Protocol):
-    """A test of the best split of a leaf at a level."""
-
-    @property
-    def alpha(self) -> float:
-        """Level: the largest p-value that is accepted."""
-
-    def p_value(
-        self,
-        split: Split,
-        sample: LeafSample,
-        search: KolmogorovSmirnov,
-        generator: np.random.Generator,
-    ) -> float:
-        """Return the chance of a split as good as this one on noise."""
 
 
 class _AtLevel(msgspec.Struct, frozen=True):
