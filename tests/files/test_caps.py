@@ -14,7 +14,7 @@ import io, resource, struct, sys, zipfile, zlib
 from pathlib import Path
 import numpy as np
 from eutree.data import Demonstrations
-from eutree.data.csv_reader import MAX_EPISODES, MAX_NUMBERS
+from eutree.data.csv_files import MAX_EPISODES, MAX_NUMBERS
 from eutree.data.journal import recover_episode
 from eutree.errors import FormatError
 from eutree.files.arrays import MAX_ARCHIVE
