@@ -1,17 +1,18 @@
 """What ``eutree learn`` says: how a run goes, what came of it."""
 
 import logging
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from eutree.cli._given import keep
 from eutree.cli._output import Output, ProgressLine, figures_of, front_drawn
+from eutree.cli._policies import beside
 from eutree.wording import counted
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from eutree.cli._policies import Rivalry
     from eutree.schema import EnvironmentSpec
     from eutree.training import LearningResult, Run
     from eutree.training.many import FinishedRun, LearningRuns
@@ -87,9 +88,7 @@ def present(run: "Run") -> str:
     return f"{leaves}; at episode {point.episode}: {point.describe()}"
 
 
-def as_values(
-    result: "LearningResult", out: Path, rivalry: "Rivalry | None" = None
-) -> dict[str, Any]:
+def as_values(result: "LearningResult", out: Path) -> dict[str, Any]:
     """Return a result for ``--json``."""
     steps, judgement = result.environment_steps, result.against_start
     return {
@@ -108,7 +107,7 @@ def as_values(
         "front": _front(result, out),
         "certificate": None if result.certificate is None else result.certificate.figures(),
         "against_fit": None if result.against_fit is None else result.against_fit.facts(),
-        "against": None if rivalry is None else rivalry.facts(),
+        "against": None if result.against is None else result.against.facts(),
         "model_trust": None if result.model_trust is None else result.model_trust.figures(),
         "path": str(out / "policy.json"),
         "curve": [
@@ -117,15 +116,12 @@ def as_values(
     }
 
 
-def in_words(
-    result: "LearningResult", out: Path, rivalry: "Rivalry | None" = None, *, recorded: int | None
-) -> str:
+def in_words(result: "LearningResult", out: Path, *, recorded: int | None) -> str:
     """Return a result in a sentence: what it cost, what it is, what was gained.
 
     Args:
         result: The result.
         out: Where it was written.
-        rivalry: What it did against another on fresh episodes, if one was named.
         recorded: Recorded episodes that all was learned from; None if it gathered its own.
     """
     last = result.curve[-1].describe() if result.curve else counted(result.policy.n_leaves, "leaf")
@@ -152,8 +148,8 @@ def in_words(
     picked = None if result.picked is None else result.picked.n_leaves
     front = front_drawn(result.front, "learned", picked).rstrip()
     proven = "" if result.certificate is None else str(result.certificate)
-    rest = [front, verdict, proven, "" if rivalry is None else rivalry.all_lines()]
-    return "\n".join([f"{words}; written to {out}", *filter(None, rest)])
+    lines = [f"{words}; written to {out}", *filter(None, [front, verdict, proven])]
+    return "\n".join(lines) + beside(result.against)
 
 
 def _front(result: "LearningResult", out: Path) -> list[dict[str, Any]]:
@@ -193,15 +189,13 @@ def run_many(
         return learn_runs(spec, runs=runs, n_jobs=n_jobs, out=out, on_run=show, **options)
 
 
-def many_results(
-    learned: "LearningRuns", out: Path, rivalry: "Rivalry | None" = None
-) -> "tuple[dict[str, Any], Table]":
+def many_results(learned: "LearningRuns", out: Path) -> "tuple[dict[str, Any], Table]":
     """Return several runs for ``--json``, and as a table."""
     from rich.table import Table
 
     result, judged = learned.result, learned.judged
     judgement = learned.judgement or result.against_start
-    values = as_values(result, out, rivalry) | {
+    values = as_values(replace(result, against=learned.against), out) | {
         "n_leaves": learned.policy.n_leaves,
         "handed_over": "learned" if judgement is None else judgement.handed_over,
         "why": "" if judgement is None else judgement.why,
@@ -227,7 +221,7 @@ def many_results(
         f"{_against_start(result)}. On {judged}. Written to {out / 'policy.json'}."
         + ("" if judgement is None else f"\n{judgement.verdict()}")
         + ("" if learned.certificate is None else f"\n{learned.certificate}")
-        + ("" if rivalry is None else f"\n{rivalry.all_lines()}"),
+        + beside(learned.against),
         caption_justify="left",
     )  # fmt: skip
     for number, run in enumerate(learned.runs):

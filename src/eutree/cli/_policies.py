@@ -6,7 +6,7 @@ What is exported of a policy may carry the sentence of its certificate on top.
 import importlib
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
@@ -189,57 +189,35 @@ class Rival:
         name: As ``--against`` has it.
         spec: Where both play.
 
+    Attributes:
+        controller: Who that is.
+
     Raises:
         UnknownNameError: The name means nothing that acts; see ``controller``.
     """
 
     def __init__(self, name: str, spec: EnvironmentSpec) -> None:
-        self.name = name
+        self._name = name
         self._spec = spec
-        self._controller = controller(name, "--against", spec)
+        self.controller = controller(name, "--against", spec)
 
-    def meets(
-        self, policy: "TreePolicy", *, episodes: int, seed: int, n_jobs: int | None
-    ) -> "Rivalry":
-        """Let a policy and the rival play the same episodes."""
-        from eutree.evaluation import evaluate
-
-        one = evaluate(policy, self._spec, episodes=episodes, seed=seed, n_jobs=n_jobs)
-        return self.follows(one, seed=seed, n_jobs=n_jobs)
-
-    def follows(self, policy: "Evaluation", *, seed: int, n_jobs: int | None) -> "Rivalry":
+    def follows(self, policy: "Evaluation", *, seed: int, n_jobs: int | None) -> "Against":
         """Let the rival play the episodes that a policy has played."""
         from eutree.evaluation import against, evaluate
         from eutree.interaction.first_look import return_range
         from eutree.interaction.making import make
 
         n = policy.episodes
-        other = evaluate(self._controller, self._spec, episodes=n, seed=seed, n_jobs=n_jobs)
+        other = evaluate(self.controller, self._spec, episodes=n, seed=seed, n_jobs=n_jobs)
         env = make(self._spec)
         known = return_range(env)
         env.close()
-        return Rivalry(self.name, policy, against(policy, other, known=known))
+        return against(policy, other, known=known, name=self._name)
 
 
-@dataclass(frozen=True)
-class Rivalry:
-    """A policy and a rival in the same episodes, as commands say it."""
-
-    name: str
-    policy: "Evaluation"
-    found: "Against"
-
-    def facts(self) -> dict[str, Any]:
-        """Return it for ``--json``."""
-        return {"name": self.name, **self.found.facts()}
-
-    def lines(self) -> str:
-        """Return what the rival did and what the policy earned more, a line each."""
-        return f"{self.name}: {self.found.other}\n{self.found.describe(self.name)}"
-
-    def all_lines(self) -> str:
-        """Return the same after what the policy did."""
-        return f"the result: {self.policy}\n{self.lines()}"
+def beside(found: "Against | None") -> str:
+    """Return what a result and its rival did, a line each, to follow other lines."""
+    return "" if found is None else f"\nthe result: {found.policy}\n{found}"
 
 
 def with_certificate(content: str | bytes, name: str, path: Path, policy: "TreePolicy") -> str:

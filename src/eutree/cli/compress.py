@@ -10,7 +10,7 @@ import numpy as np
 from eutree.cli import _options as option
 from eutree.cli._commands import Helped
 from eutree.cli._output import Output, figures_of, front_drawn
-from eutree.cli._policies import Rival, against_option, load_demonstrations
+from eutree.cli._policies import Rival, against_option, beside, load_demonstrations
 from eutree.cli.parts import cluster, workers_options
 from eutree.errors import EutreeError, InvalidArgumentError, shown
 from eutree.schema import EnvironmentSpec
@@ -111,6 +111,7 @@ def compress(
 ) -> None:
     """Make the tree of SOURCE, a run folder or a policy file, smaller; report what changed."""
     from eutree.compression import ImaginedEpisodes, RealEpisodes, compress_monotone
+    from eutree.evaluation import evaluate
     from eutree.files import check_writable
 
     output = Output(as_json=as_json)
@@ -145,9 +146,11 @@ def compress(
             round_thresholds=rounding,
             **options,
         )
-        rivalry = None
+        found = None
         if rival is not None:
-            rivalry = rival.meets(small, episodes=episodes, seed=options["seed"], n_jobs=n_jobs)
+            where, seed = _where(source, policy, env_arguments), options["seed"]
+            mine = evaluate(small, where, episodes=episodes, seed=seed, n_jobs=n_jobs)
+            found = rival.follows(mine, seed=seed, n_jobs=n_jobs)
     small.save(out)
     paths = _front_written(report, front)
     change = report.return_change
@@ -157,12 +160,12 @@ def compress(
             "return_change": None if change is None else list(change.interval),
             "rounding": None if report.rounding is None else vars(report.rounding),
             "front": [one.facts(path) for one, path in zip(report.front, paths, strict=True)],
-            "against": None if rivalry is None else rivalry.facts(),
+            "against": None if found is None else found.facts(),
             "path": str(out),
         },
         f"{small}\n{front_drawn(report.front, 'start')}"
         f"{_in_words(report, len(observations))}{unplayed}; "
-        f"written to {out}" + ("" if rivalry is None else f"\n{rivalry.all_lines()}"),
+        f"written to {out}{beside(found)}",
     )
 
 

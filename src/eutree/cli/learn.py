@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from signal import SIGINT
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -23,7 +23,6 @@ from eutree.cli._learning import Following, as_values, in_words, many_results, r
 from eutree.cli._output import Output
 from eutree.cli._policies import (
     OWN,
-    Rival,
     against_option,
     controller,
     in_zoo,
@@ -35,11 +34,12 @@ from eutree.errors import EnvironmentFault, InvalidArgumentError
 from eutree.schema import EnvironmentSpec
 
 if TYPE_CHECKING:
-    from eutree.cli._policies import Rivalry
     from eutree.data import Demonstrations
-    from eutree.policies import TreePolicy
-    from eutree.training import Run, Teacher
+    from eutree.training import LearningResult, Run, Teacher
     from eutree.training.listeners import StopRequest
+    from eutree.training.many import LearningRuns
+
+    _Result = TypeVar("_Result", LearningResult, LearningRuns)
 
 
 @click.command(
@@ -187,7 +187,7 @@ def learn(
     if offline and against is not None:
         raise InvalidArgumentError("--against needs an environment to act in; leave out --offline")
     spec = None if offline else _spec(environment, demonstrations, env_arguments)
-    rival = None if spec is None or against is None else Rival(against, spec)
+    rival = None if spec is None or against is None else controller(against, "--against", spec)
     of_run = RunSettings.of(settings)
     if demonstrations is None and expert is None and spec is not None:
         demonstrations = of_run.shown(spec, options["seed"])
@@ -196,6 +196,7 @@ def learn(
         "expert": None if expert is None else TreePolicy.load(policy_file(expert)),
         "teacher": _teacher(teacher, teacher_steps, spec),
         "method": chosen,
+        "against": rival,
         "start": start,
         "episodes": episodes,
         "steps": steps,
@@ -211,8 +212,7 @@ def learn(
             _saying_how_to_go_on(output, stop, out),
         ):
             learned = run_many(spec, runs, n_jobs, out, output, options)
-        rivalry = _rivalry(rival, learned.policy, options["seed"], n_jobs)
-        output.result(*many_results(learned, out, rivalry))
+        output.result(*many_results(_named(learned, against), out))
         return
     env = None if spec is None else make(spec)
     with (
@@ -230,21 +230,15 @@ def learn(
         if stop():
             raise KeyboardInterrupt
     recorded = len(demonstrations) if offline and demonstrations is not None else None
-    rivalry = _rivalry(rival, result.policy, options["seed"], n_jobs)
-    output.result(
-        as_values(result, out, rivalry), in_words(result, out, rivalry, recorded=recorded)
-    )
+    result = _named(result, against)
+    output.result(as_values(result, out), in_words(result, out, recorded=recorded))
 
 
-def _rivalry(rival: Rival | None, policy: "TreePolicy", seed: int, n_jobs: int) -> "Rivalry | None":
-    """Return what the result and its rival do on fresh episodes."""
-    from eutree.interaction import episode_seed
-    from eutree.interaction.seeding import Stream
-
-    if rival is None:
-        return None
-    fresh = episode_seed(seed, 0, Stream.AGAINST)
-    return rival.meets(policy, episodes=100, seed=fresh, n_jobs=n_jobs)
+def _named(result: "_Result", rival: str | None) -> "_Result":
+    """Return what was learned, its rival called as it was named."""
+    if result.against is None:
+        return result
+    return replace(result, against=replace(result.against, name=rival or ""))
 
 
 def _teacher(name: str | None, steps: int | None, spec: EnvironmentSpec | None) -> "Teacher | None":

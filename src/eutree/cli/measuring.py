@@ -54,7 +54,7 @@ def evaluate(
     rival = None if against is None else Rival(against, spec)
     with cluster(backend, address):
         result = evaluate_policy(loaded, spec, episodes=episodes, seed=seed, n_jobs=n_jobs)
-        rivalry = None if rival is None else rival.follows(result, seed=seed, n_jobs=n_jobs)
+        found = None if rival is None else rival.follows(result, seed=seed, n_jobs=n_jobs)
     output.result(
         {
             **figures_of(result, "episodes success_rate success_interval mean_return"),
@@ -62,11 +62,11 @@ def evaluate(
             "n_leaves": loaded.n_leaves,
             "mean_length": result.mean_length,
             "environment": str(spec),
-            "against": None if rivalry is None else rivalry.facts(),
+            "against": None if found is None else found.facts(),
         },
         f"{spec}, {result}; {result.extremes}"
         + (f"\n{result.warning}" if result.warning else "")
-        + ("" if rivalry is None else f"\n{rivalry.lines()}"),
+        + ("" if found is None else f"\n{found}"),
     )
 
 

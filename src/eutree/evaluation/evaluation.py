@@ -286,7 +286,9 @@ class Against:
         success_change: Mean of the difference of successes; None where none is reported.
         success_interval: Its 95 % interval, by betting.
         condition: What the interval depends on, where the range of returns is not known; else "".
+        policy: What the policy did.
         other: What the other policy did.
+        name: Who the other is; "" where nobody said.
     """
 
     episodes: int
@@ -297,12 +299,19 @@ class Against:
     success_change: float | None
     success_interval: Interval | None
     condition: str
+    policy: Evaluation
     other: Evaluation
+    name: str = ""
+
+    def __str__(self) -> str:
+        """Return what the other did and what the policy earned more, a line each."""
+        return f"{self.name}: {self.other}\n{self.describe(self.name)}"
 
     def facts(self) -> dict[str, Any]:
         """Return it in JSON's types."""
         success, other = self.success_interval, self.other
         return {
+            "name": self.name,
             "episodes_compared": self.episodes,
             "better": self.better,
             "worse": self.worse,
@@ -333,7 +342,11 @@ class Against:
 
 
 def against(
-    policy: Evaluation, other: Evaluation, *, known: tuple[float, float] | None = None
+    policy: Evaluation,
+    other: Evaluation,
+    *,
+    known: tuple[float, float] | None = None,
+    name: str = "",
 ) -> Against:
     """Compare two evaluations on the same episodes: same environment, seed and count.
 
@@ -341,6 +354,7 @@ def against(
         policy: What the policy did.
         other: What the one beside it did.
         known: Lowest and highest return that an episode can have; None where nobody knows.
+        name: Who the other is.
 
     Raises:
         InvalidArgumentError: They are not of as many episodes.
@@ -364,5 +378,7 @@ def against(
         success_change=change,
         success_interval=interval,
         condition=bounds.condition(),
+        policy=policy,
         other=other,
+        name=name,
     )

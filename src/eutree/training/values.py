@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, TypedDict
 
 from eutree.errors import InvalidArgumentError, UnknownNameError, shown
+from eutree.interaction.acting import Controller
 from eutree.training.callback import CallbackLike, Callbacks
 from eutree.training.handover import Handover
 from eutree.training.listeners import Listener, Listeners, Progress, StopWhen, TensorBoard
@@ -97,7 +98,7 @@ class ShortForms(TypedDict, total=False):
         episodes: Of ``Budget``; also ``steps``, ``minutes`` and ``race_steps``.
         evaluate_every: ``every`` of ``Schedule``; ``evaluation_episodes`` is its ``episodes``.
         judge_episodes: ``episodes`` of ``Handover``; also its ``max_leaves``, ``front_steps``,
-            ``keep_success``, ``return_range`` and ``prefer_proven``.
+            ``keep_success``, ``return_range``, ``prefer_proven`` and ``against``.
         out: ``path`` of ``Folder``; also its ``resume`` and ``checkpoint_seconds``.
         on_progress: The function of a listener ``Progress``; likewise ``tensorboard``, ``stop``
             (``StopWhen``), and ``callback``, as Stable-Baselines3 has it.
@@ -127,6 +128,7 @@ class ShortForms(TypedDict, total=False):
     keep_success: bool
     return_range: tuple[float, float] | None
     prefer_proven: str | None
+    against: Controller | None
     out: str | Path | None
     resume: bool
     checkpoint_seconds: float | None
@@ -148,7 +150,14 @@ _PARTS = {
     "handover": {"judge_episodes": "episodes"}
     | {
         name: name
-        for name in ("max_leaves", "front_steps", "keep_success", "return_range", "prefer_proven")
+        for name in (
+            "max_leaves",
+            "front_steps",
+            "keep_success",
+            "return_range",
+            "prefer_proven",
+            "against",
+        )
     },
     "folder": {"out": "path", "resume": "resume", "checkpoint_seconds": "checkpoint_seconds"},
 }
