@@ -12,6 +12,7 @@ from eutree.cli.main import run
 from eutree.data import DemonstrationFolder, Demonstrations
 from eutree.interaction.names import kinds_of
 from eutree.schema import Schema
+from tests.files.faults import Operations, use_operations
 
 
 @pytest.fixture(scope="module")
@@ -215,14 +216,12 @@ def test_a_full_disk_is_one_line_and_loses_nothing(folder, ask, recorded):
     import errno
     import os
 
-    from eutree.files import atomic
-
-    class Full(atomic.Operations):
+    class Full(Operations):
         def write(self, descriptor, data):
             os.write(descriptor, data[: len(data) // 2])
             raise OSError(errno.ENOSPC, "No space left on device")
 
-    with atomic.use_operations(Full()):
+    with use_operations(Full()):
         error = ask("drop", folder, 1, code=2)
         assert "the disk is full; what was there before is intact" in error
         assert error.count("\n") == 1

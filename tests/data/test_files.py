@@ -18,12 +18,11 @@ from eutree.data import DemonstrationFolder, Demonstrations, Episode
 from eutree.data.files import episode_from_bytes, episode_to_bytes
 from eutree.data.journal import EpisodeJournal, recover_episode
 from eutree.errors import FileError, FormatError, InvalidArgumentError
-from eutree.files import atomic
 from eutree.files.arrays import encode_archive
 from eutree.schema import EnvironmentSpec, Schema
 from tests.data.journals import journal_of
 from tests.data.strategies import demonstrations, episodes, same, three_episodes
-from tests.files.faults import faults_until_success
+from tests.files.faults import Operations, faults_until_success, use_operations
 
 
 def contents(folder):
@@ -247,7 +246,7 @@ def test_a_damaged_record_ends_the_episode_there(tmp_path):
 
 @pytest.mark.promise(10)
 def test_a_full_disk_while_recording_loses_that_step_only(tmp_path):
-    class Full(atomic.Operations):
+    class Full(Operations):
         full = False
 
         def write(self, descriptor, data):
@@ -257,7 +256,7 @@ def test_a_full_disk_while_recording_loses_that_step_only(tmp_path):
             return super().write(descriptor, data)
 
     operations, path = Full(), tmp_path / "journal"
-    with atomic.use_operations(operations):
+    with use_operations(operations):
         journal = EpisodeJournal(path, [0.0])
         journal.append(1, 0.5, [1.0])
         operations.full = True

@@ -2,12 +2,38 @@
 
 import errno
 import os
+from contextlib import contextmanager
 
 from eutree.errors import FileError
 from eutree.files import atomic
 
 
-class Fault(atomic.Operations):
+class Operations:
+    """The system calls behind every write; others derive from it and fail."""
+
+    def write(self, descriptor, data):
+        return os.write(descriptor, data)
+
+    def fsync(self, descriptor):
+        os.fsync(descriptor)
+
+    def replace(self, source, target):
+        os.replace(source, target)
+
+
+@contextmanager
+def use_operations(operations):
+    """Let all writes inside the ``with`` block go through ``operations``."""
+    before = atomic._write, atomic._fsync, atomic._replace
+    atomic._write, atomic._fsync = operations.write, operations.fsync
+    atomic._replace = operations.replace
+    try:
+        yield
+    finally:
+        atomic._write, atomic._fsync, atomic._replace = before
+
+
+class Fault(Operations):
     """Raises at the n-th operation, or writes only half of it first."""
 
     def __init__(self, n: int, number: int = errno.ENOSPC) -> None:
@@ -38,7 +64,7 @@ def faults_until_success(save, check):
     for n in range(1, 1000):
         operations = Fault(n)
         try:
-            with atomic.use_operations(operations):
+            with use_operations(operations):
                 save()
         except FileError as error:
             message = str(error)

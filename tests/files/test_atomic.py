@@ -12,7 +12,7 @@ import pytest
 
 from eutree.errors import FileError, FormatError
 from eutree.files import atomic
-from tests.files.faults import Fault, faults_until_success
+from tests.files.faults import Fault, faults_until_success, use_operations
 
 OLD, NEW = b"old " * 5000, b"new " * 6000
 
@@ -43,7 +43,7 @@ def test_the_fault_test_catches_a_plain_write(tmp_path):
         with open(path, "wb") as file:
             atomic.write_all(file.fileno(), NEW)
 
-    with atomic.use_operations(Fault(3)), pytest.raises(OSError, match="space"):
+    with use_operations(Fault(3)), pytest.raises(OSError, match="space"):
         plain()
     assert path.read_bytes() not in (OLD, NEW)
 
@@ -51,7 +51,8 @@ def test_the_fault_test_catches_a_plain_write(tmp_path):
 EXIT = """
 import os, sys
 from eutree.files import atomic
-class Exit(atomic.Operations):
+from tests.files.faults import Operations, use_operations
+class Exit(Operations):
     left = int(sys.argv[2])
     def step(self):
         self.left -= 1
@@ -65,7 +66,7 @@ class Exit(atomic.Operations):
     def replace(self, source, target):
         self.step()
         os.replace(source, target)
-with atomic.use_operations(Exit()):
+with use_operations(Exit()):
     atomic.write_bytes(sys.argv[1], b"new " * 6000)
 """
 

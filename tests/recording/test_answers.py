@@ -9,7 +9,6 @@ import eutree
 from eutree.cli.main import run
 from eutree.distillation import DistillationSettings
 from eutree.errors import InvalidArgumentError, UnsupportedSpaceError
-from eutree.evaluation import evaluate_policy
 from eutree.interaction import GriddedAction, GuardedEnv, describe
 from eutree.interaction.action_grid import grid_around
 from eutree.interaction.decoding import DecodedObservation
@@ -79,7 +78,6 @@ def test_a_float_is_a_quantity_and_an_integer_a_number(answer, number):
     env, controller = gridded(), Sets(answer)
     assert set(eutree.record(env, controller, episodes=1).actions.tolist()) == {number}
     assert eutree.evaluate(controller, env, episodes=2).mean_return == 4 * LEVELS[number]
-    assert evaluate_policy(controller, env, 1)[0] == 4 * LEVELS[number]
     assert eutree.play(controller, env).undiscounted_return == 4 * LEVELS[number]
     short = DistillationSettings(iterations=2, episodes=1, validation_episodes=2)
     tree, _ = eutree.distill(controller, env, short)

@@ -7,9 +7,9 @@ import pytest
 
 from eutree.data import DemonstrationFolder, Demonstrations
 from eutree.errors import FileError, InvalidArgumentError
-from eutree.files.atomic import Operations, use_operations
 from eutree.interaction import episode_seed
 from eutree.recording import record
+from tests.files.faults import Operations, use_operations
 from tests.interaction.sick import Healthy
 
 

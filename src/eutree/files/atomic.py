@@ -52,34 +52,8 @@ _ADVICE = {
 }
 
 
-class Operations:
-    """The system calls behind every write; tests hand in others that fail on purpose."""
-
-    def write(self, descriptor: int, data: bytes) -> int:
-        """Write some of ``data`` and return how many bytes."""
-        return os.write(descriptor, data)
-
-    def fsync(self, descriptor: int) -> None:
-        """Flush a file or a folder to the disk."""
-        os.fsync(descriptor)
-
-    def replace(self, source: Path, target: Path) -> None:
-        """Give ``source`` the name ``target`` in one step."""
-        os.replace(source, target)
-
-
-_operations = Operations()
-
-
-@contextmanager
-def use_operations(operations: Operations) -> Iterator[None]:
-    """Let all writes inside the ``with`` block go through ``operations``."""
-    global _operations
-    before, _operations = _operations, operations
-    try:
-        yield
-    finally:
-        _operations = before
+# The system calls behind every write, by names of our own: tests make them fail on purpose.
+_write, _fsync, _replace = os.write, os.fsync, os.replace
 
 
 def write_bytes(path: str | Path, data: bytes) -> None:
@@ -99,7 +73,7 @@ def write_bytes(path: str | Path, data: bytes) -> None:
         temporary = temporary_path(target)
         try:
             _write_new(temporary, data, _permissions(target))
-            _operations.replace(temporary, target)
+            _replace(temporary, target)
         except BaseException:
             with suppress(OSError):
                 temporary.unlink(missing_ok=True)
@@ -216,7 +190,7 @@ def write_folder(path: str | Path, files: dict[str, bytes]) -> None:
             for name, data in files.items():
                 _write_new(temporary / name, data, None)
             sync_folder(temporary)
-            _operations.replace(temporary, target)
+            _replace(temporary, target)
         except BaseException:
             _remove_folder(temporary)
             raise
@@ -299,12 +273,12 @@ def write_all(descriptor: int, data: bytes) -> None:
     """Write all of ``data``, in as many calls as the system wants."""
     view = memoryview(data)
     while view:
-        view = view[_operations.write(descriptor, bytes(view[: 1 << 24])) :]
+        view = view[_write(descriptor, bytes(view[: 1 << 24])) :]
 
 
 def sync(descriptor: int) -> None:
     """Flush an open file to the disk."""
-    _operations.fsync(descriptor)
+    _fsync(descriptor)
 
 
 def sync_folder(folder: Path) -> None:
@@ -313,7 +287,7 @@ def sync_folder(folder: Path) -> None:
         return
     descriptor = os.open(folder, os.O_RDONLY)
     try:
-        _operations.fsync(descriptor)
+        _fsync(descriptor)
     finally:
         os.close(descriptor)
 
@@ -345,7 +319,7 @@ def _write_new(path: Path, data: bytes, permissions: int | None) -> None:
             with suppress(OSError):
                 os.chmod(path, permissions)
         write_all(descriptor, data)
-        _operations.fsync(descriptor)
+        _fsync(descriptor)
     finally:
         os.close(descriptor)
 
