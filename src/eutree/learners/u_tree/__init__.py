@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from eutree.learners.u_tree.discretizer import Discretizer, LambdaReturn, OneStep, Target
 from eutree.learners.u_tree.learner import UTree, UTreeMethod, u_tree_parts
+from eutree.learners.u_tree.leaves import Discretizer, LambdaReturn, OneStep, Target
 from eutree.splitting import KolmogorovSmirnov, Naive, Permutation
 
 # "The trial split that results in the largest difference between the two distributions is then

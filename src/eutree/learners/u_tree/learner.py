@@ -42,11 +42,13 @@ from eutree.learners.learner import (
     Step,
     Update,
 )
-from eutree.learners.u_tree.discretizer import Discretizer, OneStep, Target
 from eutree.learners.u_tree.leaves import (
+    Discretizer,
     LeafSteps,
     LeafTests,
+    OneStep,
     Solving,
+    Target,
     counted,
     counted_again,
     uncount,
