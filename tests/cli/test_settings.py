@@ -1,13 +1,17 @@
 """Choices of a method within reach: by name, from a file, and listed."""
 
 import json
+from pathlib import Path
 
 import pytest
 
+from eutree import zoo
+from eutree.cli._given import RunSettings
 from eutree.cli.main import run
 from eutree.errors import InvalidArgumentError, UnknownNameError
 from eutree.learners import PRESETS
 from eutree.learners.registry import METHODS, choices_of, with_choices
+from eutree.policies import TreePolicy
 
 SHORT = ("--episodes", "2", "--evaluation-episodes", "1")
 
@@ -57,6 +61,28 @@ def test_set_settings_and_a_run_s_configuration_say_the_same(tmp_path):
     config = tmp_path / "set" / "config.json"
     assert learned(tmp_path, "config", "--settings", config) == by_set
     assert learned(tmp_path, "over", "--settings", config, "--set", "price=0.1") != by_set
+
+
+def test_settings_may_say_how_an_environment_is_made(tmp_path):
+    """`--settings zoo:Pendulum-v1`, whose actions have to be laid on a grid, was refused."""
+    file = tmp_path / "swing.toml"
+    file.write_text("""method = "planning"
+[run]
+expert = "swing"
+demonstrations = 2
+arguments = { action_grid = { "torque [N m]" = [-2.0, 0.0, 2.0] } }
+""")
+    line = ["learn", "Pendulum-v1", "--settings", str(file), *SHORT, "--front-steps", "0"]
+    assert run([*line, "--out", str(tmp_path / "a")]) == 0
+    assert len(TreePolicy.load(tmp_path / "a" / "policy.json").schema.actions) == 3
+    own = ["--action-grid", "torque [N m]=-2:2:5", "--out", str(tmp_path / "b")]
+    assert run([*line, *own]) == 0
+    assert len(TreePolicy.load(tmp_path / "b" / "policy.json").schema.actions) == 5
+
+
+@pytest.mark.parametrize("path", sorted((Path(zoo.__file__).parent / "settings").glob("*.toml")))
+def test_settings_of_the_zoo_are_read(path):
+    assert RunSettings.of(path).demonstrations > 0
 
 
 def test_the_list_says_what_to_turn_first(capsys):

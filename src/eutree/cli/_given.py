@@ -10,7 +10,7 @@ import json
 import os
 import shlex
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -201,11 +201,13 @@ class RunSettings:
         expert: Who demonstrates where no demonstrations are given; None for nobody.
         demonstrations: Episodes of it.
         race_share: Share of ``--steps`` that racing takes where no ``--race-steps`` are given.
+        arguments: Of the environment, where neither the user nor demonstrations say otherwise.
     """
 
     expert: str | None = None
     demonstrations: int = 0
     race_share: float = 0.0
+    arguments: dict[str, Any] = field(default_factory=dict)
 
     @classmethod
     def of(cls, settings: Path | None) -> "RunSettings":

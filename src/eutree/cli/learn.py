@@ -186,9 +186,9 @@ def learn(
         raise InvalidArgumentError("--offline learns from demonstrations alone; name them: --demos")
     if offline and against is not None:
         raise InvalidArgumentError("--against needs an environment to act in; leave out --offline")
-    spec = None if offline else _spec(environment, demonstrations, env_arguments)
-    rival = None if spec is None or against is None else controller(against, "--against", spec)
     of_run = RunSettings.of(settings)
+    spec = None if offline else _spec(environment, demonstrations, env_arguments, of_run.arguments)
+    rival = None if spec is None or against is None else controller(against, "--against", spec)
     if demonstrations is None and expert is None and spec is not None:
         demonstrations = of_run.shown(spec, options["seed"])
     options |= {
@@ -311,20 +311,26 @@ def _manner(shown: EnvironmentSpec | None, environment: str) -> dict[str, Any]:
 
 
 def _spec(
-    environment: str | None, demonstrations: "Demonstrations | None", arguments: dict[str, Any]
+    environment: str | None,
+    demonstrations: "Demonstrations | None",
+    arguments: dict[str, Any],
+    usual: dict[str, Any],
 ) -> EnvironmentSpec:
     """Return the environment that is named, or else that of the demonstrations.
 
-    How the named one is observed and acted in is taken from the demonstrations of it.
+    How the named one is observed and acted in is taken from the demonstrations of it, or else from
+    the usual arguments of the settings.
     """
+    chosen = chosen_by_file(arguments) | (usual.keys() - arguments.keys())
     shown = demonstrations.environment if demonstrations is not None else None
     if environment is not None:
         manner = _manner(shown, environment)
-        return EnvironmentSpec(environment, manner | arguments, chosen_by_file(arguments))
+        return EnvironmentSpec(environment, {**usual, **manner, **arguments}, chosen)
     if demonstrations is None or demonstrations.environment is None:
         raise InvalidArgumentError(
             "name an environment, or with --demos demonstrations that name one; from a log alone "
             "learns --offline"
         )
     spec = demonstrations.environment.override(arguments)
-    return replace(spec, from_file=spec.from_file | chosen_by_file(arguments))
+    given = {**usual, **spec.arguments}
+    return replace(spec, arguments=given, from_file=spec.from_file | chosen)
