@@ -37,7 +37,7 @@ _REDIRECT = '<!doctype html><meta http-equiv="refresh" content="0;url={}">\n'
 
 def page_options(command: _Command) -> _Command:
     """Add what a page takes on which a person records, with which keys and at which pace."""
-    for option in reversed((
+    for add in reversed((
         click.option("--keys",
                      help="What the keys mean: left=0,right=1,none=0 (numbers or names)."),
         click.option("--hud", is_flag=True,
@@ -49,7 +49,7 @@ def page_options(command: _Command) -> _Command:
         click.option("--host", default="127.0.0.1", show_default=True,
                      help="Address of the page; others than this let other machines in."),
     )):  # fmt: skip
-        command = option(command)
+        command = add(command)
     return command
 
 
