@@ -9,21 +9,26 @@ at one size has to prove itself at the next.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from eutree.arrays import Booleans, Floats, Integers
+from eutree.arrays import Booleans, Integers
 from eutree.c45 import C45Settings
 from eutree.compression.candidates import Costs, Prunings, by_c45, merged
-from eutree.compression.playing import Move, moved
+from eutree.compression.playing import moved
 from eutree.policies import TreePolicy
 from eutree.thresholds import threshold_between
 from eutree.trees import DecisionTree
 from eutree.trees.edit import INNER, TreeBuilder, rebuild
 
 if TYPE_CHECKING:
-    from eutree.world_model.rollouts import Gain
+    from eutree.compression.imagined import ImaginedCommonEpisodes
+    from eutree.compression.playing import CommonEpisodes
+
+    PairedEpisodes: TypeAlias = (
+        CommonEpisodes | ImaginedCommonEpisodes
+    )  # what the search asks of trees
 
 SHIFTS = (0.02, 0.06, 0.15, 0.35, 0.7)  # of the smaller side's rows
 FEW = 20  # rows
@@ -34,64 +39,6 @@ SURE = 0.7  # standard errors
 REFITTED = 2  # leaves fewer than before, at most, where a part is fitted again
 
 Check = Callable[[TreePolicy], TreePolicy]
-
-
-class PairedEpisodes(Protocol):
-    """Episodes of a present tree, and of rivals from the same starts: played, or imagined."""
-
-    @property
-    def present(self) -> TreePolicy:
-        """The tree that ran last."""
-        ...
-
-    @property
-    def features(self) -> Floats:
-        """Features at each step of its episodes, shape [N, d]."""
-        ...
-
-    @property
-    def mean_return(self) -> float:
-        """Its mean return."""
-        ...
-
-    @property
-    def scale(self) -> float:
-        """Width of the range of the first tree's returns."""
-        ...
-
-    @property
-    def steps(self) -> int:
-        """Steps taken so far."""
-        ...
-
-    def redraw(self, tree: TreePolicy) -> None:
-        """Let a tree run from starts that no tree has seen."""
-        ...
-
-    def run(self, tree: TreePolicy) -> None:
-        """Let a tree run from the present starts."""
-        ...
-
-    def gains(
-        self, rivals: Sequence[TreePolicy], *, few: bool = False, above: float = -np.inf
-    ) -> "list[Gain]":
-        """Return what rivals are worth more than the present tree.
-
-        Args:
-            rivals: The trees.
-            few: A share of the starts is enough to see that a change does harm.
-            above: A rival that comes to less may be given up early.
-        """
-        ...
-
-    def gains_of_moves(self, moves: Sequence[Move], *, few: bool = False) -> "list[Gain]":
-        """Return what moved thresholds are worth; who is worth less than nothing may leave early.
-
-        Args:
-            moves: The thresholds, each alone.
-            few: As in ``gains``.
-        """
-        ...
 
 
 class FrontSearch:
@@ -111,7 +58,7 @@ class FrontSearch:
     def __init__(
         self,
         policies: Sequence[TreePolicy],
-        episodes: PairedEpisodes,
+        episodes: "PairedEpisodes",
         budget: int,
         checked: Check = merged,
     ) -> None:
@@ -204,7 +151,7 @@ def _inner(tree: DecisionTree) -> list[int]:
     return nodes
 
 
-def _places(episodes: PairedEpisodes) -> Iterator[tuple[int, list[float]]]:
+def _places(episodes: "PairedEpisodes") -> Iterator[tuple[int, list[float]]]:
     """Yield inner nodes with thresholds a share of the smaller side's rows away, on both sides."""
     tree, features = episodes.present.tree, episodes.features
     leaves = tree.leaf_index(features)
@@ -250,7 +197,7 @@ def _cuts(policy: TreePolicy) -> Iterator[TreePolicy]:
             yield _with(policy, *rebuild(tree, own, instead))
 
 
-def _refitted(episodes: PairedEpisodes) -> Iterator[TreePolicy]:
+def _refitted(episodes: "PairedEpisodes") -> Iterator[TreePolicy]:
     """Yield the tree with a part fitted again to what it decided, in fewer leaves."""
     policy, features = episodes.present, episodes.features
     tree = policy.tree

@@ -2,26 +2,36 @@
 
 import shlex
 from collections.abc import Callable
+from contextlib import closing, suppress
 from copy import copy
 from dataclasses import replace
 from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eutree.data import Demonstrations
+from eutree.data import DemonstrationFolder, Demonstrations
 from eutree.errors import EutreeError, InvalidArgumentError
-from eutree.fitting.ways import Way, beside_each_other, smaller, value
+from eutree.evaluation import Evaluation, evaluate
+from eutree.export import to_svg
+from eutree.fitting.page_views import (
+    Way,
+    beside_each_other,
+    hurt_views,
+    said_of,
+    smaller,
+    value,
+)
+from eutree.fitting.report import FitReport, Person, result_in_words, verdict
+from eutree.interaction import GuardedEnv, episode_seed
+from eutree.policies import TreePolicy
+from eutree.recording.scenes import Programme, Scene, missing, scenes
+from eutree.recording.tree_making import FITTING, PLAYING, PRACTISING, READY, Show, TreeView
 from eutree.schema import EnvironmentSpec
 from eutree.wording import counted
 
 if TYPE_CHECKING:
     import gymnasium
 
-    from eutree.evaluation import Evaluation
-    from eutree.fitting import FitReport, Person
-    from eutree.policies import TreePolicy
-    from eutree.recording.scenes import Programme, Scene
-    from eutree.recording.tree_making import Show, TreeView
     from eutree.training import Run
 
 FITTED = 200  # episodes that judge the fit; practice begins with them too
@@ -69,19 +79,23 @@ class PageTree:
         self._without: PageTree | None = None  # as it was before something was cut
 
     @property
-    def best(self) -> "tuple[TreePolicy, Evaluation] | None":
+    def best(self) -> tuple[TreePolicy, Evaluation] | None:
         """The best tree so far, and the episodes that judged it; None before the first."""
         return None if self._best is None else self._best[:2]
 
-    def make(self, show: "Show", stop: Callable[[], bool]) -> None:
+    @property
+    def _known_best(self) -> tuple[TreePolicy, Evaluation, Path]:
+        if self._best is None:
+            raise AssertionError("a tree must have been made")
+        return self._best
+
+    def make(self, show: Show, stop: Callable[[], bool]) -> None:
         """Fit a tree to the demonstrations recorded so far, and let it play."""
         if self._made(show, stop):
             show(self._verdict(note=""), self._programme(show))
 
-    def _made(self, show: "Show", stop: Callable[[], bool]) -> bool:
+    def _made(self, show: Show, stop: Callable[[], bool]) -> bool:
         """Make the tree of all that is stored; return whether anybody waits for it."""
-        from eutree.recording.tree_making import FITTING, TreeView
-
         show(TreeView(phase=FITTING, message="Fitting trees to what you showed"))
         demonstrations = Demonstrations.load(self._folder)
         fitted = self._fit(demonstrations, show, stop)
@@ -96,12 +110,9 @@ class PageTree:
             self._ways = [Way("your tree", "Keep mine", tree, played, path)]
         return played is not None
 
-    def look(self, show: "Show", stop: Callable[[], bool]) -> None:
+    def look(self, show: Show, stop: Callable[[], bool]) -> None:
         """Find by playing which seconds of what was shown cost the tree its success."""
-        from eutree.data import DemonstrationFolder
         from eutree.fitting import find_hurting
-        from eutree.fitting.strips import hurt_views, said_of
-        from eutree.recording.tree_making import FITTING, TreeView
 
         if (self._best is None and not self._made(show, stop)) or self._best is None:
             return
@@ -113,17 +124,15 @@ class PageTree:
             message = f"Looking for seconds that hurt, {purpose}: {played} of {most} episodes"
             show(TreeView(phase=FITTING, message=message, finished=played, of=most, **drawn))
 
-        env = self._make()
         try:
-            found = find_hurting(demonstrations, env, seed=self._seed, on_progress=progress)
+            with closing(self._make()) as env:
+                found = find_hurting(demonstrations, env, seed=self._seed, on_progress=progress)
         except _NobodyWaits:
             return
-        finally:
-            env.close()
         hurts = hurt_views(found, list(DemonstrationFolder(self._folder).read_all()))
         show(replace(self._verdict(note=said_of(found)), hurts=hurts, was_searched=True))
 
-    def make_without(self, show: "Show", stop: Callable[[], bool]) -> None:
+    def make_without(self, show: Show, stop: Callable[[], bool]) -> None:
         """Make the tree of what is left, and show it beside the one of all."""
         self._without, before, note = copy(self), self._best, "Keep it so, or take it back?"
         try:
@@ -135,7 +144,7 @@ class PageTree:
             note = f"{error}. {note}"
         show(replace(self._verdict(note=note), asks=True))
 
-    def settle(self, show: "Show", *, undo: bool) -> None:
+    def settle(self, show: Show, *, undo: bool) -> None:
         """Keep the tree of what is left, or the one before it."""
         before, self._without = self._without, None
         if before is None or self._best is None:
@@ -150,11 +159,10 @@ class PageTree:
         show(self._verdict(note=note), self._programme(show))
 
     def _fit(
-        self, demonstrations: "Demonstrations", show: "Show", stop: Callable[[], bool]
-    ) -> "FitReport | None":
+        self, demonstrations: "Demonstrations", show: Show, stop: Callable[[], bool]
+    ) -> FitReport | None:
         """Return the tree chosen by playing, and what to know of it; None if nobody waits."""
         from eutree.fitting.fit import fit
-        from eutree.recording.tree_making import FITTING, TreeView
 
         def progress(purpose: str, played: int, most: int) -> None:
             if stop():
@@ -163,19 +171,13 @@ class PageTree:
                 message = f"{STAGES.get(purpose, purpose)}: {played} of {most} episodes"
                 show(TreeView(phase=FITTING, message=message, finished=played, of=most))
 
-        env = self._make()
-        try:
+        with suppress(_NobodyWaits), closing(self._make()) as env:
             return fit(demonstrations, env, episodes=FITTED, seed=self._seed, on_progress=progress)
-        except _NobodyWaits:
-            return None
-        finally:
-            env.close()
+        return None
 
-    def practise(self, show: "Show", stop: Callable[[], bool]) -> None:
+    def practise(self, show: Show, stop: Callable[[], bool]) -> None:
         """Let the tree learn for a while, and keep the better one."""
-        from eutree.fitting import Person
         from eutree.fitting.playing import practise
-        from eutree.fitting.report import result_in_words
 
         if self._best is None:
             self.make(show, stop)
@@ -185,8 +187,7 @@ class PageTree:
         person, (_, before, _) = Person.of(demonstrations), self._best
         episodes = PRACTICE * 2**self._presses
         self._presses += 1
-        env, other = self._make(), self._make()
-        try:
+        with closing(self._make()) as env, closing(self._make()) as other:
             curve = _Curve(other, self._practising(person, episodes), show)
             rivals = practise(
                 self._fitted.policy,
@@ -198,9 +199,6 @@ class PageTree:
                 on_progress=curve,
                 stop=stop,
             )
-        finally:
-            env.close()
-            other.close()
         if stop():
             return
         plays = []
@@ -223,26 +221,20 @@ class PageTree:
         ready = replace(self._verdict(note=note), curve=curve.points, of=episodes)
         show(ready, self._programme(show))
 
-    def missing(self) -> "Scene | None":
+    def missing(self) -> Scene | None:
         """Return what was not shown yet, and where; the tree of C4.5 fails for want of it."""
-        from eutree.evaluation import evaluate
-        from eutree.interaction import GuardedEnv, episode_seed
         from eutree.learners import fit_expert_tree
-        from eutree.recording.scenes import missing
 
         known = Demonstrations.load(self._folder)
         tree, seed = fit_expert_tree(known), self._seed + MISSING + len(known)
-        env = self._make()
-        try:
+        with closing(self._make()) as env:
             played = evaluate(tree, env, episodes=TRIED, seed=seed)
             if played.successes is None:
                 return None
             seeds = [episode_seed(seed, k) for k in range(TRIED)]
             return missing(tree, seeds, played.successes.tolist(), GuardedEnv(env))
-        finally:
-            env.close()
 
-    def choose(self, way: int, show: "Show") -> None:
+    def choose(self, way: int, show: Show) -> None:
         """Keep the tree of one of the ways that were shown; 0 is the person's own."""
         if not 1 <= way <= len(self._ways):
             raise InvalidArgumentError(f"way must be in 1..{len(self._ways)}, got {way}")
@@ -251,26 +243,19 @@ class PageTree:
         self._best = (chosen.tree, chosen.played, chosen.path)
         show(self._verdict(note=f"Kept: {chosen.name}."), self._programme(show))
 
-    def _compare(self, show: "Show", stop: Callable[[], bool]) -> bool:
+    def _compare(self, show: Show, stop: Callable[[], bool]) -> bool:
         """Find what stands beside the practised tree; return whether anybody waits for it.
 
         Between the tree that was fitted and the practised one lie smaller ones of the latter: the
         best of each size, those that do no worse than the fitted one.
         """
-        from eutree.recording.tree_making import PRACTISING, TreeView
-
-        if self._best is None:
-            raise AssertionError("practice needs a tree")
-        tree, played, path = self._best
+        tree, played, path = self._known_best
         mine = self._ways[0]
         known = Demonstrations.load(self._folder).with_history(tree.history)
         message = "Looking for smaller trees between yours and the practised one"
         show(TreeView(phase=PRACTISING, message=message, **_drawn(tree)))
-        env = self._make()
-        try:
+        with closing(self._make()) as env:
             found = smaller(tree, known.observations, env, seed=self._seed)
-        finally:
-            env.close()
         between = []
         enough = [one.policy for one in found if value(one) >= value(mine.played)]
         for policy in enough[:: max(len(enough) // BETWEEN, 1)][:BETWEEN]:
@@ -285,16 +270,13 @@ class PageTree:
         self._ways = [mine, *reversed(between), practised]
         return True
 
-    def driving(self, tree: "TreePolicy", show: "Show") -> "Programme":
+    def driving(self, tree: TreePolicy, show: Show) -> Programme:
         """Return how the person may correct a tree: it is fitted again after each episode."""
-        from eutree.recording.scenes import Programme
-
         return Programme(tree, refit=lambda: self._refitted(show))
 
-    def _refitted(self, show: "Show") -> "TreePolicy":
+    def _refitted(self, show: Show) -> TreePolicy:
         """Return the tree of all that is stored by now, corrections included; the page shows it."""
         from eutree.learners import fit_expert_tree
-        from eutree.recording.tree_making import READY, TreeView
 
         known = Demonstrations.load(self._folder)
         tree = fit_expert_tree(known)
@@ -313,30 +295,17 @@ class PageTree:
         )
         return tree
 
-    def _programme(self, show: "Show") -> "Programme":
+    def _programme(self, show: Show) -> Programme:
         """Return what to watch of the best tree: the episodes that judged it, worst first."""
-        from eutree.interaction import GuardedEnv, episode_seed
-        from eutree.recording.scenes import scenes
-
-        if self._best is None:
-            raise AssertionError("only a tree can be watched")
-        tree, played, _ = self._best
+        tree, played, _ = self._known_best
         seeds = [episode_seed(self._seed + k // BLOCK, k % BLOCK) for k in range(played.episodes)]
         known = None if played.successes is None else played.successes.tolist()
-        env = self._make()
-        try:
+        with closing(self._make()) as env:
             watched = scenes(tree, seeds, played.returns, known, GuardedEnv(env))
             return replace(watched, refit=self.driving(tree, show).refit)
-        finally:
-            env.close()
 
-    def _play(
-        self, tree: "TreePolicy", show: "Show", stop: Callable[[], bool]
-    ) -> "Evaluation | None":
+    def _play(self, tree: TreePolicy, show: Show, stop: Callable[[], bool]) -> Evaluation | None:
         """Let the tree play, the same episodes for every tree; None if nobody waits for it."""
-        from eutree.evaluation import Evaluation, evaluate
-        from eutree.recording.tree_making import PLAYING, TreeView
-
         env, parts = self._make(), list[Evaluation]()
         try:
             for block in range(PLAYED // BLOCK):
@@ -356,12 +325,9 @@ class PageTree:
             env.close()
         return Evaluation.join(parts)
 
-    def _practising(self, person: "Person", episodes: int) -> "TreeView":
-        from eutree.recording.tree_making import PRACTISING, TreeView
+    def _practising(self, person: Person, episodes: int) -> TreeView:
 
-        if self._best is None:
-            raise AssertionError("practice needs a tree")
-        tree, played, _ = self._best
+        tree, played, _ = self._known_best
         return TreeView(
             phase=PRACTISING,
             message="The tree practises by itself",
@@ -370,14 +336,9 @@ class PageTree:
             **_drawn(tree),
         )
 
-    def _verdict(self, *, note: str) -> "TreeView":
-        from eutree.fitting import Person
-        from eutree.fitting.report import result_in_words, verdict
-        from eutree.recording.tree_making import READY, TreeView
+    def _verdict(self, *, note: str) -> TreeView:
 
-        if self._best is None:
-            raise AssertionError("a verdict needs a tree")
-        tree, played, path = self._best
+        tree, played, path = self._known_best
         known = Demonstrations.load(self._folder)
         person = Person.of(known)
         found = verdict(person.whole, played)
@@ -387,11 +348,8 @@ class PageTree:
             parts.append(f"It has a single leaf: it always answers {_only_action(tree)}.")
         elif found.is_worse and self._fitted is not None and tree is self._fitted.policy:
             parts += self._fitted.warnings
-        env = self._make()
-        try:
+        with closing(self._make()) as env:
             beside = beside_each_other(self._ways, tree, known, env, seed=self._seed)
-        finally:
-            env.close()
         you, it = (result_in_words(side, found.measure) for side in (person.whole, played))
         return TreeView(
             phase=READY,
@@ -405,7 +363,7 @@ class PageTree:
             **_drawn(tree),
         )
 
-    def _commands(self, path: Path, tree: "TreePolicy") -> tuple[str, ...]:
+    def _commands(self, path: Path, tree: TreePolicy) -> tuple[str, ...]:
         """Return what to do next with the tree on the page; learning goes on from it."""
         history = ("--history", str(tree.history)) if tree.history else ()
         run, source = path.with_name("run"), path.with_suffix(".c")
@@ -428,8 +386,8 @@ class _Curve:
     def __init__(
         self,
         env: "gymnasium.Env[Any, Any]",
-        view: "TreeView",
-        show: "Show",
+        view: TreeView,
+        show: Show,
     ) -> None:
         self._env, self._view, self._show = env, view, show
         self._finished = 0
@@ -452,24 +410,22 @@ class _Curve:
             )
         )
 
-    def _reached(self, tree: "TreePolicy") -> float:
-        from eutree.evaluation import evaluate
+    def _reached(self, tree: TreePolicy) -> float:
 
         return value(evaluate(tree, self._env, episodes=PER_POINT, seed=PLAYED))
 
 
-def _scale(person: "Person", played: "Evaluation") -> dict[str, Any]:
+def _scale(person: Person, played: Evaluation) -> dict[str, Any]:
     """Return the view's fields on the curve's scale: the person is on it if it is theirs too."""
     is_share = played.success_rate is not None
     yours = person.success_rate if is_share else person.mean_return
     return {"is_share": is_share, "yours": None if yours is None or isnan(yours) else yours}
 
 
-def _drawn(tree: "TreePolicy") -> dict[str, Any]:
-    from eutree.export import to_svg
+def _drawn(tree: TreePolicy) -> dict[str, Any]:
 
     return {"svg": to_svg(tree), "rules": str(tree), "n_leaves": tree.n_leaves}
 
 
-def _only_action(tree: "TreePolicy") -> str:
+def _only_action(tree: TreePolicy) -> str:
     return str(tree.schema.actions[int(tree.actions[0])])

@@ -14,7 +14,7 @@ from eutree.errors import InvalidArgumentError
 from eutree.evaluation import evaluate, mean_interval
 from eutree.files.schema_document import environment_from_document
 from eutree.fitting import Person
-from eutree.fitting.ways import value
+from eutree.fitting.page_views import value
 from eutree.interaction.making import make
 from eutree.policies import TreePolicy
 from eutree_lab.study.archive import DEMOS, TREES, PersonDocument, unpack
