@@ -5,8 +5,10 @@ C99 promises 127 levels of nesting, Python 100 of indentation. A tree that is de
 """
 
 import re
+import tomllib
 import unicodedata
 from collections.abc import Iterable, Sequence
+from importlib import resources
 
 import numpy as np
 
@@ -17,47 +19,11 @@ from eutree.trees import DecisionTree
 # Identifiers longer than this are cut: C99 promises 31 significant characters to the linker.
 _LENGTH = 31
 
-C_WORDS = frozenset(
-    re.findall(
-        r"\w+",
-        """
-    auto break case char const continue default do double else enum extern float for goto if
-    inline int long register restrict return short signed sizeof static struct switch typedef
-    union unsigned void volatile while asm typeof bool true false main action observation
-    int32_t alignas alignof constexpr nullptr thread_local static_assert class delete new
-    namespace operator private protected public template this throw try catch using virtual
-    near far interrupt huge linux unix i386
-    """,
-    )
+_RESERVED = tomllib.loads(
+    (resources.files(__package__) / "reserved.toml").read_text(encoding="utf-8")
 )
-PYTHON_WORDS = frozenset(
-    re.findall(
-        r"\w+",
-        """
-    False None True and as assert async await break class continue def del elif else except
-    finally for from global if import in is lambda nonlocal not or pass raise return try while
-    with yield match case type print float int len range list tuple observation
-    """,
-    )
-)
-# IEC 61131-3 does not tell upper case from lower case.
-STRUCTURED_TEXT_WORDS = frozenset(
-    re.findall(
-        r"\w+",
-        """
-    abs acos action add and any array asin at atan bool by byte case concat configuration
-    constant cos date delete dint div do dt dword else elsif en end_action end_case end_for
-    end_function end_if end_program end_repeat end_struct end_type end_var end_while eno eq
-    exit exp expt external false find for from function function_block ge global gt if in
-    initial insert int interval le left len limit lint ln log lreal lt lword max method mid
-    min mod move mul mux ne not of on or pi pointer priority program r_edge read_only
-    read_write real ref repeat replace resource retain return right rol ror sel shl shr sin
-    sint sqrt step string struct sub super s this task then time to tod transition trunc true
-    type udint uint ulint until usint using var var_access var_config var_external var_global
-    var_in_out var_input var_output var_temp while with word wstring xor b d dword f_edge i l
-    m n p q r t
-    """,
-    )
+C_WORDS, PYTHON_WORDS, STRUCTURED_TEXT_WORDS = (
+    frozenset(_RESERVED[language].split()) for language in ("c", "python", "structured_text")
 )
 
 

@@ -5,6 +5,7 @@ Every operation that a compiler could fuse, reorder or define otherwise is a fun
 
 import re
 from collections.abc import Mapping
+from importlib import resources
 
 from eutree.errors import InvalidArgumentError
 from eutree.export._c_numbers import hexadecimal
@@ -13,6 +14,12 @@ from eutree.policies import TreePolicy
 from eutree.trees.text import derived_features
 
 Functions = Mapping[str, list[str]]  # of each operation that needs one: the lines of its function
+_WRITTEN = {  # lines before each function, and the largest quotient
+    "c": ([""], hexadecimal(LARGEST_RATIO)),
+    "python": (["", ""], repr(LARGEST_RATIO)),
+    "structured_text": ([], f"{LARGEST_RATIO:.1f}"),
+}
+_BETWEEN = re.compile(r"\n\n+(?=static|def|FUNCTION)")
 _CALL = re.compile(r"(\w+)_(ratio|times|least|most|size)\(")
 
 
@@ -63,105 +70,18 @@ def operations(name: str, choice: str, both: str, either: str) -> dict[str, str]
     }  # fmt: skip
 
 
-def c_functions(name: str) -> Functions:
-    """Return the functions in C, each with one exit; no compiler fuses a stored product."""
-    bound = hexadecimal(LARGEST_RATIO)
+def functions(language: str, name: str) -> Functions:
+    """Return the functions of a language, each with one exit in C, where no product is fused.
 
-    def function(
-        operation: str, body: list[str], arguments: str = "double a, double b"
-    ) -> list[str]:
-        title = f"static double {name}_{operation}({arguments})"
-        return ["", title, "{", *(f"    {line}" for line in body), "}"]
-
-    return {
-        "times": function("times", ["volatile double product = a * b;", "", "return product;"]),
-        "ratio": function(
-            "ratio",
-            [
-                "double quotient = a;",
-                "",
-                "if (b != 0.0) {",
-                "    quotient = a / b;",
-                "} else if (a > 0.0) {",
-                f"    quotient = {bound};",
-                "} else if (a < 0.0) {",
-                f"    quotient = -{bound};",
-                "} else {",
-                "    /* 0 / 0 is 0 */",
-                "}",
-                f"if (quotient > {bound}) {{",
-                f"    quotient = {bound};",
-                "}",
-                f"if (quotient < -{bound}) {{",
-                f"    quotient = -{bound};",
-                "}",
-                "return quotient;",
-            ],
-        ),
-        "least": function("least", ["return (b < a) ? b : a;"]),
-        "most": function("most", ["return (b > a) ? b : a;"]),
-        "size": function("size", ["return (a < 0.0) ? -a : a;"], "double a"),
-    }
-
-
-def python_functions(name: str) -> Functions:
-    """Return the functions in Python."""
-    bound = repr(LARGEST_RATIO)
-    bodies = {
-        "ratio(a, b)": [
-            "if b == 0.0:",
-            f"    return {bound} if a > 0.0 else -{bound} if a < 0.0 else a",
-            "quotient = a / b",
-            f"quotient = {bound} if quotient > {bound} else quotient",
-            f"return -{bound} if quotient < -{bound} else quotient",
-        ],
-        "least(a, b)": ["return b if b < a else a"],
-        "most(a, b)": ["return b if b > a else a"],
-        "size(a)": ["return -a if a < 0.0 else a"],
-    }
-    return {
-        title.partition("(")[0]: ["", "", f"def {name}_{title}:", *(f"    {line}" for line in body)]
-        for title, body in bodies.items()
-    }
-
-
-def structured_text_functions(name: str) -> Functions:
-    """Return the functions in structured text."""
-    bound = f"{LARGEST_RATIO:.1f}"
-
-    def function(operation: str, body: list[str], inputs: str = "a, b : LREAL;") -> list[str]:
-        title = f"{name}_{operation}"
-        lines = (line.replace("RESULT", title) for line in body)
-        head = [f"FUNCTION {title} : LREAL", "VAR_INPUT", f"    {inputs}", "END_VAR"]
-        return [*head, *lines, "END_FUNCTION"]
-
-    def chosen(test: str) -> list[str]:
-        return ["RESULT := a;", f"IF {test} THEN", "    RESULT := b;", "END_IF;"]
-
-    return {
-        "ratio": function(
-            "ratio",
-            [
-                "RESULT := a;",
-                "IF b <> 0.0 THEN",
-                "    RESULT := a / b;",
-                "ELSIF a > 0.0 THEN",
-                f"    RESULT := {bound};",
-                "ELSIF a < 0.0 THEN",
-                f"    RESULT := -{bound};",
-                "END_IF;",
-                f"IF RESULT > {bound} THEN",
-                f"    RESULT := {bound};",
-                f"ELSIF RESULT < -{bound} THEN",
-                f"    RESULT := -{bound};",
-                "END_IF;",
-            ],
-        ),
-        "least": function("least", chosen("b < a")),
-        "most": function("most", chosen("b > a")),
-        "size": function(
-            "size",
-            ["RESULT := a;", "IF a < 0.0 THEN", "    RESULT := -a;", "END_IF;"],
-            "a : LREAL;",
-        ),
-    }
+    Args:
+        language: ``"c"``, ``"python"`` or ``"structured_text"``, of which each has a file.
+        name: What their names begin with.
+    """
+    text = (resources.files(__package__) / f"operations.{language}.txt").read_text(encoding="utf-8")
+    before, bound = _WRITTEN[language]
+    found = {}
+    for part in _BETWEEN.split(text.rstrip("\n")):
+        operation = part.partition("NAME_")[2].partition("(")[0].split()[0]
+        lines = part.replace("BOUND", bound).replace("NAME", name).split("\n")
+        found[operation] = [*before, *(line or "    " for line in lines)]
+    return found

@@ -26,9 +26,9 @@ from eutree.export._blocks import (
 )
 from eutree.export._c_numbers import Number, Numbers, Scale, hexadecimal, in_integers, numbers
 from eutree.export._derived import (
-    c_functions,
     called,
     exported_features,
+    functions,
     operations,
     remembered_features,
 )
@@ -244,16 +244,16 @@ def _entry(policy: TreePolicy, name: str, kind: Numbers) -> list[str]:
         f"    features[{j}] = {written(j)}; /* {printable(policy.schema.features[j].name)} */"
         for j in exported_features(policy)
     ]
-    functions = called(computed, c_functions(name))
+    needed = called(computed, functions("c", name))
     size = policy.tree.n_features
     entry = f"static int {name}_leaf" if policy.masked else f"int {name}"
     title = f"{entry}(const {kind.c_type} *observation)"
     if not remembered:
         head = ["", title, "{", f"    double features[{size}];", ""]
-        return [*functions, *head, *lines, *computed, f"    return {name}_tree(features);", "}"]
+        return [*needed, *head, *lines, *computed, f"    return {name}_tree(features);", "}"]
     kept = [f"    {name}_last[{j}] = features[{j}];" for j in remembered]
     return [
-        *functions,
+        *needed,
         "",
         f"static double {name}_last[{size}]; /* at the step before */",
         f"static int {name}_goes_on = 0;",
@@ -345,7 +345,7 @@ def _value_titles(policy: TreePolicy, name: str, kind: Numbers) -> list[str]:
     blocks = {f"block_{root}" for root in block_roots(policy.tree)}
     own = {"actions", "values", "h", "test", "tree", "leaf", "orders", "allowed"}
     names = control_identifiers(
-        policy.schema, reserved=frozenset(own | blocks | {*c_functions(name)})
+        policy.schema, reserved=frozenset(own | blocks | {*functions("c", name)})
     )
     argument = f"const {kind.c_type} *observation"
     return [f"{_level_type(kind)} {name}_{control}({argument})" for control in names]

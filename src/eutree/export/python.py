@@ -4,8 +4,8 @@ from eutree.export._blocks import PYTHON_WORDS, block_roots, check_identifier, c
 from eutree.export._derived import (
     called,
     exported_features,
+    functions,
     operations,
-    python_functions,
     remembered_features,
 )
 from eutree.policies import TreePolicy
@@ -122,7 +122,7 @@ def _entry(policy: TreePolicy, name: str, *, reset: str) -> list[str]:
         + f"  # {labelled(policy.schema.features[j])}"
         for j in exported_features(policy)
     ]
-    lines = called(computed, python_functions(f"_{name}"))
+    lines = called(computed, functions("python", f"_{name}"))
     if remembers:
         lines += ["", "", f"_{name}_last = []  # the features at the step before"]
         lines += ["", "", f"def {reset}():", '    """Begin an episode."""']

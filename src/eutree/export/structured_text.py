@@ -11,9 +11,9 @@ from eutree.export._blocks import (
 from eutree.export._derived import (
     called,
     exported_features,
+    functions,
     operations,
     remembered_features,
-    structured_text_functions,
 )
 from eutree.policies import TreePolicy
 from eutree.trees.text import (
@@ -145,13 +145,13 @@ def _entry(policy: TreePolicy, name: str, inputs: list[str]) -> list[str]:
     own = [
         f"    {inputs[j]} : LREAL; (* {labelled(policy.schema.features[j])} *)" for j in computed
     ]
-    functions = called(body, structured_text_functions(name))
+    needed = called(body, functions("structured_text", name))
     declared = _inputs(policy, inputs[:first])
     if not remembered:
         head = [f"FUNCTION {name} : INT", *declared, "VAR", *own, "END_VAR"]
-        return [*functions, *head, *body, f"{name} := {name}_tree({arguments});", "END_FUNCTION"]
+        return [*needed, *head, *body, f"{name} := {name}_tree({arguments});", "END_FUNCTION"]
     return [
-        *functions,
+        *needed,
         f"FUNCTION_BLOCK {name}",
         *declared[:-1],
         "    restart : BOOL; (* an episode begins *)",
@@ -179,7 +179,7 @@ def _values(policy: TreePolicy, name: str, inputs: list[str]) -> list[str]:
     """Return the FUNCTION of each control."""
     schema = policy.schema
     blocks = {f"block{root}" for root in block_roots(policy.tree)}
-    blocks |= {"tree", *structured_text_functions(name)}
+    blocks |= {"tree", *functions("structured_text", name)}
     names = control_identifiers(schema, reserved=frozenset(blocks))
     # A FUNCTION and a variable in it must not have the same name.
     taken = {variable.casefold() for variable in inputs}
