@@ -2,8 +2,10 @@
 
 import inspect
 import re
+import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass
+from importlib import resources
 from typing import Any
 
 import gymnasium
@@ -69,49 +71,21 @@ def episode_views(
 
 @dataclass(frozen=True)
 class _Told:
-    """How one of Gymnasium's own tasks says what a person wants to know: it reports no success.
-
-    Attributes:
-        task: The task in a sentence.
-        by: What is true of a success: ``"return"`` is above 0, or it was ``"terminated"``, or
-            ``"truncated"``.
-        good: What a success is called.
-        bad: What ends an episode that is none; empty for the time limit alone.
-    """
+    """How one of Gymnasium's own tasks says what a person wants to know; see ``tasks.toml``."""
 
     task: str
-    by: str
+    by: str = ""
     good: str = "goal"
     bad: str = ""
     always_ends: bool = False
 
 
-# By the name of the environment's class.
 _TOLD = {
-    "FrozenLakeEnv": _Told(
-        "Walk over the ice to the goal, and into no hole. The ice may be slippery: then a step "
-        "often goes aside.", "return", "goal", "fell into a hole"),
-    "CliffWalkingEnv": _Told(
-        "Walk along the cliff to the goal in the corner, in few steps. Whoever steps off the cliff "
-        "begins again.", "terminated"),
-    "TaxiEnv": _Told(
-        "Drive to the passenger, pick them up, drive to their destination and drop them off there.",
-        "terminated", "delivered"),
-    "BlackjackEnv": _Told(
-        "Come nearer to 21 than the dealer, and not above it: hit for one more card, or stick.",
-        "return", "won", "not won", always_ends=True),
-    "CartPoleEnv": _Told(
-        "Keep the pole upright and the cart on its track, by pushing the cart to the left or to "
-        "the right.", "truncated", "kept upright to the end", "fell or left the track"),
-    "MountainCarEnv": _Told(
-        "Rock the car to and fro until it reaches the flag on the right hill: its engine is too "
-        "weak to climb it at once.", "terminated"),
-    "AcrobotEnv": _Told(
-        "Swing the lower end of the two links above the line, by turning the joint between them.",
-        "terminated"),
-    "LunarLander": _Told(
-        "Land softly between the two flags, upright and with little fuel.", ""),
-}  # fmt: skip
+    name: _Told(**told)
+    for name, told in tomllib.loads(
+        (resources.files(__package__) / "tasks.toml").read_text(encoding="utf-8")
+    ).items()
+}
 
 
 ENDLESS = (

@@ -10,9 +10,11 @@ A start that a method cannot take is a record too: its reason stands where the f
 
 import hashlib
 import time
+import tomllib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cache
+from importlib import resources
 from typing import Any, ClassVar, cast
 
 import gymnasium
@@ -85,7 +87,7 @@ class Task:
     demonstrator: str
     delay: int
     chance: float
-    goal: Goal | None
+    goal: Goal | None = None
     demonstrations: int
     episodes: int
     gathering_episodes: int
@@ -106,50 +108,10 @@ class Task:
         )
 
 
-TASKS = {
-    "evasion": Task(
-        title="2-Evasion",
-        environment="eutree/Evasion2-v0",
-        demonstrator="gate",
-        delay=2,
-        chance=-21.4,
-        goal=((30.0, -11.0, -11.0), (30.0, 11.0, 11.0)),
-        demonstrations=15,
-        episodes=80,
-        gathering_episodes=20,
-        evaluate_every=10,
-        evaluation_episodes=50,
-        final_episodes=30,
-    ),
-    "mountain-car": Task(
-        title="MountainCar",
-        environment="MountainCar-v0",
-        demonstrator="rock",
-        delay=20,
-        chance=-200.0,
-        goal=((0.5, -0.07), (0.6, 0.07)),
-        demonstrations=15,
-        episodes=20,
-        gathering_episodes=5,
-        evaluate_every=5,
-        evaluation_episodes=4,
-        final_episodes=8,
-    ),
-    "cart-pole": Task(
-        title="CartPole",
-        environment="CartPole-v1",
-        demonstrator="balance",
-        delay=5,
-        chance=22.7,
-        goal=None,
-        demonstrations=5,
-        episodes=20,
-        gathering_episodes=5,
-        evaluate_every=5,
-        evaluation_episodes=4,
-        final_episodes=8,
-    ),
-}
+TASKS = msgspec.convert(
+    tomllib.loads((resources.files(__package__) / "tasks.toml").read_text(encoding="utf-8")),
+    dict[str, Task],
+)
 
 
 @dataclass(frozen=True)
