@@ -1,6 +1,8 @@
 """What the paper says that can be checked, and what we found: computed, never written by hand."""
 
+import tomllib
 from dataclasses import dataclass
+from importlib import resources
 
 import numpy as np
 
@@ -44,6 +46,23 @@ class Claim:
     preset: str = ""
     times: float | None = None
     is_inside: bool = True
+
+
+_CLAIMS = tomllib.loads((resources.files(__package__) / "claims.toml").read_text(encoding="utf-8"))
+
+
+def claimed(name: str, estimate: Estimate, *, key: str = "", **words: object) -> Claim:
+    """Return what became of a claim of the paper.
+
+    Args:
+        name: Its id, the last part of which is its name in ``claims.toml``.
+        estimate: Our number.
+        key: Its name there where it is another one.
+        **words: Words of its sentence and of its rule.
+    """
+    known = _CLAIMS[key or name.rpartition("/")[2]]
+    said = {part: known[part].format(**words) for part in ("sentence", "rule")}
+    return judged(name, estimate=estimate, **{**known, **said})
 
 
 def judged(

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from eutree_lab.paper.claims import Claim, judged
+from eutree_lab.paper.claims import Claim, claimed
 from eutree_lab.paper.experiment import Experiment, ExperimentScale, Records
 from eutree_lab.paper.runs import RunSpec
 from eutree_lab.statistics import bootstrap
@@ -21,16 +21,13 @@ def expert_specs(scale: ExperimentScale, preset: str) -> list[RunSpec]:
 def judge_expert(records: Records) -> list[Claim]:
     """Return the claim that expert trees complete all trials without collisions."""
     return [
-        judged(
+        claimed(
             f"expert/perfect-in-{name.lower()}",
-            f"The expert tree performs perfectly in {name}, completing all trials without "
-            "collisions.",
-            paper="1",
-            estimate=bootstrap(
+            bootstrap(
                 [r.final.success for r in records if f"Evasion{count}-" in r.spec.environment]
             ),
-            low=0.995,
-            rule="success rate, at least 99.5 %",
+            domain=name,
+            key="perfect",
         )
         for count, name in DOMAINS.items()
     ]
@@ -57,37 +54,12 @@ def judge_compression(records: Records) -> list[Claim]:
     change = [after.success - before.success for before, after in pairs]
     grown = [float(after.n_leaves <= before.n_leaves) for before, after in pairs]
     return [
-        judged(
-            "compression/less-than-half",
-            "The number of states is systematically reduced to less than half the size.",
-            paper="< 0.5",
-            estimate=bootstrap(ratio),
-            high=0.5,
-            rule="leaves after over leaves before, mean over trees, below a half",
-        ),
-        judged(
-            "compression/no-loss",
-            "... without loss of performance.",
-            paper="0",
-            estimate=bootstrap(change),
-            low=-0.02,
-            rule="change of success, mean over trees, above -0.02",
-        ),
-        judged(
-            "compression/never-larger",
-            "At worst it maintains the same number of states.",
-            paper="1",
-            estimate=bootstrap(grown),
-            low=1.0,
-            rule="share of trees that did not grow, all",
-        ),
-        judged(
+        claimed("compression/less-than-half", bootstrap(ratio)),
+        claimed("compression/no-loss", bootstrap(change)),
+        claimed("compression/never-larger", bootstrap(grown)),
+        claimed(
             "compression/same-mapping",
-            "The observation-action mapping is maintained on the recorded observations.",
-            paper="1",
-            estimate=bootstrap(np.array([r.agreement for r in records if r.agreement is not None])),
-            low=1.0,
-            rule="share of recorded observations with the same action, all",
+            bootstrap(np.array([r.agreement for r in records if r.agreement is not None])),
         ),
     ]
 

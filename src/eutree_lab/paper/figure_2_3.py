@@ -8,7 +8,7 @@ import numpy as np
 from eutree.arrays import Floats
 from eutree.evaluation import Estimate
 from eutree_lab.paper import drawing
-from eutree_lab.paper.claims import Claim, judged
+from eutree_lab.paper.claims import Claim, claimed
 from eutree_lab.paper.experiment import Experiment, ExperimentScale, Records, by_learner
 from eutree_lab.paper.finals import FINAL, FINALS
 from eutree_lab.paper.runs import Performance, RunRecord, RunSpec
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
 LEARNERS = ("c-u-tree", "eu-tree-dt", "eu-tree")
 LEVEL = 0.9  # success rate that "learned" stands for
-SIMILAR = 0.05  # a difference of success below this is "very similar"
 
 
 def specs(opponents: int, scale: ExperimentScale, preset: str) -> list[RunSpec]:
@@ -43,48 +42,18 @@ def judge(name: str, records: Records) -> list[Claim]:
     c_u_tree, without, eu_tree = (success(groups[learner]) for learner in LEARNERS)
     horizon = groups["eu-tree"][0].curve[-1].episode
     return [
-        judged(
-            f"{name}/half-the-trials",
-            "The EU-Tree methods reduce the learning time by over 50 %.",
-            paper="< 0.5",
-            estimate=_ratio_of_trials(groups, horizon),
-            high=0.5,
-            rule=f"trials to {LEVEL:.0%} success, EU-Tree over C. U-Tree, below a half",
-        ),
-        judged(
-            f"{name}/dt-similar",
-            "The performance of the EU-Tree with and without the demonstrations' transitions is "
-            "very similar.",
-            paper="0",
-            estimate=bootstrap((eu_tree - without).mean(axis=1)),
-            low=-SIMILAR,
-            high=SIMILAR,
-            rule=f"mean difference of success along the curve within {SIMILAR:g}",
-        ),
-        judged(
-            f"{name}/above-at-every-point",
-            "The teaching-based methods are significantly better than the C. U-Tree at every "
-            "evaluation.",
-            paper="> 0",
-            estimate=_smallest_lead(eu_tree, c_u_tree),
-            low=0.0,
-            rule="smallest lead of the mean success over all evaluations, above zero",
-        ),
-        judged(
+        claimed(f"{name}/half-the-trials", _ratio_of_trials(groups, horizon)),
+        claimed(f"{name}/dt-similar", bootstrap((eu_tree - without).mean(axis=1))),
+        claimed(f"{name}/above-at-every-point", _smallest_lead(eu_tree, c_u_tree)),
+        claimed(
             f"{name}/c-u-tree-learns",
-            "The C. U-Tree too learns the correct policy, one that avoids all collisions.",
-            paper="1",
-            estimate=bootstrap([final(record).success for record in groups["c-u-tree"]]),
-            low=0.95,
-            rule=f"success of its final policy ({FINAL}) within {horizon} episodes, at least 95 %",
+            bootstrap([final(record).success for record in groups["c-u-tree"]]),
+            horizon=horizon,
         ),
-        judged(
+        claimed(
             f"{name}/eu-tree-learns",
-            "The EU-Tree reaches the optimal policy.",
-            paper="1",
-            estimate=bootstrap([final(record).success for record in groups["eu-tree"]]),
-            low=0.95,
-            rule=f"success of its final policy ({FINAL}) within {horizon} episodes, at least 95 %",
+            bootstrap([final(record).success for record in groups["eu-tree"]]),
+            horizon=horizon,
         ),
     ]
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from eutree.arrays import Floats
 from eutree_lab.paper import drawing
-from eutree_lab.paper.claims import Claim, judged
+from eutree_lab.paper.claims import Claim, claimed
 from eutree_lab.paper.experiment import Experiment, ExperimentScale, Records, by_learner, by_speed
 from eutree_lab.paper.figure_2_3 import LEVEL, durations, learning_curve, success
 from eutree_lab.paper.runs import DEMONSTRATED_SPEED, RunRecord, RunSpec
@@ -47,23 +47,8 @@ def judge_4a(records: Records) -> list[Claim]:
     ]
     fastest = [record.final.success for record in speeds[max(speeds)]]
     return [
-        judged(
-            "figure-4a/slower-opponents",
-            "With slower opponents the fixed policy performs well.",
-            paper="about 1",
-            estimate=bootstrap(slower),
-            low=0.95,
-            rule="mean success at 2.2 to 3.2 m/s, at least 95 %",
-        ),
-        judged(
-            "figure-4a/half-at-the-fastest",
-            "With faster opponents it quickly drops to an approximate success rate of 50 %.",
-            paper="0.5",
-            estimate=bootstrap(fastest),
-            low=0.4,
-            high=0.65,
-            rule="success at 4.2 m/s, from 40 to 65 %",
-        ),
+        claimed("figure-4a/slower-opponents", bootstrap(slower)),
+        claimed("figure-4a/half-at-the-fastest", bootstrap(fastest)),
     ]
 
 
@@ -74,16 +59,7 @@ def judge_4b(records: Records) -> list[Claim]:
     for runs in speeds.values():
         quality.append(float(np.mean([r.expert.success for r in runs if r.expert])))
         time.append(_trials(runs))
-    return [
-        judged(
-            "figure-4b/time-follows-quality",
-            "Strong expert policy performance leads to short learning times.",
-            paper="< 0",
-            estimate=spearman(quality, time),
-            high=0.0,
-            rule="rank correlation over speeds of expert success and learning time, below zero",
-        )
-    ]
+    return [claimed("figure-4b/time-follows-quality", spearman(quality, time))]
 
 
 def judge_5(records: Records) -> list[Claim]:
@@ -96,24 +72,8 @@ def judge_5(records: Records) -> list[Claim]:
     near = np.mean([m for v, m in means.items() if abs(v - DEMONSTRATED_SPEED) <= NEAR], axis=0)
     far = np.mean([m for v, m in means.items() if abs(v - DEMONSTRATED_SPEED) > NEAR], axis=0)
     return [
-        judged(
-            "figure-5/no-worse-than-c-u-tree",
-            "In the worst case the performance is no worse than that of the C. U-Tree.",
-            paper=">= 0",
-            estimate=bootstrap(means[worst] - plain),
-            low=-0.02,
-            rule=f"mean success along the curve at the worst speed ({worst:g} m/s) minus that of "
-            "the C. U-Tree at 3.2 m/s, above -0.02",
-        ),
-        judged(
-            "figure-5/scales-with-quality",
-            "Performance scales with the quality of the expert policy.",
-            paper="> 0",
-            estimate=bootstrap(near - far),
-            low=0.0,
-            rule="mean success along the curve within 0.5 m/s of 3.2 minus further away, above "
-            "zero",
-        ),
+        claimed("figure-5/no-worse-than-c-u-tree", bootstrap(means[worst] - plain), worst=worst),
+        claimed("figure-5/scales-with-quality", bootstrap(near - far)),
     ]
 
 
