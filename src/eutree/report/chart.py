@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from html import escape
 
 from eutree.compression.report import FrontEntry
@@ -20,6 +21,45 @@ _STYLES = 5
 _LEAST = 0.1  # of the largest value: what an axis spans at least
 
 
+@dataclass(frozen=True)
+class _Plane:
+    """Where values lie in a drawing, by the round numbers on both of its axes."""
+
+    x_ticks: list[float]
+    y_ticks: list[float]
+
+    def x(self, value: float) -> float:
+        share = (value - self.x_ticks[0]) / (self.x_ticks[-1] - self.x_ticks[0])
+        return _LEFT + share * (_WIDTH - _LEFT - _RIGHT)
+
+    def y(self, value: float) -> float:
+        inside = min(max(value, self.y_ticks[0]), self.y_ticks[-1])
+        share = (inside - self.y_ticks[0]) / (self.y_ticks[-1] - self.y_ticks[0])
+        return _HEIGHT - _BOTTOM - share * (_HEIGHT - _TOP - _BOTTOM)
+
+    def frame(self, label: str, x_title: str, *, percent: bool = False) -> list[str]:
+        """Return the beginning of the drawing: what a screen reader says, grid and axis."""
+        return [
+            f'<svg class="chart" viewBox="0 0 {_WIDTH:.0f} {_HEIGHT:.0f}" role="img" '
+            f'aria-label="{escape(label)}">',
+            *(
+                f'<line class="grid" x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{self.y(tick):.1f}" '
+                f'y2="{self.y(tick):.1f}"/><text x="{_LEFT - 6}" y="{self.y(tick) + 4:.1f}" '
+                f'text-anchor="end">{_number(tick, percent)}</text>'
+                for tick in self.y_ticks
+            ),
+            *(
+                f'<text x="{self.x(tick):.1f}" y="{_HEIGHT - _BOTTOM + 15:.1f}" '
+                f'text-anchor="middle">{_number(tick, False)}</text>'
+                for tick in self.x_ticks
+            ),
+            f'<line class="axis" x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{_HEIGHT - _BOTTOM}" '
+            f'y2="{_HEIGHT - _BOTTOM}"/>'
+            f'<text x="{(_LEFT + _WIDTH) / 2:.0f}" y="{_HEIGHT - 4}" text-anchor="middle">'
+            f"{escape(x_title)}</text>",
+        ]
+
+
 def chart(title: str, series: Series, *, percent: bool = False, whole: bool = False) -> str:
     """Return one chart of several series over episodes.
 
@@ -32,51 +72,24 @@ def chart(title: str, series: Series, *, percent: bool = False, whole: bool = Fa
     points = [point for entries in series.values() for point in entries]
     if not points:
         return f'<p class="quiet">No {escape(title)} was recorded.</p>'
-    x_ticks = ticks(min(p[0] for p in points), max(p[0] for p in points), whole=True)
     ends = min(p[2] for p in points), max(p[3] for p in points)
-    y_ticks = _shares(*ends) if percent else ticks(*_with_room(*ends), whole=whole)
-
-    def x(value: float) -> float:
-        share = (value - x_ticks[0]) / (x_ticks[-1] - x_ticks[0])
-        return _LEFT + share * (_WIDTH - _LEFT - _RIGHT)
-
-    def y(value: float) -> float:
-        inside = min(max(value, y_ticks[0]), y_ticks[-1])
-        share = (inside - y_ticks[0]) / (y_ticks[-1] - y_ticks[0])
-        return _HEIGHT - _BOTTOM - share * (_HEIGHT - _TOP - _BOTTOM)
-
+    plane = _Plane(
+        ticks(min(p[0] for p in points), max(p[0] for p in points), whole=True),
+        _shares(*ends) if percent else ticks(*_with_room(*ends), whole=whole),
+    )
     last = ", ".join(
         f"{name} ends at {_number(entries[-1][1], percent)}"
         for name, entries in series.items()
         if entries
     )
-    lines = [
-        f'<svg class="chart" viewBox="0 0 {_WIDTH:.0f} {_HEIGHT:.0f}" role="img" '
-        f'aria-label="{escape(f"{title} over episodes: {last}")}">'
-    ]
-    for tick in y_ticks:
-        lines.append(
-            f'<line class="grid" x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{y(tick):.1f}" '
-            f'y2="{y(tick):.1f}"/><text x="{_LEFT - 6}" y="{y(tick) + 4:.1f}" '
-            f'text-anchor="end">{_number(tick, percent)}</text>'
-        )
-    for tick in x_ticks:
-        lines.append(
-            f'<text x="{x(tick):.1f}" y="{_HEIGHT - _BOTTOM + 15:.1f}" '
-            f'text-anchor="middle">{_number(tick, False)}</text>'
-        )
-    lines.append(
-        f'<line class="axis" x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{_HEIGHT - _BOTTOM}" '
-        f'y2="{_HEIGHT - _BOTTOM}"/>'
-        f'<text x="{(_LEFT + _WIDTH) / 2:.0f}" y="{_HEIGHT - 4}" text-anchor="middle">episodes'
-        "</text>"
-    )
+    lines = plane.frame(f"{title} over episodes: {last}", "episodes", percent=percent)
     for number, entries in enumerate(series.values()):
         style = number % _STYLES
-        upper = [f"{x(p[0]):.1f},{y(p[3]):.1f}" for p in entries]
-        lower = [f"{x(p[0]):.1f},{y(p[2]):.1f}" for p in reversed(entries)]
-        middle = [f"{x(p[0]):.1f},{y(p[1]):.1f}" for p in entries]
-        lines.append(f'<polygon class="band series-{style}" points="{" ".join(upper + lower)}"/>')
+        middle, lower, upper = (
+            [f"{plane.x(p[0]):.1f},{plane.y(p[end]):.1f}" for p in entries] for end in (1, 2, 3)
+        )
+        band = " ".join(upper + lower[::-1])
+        lines.append(f'<polygon class="band series-{style}" points="{band}"/>')
         lines.append(
             f'<polyline class="curve series-{style} dash-{style}" points="{" ".join(middle)}"/>'
         )
@@ -98,42 +111,20 @@ def scatter(
         points: Both measures of each, and its name, which is shown under the pointer.
         percent: Whether what is measured upwards are shares, to be shown as percentages.
     """
-    counts = all(float(p[0]).is_integer() for p in points)
-    x_ticks = ticks(min(p[0] for p in points), max(p[0] for p in points), whole=counts)
-    ends = min(p[1] for p in points), max(p[1] for p in points)
-    y_ticks = _shares(*ends) if percent else ticks(*ends)
-    width, height = _WIDTH - _LEFT - _RIGHT, _HEIGHT - _TOP - _BOTTOM
-
-    def x(value: float) -> float:
-        return _LEFT + (value - x_ticks[0]) / (x_ticks[-1] - x_ticks[0]) * width
-
-    def y(value: float) -> float:
-        return _HEIGHT - _BOTTOM - (value - y_ticks[0]) / (y_ticks[-1] - y_ticks[0]) * height
-
-    label = escape(f"{y_title} against {x_title} of {len(points)}")
-    lines = [f'<svg class="chart" viewBox="0 0 {_WIDTH:.0f} {_HEIGHT:.0f}" role="img" '
-             f'aria-label="{label}">']  # fmt: skip
-    for tick in y_ticks:
-        lines.append(
-            f'<line class="grid" x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{y(tick):.1f}" '
-            f'y2="{y(tick):.1f}"/><text x="{_LEFT - 6}" y="{y(tick) + 4:.1f}" '
-            f'text-anchor="end">{_number(tick, percent)}</text>'
-        )
-    for tick in x_ticks:
-        lines.append(
-            f'<text x="{x(tick):.1f}" y="{_HEIGHT - _BOTTOM + 15:.1f}" '
-            f'text-anchor="middle">{_number(tick, False)}</text>'
-        )
-    lines.append(
-        f'<text x="{(_LEFT + _WIDTH) / 2:.0f}" y="{_HEIGHT - 4}" text-anchor="middle">'
-        f"{escape(x_title)}</text>"
+    across, up, _ = zip(*points, strict=True)
+    counts = all(float(x).is_integer() for x in across)
+    plane = _Plane(
+        ticks(min(across), max(across), whole=counts),
+        _shares(min(up), max(up)) if percent else ticks(min(up), max(up)),
     )
-    lines += [
-        f'<circle class="point" cx="{x(across):.1f}" cy="{y(up):.1f}" r="4.5">'
+    drawn = (
+        f'<circle class="point" cx="{plane.x(x):.1f}" cy="{plane.y(y):.1f}" r="4.5">'
         f"<title>{escape(name)}</title></circle>"
-        for across, up, name in points
-    ]
-    return "\n".join([*lines, "</svg>"])
+        for x, y, name in points
+    )
+    said = f"{y_title} against {x_title} of {len(points)}"
+    frame = plane.frame(said, x_title, percent=percent)
+    return "\n".join([*frame, *drawn, "</svg>"])
 
 
 def action_legend(schema: Schema) -> str:
@@ -146,13 +137,20 @@ def action_legend(schema: Schema) -> str:
     return f'<ul class="legend">{"".join(entries)}</ul>'
 
 
-def legend(names: Sequence[str]) -> str:
-    """Return the list of learners with the line of each."""
+def legend(names: Sequence[str], styles: Sequence[int] | None = None) -> str:
+    """Return the list of learners, or of what else is drawn, with the line of each.
+
+    Args:
+        names: Their names.
+        styles: The style of each line; by default one after the other.
+    """
+    styles = styles or [k % _STYLES for k in range(len(names))]
     entries = (
-        f'<li><svg width="34" height="8" aria-hidden="true"><line class="curve series-'
-        f'{number % _STYLES} dash-{number % _STYLES}" x1="0" x2="34" y1="4" y2="4" '
-        f'stroke-width="2.4"/></svg>{escape(name)}</li>'
-        for number, name in enumerate(names)
+        f'<li><svg width="34" height="8" aria-hidden="true"><line class="curve series-{style} '
+        f'dash-{style}" x1="0" x2="34" y1="4" y2="4" stroke-width="2.4"/></svg>{escape(name)}</li>'
+        for name, style in zip(
+            names, styles or [k % _STYLES for k in range(len(names))], strict=True
+        )
     )
     return f'<ul class="legend">{"".join(entries)}</ul>'
 

@@ -11,7 +11,7 @@ from eutree.arrays import Floats
 from eutree.data import Demonstrations, Episode
 from eutree.data.summary import Summary, drawn_bounds, summarize
 from eutree.evaluation.expert_curve import ExpertCurve, expert_curve
-from eutree.report.chart import ticks
+from eutree.report.chart import legend, ticks
 from eutree.report.html import asset, head, page
 from eutree.schema import Schema
 
@@ -316,15 +316,9 @@ def _episodes(demonstrations: Demonstrations, numbers: Sequence[int]) -> str:
         _card(episode, number, schema, ends)
         for episode, number in zip(demonstrations.episodes[:MAX_EPISODES], numbers, strict=False)
     ]
-    shared = [group for group in panels(schema) if len(group) > 1]
-    keys = "".join(
-        f'<li><svg width="34" height="8" aria-hidden="true"><line class="curve series-{style} '
-        f'dash-{style}" x1="0" x2="34" y1="4" y2="4" stroke-width="2.4"/></svg>'
-        f"{escape(schema.features[j].name)}</li>"
-        for group in shared
-        for j in group
-        for style in (style_of(schema, j),)
-    )
+    shared = [j for group in panels(schema) if len(group) > 1 for j in group]
+    styles = [style_of(schema, j) for j in shared]
+    key = legend([schema.features[j].name for j in shared], styles) if shared else ""
     rest = {
         "features": schema.n_features - MAX_FEATURES,
         "episodes": len(demonstrations.episodes) - MAX_EPISODES,
@@ -334,7 +328,6 @@ def _episodes(demonstrations: Demonstrations, numbers: Sequence[int]) -> str:
         for name, count in rest.items()
         if count > 0
     )
-    key = f'<ul class="legend">{keys}</ul>' if keys else ""
     return f'{key}\n<div class="cards">{"".join(cards)}</div>{note}'
 
 
