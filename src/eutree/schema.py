@@ -341,10 +341,12 @@ class Schema:
             of: The holder of this schema, for the message: "the environment", "CartPole-v1".
         """
         if not self._names_fit(other):
+            as_many = (self.n_features, self.n_actions) == (other.n_features, other.n_actions)
             raise InvalidArgumentError(
                 f"{what} must have the features and actions of {of}, {list(self.feature_names)} "
                 f"and {list(self.actions)}, got {list(other.feature_names)} and "
                 f"{list(other.actions)}"
+                + ("; names of a file must be given here, too, by --names" if as_many else "")
             )
 
     def with_names_of(self, other: "Schema") -> "Schema":

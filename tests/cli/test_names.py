@@ -210,3 +210,24 @@ def test_names_are_given_after_recording(eutree, tmp_path):
         answer = eutree(*command)
         assert answer.code == 2
         assert "names must have one for each of the 2 features" in answer.err
+
+
+def test_the_names_of_an_environment_are_not_exchanged(eutree, tmp_path):
+    line = ("record", "CartPole-v1", "--expert", "fall", "--out", "raw", "--names", "swapped.json")
+    swapped = ["velocity", "position", "angle", "turn rate"]
+    (tmp_path / "swapped.json").write_text(json.dumps({"features": swapped}))
+    answer = eutree(*line)
+    assert answer.code == 2
+    assert "in the order of the environment's own, position, velocity, angle" in answer.err
+
+
+def test_where_names_are_to_be_given_again_a_message_says_so(eutree, tmp_path):
+    german = {"features": ["Ort [m]", "Tempo [m/s]", "Winkel [rad]", "Drehung [rad/s]"]}
+    (tmp_path / "german.json").write_text(json.dumps(german))
+    assert eutree("record", "CartPole-v1", "--expert", "fall", "--episodes", 2, "--out", "raw",
+                  "--names", "german.json").code == 0  # fmt: skip
+    answer = eutree("fit", "raw", "--out", "p.json", "--episodes", 2)
+    assert answer.code == 2
+    assert "names of a file must be given here, too, by --names" in answer.err
+    assert eutree("fit", "raw", "--out", "p.json", "--episodes", 2, "--names",
+                  "german.json").code == 0  # fmt: skip

@@ -9,7 +9,7 @@ from gymnasium.wrappers import FilterObservation, FlattenObservation, TimeLimit
 from eutree.errors import UnsupportedSpaceError
 from eutree.interaction import GuardedEnv
 from eutree.interaction.making import make
-from eutree.interaction.spaces import describe, encoder, spec_of
+from eutree.interaction.spaces import decoder, describe, encoder, spec_of
 from eutree.recording.keys import keys_of_environment
 from tests.interaction.sick import Healthy
 from tests.interaction.versions import CLIFF
@@ -25,6 +25,12 @@ SPACES = {
         ["x0", "x1.x0", "x1.x1"],
         [0, 0, 0],
         [2, 1, 1],
+    ),
+    "dict of single numbers": (
+        spaces.Dict({"speed": spaces.Box(0, 9, ()), "at": spaces.Discrete(3)}),
+        ["at", "speed"],
+        [0, 0],
+        [2, 9],
     ),
     "dict": (
         spaces.Dict({"speed": spaces.Box(0, 9, (1,)), "at": spaces.MultiBinary(2)}),
@@ -54,6 +60,11 @@ def test_names_bounds_and_encoding(name):
         assert vector.shape == (len(names),)
         assert (np.array(low) <= vector).all()
         assert (vector <= np.array(high)).all()
+        again = decoder(space)(vector)
+        assert spaces.utils.flatten(space, again) == pytest.approx(
+            spaces.utils.flatten(space, sample)
+        )
+        assert again in space
 
 
 def test_gymnasium_s_own_tasks_have_names():

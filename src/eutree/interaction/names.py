@@ -4,7 +4,8 @@
      "derived": ["difference = room - outside"]}
 
 A unit stands in brackets. What is recorded, learned and exported then says ``room <= 20.5 °C``; the
-names travel with demonstrations and policies and need not be given again. Of derived features
+names travel with demonstrations and policies and need not be given again, except to an environment
+that has names of its own. Of derived features
 (:mod:`eutree.formulas`) the unit follows. ``"kinds"`` says which features are no quantities, see
 ``Schema.with_kinds``:
 
@@ -82,9 +83,18 @@ class Names(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         """Name the features and actions of ``env``, whatever it called them; return it derived.
 
         Raises:
-            InvalidArgumentError: There are not as many names as features or actions.
+            InvalidArgumentError: There are not as many names as features or actions, or they are
+                those of the environment itself in another order.
         """
-        schema = self.of(describe(env))
+        own = describe(env)
+        schema = self.of(own)
+        measured = own.measured.feature_names
+        mine = schema.measured.feature_names
+        if mine != measured and sorted(mine) == sorted(measured):
+            raise InvalidArgumentError(
+                f"names must be in the order of the environment's own, {', '.join(measured)}, "
+                f"got {', '.join(mine)}"
+            )
         inner: Any = env.unwrapped  # where describe looks for names
         if self.features:
             inner.feature_names = schema.feature_names

@@ -240,7 +240,7 @@ def encoder(space: spaces.Space[Any]) -> Encoder:
         return lambda observation: np.concatenate(
             [enc(part) for enc, part in zip(encoders, observation, strict=True)]
         )
-    if isinstance(space, spaces.Discrete):
+    if space.shape == ():
         return lambda observation: _vector(observation)[np.newaxis]
     return _vector
 
@@ -262,7 +262,7 @@ def decoder(space: spaces.Space[Any]) -> Decoder:
         )
     if isinstance(space, spaces.Discrete):
         return lambda vector: np.int64(vector[0])
-    return lambda vector: vector.astype(space.dtype)
+    return lambda vector: vector.astype(space.dtype).reshape(space.shape)
 
 
 def _size(space: spaces.Space[Any]) -> int:
@@ -320,8 +320,8 @@ def _bounds(space: spaces.Space[Any], name: str) -> tuple[list[float], list[floa
     if isinstance(space, spaces.Tuple):
         parts = enumerate(space.spaces)
         return _concatenate([(f"x{i}", *_bounds(part, name)) for i, part in parts])
-    if isinstance(space, spaces.Box) and len(space.shape) == 1:
-        low, high = space.low.astype(np.float64), space.high.astype(np.float64)
+    if isinstance(space, spaces.Box) and len(space.shape) <= 1:
+        low, high = (np.atleast_1d(bound).astype(np.float64) for bound in (space.low, space.high))
     elif isinstance(space, spaces.Discrete):
         low, high = np.array([float(space.start)]), np.array([float(space.start + space.n - 1)])
     elif isinstance(space, spaces.MultiDiscrete) and len(space.shape) == 1:
