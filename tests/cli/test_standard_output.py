@@ -8,8 +8,10 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import eutree as package
+from eutree.cli._output import Output
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.trees import DecisionTree
@@ -112,3 +114,9 @@ def test_a_target_is_tried_before_the_work(eutree, tmp_path, monkeypatch, expert
         assert (answer.code, answer.err.count("\n")) == (2, 1), answer.err
         assert "cannot write no/where: the folder no does not exist" in answer.err
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("say", [Output.say, lambda output, text: output.result({}, text)])
+def test_colons_around_a_word_are_no_picture(capfd, say):
+    say(Output(as_json=False), "plant:Guard: 20 episodes")
+    assert "plant:Guard: 20 episodes" in "".join(capfd.readouterr())

@@ -42,7 +42,7 @@ class Output:
         from rich.console import Console
 
         self.as_json = as_json
-        self.messages = Console(stderr=True, highlight=False)
+        self.messages = Console(stderr=True, highlight=False, emoji=False)
 
     def say(self, text: str) -> None:
         """Print a message on standard error."""
@@ -56,7 +56,7 @@ class Output:
             from rich.console import Console
             from rich.text import Text
 
-            Console(highlight=False, soft_wrap=isinstance(text, str | Text)).print(
+            Console(highlight=False, emoji=False, soft_wrap=isinstance(text, str | Text)).print(
                 text, markup=not isinstance(text, str)
             )
 
