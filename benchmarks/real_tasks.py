@@ -194,15 +194,19 @@ class Deterministic:
 
 
 def jams(options: Any) -> None:
-    """Play the trees that were kept for many half hours; count where a vehicle stands too long."""
+    """Play many half hours by each tree that was kept; count where a vehicle stands too long.
+
+    The rule that showed the trees how plays, too, as the run 0.
+    """
     env = light(options.junction)
-    for path in sorted(options.keep.glob(f"{options.junction}-*.json")):
-        policy, seed = eutree.TreePolicy.load(path), int(path.stem.rpartition("-")[2])
+    paths = sorted(options.keep.glob(f"{options.junction}-*.json"))
+    kept = {int(path.stem.rpartition("-")[2]): eutree.TreePolicy.load(path) for path in paths}
+    for seed, controller in (kept | {0: BEST_RULE[options.junction]}).items():
         key = {"task": options.junction, "controller": "half hours", "seed": seed,
                "seconds": 1800, "demand": "drawn"}  # fmt: skip
         if not is_known(options.out, key):
-            found = summary(list(played(env, policy, options.episodes, 10**7 + 1000 * seed)))
-            keep(options.out, {**key, "leaves": policy.n_leaves, **found})
+            found = summary(list(played(env, controller, options.episodes, 10**7 + 1000 * seed)))
+            keep(options.out, {**key, "leaves": getattr(controller, "n_leaves", ""), **found})
 
 
 class BaseStock:
