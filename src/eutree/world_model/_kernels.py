@@ -183,8 +183,9 @@ def overlay(policy: ActionTree, rival: ActionTree, n_features: int, out: Integer
         feature = policy.feature[node]
         if feature >= 0:
             left, right = policy.left[node], policy.right[node]
-            low[left], high[left] = low[node], high[node]
-            low[right], high[right] = low[node], high[node]
+            for child in (left, right):
+                overwrite(low[child], low[node])
+                overwrite(high[child], high[node])
             high[left, feature] = min(high[node, feature], policy.threshold[node])
             low[right, feature] = max(low[node, feature], policy.threshold[node])
             continue
@@ -251,7 +252,7 @@ def departures(
                 out[episodes.owner[k]] = k
 
 
-@compiled_later
+@compiled  # at once: short runs call it for half of the time that is waited, and never compile it
 def replace_by_child(
     tree: ActionTree,
     node: int,
