@@ -202,6 +202,36 @@ def test_rehearsals_are_naive_episodes_to_the_bit_however_they_come_about(first,
     assert gain.mean == pytest.approx((returns[0] - returns[1]).mean(), abs=1e-9)
 
 
+def test_no_more_memory_is_written_to_than_there_are_steps():
+    """Room for the longest episodes costs nothing until something is written there."""
+    model = replace(model_of(walks(200, 8)), horizon=1000)
+    rollouts = PairedRollouts(model, 40, 1.0, np.random.default_rng(0))
+    for tree in (single_action(GO), packed((0, 3.0, GO, (0, 3.5, STAY, GO)))):
+        rollouts.run(tree)
+        n = rollouts.n_steps
+        assert 2 * n < len(rollouts._trace.states) == len(rollouts._episodes.states)
+        for episodes in (rollouts._trace, rollouts._episodes):
+            assert not episodes.states[n:].any()
+            assert not episodes.owner[n:].any()
+
+
+def test_a_fit_leaves_out_the_coefficients_that_are_0():
+    world = model_of(walks(200, 8)).world
+    p = world.lines.shape[1] - 4
+    written = world.lines[:, :p] != 0.0
+    lasts = [int(row.nonzero()[0].max(initial=-1)) + 1 for row in written]
+    assert world.noise[:, 2].tolist() == lasts
+    assert 0 in lasts
+    assert max(lasts) > 0
+    states = np.random.default_rng(0).normal(size=(1, p)) * 5.0
+    for row, line in enumerate(world.lines):
+        value = line[p]
+        for j in range(p):
+            value += line[j] * states[0, j]
+        value = min(max(value + line[p + 1], line[p + 2]), line[p + 3])
+        assert _kernels.fitted.py_func(world.lines, world.noise, row, states, 0) == value
+
+
 def rests(rollouts, tree, steps, first=None):
     """What a tree earns from each recorded step to the end, and how many steps that takes."""
     d = rollouts.observations.shape[1]

@@ -31,7 +31,7 @@ class World(NamedTuple):
     tests: Uint32s  # [M, 4] feature, node below, node above, row of the leaf
     thresholds: Floats  # [M]
     lines: Floats  # [L, 2 d + 4] coefficients, constant, the action's constant, lowest, highest
-    noise: Integers  # [L, 2] first residual, number of residuals
+    noise: Integers  # [L, 3] first residual, number of residuals, coefficients up to the last not 0
     residuals: Floats  # [K]
     tally: Integers  # [1] steps taken in it so far
 
@@ -121,13 +121,13 @@ def model_leaf(tests: Uint32s, thresholds: Floats, root: int, states: Floats, k:
 
 
 @inlined
-def fitted(lines: Floats, row: int, states: Floats, k: int) -> float:
+def fitted(lines: Floats, noise: Integers, row: int, states: Floats, k: int) -> float:
     """Return the leaf's fit at state k, within the range of what the leaf has seen."""
     p = states.shape[1]
     # The sum begins with the constant and ends with what the action adds: unrolled trees give the
     # bits that the fitted ones gave.
     value = lines[row, p]
-    for j in range(p):
+    for j in range(noise[row, 2]):  # most leaves are constants
         value += lines[row, j] * states[k, j]
     value += lines[row, p + 1]
     # A line is no model beyond the data that it was fitted to.
@@ -136,14 +136,14 @@ def fitted(lines: Floats, row: int, states: Floats, k: int) -> float:
 
 
 @inlined
-def chance(lines: Floats, row: int, states: Floats, k: int, draw: float) -> float:
+def chance(lines: Floats, noise: Integers, row: int, states: Floats, k: int, draw: float) -> float:
     """Return the probability of an end at state k, or 0 where it is clearly below the draw.
 
     The log-odds are linear in the observation and its squares.
     """
     d = states.shape[1] // 2
     odds = lines[row, 2 * d]
-    for i in range(d):
+    for i in range(min(noise[row, 2], d)):
         odds += (lines[row, i] + lines[row, d + i] * states[k, i]) * states[k, i]
     if odds < -7.0 and draw > 1e-3:  # exp(-7) is less: spare the exponential
         return 0.0

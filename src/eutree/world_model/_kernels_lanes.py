@@ -142,19 +142,15 @@ def decide(policy: PolicyTable, lanes: Lanes, n: int) -> None:
 
 
 @inlined
-def write_down(lanes: Lanes, n: int, horizon: int, trace: Episodes) -> None:
-    """Write where each lane is before its step; step t of episode e goes to e * horizon + t.
-
-    ``trace.first[e + 1]`` is the length of episode e so far.
-    """
-    states, owners, steps = lanes.states, lanes.owners, lanes.steps
+def write_down(lanes: Lanes, n: int, trace: Episodes, to: int) -> None:
+    """Write where each lane is before its step, to one place after the other."""
+    states = lanes.states
     for k in range(n):
-        to = owners[k] * horizon + steps[k]
         for j in range(states.shape[1]):
-            trace.states[to, j] = states[k, j]
-        trace.earned[to] = lanes.totals[k]
-        trace.node[to] = lanes.nodes[k]
-        trace.first[owners[k] + 1] = steps[k] + 1
+            trace.states[to + k, j] = states[k, j]
+        trace.earned[to + k] = lanes.totals[k]
+        trace.node[to + k] = lanes.nodes[k]
+        trace.owner[to + k] = lanes.owners[k]
 
 
 @inlined
@@ -169,7 +165,7 @@ def move(world: World, draws: Floats, lanes: Lanes, n: int) -> None:
         for k in range(n):
             row = tests[nodes[k], 3]
             pick = int(draws[(at[k] + i) & mask] * noise[row, 1])
-            moves[k, i] = fitted(lines, row, states, k) + residuals[noise[row, 0] + pick]
+            moves[k, i] = fitted(lines, noise, row, states, k) + residuals[noise[row, 0] + pick]
     # Only now: all displacements were asked of the state before the step.
     for k in range(n):
         for i in range(d):
@@ -183,25 +179,25 @@ def end(world: World, draws: Floats, lanes: Lanes, n: int) -> None:
 
     One draw decides from both sides: a bad end where it is low, a good one where it is high.
     """
-    tests, lines, states = world.tests, world.lines, lanes.states
+    tests, lines, noise, states = world.tests, world.lines, world.noise, lanes.states
     nodes, at, kinds = lanes.nodes, lanes.at, lanes.kinds
     d = states.shape[1] // 2
     mask = draws.size - 1
     descend(world, d + 3, lanes, n)
     for k in range(n):
         draw = draws[(at[k] + d) & mask]
-        kinds[k] = int(draw < chance(lines, tests[nodes[k], 3], states, k, draw))
+        kinds[k] = int(draw < chance(lines, noise, tests[nodes[k], 3], states, k, draw))
     descend(world, d + 4, lanes, n)
     for k in range(n):
         draw = 1.0 - draws[(at[k] + d) & mask]
-        if kinds[k] == 0 and draw <= chance(lines, tests[nodes[k], 3], states, k, draw):
+        if kinds[k] == 0 and draw <= chance(lines, noise, tests[nodes[k], 3], states, k, draw):
             kinds[k] = 2
 
 
 @inlined
 def earn(world: World, lanes: Lanes, n: int) -> None:
     """Add the reward of the step to what the first n lanes have earned."""
-    tests, lines, thresholds = world.tests, world.lines, world.thresholds
+    tests, lines, noise, thresholds = world.tests, world.lines, world.noise, world.thresholds
     states, nodes, kinds = lanes.states, lanes.nodes, lanes.kinds
     d = states.shape[1] // 2
     # Most steps go on; an end's own tree is looked at only where there is one.
@@ -211,7 +207,7 @@ def earn(world: World, lanes: Lanes, n: int) -> None:
         if kinds[k] > 0:
             root = world.roots[lanes.actions[k], d + kinds[k]]
             row = model_leaf(tests, thresholds, root, states, k)
-        reward = fitted(lines, row, states, k)
+        reward = fitted(lines, noise, row, states, k)
         lanes.totals[k] += lanes.weights[k] * reward
 
 
@@ -245,14 +241,14 @@ def go_on(
     lanes: Lanes,
     begins: Integers,  # [m] recorded steps
     actions: Integers,  # [m] first action of each, -1 for the policy's own
-    trace: Episodes,  # gets each step if it has room for all
+    trace: Episodes,  # gets each step if it has room for all, those of an episode in their order
     totals: Floats,  # [m] what was earned before; what was earned to the end is added
-) -> None:
-    """Run the policy from each recorded step to the end."""
-    world, draws, horizon, discount = conditions
+) -> int:
+    """Run the policy from each recorded step to the end; return the steps written."""
+    world, draws, _, discount = conditions
     d = episodes.states.shape[1] // 2
     writes = trace.earned.size > 0
-    n, begun = 0, 0
+    n, begun, written = 0, 0, 0
     # The first n lanes are under way, and the tasks before ``begun`` are in them or done.
     while n > 0 or begun < begins.size:
         while n < LANES and begun < begins.size:
@@ -272,12 +268,14 @@ def go_on(
             begun += 1
         decide(policy, lanes, n)
         if writes:
-            write_down(lanes, n, horizon, trace)
+            write_down(lanes, n, trace, written)
+            written += n
         world.tally[0] += n
         move(world, draws, lanes, n)
         end(world, draws, lanes, n)
         earn(world, lanes, n)
         n = retire(conditions, lanes, n, totals)
+    return written
 
 
 @compiled
@@ -294,7 +292,8 @@ def record(
     departs: Integers,  # [E] first step of each episode to run again, -1 where there is none
     within: Integers,  # [M] node of the policy that holds all steps of a node before
     policy: ActionTree,
-    out: Episodes,  # room for E times the horizon
+    trace: Episodes,  # room for E times the horizon, as in ``out``
+    out: Episodes,
 ) -> None:
     """Run the policy's episodes: those of ``before`` as far as it acts alike, then its own."""
     d = before.states.shape[1] // 2
@@ -302,27 +301,32 @@ def record(
     own = np.full(begins.size, -1)
     totals = before.earned[begins]
     lanes = empty_lanes(d)
-    go_on(conditions, before, laid_out(policy), lanes, begins, own, out, totals)
+    n_own = go_on(conditions, before, laid_out(policy), lanes, begins, own, trace, totals)
+    # Those of its own are written in the order in which lanes take them, not at the place of their
+    # episode: pages of memory that nothing is written to cost nothing.
+    lengths = np.zeros(out.returns.size, dtype=np.int64)
+    for i in range(n_own):
+        lengths[trace.owner[i]] += 1
     k, run = 0, 0
-    # Steps of its own wait at e * horizon + t. The first k places hold the episodes before e; they
-    # are no more than e * horizon, so each step that waits is moved down before its place is used.
+    # The first k places hold the steps alike of the episodes before e, or wait for their own.
     for e in range(out.returns.size):
-        begin, same = before.first[e], departs[e]
+        same = before.first[e + 1] if departs[e] < 0 else departs[e]
         out.first[e] = k
-        k = keep(before, e, before.first[e + 1] if same < 0 else same, within, policy, out, k)
+        k = keep(before, e, same, within, policy, out, k)
         out.returns[e] = before.returns[e]
-        if same < 0:
-            continue
-        out.returns[e] = totals[run]
-        waits = e * conditions.horizon
-        for i in range(waits + same - begin, waits + out.first[e + 1]):
-            for j in range(2 * d):
-                out.states[k, j] = out.states[i, j]
-            out.earned[k], out.node[k] = out.earned[i], out.node[i]
-            out.owner[k] = e
-            k += 1
-        run += 1
+        if departs[e] >= 0:
+            out.returns[e] = totals[run]
+            run += 1
+        lengths[e], k = k, k + lengths[e]
     out.first[out.returns.size] = k
+    places = lengths  # where the next own step of each episode goes
+    for i in range(n_own):
+        e = trace.owner[i]
+        k = places[e]
+        for j in range(2 * d):
+            out.states[k, j] = trace.states[i, j]
+        out.earned[k], out.node[k], out.owner[k] = trace.earned[i], trace.node[i], e
+        places[e] = k + 1
 
 
 @compiled

@@ -50,7 +50,7 @@ class Unrolled(NamedTuple):
     tests: Uint32s  # [room, 4] feature, left, right, line; a leaf leads to itself
     thresholds: Floats  # [room]
     lines: Floats  # [room, p + 4] coefficients, constant, what the action adds, low and high
-    noise: Integers  # [room, 2] first residual of each line and their number
+    noise: Integers  # [room, 3] first residual, their number, coefficients up to the last not 0
 
 
 @compiled
@@ -404,6 +404,8 @@ def unroll(
             tests[node, 1], tests[node, 2], tests[node, 3] = node, node, n_lines
             for j in range(p):
                 lines[n_lines, j] = coefficients[at, j]
+                if coefficients[at, j] != 0.0:
+                    noise[n_lines, 2] = j + 1
             lines[n_lines, p] = coefficients[at, coefficients.shape[1] - 1]
             # The action's input is 1: its coefficient is all that it adds.
             lines[n_lines, p + 1] = coefficients[at, p + action]

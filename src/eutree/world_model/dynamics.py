@@ -419,7 +419,7 @@ def _unrolled(trees: Sequence[ModelTree], n_actions: int) -> World:
         tests=np.zeros((room, 4), dtype=np.uint32),
         thresholds=np.zeros(room),
         lines=np.zeros((room, p + 4)),
-        noise=np.zeros((room, 2), dtype=np.int64),
+        noise=np.zeros((room, 3), dtype=np.int64),
     )
     n_nodes, n_lines, n_residuals = 0, 0, 0
     for i, tree in enumerate(trees):

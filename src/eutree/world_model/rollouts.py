@@ -175,7 +175,9 @@ class PairedRollouts(Rollouts):
     ) -> None:
         self.model = model
         self._discount = discount
-        super().__init__(n_episodes, model.horizon, model.starts.shape[1], generator)
+        d = model.starts.shape[1]
+        self._trace = _empty(n_episodes, n_episodes * model.horizon, d)
+        super().__init__(n_episodes, model.horizon, d, generator)
 
     @property
     def n_actions(self) -> int:
@@ -231,5 +233,6 @@ class PairedRollouts(Rollouts):
             self._departs,
             self._within,
             policy,
+            self._trace,
             self._spare,
         )
