@@ -4,7 +4,7 @@ Run: python -m benchmarks.releases [--keep] [--tasks TASK ...] [--processes 2]
      python -m benchmarks.releases --page
 
 Sixteen runs of the table, four seeds of four tasks, under ten minutes on two cores (``make
-table-smoke``). Each task's returns are compared with those of the last release that is stored: the
+table-smoke``). Each task's returns are compared with those of the last release that has any: the
 probability of improvement is the share of all pairs, a run of now and a run of then, in which that
 of now earns more; ties count half (Agarwal and others, 2021, section 4.3). Its interval is that of
 2,000 bootstrap samples of the runs of both. The exit status is the number of tasks that are worse.
@@ -15,7 +15,6 @@ page, which ``--page`` does alone.
 import argparse
 import multiprocessing
 from collections.abc import Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -82,18 +81,28 @@ def line(now: Rows, then: Rows, task: str) -> str:
     )
 
 
+def latest(files: Sequence[Path]) -> list[dict[str, Any]]:
+    """Return the rows of each task from the last of the files that has any."""
+    rows: dict[str, list[dict[str, Any]]] = {}
+    for file in files:
+        stored_rows = rows_of(file)
+        for task in {row["task"] for row in stored_rows}:
+            rows[task] = [row for row in stored_rows if row["task"] == task]
+    return [row for of_task in rows.values() for row in of_task]
+
+
 def tasks_of(now: Rows, then: Rows) -> list[str]:
     both = {row["task"] for row in now} & {row["task"] for row in then}
     return [task for task, *_ in PARTS if task in both]
 
 
 def page() -> str:
-    """Return the page: each release beside the one before it, the latest first."""
+    """Return the page: each release beside those before it, the latest first."""
     lines = [HEAD]
     files = stored()
-    for before, after in reversed(list(pairwise(files))):
-        now, then = rows_of(after), rows_of(before)
-        lines += ["", f"## {after.stem}, after {before.stem}", "", TITLES]
+    for place in range(len(files) - 1, 0, -1):
+        now, then = rows_of(files[place]), latest(files[:place])
+        lines += ["", f"## {files[place].stem}, after {files[place - 1].stem}", "", TITLES]
         lines += [line(now, then, task) for task in tasks_of(now, then)]
     return "\n".join(lines) + "\n"
 
@@ -120,7 +129,7 @@ def main() -> None:
     if not arguments.page:
         files, now = stored(), run(arguments.tasks, arguments.processes)
         if files:
-            then = rows_of(files[-1])
+            then = latest(files)
             print(TITLES, *(line(now, then, one) for one in tasks_of(now, then)), sep="\n")
             worse = sum(is_worse(now, then, one) for one in tasks_of(now, then))
         if arguments.keep:
@@ -140,7 +149,7 @@ HEAD = """\
 
 A default that grows worse, or larger, is to be seen by the next change and not by a user. `make
 table-smoke` runs sixteen runs of [the table](table.md), the same four seeds of four tasks, and sets
-them beside those of the last release (`ARGS=--keep` stores them, a file each in
+them beside those of the last release that has the task (`ARGS=--keep` stores them, a file each in
 `docs/results/releases/`). The probability of improvement is the share of all pairs, a run of the
 one and a run of the other, in which the later one earns more; ties count half; the interval is
 bootstrapped over runs. With four runs each it is wide: what is certain here is only a large change.

@@ -1,6 +1,7 @@
 """The pages of the table and between releases are those of the rows that are stored."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -73,3 +74,11 @@ def test_the_settings_of_a_task_say_how_it_is_made_and_who_shows_it() -> None:
     pendulum = table.Settings.of("Pendulum-v1")
     env = table.make(table.EnvironmentSpec("Pendulum-v1", pendulum.arguments))
     assert env.action_space.n == 5
+
+
+def test_a_task_is_compared_with_the_last_release_that_has_it(tmp_path: Path) -> None:
+    for name, tasks in (("001.csv", ("A", "B")), ("002.csv", ("B",))):
+        lines = ["task,return", *(f"{task},{name[:3]}" for task in tasks)]
+        (tmp_path / name).write_text("\n".join(lines) + "\n")
+    found = releases.latest(sorted(tmp_path.glob("*.csv")))
+    assert {row["task"]: row["return"] for row in found} == {"A": "001", "B": "002"}
