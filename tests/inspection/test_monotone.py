@@ -11,7 +11,7 @@ from eutree.errors import InvalidArgumentError, UnknownNameError
 from eutree.inspection import keep_monotone, monotone_rules, verify
 from eutree.policies import TreePolicy
 from eutree.policies.leaf_statistics import LeafStatistics
-from eutree.schema import Feature, Schema
+from eutree.schema import Control, Feature, Schema, combined_actions
 from eutree.trees import DecisionTree
 
 NAMES = ("stop", "wait", "go")
@@ -50,6 +50,46 @@ def test_every_result_passes_verify(seed, n_leaves, texts):
     assert keep_monotone(kept, rules) is kept
     if all(verify(policy, f"monotone {text}", everywhere=True).holds for text in texts):
         assert kept is policy
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    st.integers(0, 10_000),
+    st.integers(1, 12),
+    st.lists(
+        st.sampled_from(["valve in f0", "valve in falling f1", "fan in f0 when f2 > 4"]),
+        min_size=1,
+        unique=True,
+    ),
+)
+def test_quantities_do_not_fall(seed, n_leaves, texts):
+    controls = (Control("valve", "l/s", (0.0, 0.5, 1.0)), Control("fan", "", (0.0, 1.0)))
+    policy = random_policy(seed, n_leaves)
+    schema = Schema(policy.schema.features, combined_actions(controls), controls)
+    actions = np.random.default_rng(seed).integers(6, size=n_leaves)
+    policy = TreePolicy(policy.tree, actions, schema)
+    rules = monotone_rules(texts, schema)
+    kept = keep_monotone(policy, rules)
+    for text in texts:
+        assert verify(kept, f"monotone {text}", everywhere=True).holds
+    assert keep_monotone(kept, rules) is kept
+    if all(verify(policy, f"monotone {text}", everywhere=True).holds for text in texts):
+        assert kept is policy
+
+
+def test_of_a_quantity_no_more_leaves_change_than_must():
+    valve = (Control("valve", "", (0.0, 1.0, 2.0, 3.0)),)
+    tree = DecisionTree.single_leaf(1)
+    for cut in (1.0, 2.0, 3.0, 4.0):
+        tree = tree.split(tree.n_leaves - 1, 0, cut)
+    schema = Schema((Feature("f0", "m", 0.0, 10.0),), combined_actions(valve), valve)
+    policy = TreePolicy(tree, np.array([0, 1, 3, 2, 3]), schema)
+    weights = np.ones((5, 4)) + 9.0 * np.eye(4)[policy.actions]
+    weights[2, 2] = 5.0
+    kept = keep_monotone(policy, monotone_rules(["valve in f0"], schema), weights)
+    assert [kept.predict(np.array([x]))[0] for x in (0.5, 1.5, 2.5, 3.5, 4.5)] == [0, 1, 2, 2, 3]
+    with pytest.raises(InvalidArgumentError, match="both directions of f0"):
+        monotone_rules(["valve in f0", "valve in falling f0"], schema)
 
 
 @settings(deadline=None, max_examples=25)

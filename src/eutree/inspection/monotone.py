@@ -5,7 +5,8 @@ leaves that stop must be closed: with a leaf, every leaf that lies above it. Of 
 leaves the one that costs least is a minimal cut of a graph (Picard, 1976), and with it each leaf's
 action: exact for one action and any number of features. Rules of several actions are kept one
 after the other, in the order that costs least; where none does, one action for all leaves keeps
-any rule.
+any rule. A quantity that may not fall, ``monotone valve in level``, is such a set for each of its
+levels: the leaves that set at least as much.
 """
 
 from collections.abc import Sequence
@@ -24,9 +25,9 @@ from eutree.trees.boxes import leaf_boxes, meetings
 from eutree.trees.edit import merge
 from eutree.trees.text import printable
 
-MOST_ORDERED = 4  # actions with rules, of which each order is tried
+MOST_ORDERED = 4  # sets of actions with rules, of which each order is tried
 
-_Edges = tuple[int, Integers, Integers]  # an action, and pairs of leaves
+_Edges = tuple[frozenset[int], Integers, Integers]  # some actions, and pairs of leaves
 
 
 def monotone_rules(texts: Sequence[str], schema: Schema) -> tuple[Property, ...]:
@@ -37,7 +38,7 @@ def monotone_rules(texts: Sequence[str], schema: Schema) -> tuple[Property, ...]
         schema: Names of features and actions.
 
     Raises:
-        InvalidArgumentError: A text is no rule of an action, or two contradict each other.
+        InvalidArgumentError: A text is no monotone rule, or two contradict each other.
         UnknownNameError: It names no feature or action.
     """
     rules = tuple(
@@ -45,11 +46,6 @@ def monotone_rules(texts: Sequence[str], schema: Schema) -> tuple[Property, ...]
         for text in texts
     )
     for number, rule in enumerate(rules):
-        if rule.control >= 0:
-            raise InvalidArgumentError(
-                f"a monotone rule to be kept must be of an action, one of "
-                f"{', '.join(map(printable, schema.actions))}, got {rule.text!r}"
-            )
         for other in rules[:number]:
             if _direction(rule, schema) == _opposite(other, schema) and _meet(rule, other):
                 name = printable(schema.feature_names[rule.feature])
@@ -87,17 +83,26 @@ def keep_monotone(
     worth = _worth(policy) if weights is None else np.asarray(weights, dtype=np.float64).copy()
     if allowed is not None:
         worth -= ~allowed * policy.n_leaves * (float(np.ptp(worth)) + 1.0)
-    edges = [(_action(rule, policy.schema), *_above(policy, rule)) for rule in rules]
+    edges = [
+        (chosen, *above)
+        for rule in rules
+        for above in [_above(policy, rule)]
+        for chosen in _closed_sets(rule, policy.schema)
+    ]
     free = np.ones(worth.shape, dtype=bool)
     for leaf in policy.locked:
         free[leaf] = np.arange(policy.schema.n_actions) == policy.actions[leaf]
     actions = policy.actions
     if all(
-        not ((actions[one] == action) & (actions[two] != action)).any()
-        for action, one, two in edges
+        not (np.isin(actions[one], list(chosen)) & ~np.isin(actions[two], list(chosen))).any()
+        for chosen, one, two in edges
     ):
         return policy
-    asked = sorted({action for action, _, _ in edges})
+    middle = policy.schema.n_actions / 2  # of the levels of a quantity it halves the others
+    asked = sorted(
+        {chosen for chosen, _, _ in edges},
+        key=lambda chosen: (abs(len(chosen) - middle), sorted(chosen)),
+    )
     orders = permutations(asked) if len(asked) <= MOST_ORDERED else [tuple(asked)]
     found = [labels for order in orders if (labels := _labels(worth, free, edges, order)).size]
     if not found and policy.locked:
@@ -112,14 +117,15 @@ def keep_monotone(
 
 
 def _labels(
-    worth: Floats, allowed: Booleans, edges: Sequence[_Edges], order: tuple[int, ...]
+    worth: Floats, allowed: Booleans, edges: Sequence[_Edges], order: tuple[frozenset[int], ...]
 ) -> Integers:
-    """Return an action for each leaf, rules kept action by action; nothing where that fails."""
-    for action in order:
-        pairs = [(one, two) for known, one, two in edges if known == action]
+    """Return an action for each leaf, rules kept set by set; nothing where that fails."""
+    for chosen in order:
+        pairs = [(one, two) for known, one, two in edges if known == chosen]
         one, two = (np.concatenate(part) for part in zip(*pairs, strict=True))
-        has = _closed(worth, allowed, action, one, two)
-        allowed = allowed & ((np.arange(worth.shape[1]) == action) == has[:, np.newaxis])
+        member = np.isin(np.arange(worth.shape[1]), list(chosen))
+        has = _closed(worth, allowed, member, one, two)
+        allowed = allowed & (member == has[:, np.newaxis])
     if not allowed.any(axis=1).all():
         return np.empty(0, np.int64)
     labels: Integers = np.where(allowed, worth, -np.inf).argmax(axis=1)
@@ -158,14 +164,14 @@ def _above(policy: TreePolicy, rule: Property) -> tuple[Integers, Integers]:
 
 
 def _closed(
-    worth: Floats, allowed: Booleans, action: int, one: Integers, two: Integers
+    worth: Floats, allowed: Booleans, member: Booleans, one: Integers, two: Integers
 ) -> Booleans:
-    """Return which leaves get an action, so that with ``one`` of a pair it has ``two``."""
-    rest = np.where(allowed, worth, -np.inf)
-    rest[:, action] = -np.inf
-    others = rest.max(axis=1)
-    gain = np.where(np.isfinite(others), worth[:, action] - others, np.inf)
-    gain = np.where(allowed[:, action], gain, -np.inf)
+    """Return which leaves get a member of a set, so that with ``one`` of a pair ``two`` does."""
+    best = np.where(allowed & member, worth, -np.inf).max(axis=1)
+    others = np.where(allowed & ~member, worth, -np.inf).max(axis=1)
+    forced = ~np.isfinite(others)
+    gain = np.where(forced, np.inf, best - np.where(forced, 0.0, others))
+    gain = np.where(np.isfinite(best), gain, -np.inf)
     size = len(worth)
     bound = np.abs(gain[np.isfinite(gain)]).sum() + 1.0
     gain = np.clip(gain, -bound, bound)
@@ -206,19 +212,24 @@ def _is_mirrored(rule: Property, schema: Schema) -> bool:
     return schema.n_actions == 2 and 1 in rule.actions
 
 
-def _action(rule: Property, schema: Schema) -> int:
-    return 0 if _is_mirrored(rule, schema) else min(rule.actions)
+def _closed_sets(rule: Property, schema: Schema) -> list[frozenset[int]]:
+    """Return of which actions the leaves are closed: of one, or of all from a level on."""
+    if _is_mirrored(rule, schema):
+        return [frozenset({0})]
+    ranks = rule.ranks(schema)
+    return [frozenset(np.flatnonzero(ranks >= level).tolist()) for level in np.unique(ranks)[1:]]
 
 
-def _direction(rule: Property, schema: Schema) -> tuple[int, int, bool]:
-    """Return action, feature and whether it falls; of two actions in terms of the first."""
-    falls = rule.falls != _is_mirrored(rule, schema)
-    return _action(rule, schema), rule.feature, falls
+def _direction(rule: Property, schema: Schema) -> tuple[int, frozenset[int], int, bool]:
+    """Return what is kept, in which feature, and whether it falls; two actions as the first."""
+    mirrored = _is_mirrored(rule, schema)
+    actions = frozenset({0}) if mirrored else rule.actions
+    return rule.control, actions, rule.feature, rule.falls != mirrored
 
 
-def _opposite(rule: Property, schema: Schema) -> tuple[int, int, bool]:
-    action, feature, falls = _direction(rule, schema)
-    return action, feature, not falls
+def _opposite(rule: Property, schema: Schema) -> tuple[int, frozenset[int], int, bool]:
+    control, actions, feature, falls = _direction(rule, schema)
+    return control, actions, feature, not falls
 
 
 def _meet(one: Property, other: Property) -> bool:
