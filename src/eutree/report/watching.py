@@ -1,12 +1,13 @@
 """Episodes with pictures: what the policy's page plays."""
 
+from contextlib import closing
 from dataclasses import dataclass, replace
 from io import BytesIO
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
+from eutree.arrays import Floats
 from eutree.data import Episode
 from eutree.errors import (
     EnvironmentFault,
@@ -18,7 +19,7 @@ from eutree.errors import (
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
 from eutree.interaction.making import make
 from eutree.interaction.seeding import Stream
-from eutree.policies import Policy, TreePolicy
+from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
 from eutree.validation import check_integer, check_seed
 
@@ -82,22 +83,21 @@ def watch(
         raise InvalidArgumentError("spec must name an environment: the policy names none")
     if pictures:
         _check_draws(spec)
-    env = make(spec, render_mode="rgb_array" if pictures else None)
-    try:
-        guarded = GuardedEnv(env)
-        if guarded.schema.n_features != policy.observation_size:
+    with closing(make(spec, render_mode="rgb_array" if pictures else None)) as env:
+        plain, filmed = GuardedEnv(env), _FilmedEnv(env)
+        if plain.schema.n_features != policy.observation_size:
             raise InvalidArgumentError(
                 f"spec must name an environment with {policy.observation_size} features, "
-                f"{spec} has {guarded.schema.n_features}"
+                f"{spec} has {plain.schema.n_features}"
             )
         watched: list[WatchedEpisode] = []
         for number in range(count):
             room = sum(len(entry.frames) for entry in watched) < PICTURE_LIMIT
             chosen = episode_seed(seed, number, Stream.WATCHING)
-            watched.append(_watched(guarded, policy, chosen, pictures and room))
+            episode = run_episode(filmed if pictures and room else plain, policy, chosen)
+            frames = tuple(filmed.frames) if pictures and room else ()
+            watched.append(WatchedEpisode(episode, frames))
         return watched
-    finally:
-        env.close()
 
 
 def _check_draws(spec: EnvironmentSpec) -> None:
@@ -137,17 +137,17 @@ def film(spec: EnvironmentSpec, episode: Episode) -> WatchedEpisode:
     Raises:
         InvalidArgumentError: The environment draws no pictures, or the episode goes otherwise.
     """
-    env = make(spec, render_mode="rgb_array")
-    try:
-        guarded = GuardedEnv(env)
-        camera = _Camera(guarded, _Recorded(episode))
-        replayed = run_episode(guarded, camera, episode.seed)
-        camera.shoot()
-    finally:
-        env.close()
-    if not np.array_equal(replayed.observations, episode.observations, equal_nan=True):
+    with closing(make(spec, render_mode="rgb_array")) as env:
+        filmed, is_over = _FilmedEnv(env), False
+        seen = [filmed.reset(episode.seed)]
+        for action in episode.actions.tolist():
+            if not is_over:
+                observation, _, terminated, truncated, _ = filmed.step(action)
+                seen.append(observation)
+                is_over = terminated or truncated
+    if not np.array_equal(np.array(seen), episode.observations, equal_nan=True):
         raise InvalidArgumentError(f"episode must go as recorded in {spec}, it went otherwise")
-    return WatchedEpisode(episode, tuple(camera.frames))
+    return WatchedEpisode(episode, tuple(filmed.frames))
 
 
 def film_if_possible(spec: EnvironmentSpec, episode: Episode, *, by: str = "") -> WatchedEpisode:
@@ -158,59 +158,31 @@ def film_if_possible(spec: EnvironmentSpec, episode: Episode, *, by: str = "") -
         return WatchedEpisode(episode, by=by)
 
 
-class _Recorded:
-    """Takes the actions of an episode, one after the other; past their end the last one."""
+class _FilmedEnv(GuardedEnv):
+    """Takes a picture after every reset and step; ``frames`` are those of the present episode."""
 
-    reads_features = True
+    frames: list[bytes]
 
-    def __init__(self, episode: Episode) -> None:
-        self._actions, self._step = episode.actions.tolist(), 0
+    def reset(self, seed: int | None = None) -> Floats:
+        observation = super().reset(seed)
+        self.frames = [self._picture()]
+        return observation
 
-    def predict(
-        self,
-        observation: ArrayLike,
-        state: Any = None,
-        episode_start: ArrayLike | None = None,
-        deterministic: bool = True,
-    ) -> tuple[Any, Any]:
-        """Return the next recorded action."""
-        action = self._actions[min(self._step, len(self._actions) - 1)]
-        self._step += 1
-        return action, state
+    def step(self, action: int) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
+        answer = super().step(action)
+        self.frames.append(self._picture())
+        return answer
 
-
-class _Camera:
-    """Passes ``predict`` on to a policy and takes a picture before each decision."""
-
-    reads_features = True
-
-    def __init__(self, guarded: GuardedEnv, policy: Policy) -> None:
-        self._guarded, self._policy = guarded, policy
-        self.frames: list[bytes] = []
-
-    def predict(
-        self,
-        observation: ArrayLike,
-        state: Any = None,
-        episode_start: ArrayLike | None = None,
-        deterministic: bool = True,
-    ) -> tuple[Any, Any]:
-        """Take a picture, then let the policy decide."""
-        self.shoot()
-        return self._policy.predict(observation, state, episode_start, deterministic)
-
-    def shoot(self) -> None:
-        """Take a picture of the present state."""
+    def _picture(self) -> bytes:
         try:
-            picture = self._guarded.env.render()
+            picture = self.env.render()
         except (EutreeError, KeyboardInterrupt):
             raise
         except BaseException as error:
             raise InvalidArgumentError(
-                f"{self._guarded.name} must be able to render rgb_array, it raised "
-                f"{described(error)}"
+                f"{self.name} must be able to render rgb_array, it raised {described(error)}"
             ) from error
-        self.frames.append(encode(picture))
+        return encode(picture)
 
 
 def encode(picture: Any) -> bytes:
@@ -235,13 +207,3 @@ def encode(picture: Any) -> bytes:
     except (KeyError, OSError) as error:
         raise InvalidArgumentError(f"Pillow must be able to write WebP: {error}") from error
     return content.getvalue()
-
-
-def _watched(guarded: GuardedEnv, policy: TreePolicy, seed: int, pictures: bool) -> WatchedEpisode:
-    """Run and watch one episode."""
-    if not pictures:
-        return WatchedEpisode(run_episode(guarded, policy, seed))
-    camera = _Camera(guarded, policy)
-    episode = run_episode(guarded, camera, seed)
-    camera.shoot()
-    return WatchedEpisode(episode, tuple(camera.frames))
