@@ -33,13 +33,16 @@ from eutree.compression.candidates import (
 )
 from eutree.compression.episodes import (
     Comparison,
-    CountedEnv,
     Demand,
     RealEpisodes,
     as_real,
+    ground_of,
     meet,
+    met_by,
     play_rounded,
+    returns_of,
 )
+from eutree.compression.playing import Ground
 from eutree.compression.report import CompressionReport, FrontEntry
 from eutree.contests.betting import episodes_needed
 from eutree.contests.smallest import ATTEMPTS
@@ -120,21 +123,21 @@ def compress(
     rows = check_observations("observations", observations, n_features=policy.tree.n_features)
     steps = steps_of(round_thresholds, policy.schema)
     shortened = round_thresholds is not False
-    arena = demand = verdict = scores = None
+    ground = demand = verdict = scores = None
     front: tuple[FrontEntry, ...] = ()
     if real is not None:
-        arena = CountedEnv.of(real.env, policy, seed, real.n_jobs)
-        demand = real.demand(arena.env)
+        ground = ground_of(real.env, policy, seed, real.n_jobs)
+        demand = real.demand(ground.env)
     searches = real is not None and (real.searches or margin is not None)
     searches &= mode == "auto" and max_disagreement is None and imagined is None
-    if arena is not None and searches and not rows.size:
-        rows = arena.observations(policy)
+    if ground is not None and searches and not rows.size:
+        rows = met_by(policy, ground)
     costs = Costs.of(policy, rows, weights)
-    if arena is not None and demand is not None and searches:
+    if ground is not None and demand is not None and searches:
         from eutree.compression.front import Pick
 
         pick = Pick(demand, margin is not None, max_leaves)
-        found = _by_playing(policy, rows, arena, pick, steps if shortened else None)
+        found = _by_playing(policy, rows, ground, pick, steps if shortened else None)
         result, method, verdict, front = found
     elif max_leaves is not None:
         imagine = None
@@ -142,7 +145,7 @@ def compress(
             generator = np.random.default_rng((seed, IMAGINED_STREAM))
             known = imagined.transitions(policy)
             imagine = partial(imagined.pruned, known, generator=generator)
-        result, method, scores = _of_size(policy, costs, max_leaves, imagine, arena)
+        result, method, scores = _of_size(policy, costs, max_leaves, imagine, ground)
     elif max_disagreement is not None:
         result, method = _within(policy, costs, max_disagreement)
     else:
@@ -150,19 +153,19 @@ def compress(
     exact, played = result, None
     if shortened and verdict is None:
         result = rounded(exact, rows, steps)
-        if arena is not None and demand is not None:
-            played = play_rounded(exact, result, arena, demand.episodes, margin)
+        if ground is not None and demand is not None:
+            played = play_rounded(exact, result, ground, demand.episodes, margin)
             result = result if played.kept else exact
     too_few = None
-    if real is not None and real.evaluates and arena and demand and verdict is None:
-        verdict = meet(policy, result, arena, demand)
+    if real is not None and real.evaluates and ground and demand and verdict is None:
+        verdict = meet(policy, result, ground, demand)
         too_few = _episodes_needed(demand, verdict) if margin else None
-    if arena is not None and real is not None and not isinstance(real.env, gymnasium.Env):
-        arena.env.close()
+    if ground is not None and real is not None and not isinstance(real.env, gymnasium.Env):
+        ground.env.close()
     report = report_on(policy, result, method, costs, verdict)
     return result, replace(
         report,
-        environment_steps=0 if arena is None else arena.steps,
+        environment_steps=0 if ground is None else ground.steps,
         range_known=demand is not None and demand.known_range is not None,
         episodes_needed=too_few,
         imagined=scores,
@@ -213,7 +216,7 @@ def _of_size(
     costs: Costs,
     max_leaves: int,
     imagine: "Callable[..., Pruned] | None",
-    arena: CountedEnv | None,
+    ground: Ground | None,
 ) -> tuple[TreePolicy, str, tuple[float, float] | None]:
     """Return a tree of at most so many leaves, what made it, and its score with the input's."""
     exact = merged(policy)
@@ -226,8 +229,8 @@ def _of_size(
     if imagine is None:
         return Ladder(policy, costs).of_size(max_leaves), "budget", None
     found = imagine(policy, costs, max_leaves)
-    if arena is not None:  # where trees can play, a model is believed only if it can tell them
-        means = [arena.run(one, _ASKED_BLOCK, ASKED).mean() for one in found.asked]
+    if ground is not None:  # where trees can play, a model is believed only if it can tell them
+        means = [returns_of(one, ground, _ASKED_BLOCK, ASKED).mean() for one in found.asked]
         found.check_order(np.array(means))
     return found.policy, found.method, (found.before, found.after)
 
@@ -259,7 +262,7 @@ def _check_size(
 def _by_playing(
     policy: TreePolicy,
     rows: Floats,
-    arena: CountedEnv,
+    ground: Ground,
     pick: "Pick",
     steps: Mapping[int, float] | None,
 ) -> tuple[TreePolicy, str, Comparison | None, tuple[FrontEntry, ...]]:
@@ -276,8 +279,7 @@ def _by_playing(
     from eutree.compression.front import front_of
 
     exact = with_locks(merged(policy), policy)
-    front = front_of(policy, exact, arena.ground(), pick, finish)
-    arena.steps += front.steps
+    front = front_of(policy, exact, ground, pick, finish)
     if front.picked is None:
         return exact, "merge", None, front.entries
     return front.picked, "return", front.verdict, front.entries

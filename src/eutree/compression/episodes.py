@@ -112,51 +112,29 @@ SEEN, OBSERVED = 2**42, 100  # the first start, and how many, where nothing was 
 _ROUNDING_BLOCK = 1_000_000  # of starts, which no race comes to
 
 
-@dataclass(eq=False)
-class CountedEnv:
-    """An environment, and how much was asked of it.
+def ground_of(env: Environment, policy: TreePolicy, seed: int, n_jobs: int | None) -> Ground:
+    """Return where a policy's trees play: an environment, or what it is made from."""
+    itself, spec = made(env, n_jobs)
+    recipe = None if spec is None else Recipe.of(spec)
+    return Ground(acting_as(itself, policy), seed, recipe, n_jobs)
 
-    Attributes:
-        env: The environment.
-        seed: Seed of all its episodes.
-        spec: How other processes make it; None keeps all episodes in this one.
-        n_jobs: Processes, as ``evaluate`` takes them.
-        steps: Environment steps of all episodes so far.
-    """
 
-    env: gymnasium.Env[Any, Any]
-    seed: int
-    spec: EnvironmentSpec | None = None
-    n_jobs: int | None = None
-    steps: int = 0
+def met_by(policy: TreePolicy, ground: Ground) -> Floats:
+    """Return the features that a policy meets in some episodes, which are not counted, [N, d]."""
+    starts = SEEN + np.arange(OBSERVED)
+    return replace(ground).play([policy], np.zeros(OBSERVED, np.intp), starts)[1].features
 
-    @classmethod
-    def of(
-        cls, env: Environment, policy: TreePolicy, seed: int, n_jobs: int | None
-    ) -> "CountedEnv":
-        """Return where a policy's trees play: an environment, or what it is made from."""
-        itself, spec = made(env, n_jobs)
-        return cls(acting_as(itself, policy), seed, spec, n_jobs)
 
-    def ground(self) -> Ground:
-        """Return where trees are searched for."""
-        recipe = None if self.spec is None else Recipe.of(self.spec)
-        return Ground(self.env, self.seed, recipe, self.n_jobs)
-
-    def observations(self, policy: TreePolicy) -> Floats:
-        """Return the features that a policy meets in some episodes, shape [N, d]."""
-        starts = SEEN + np.arange(OBSERVED)
-        return self.ground().play([policy], np.zeros(OBSERVED, np.intp), starts)[1].features
-
-    def run(self, policy: TreePolicy, block: int, episodes: int) -> Floats:
-        """Return the returns of a policy in a block of starts; the same for each policy."""
-        seed = episode_seed(self.seed, block, Stream.COMPRESSION)
-        if self.spec is None:
-            result = evaluate(policy, self.env, episodes=episodes, seed=seed)
-        else:
-            result = evaluate(policy, self.spec, episodes=episodes, seed=seed, n_jobs=self.n_jobs)
-        self.steps += result.steps
-        return result.returns
+def returns_of(policy: TreePolicy, ground: Ground, block: int, episodes: int) -> Floats:
+    """Return the returns of a policy in a block of starts; the same for each policy."""
+    seed = episode_seed(ground.seed, block, Stream.COMPRESSION)
+    if ground.recipe is None:
+        result = evaluate(policy, ground.env, episodes=episodes, seed=seed)
+    else:
+        spec, n_jobs = ground.recipe.spec, ground.n_jobs
+        result = evaluate(policy, spec, episodes=episodes, seed=seed, n_jobs=n_jobs)
+    ground.steps += result.steps
+    return result.returns
 
 
 @dataclass(frozen=True)
@@ -188,21 +166,21 @@ class Comparison:
         return cls(float(before.mean()), float(after.mean()), change, found.range)
 
 
-def meet(policy: TreePolicy, other: TreePolicy, arena: CountedEnv, demand: Demand) -> Comparison:
+def meet(policy: TreePolicy, other: TreePolicy, ground: Ground, demand: Demand) -> Comparison:
     """Return how two policies do on the same fresh episodes; the margin plays no part."""
-    before, after = (arena.run(tree, 0, demand.episodes) for tree in (policy, other))
+    before, after = (returns_of(tree, ground, 0, demand.episodes) for tree in (policy, other))
     return Comparison.of(before, after, replace(demand, margin=0.0))
 
 
 def play_rounded(
-    exact: TreePolicy, rounded: TreePolicy, arena: CountedEnv, episodes: int, margin: float | None
+    exact: TreePolicy, rounded: TreePolicy, ground: Ground, episodes: int, margin: float | None
 ) -> RoundingPlayed:
     """Return what rounding changes in at most so many episodes, the same for both trees.
 
     It is not to be kept where it loses more than the margin, if there is one.
     """
     episodes = min(episodes, ROUNDED_EPISODES)
-    one, other = (arena.run(tree, _ROUNDING_BLOCK, episodes) for tree in (exact, rounded))
+    one, other = (returns_of(tree, ground, _ROUNDING_BLOCK, episodes) for tree in (exact, rounded))
     different = int(np.count_nonzero(one != other))
     before, after = float(one.mean()), float(other.mean())
     kept = margin is None or before - after <= margin
