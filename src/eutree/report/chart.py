@@ -8,7 +8,6 @@ from html import escape
 from eutree.compression.report import FrontEntry
 from eutree.export import to_svg
 from eutree.inspection import diff
-from eutree.schema import Schema
 from eutree.wording import counted
 
 # Episode, mean, and both ends of the interval.
@@ -125,16 +124,6 @@ def scatter(
     said = f"{y_title} against {x_title} of {len(points)}"
     frame = plane.frame(said, x_title, percent=percent)
     return "\n".join([*frame, *drawn, "</svg>"])
-
-
-def action_legend(schema: Schema) -> str:
-    """Return the list of actions with the hue of each."""
-    entries = (
-        f'<li><svg width="14" height="12" aria-hidden="true"><rect class="action-'
-        f'{action % _STYLES}" width="14" height="12" rx="2"/></svg>{escape(name)}</li>'
-        for action, name in enumerate(schema.actions)
-    )
-    return f'<ul class="legend">{"".join(entries)}</ul>'
 
 
 def legend(names: Sequence[str], styles: Sequence[int] | None = None) -> str:
