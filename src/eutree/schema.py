@@ -330,10 +330,9 @@ class Schema:
     def check_same(self, other: "Schema", what: str, *, of: str) -> None:
         """Raise InvalidArgumentError unless ``other`` names the same features and actions.
 
-        The levels of controls must be the same, too, where both have any.
-
-        Units and bounds may differ: a decision does not depend on them. Features, or actions, that
-        have numbers in place of names here are compared by their number alone.
+        The levels of controls must be the same, too, where both have any. Units and bounds may
+        differ: a decision does not depend on them. Features, or actions, that have numbers in place
+        of names here are compared by their number alone.
 
         Args:
             other: The schema that was given.
@@ -341,12 +340,11 @@ class Schema:
             of: The holder of this schema, for the message: "the environment", "CartPole-v1".
         """
         if not self._names_fit(other):
-            as_many = (self.n_features, self.n_actions) == (other.n_features, other.n_actions)
+            hint = "; names of a file are given here, too, by --names"
             raise InvalidArgumentError(
                 f"{what} must have the features and actions of {of}, {list(self.feature_names)} "
                 f"and {list(self.actions)}, got {list(other.feature_names)} and "
-                f"{list(other.actions)}"
-                + ("; names of a file must be given here, too, by --names" if as_many else "")
+                f"{list(other.actions)}{hint * (self.n_features == other.n_features)}"
             )
 
     def with_names_of(self, other: "Schema") -> "Schema":

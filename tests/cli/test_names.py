@@ -228,6 +228,6 @@ def test_where_names_are_to_be_given_again_a_message_says_so(eutree, tmp_path):
                   "--names", "german.json").code == 0  # fmt: skip
     answer = eutree("fit", "raw", "--out", "p.json", "--episodes", 2)
     assert answer.code == 2
-    assert "names of a file must be given here, too, by --names" in answer.err
+    assert "names of a file are given here, too, by --names" in answer.err
     assert eutree("fit", "raw", "--out", "p.json", "--episodes", 2, "--names",
                   "german.json").code == 0  # fmt: skip
