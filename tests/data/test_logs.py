@@ -187,3 +187,14 @@ def test_a_log_makes_the_round_trip(plant, tmp_path):
     assert again.schema.feature_names == demos.schema.feature_names
     assert np.array_equal(again.observations, demos.observations)
     assert [e.actions.tolist() for e in again] == [e.actions.tolist() for e in demos]
+
+
+@pytest.mark.parametrize("stamp", ["01.03.2026 06:00:00", "3/14/2026 6:00 PM", "1.3.26 06:00"])
+def test_a_time_of_another_form_is_read_as_the_message_says(tmp_path, stamp):
+    path = tmp_path / "log.csv"
+    path.write_text(f"when,level,action\n{stamp},1,on\n{stamp},2,off\n")
+    with pytest.raises(FormatError, match="another form is told by --time-format") as failure:
+        Demonstrations.from_csv(path, log=LogFormat(time="when"))
+    form = str(failure.value).split("--time-format '")[1].split("'")[0]
+    log = LogFormat(time="when", time_format=form)
+    assert len(Demonstrations.from_csv(path, log=log)) == 1

@@ -17,6 +17,11 @@ HOLD, LEAVE_OUT = "hold", "drop"
 MAX_CATEGORIES = 100  # of one column: each is a feature
 _SECONDS = {"s": 1, "min": 60, "h": 3600, "d": 86400}
 _SPAN = re.compile(r"(\d+(?:\.\d+)?)\s*(s|min|h|d)?")
+TIMES = tuple(  # of a time that cannot be read, for a message
+    f"{day} {hour}"
+    for day in ("%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%d-%m-%Y", "%Y/%m/%d", "%d.%m.%y")
+    for hour in ("%H:%M", "%H:%M:%S", "%I:%M %p")
+)
 _UNIT = re.compile(r"(?P<name>.*\S)\s+\((?P<unit>[^()]*)\)")
 
 Row = dict[str, str]
@@ -306,9 +311,10 @@ class LogRows:
             return datetime.fromisoformat(text.strip()).timestamp()
         except (ValueError, OverflowError, OSError):
             wanted = self._log.time_format or "seconds, or as 2026-03-01 14:05:00"
+            fits = next((form for form in TIMES if _has_form(text, form)), TIMES[0])
             reason = (
                 f"{self._log.time} must be a time, {wanted}, got {text!r}"
-                "; another form is told by --time-format '%d.%m.%Y %H:%M'"
+                f"; another form is told by --time-format '{fits}'"
             )
             raise FormatError(self._path, f"line {line}", reason) from None
 
@@ -327,6 +333,14 @@ class _Progress:
         """Let the next row begin a new episode."""
         self.part += 1
         self.before = None
+
+
+def _has_form(text: str, form: str) -> bool:
+    try:
+        datetime.strptime(text.strip(), form)
+    except ValueError:
+        return False
+    return True
 
 
 def _is_number(text: str) -> bool:
