@@ -132,12 +132,12 @@ def transitions_of(history: History, n_actions: int) -> Transitions:
         history.rewards,
         history.next_observations,
         history.entered == TERMINAL,
-        as_whole(history.episodes.astype(np.int64), history.continues),
+        _as_whole(history.episodes.astype(np.int64), history.continues),
         n_actions,
     )
 
 
-def as_whole(episodes: Integers, continues: Booleans) -> Integers:
+def _as_whole(episodes: Integers, continues: Booleans) -> Integers:
     """Return numbers of episodes [N] such that what a gap divides counts as two."""
     gaps = ~continues
     gaps[1:] &= episodes[1:] == episodes[:-1]

@@ -9,6 +9,7 @@ against itself, before the learner is made.
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -21,9 +22,9 @@ from eutree.compression.report import FrontEntry
 from eutree.errors import FormatError
 from eutree.evaluation import CurvePoint
 from eutree.files import Document, read_archive, write_archive
-from eutree.learners import Part, Stored
+from eutree.learners import History, Part, Stored
 from eutree.learners.declared import HISTORY_PART, Declared, part, taken
-from eutree.learners.episode_buffer import as_whole
+from eutree.learners.episode_buffer import transitions_of
 from eutree.learners.registry import restored
 from eutree.training.judging import Judgement
 from eutree.training.phases import Position
@@ -38,21 +39,12 @@ from eutree.training.race_state import (
     race_to_document,
 )
 from eutree.training.run import Run
+from eutree.trees import DecisionTree
 from eutree.world_model import Transitions
 
 CHECKPOINT = "checkpoint.npz"
 _EVENTS = "run_events"
 MAX_CHECKPOINT = 4 * 2**30  # bytes; a run of some ten million steps and more
-
-
-class PointDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One frozen evaluation."""
-
-    episode: int
-    steps: int
-    success_rate: float | None
-    mean_return: float
-    n_leaves: int
 
 
 class PositionDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -230,15 +222,9 @@ def stored_transitions(path: str | Path, n_actions: int) -> Transitions:
     stored = {name: arrays[name] for name in HISTORY_PART.arrays if name in arrays}
     n_features = np.shape(stored.get("history_observations", 0))[-1:] or (0,)
     declared = Declared(n_features[0], n_actions, (HISTORY_PART,))
-    history = part(taken(checkpoint, stored, declared), "history_")
-    return Transitions(
-        history["observations"],
-        history["actions"].astype(np.int64),
-        history["rewards"],
-        history["next_observations"],
-        history["terminal"],
-        as_whole(history["episodes"].astype(np.int64), history["continues"]),
-        n_actions,
+    state = part(taken(checkpoint, stored, declared), "history_")
+    return transitions_of(
+        History.from_state(state, DecisionTree.single_leaf(n_features[0])), n_actions
     )
 
 
@@ -267,9 +253,10 @@ def _events(path: Path, arrays: dict[str, NDArray[Any]]) -> list[dict[str, Any]]
 
 def _point(path: Path, event: Mapping[str, Any]) -> CurvePoint:
     """Return what an evaluation adds to the curve."""
-    fields = {name: event.get(name) for name in PointDocument.__struct_fields__}
     try:
-        return CurvePoint(**msgspec.structs.asdict(msgspec.convert(fields, PointDocument)))
+        return msgspec.convert(
+            {one.name: event.get(one.name) for one in fields(CurvePoint)}, CurvePoint
+        )
     except msgspec.ValidationError as error:
         raise FormatError(path, _EVENTS, f"an evaluation: {error}") from None
 

@@ -124,11 +124,11 @@ def learn(
         else:
             place = _acting(acting, expert or demonstrations, asked, plan)
         begin = _start(start, place, demonstrations, expert, asked.teacher, seed=seed)
-        document = _as_document(choice.method, place.problem, begin, offline=acting is None)
+        check_fits(choice.method, place.problem, begin, offline=acting is None)
         check_races(plan, begin)
         beginning = Beginning(choice.method, place.problem, begin, choice.said())
         run = Run(beginning, plan, place.arena, stop=asked.listeners.wants_stop)
-        config = _config(run, place.name, document, asked, demonstrations, expert)
+        config = _config(run, place.name, asked, demonstrations, expert)
         asked.listeners.attached(run, acting)
         policy, against_fit = _carried_out(run, place.log, config, asked)
         recorded = 0 if demonstrations is None else sum(map(len, begin.episodes))
@@ -187,14 +187,18 @@ def _acting(
     problem = _problem(guarded)
     if plan.steps is not None:
         problem = replace(problem, steps=_gathered(plan.steps, plan.race_steps, problem))
-    arena = _arena(guarded, env, asked.handover.return_range)
+    arena = Arena(
+        guarded,
+        lambda policy, starts, seed: evaluate_starts(policy, env, starts, seed=seed),
+        lambda seed: Ground(env, seed, stream=Stream.FRONT),
+        asked.handover.return_range or known_range(env),
+    )
     return _Place(problem, str(guarded.spec or guarded.name), guarded, arena)
 
 
 def _config(
     run: Run,
     environment: str,
-    method: dict[str, Any],
     asked: Asked,
     demonstrations: Demonstrations | None,
     expert: TreePolicy | None,
@@ -203,7 +207,7 @@ def _config(
     plan, handover = run.plan, asked.handover
     return ConfigDocument(
         environment=environment,
-        method=method,
+        method=checked_document(run.beginning.method),
         start=run.beginning.start.name,
         episodes=plan.episodes,
         steps=plan.steps,
@@ -276,14 +280,6 @@ def _result(run: Run, log: "Log | None") -> "tuple[TreePolicy, OffPolicyComparis
     return run.keeping(policy), found
 
 
-def _as_document(
-    method: Method, problem: Problem, start: Start, *, offline: bool
-) -> dict[str, Any]:
-    """Return what is stored of a method; raise InvalidArgumentError unless it fits the task."""
-    check_fits(method, problem, start, offline=offline)
-    return checked_document(method)
-
-
 def _gathered(steps: int, race_steps: int, problem: Problem) -> int:
     """Return the steps of a budget that are for learning; all may be for racing.
 
@@ -299,20 +295,6 @@ def _gathered(steps: int, race_steps: int, problem: Problem) -> int:
             f"got {steps:,}"
         )
     return left
-
-
-def _arena(
-    guarded: GuardedEnv,
-    env: gymnasium.Env[Any, Any],
-    returns: tuple[float, float] | None,
-) -> Arena:
-    """Return where a run acts, and frozen policies play."""
-    return Arena(
-        guarded,
-        lambda policy, starts, seed: evaluate_starts(policy, env, starts, seed=seed),
-        lambda seed: Ground(env, seed, stream=Stream.FRONT),
-        returns or known_range(env),
-    )
 
 
 def _go_on(run: Run, folder: RunFolder | None, clock: SavingClock, listeners: Listeners) -> None:

@@ -48,7 +48,6 @@ from eutree.training.checkpoint import (
 )
 from eutree.training.progress import progress_to_csv
 from eutree.training.run import Run
-from eutree.validation import check_number
 
 _FRONT = ("tree", "n_leaves", "mean_return", "return_low", "return_high", "success_rate",
           "success_low", "success_high", "picked")  # fmt: skip
@@ -109,8 +108,6 @@ class SavingClock:
     def __init__(self, seconds: float | None = None) -> None:
         self._last = time.monotonic()
         self._seconds = seconds
-        if seconds is not None:
-            check_number("checkpoint_seconds", seconds, low=0.0)
         self._cost = MIN_SAVING_INTERVAL / SHARE
 
     def due(self) -> bool:
