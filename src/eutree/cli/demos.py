@@ -9,7 +9,7 @@ import click
 
 from eutree.cli import _options as option
 from eutree.cli._commands import Written
-from eutree.cli._output import Output
+from eutree.cli._output import Output, figures_of
 from eutree.cli.fit import hurting
 from eutree.errors import InvalidArgumentError
 from eutree.trees.text import labelled
@@ -17,7 +17,6 @@ from eutree.wording import counted
 
 if TYPE_CHECKING:
     from eutree.data import DemonstrationFolder, Demonstrations, Episode
-    from eutree.data.summary import EpisodeSummary
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 
@@ -46,12 +45,12 @@ def _numbers(command: _Command) -> _Command:
 def list_(folder: Path, as_json: bool) -> None:
     """List the episodes of FOLDER with result, length and return."""
     opened = _open(folder)
-    rows = _rows(opened.read_all())
+    rows = opened.read_all()
     Output(as_json=as_json).result(
         {
             "environment": None if opened.environment is None else str(opened.environment),
             "expert": opened.expert,
-            "episodes": [_as_dict(row) for row in rows],
+            "episodes": [_row(number, episode) for number, episode in rows.items()],
         },
         _table(rows, str(opened.environment or folder)),
     )
@@ -432,18 +431,18 @@ def _show(folder: "DemonstrationFolder", episode: "Episode") -> None:
         env.close()
 
 
-def _rows(episodes: "dict[int, Episode]") -> "list[EpisodeSummary]":
-    from eutree.data.summary import summarize_episode
+def _row(number: int, episode: "Episode") -> dict[str, Any]:
+    """Return one episode for ``--json``."""
+    return {
+        "episode": number,
+        "kept": episode.kept,
+        "length": len(episode),
+        "undiscounted_return": episode.undiscounted_return if episode.has_rewards else None,
+        **figures_of(episode, "ending is_success seed comment"),
+    }
 
-    return [summarize_episode(number, episode) for number, episode in episodes.items()]
 
-
-def _as_dict(row: "EpisodeSummary") -> dict[str, Any]:
-    values = dict(vars(row))
-    return {"episode": values.pop("number"), **values}
-
-
-def _table(rows: "list[EpisodeSummary]", title: str) -> Any:
+def _table(rows: "dict[int, Episode]", title: str) -> Any:
     from rich.markup import escape
     from rich.table import Table
 
@@ -452,15 +451,15 @@ def _table(rows: "list[EpisodeSummary]", title: str) -> Any:
         table.add_column(
             name, justify="right" if name in ("episode", "steps", "return") else "left"
         )
-    for row in rows:
+    for number, episode in rows.items():
         table.add_row(
-            str(row.number),
-            "kept" if row.kept else "discarded",
-            escape(row.ending),
-            str(row.length),
-            "" if row.undiscounted_return is None else f"{row.undiscounted_return:g}",
-            "" if row.seed is None else str(row.seed),
-            escape(row.comment),
+            str(number),
+            "kept" if episode.kept else "discarded",
+            escape(episode.ending),
+            str(len(episode)),
+            f"{episode.undiscounted_return:g}" if episode.has_rewards else "",
+            "" if episode.seed is None else str(episode.seed),
+            escape(episode.comment),
         )
     return table
 

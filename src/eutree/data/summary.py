@@ -13,7 +13,6 @@ import numpy as np
 
 from eutree.arrays import Floats, Integers
 from eutree.data.demonstrations import Demonstrations
-from eutree.data.episode import Episode
 
 FILLED = 0.5  # share of a feature's bounds below which the values seen bound a drawing
 
@@ -64,31 +63,6 @@ MAX_EXAMPLES = 5
 
 
 @dataclass(frozen=True)
-class EpisodeSummary:
-    """One episode in a line.
-
-    Attributes:
-        number: Its number, from 0.
-        kept: Whether learners use it.
-        length: Number of steps.
-        undiscounted_return: Sum of its rewards; None where they are not known.
-        ending: Why it ended.
-        is_success: Whether the environment called it a success; None where it did not say.
-        seed: Seed given to reset; None if unknown.
-        comment: What the person wrote about it.
-    """
-
-    number: int
-    kept: bool
-    length: int
-    undiscounted_return: float | None
-    ending: str
-    is_success: bool | None
-    seed: int | None
-    comment: str
-
-
-@dataclass(frozen=True)
 class Coverage:
     """How much of one feature's range the demonstrations visit.
 
@@ -123,10 +97,10 @@ class Conflict:
 
 @dataclass(frozen=True)
 class Summary:
-    """What ``summarize`` found; coverage and conflicts are of the kept episodes.
+    """What ``summarize`` found; all of it is of the kept episodes.
 
     Attributes:
-        episodes: One line for each episode, discarded ones included.
+        success_rate: Share of successes; None where no success is reported.
         coverage: One entry for each feature.
         joint_cells: Cells of the joint grid of ``COVERAGE_BINS`` bins a feature that are visited.
         disagreement: Share of the transitions that disagree with their near-equals.
@@ -134,18 +108,12 @@ class Summary:
         conflicts: The groups with the most disagreeing transitions, at most ``MAX_EXAMPLES``.
     """
 
-    episodes: tuple[EpisodeSummary, ...]
+    success_rate: float | None
     coverage: tuple[Coverage, ...]
     joint_cells: int
     disagreement: float
     n_conflicts: int
     conflicts: tuple[Conflict, ...]
-
-    @property
-    def success_rate(self) -> float | None:
-        """Share of successes among the kept episodes; None where no success is reported."""
-        known = [e.is_success for e in self.episodes if e.kept and e.is_success is not None]
-        return sum(known) / len(known) if known else None
 
 
 def summarize(demonstrations: Demonstrations) -> Summary:
@@ -156,12 +124,10 @@ def summarize(demonstrations: Demonstrations) -> Summary:
     order = np.lexsort((np.arange(len(disagreeing)), -disagreeing))
     worst = [int(g) for g in order[:MAX_EXAMPLES] if disagreeing[g] > 0]
     places = _places_of(demonstrations)
+    successes = [e.is_success for e in demonstrations if e.is_success is not None]
     coarse = bins_of(observations, *bounds_of(demonstrations), COVERAGE_BINS)
     return Summary(
-        episodes=tuple(
-            summarize_episode(number, episode)
-            for number, episode in enumerate(demonstrations.episodes)
-        ),
+        success_rate=sum(successes) / len(successes) if successes else None,
         coverage=_coverage(demonstrations, coarse),
         joint_cells=len(np.unique(coarse, axis=0)),
         disagreement=float(disagreeing.sum() / max(len(actions), 1)),
@@ -170,20 +136,6 @@ def summarize(demonstrations: Demonstrations) -> Summary:
             _conflict(observations, actions, np.flatnonzero(group == g), counts[g], places)
             for g in worst
         ),
-    )
-
-
-def summarize_episode(number: int, episode: Episode) -> EpisodeSummary:
-    """Return one episode in a line."""
-    return EpisodeSummary(
-        number=number,
-        kept=episode.kept,
-        length=len(episode),
-        undiscounted_return=episode.undiscounted_return if episode.has_rewards else None,
-        ending=episode.ending,
-        is_success=episode.is_success,
-        seed=episode.seed,
-        comment=episode.comment,
     )
 
 

@@ -23,7 +23,7 @@ from eutree.learners.learner import (
 if TYPE_CHECKING:
     from eutree.learners.distilled_dqn import DistilledDQN
     from eutree.learners.planning import DEFAULT, ModelPlanning, PlanningMethod
-    from eutree.learners.registry import METHODS, PRESETS, method, preset, register
+    from eutree.learners.registry import METHODS, PRESETS, method, register
     from eutree.learners.starts import STARTS, fit_expert_tree, start_of
     from eutree.learners.u_tree import (
         CORRECTED,
@@ -67,7 +67,6 @@ __all__ = [
     "Update",
     "fit_expert_tree",
     "method",
-    "preset",
     "register",
     "start_of",
 ]
@@ -77,7 +76,7 @@ __getattr__ = lazily(
     {
         "eutree.learners.distilled_dqn": "DistilledDQN",
         "eutree.learners.planning": "DEFAULT ModelPlanning PlanningMethod",
-        "eutree.learners.registry": "METHODS PRESETS method preset register",
+        "eutree.learners.registry": "METHODS PRESETS method register",
         "eutree.learners.starts": "STARTS fit_expert_tree start_of",
         "eutree.learners.u_tree": (
             "CORRECTED LambdaReturn OneStep PAPER PAPER_D Target UTree UTreeMethod"

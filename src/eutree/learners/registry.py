@@ -23,7 +23,6 @@ import msgspec
 from eutree.errors import EutreeError, FormatError, InvalidArgumentError, UnknownNameError, shown
 from eutree.learners.declared import Arrays, State, taken
 from eutree.learners.learner import Learner, Method, Needs, Problem, Start
-from eutree.validation import check_choice
 
 _HOMES = MappingProxyType({
     "default": "eutree.learners.planning:DEFAULT",
@@ -122,11 +121,6 @@ def method(name: str) -> Method:
     if name in PRESETS:
         return PRESETS[name]
     return _kind(name)()
-
-
-def preset(name: str) -> Method:
-    """Return the method of a preset."""
-    return PRESETS[check_choice("preset", name, PRESETS)]
 
 
 def checked(kind: Any) -> type[Method]:
