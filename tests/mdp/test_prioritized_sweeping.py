@@ -4,11 +4,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eutree.errors import InvalidArgumentError
-from eutree.mdp import TERMINAL, Sweeping, TabularMDP, TransitionCounts
+from eutree.mdp import TERMINAL, TabularMDP, TransitionCounts
 from eutree.mdp import _kernels_sweeping as kernels
 from tests.naive_mdp import NaiveQueue
 
-EXACT = Sweeping(precision=0.0)
+EXACT = 0.0  # precision
 
 
 def rows_of(generator, n_rows, n_states, n_actions):
@@ -59,7 +59,7 @@ def test_a_queued_state_keeps_the_larger_priority():
 @pytest.mark.parametrize("untried", [None, 0.0])
 def test_it_converges_to_the_exact_solution(discount, untried):
     rows = rows_of(np.random.default_rng(0), 400, 30, 3)
-    swept = TabularMDP(TransitionCounts(30, 3), discount, untried=untried, sweeping=EXACT)
+    swept = TabularMDP(TransitionCounts(30, 3), discount, untried=untried, precision=EXACT)
     for row in zip(*rows, strict=True):
         swept.observe(*row, 3)
     swept.queue()
@@ -74,7 +74,7 @@ def test_it_converges_to_the_exact_solution(discount, untried):
 
 @pytest.mark.promise(18)
 def test_it_converges_without_discount():
-    mdp = TabularMDP(TransitionCounts(3, 2), 1.0, sweeping=EXACT)
+    mdp = TabularMDP(TransitionCounts(3, 2), 1.0, precision=EXACT)
     for state in range(3):
         mdp.observe(state, 0, -2.0, state)  # stop: a loop
         mdp.observe(state, 1, -1.0, state + 1 if state < 2 else TERMINAL)
@@ -118,8 +118,7 @@ def test_a_change_travels_backwards_within_the_budget():
 
 
 def test_small_changes_rest_below_the_threshold():
-    mdp = TabularMDP(TransitionCounts(2, 1), 0.9, sweeping=Sweeping(precision=1.0))
-    assert Sweeping(1.0).threshold(0.9) == pytest.approx(0.1)
+    mdp = TabularMDP(TransitionCounts(2, 1), 0.9, precision=1.0)
     mdp.observe(0, 0, 0.0, 1, 10)
     mdp.observe(1, 0, 0.05, TERMINAL, 10)
     assert mdp.values.tolist() == [0.0, 0.05]
@@ -136,6 +135,6 @@ def test_the_solution_empties_the_queue():
 
 def test_what_cannot_be_swept_is_refused():
     with pytest.raises(InvalidArgumentError, match="precision must be a number"):
-        Sweeping(precision=-1.0)
+        TabularMDP(TransitionCounts(2, 1), 0.9, precision=-1.0)
     with pytest.raises(InvalidArgumentError, match=r"states must be an integer from 0 to 1"):
         TabularMDP(TransitionCounts(2, 1), 0.9).queue([2])

@@ -5,14 +5,13 @@ from eutree.mdp._kernels_sweeping import MDPArrays as MDPArrays
 from eutree.mdp._kernels_sweeping import observe as observe
 from eutree.mdp.counts import TransitionCounts
 from eutree.mdp.solver import NO_ACTION, TERMINAL, Model, Solution, solve
-from eutree.mdp.tabular import Sweeping, TabularMDP
+from eutree.mdp.tabular import TabularMDP
 
 __all__ = [
     "NO_ACTION",
     "TERMINAL",
     "Model",
     "Solution",
-    "Sweeping",
     "TabularMDP",
     "TransitionCounts",
     "solve",

@@ -11,7 +11,6 @@ once, exactly (:mod:`eutree.mdp.solver`).
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -48,24 +47,6 @@ from eutree.validation import check_integer, check_number
 # data and less time*, Machine Learning 13 (1993).
 
 
-@dataclass(frozen=True)
-class Sweeping:
-    """When prioritized sweeping lets a change rest.
-
-    Attributes:
-        precision: Error of V that may remain for each change left alone.
-    """
-
-    precision: float = 1e-3
-
-    def __post_init__(self) -> None:
-        check_number("precision", self.precision, low=0.0)
-
-    def threshold(self, discount: float) -> float:
-        """Return the smallest change that is passed on to predecessors."""
-        return self.precision * max(1.0 - discount, 1e-3)
-
-
 class TabularMDP:
     """V and Q of an MDP whose states may be split.
 
@@ -80,7 +61,7 @@ class TabularMDP:
         discount: Weight of the next step's value, from 0 to 1.
         untried: What an action counts that was never tried in a state; None leaves it out of the
             maximum and shows NaN as its Q. The paper preset uses 0, an optimist a high value.
-        sweeping: When prioritized sweeping stops.
+        precision: Error of V that may remain for each change that prioritized sweeping lets rest.
         horizon: Steps after which behaviour that never ends is taken to end, where the discount
             is 1; see :mod:`eutree.mdp.solver`.
 
@@ -94,17 +75,18 @@ class TabularMDP:
         discount: float,
         *,
         untried: float | None = None,
-        sweeping: Sweeping | None = None,
+        precision: float = 1e-3,
         horizon: float = 1000.0,
     ) -> None:
         self.counts = counts
         self.discount = check_number("discount", discount, low=0.0, high=1.0)
         self.untried = None if untried is None else check_number("untried", untried)
         self.horizon = check_number("horizon", horizon, low=1.0)
-        self.sweeping = Sweeping() if sweeping is None else sweeping
         settings = np.empty(4)
         settings[_sweeping.DISCOUNT] = self.discount
-        settings[_sweeping.THRESHOLD] = self.sweeping.threshold(self.discount)
+        settings[_sweeping.THRESHOLD] = check_number("precision", precision, low=0.0) * max(
+            1.0 - self.discount, 1e-3
+        )
         settings[_sweeping.UNTRIED] = unknown = np.nan if untried is None else untried
         settings[_sweeping.HORIZON] = self.horizon
         shape = counts.arrays.visits.shape
