@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from eutree.learners import Problem, Start
+from eutree.learners.declared import taken
 from eutree.learners.distilled_dqn import DistilledDQN
 from eutree.learners.registry import METHODS
 from eutree.learners.starts import start_of
@@ -74,3 +75,8 @@ class Case:
 @cache
 def case_of(name: str, start_name: str) -> Case:
     return Case.of(SMALL.get(name) or METHODS[name](), start_name)
+
+
+def checked_state(path, state, method, problem, start):
+    """Return a stored state if it is what the method declares."""
+    return taken(path, state, method.declared(problem, start))

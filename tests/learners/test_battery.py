@@ -14,9 +14,9 @@ import pytest
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.learners import Decisions, UTreeMethod
 from eutree.learners.learner import HasPolicy, Needs, check_fits
-from eutree.learners.registry import METHODS, checked_state, from_document, restored, to_document
+from eutree.learners.registry import METHODS, from_document, restored, to_document
 from eutree.learners.starts import STARTS
-from tests.learners.battery import FILE, Case, case_of
+from tests.learners.battery import FILE, Case, case_of, checked_state
 from tests.worlds import Corridor, play, play_in_part
 
 

@@ -15,12 +15,12 @@ from eutree.learners.distilled_dqn import DistilledDQN
 from eutree.learners.distilled_dqn.learner import Stage
 from eutree.learners.distilled_dqn.races import Contender
 from eutree.learners.learner import Problem, Start, Step
-from eutree.learners.registry import checked_state
 from eutree.neural import DoubleDQNSettings
 from eutree.recording import record
 from eutree.world_model.action_trees import packed, single_action
 from eutree.world_model.ensemble import EnsembleSettings
 from eutree.world_model.ensemble_rollouts import EnsembleRollouts
+from tests.learners.battery import checked_state
 
 BUDGET = 6000
 METHOD = DistilledDQN(

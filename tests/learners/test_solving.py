@@ -7,9 +7,9 @@ import pytest
 
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.learners import CORRECTED, PAPER, Start, Step, UTree, UTreeMethod
-from eutree.learners.registry import checked_state
 from eutree.mdp import TabularMDP
 from eutree.splitting import Naive
+from tests.learners.battery import checked_state
 from tests.worlds import Walk
 from tests.worlds import learned_to_walk as learned
 

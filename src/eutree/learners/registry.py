@@ -21,7 +21,7 @@ from typing import Any, NamedTuple, cast
 import msgspec
 
 from eutree.errors import EutreeError, FormatError, InvalidArgumentError, UnknownNameError, shown
-from eutree.learners.declared import Arrays, State, taken
+from eutree.learners.declared import State, taken
 from eutree.learners.learner import Learner, Method, Needs, Problem, Start
 
 _HOMES = MappingProxyType({
@@ -302,24 +302,6 @@ def _loaded(name: str, found: list[EntryPoint]) -> type[Method]:
     return kind
 
 
-def checked_state(
-    path: str | Path, state: State, method: Method, problem: Problem, start: Start
-) -> Arrays:
-    """Return a stored state that ``restore`` can trust, with the elements that are declared.
-
-    Args:
-        path: The file that it comes from.
-        state: Its arrays.
-        method: The method that declares them.
-        problem: What is learned.
-        start: Where it began.
-
-    Raises:
-        FormatError: The state is not what the method declares.
-    """
-    return taken(path, state, method.declared(problem, start))
-
-
 def restored(
     path: str | Path, state: State, method: Method, problem: Problem, start: Start
 ) -> Learner:
@@ -328,7 +310,7 @@ def restored(
     Raises:
         FormatError: The state is not what the method declares, or no learner comes of it.
     """
-    trusted = checked_state(path, state, method, problem, start)
+    trusted = taken(path, state, method.declared(problem, start))
     try:
         return method.restore(problem, start, trusted)
     except FormatError:

@@ -6,10 +6,10 @@ import pytest
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.learners import Start
 from eutree.learners.learner import Step
-from eutree.learners.registry import checked_state
 from eutree.learners.starts import STARTS, start_of
 from eutree_lab.history_u_tree.evidence import FEWEST
 from eutree_lab.history_u_tree.method import HistoryUTreeMethod
+from tests.learners.battery import checked_state
 from tests.worlds import Corridor, play, problem_of, recorded
 
 SEEDS = range(5)
