@@ -125,10 +125,11 @@ def learn(
             place = _acting(acting, expert or demonstrations, asked, plan)
         begin = _start(start, place, demonstrations, expert, asked.teacher, seed=seed)
         check_fits(choice.method, place.problem, begin, offline=acting is None)
+        document = checked_document(choice.method)
         check_races(plan, begin)
         beginning = Beginning(choice.method, place.problem, begin, choice.said())
         run = Run(beginning, plan, place.arena, stop=asked.listeners.wants_stop)
-        config = _config(run, place.name, asked, demonstrations, expert)
+        config = _config(run, place.name, document, asked, demonstrations, expert)
         asked.listeners.attached(run, acting)
         policy, against_fit = _carried_out(run, place.log, config, asked)
         recorded = 0 if demonstrations is None else sum(map(len, begin.episodes))
@@ -199,6 +200,7 @@ def _acting(
 def _config(
     run: Run,
     environment: str,
+    method: dict[str, Any],
     asked: Asked,
     demonstrations: Demonstrations | None,
     expert: TreePolicy | None,
@@ -207,7 +209,7 @@ def _config(
     plan, handover = run.plan, asked.handover
     return ConfigDocument(
         environment=environment,
-        method=checked_document(run.beginning.method),
+        method=method,
         start=run.beginning.start.name,
         episodes=plan.episodes,
         steps=plan.steps,
