@@ -54,7 +54,8 @@ def main() -> None:
             recorded = ("record", TASK, "--expert", "gate", "--episodes", "8", "--out", "demos")
             run(source, folder / "cache", folder, *recorded)
             for command, line in COMMANDS.items():
-                if command == "warm-up" and not (source / "eutree/cli/warm_up.py").exists():
+                main = (source / "eutree/cli/main.py").read_text()
+                if command == "warm-up" and f'"{command}"' not in main:
                     continue
                 cache = folder / f"cache-{command}"
                 cache.mkdir()
