@@ -10,7 +10,7 @@ import eutree
 from eutree.data import Demonstrations
 from eutree.errors import InvalidArgumentError
 from eutree.interaction import GuardedEnv, run_episode
-from eutree.interaction.replay import replay
+from eutree.interaction.episode import replay
 
 
 @pytest.fixture(scope="module")

@@ -13,8 +13,8 @@ from eutree.interaction import GriddedAction, GuardedEnv, describe
 from eutree.interaction.action_grid import grid_around
 from eutree.interaction.decoding import DecodedObservation
 from eutree.interaction.deriving import acting_as
+from eutree.interaction.episode import replay
 from eutree.interaction.making import make
-from eutree.interaction.replay import replay
 from eutree.interaction.spaces import spec_of
 from eutree.training.teaching import AskedTeacher
 

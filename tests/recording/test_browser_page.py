@@ -10,7 +10,7 @@ import pytest
 
 import eutree  # noqa: F401 - registers the environments
 from eutree.data import Demonstrations
-from eutree.interaction.replay import replay
+from eutree.interaction.episode import replay
 from eutree.recording.browser.server import HIDDEN
 from tests.recording.people import Corridor
 from tests.recording.serving import ENOUGH, serving

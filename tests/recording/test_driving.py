@@ -10,8 +10,8 @@ import eutree
 from eutree.data import Demonstrations, Episode
 from eutree.fitting import Person as Judged
 from eutree.interaction import episode_seed
+from eutree.interaction.episode import replay
 from eutree.interaction.guard import GuardedEnv
-from eutree.interaction.replay import replay
 from eutree.recording import Recorder, SessionSettings
 from eutree.recording.events import Away, EpisodeEnded
 from eutree.recording.scenes import (

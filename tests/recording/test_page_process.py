@@ -15,7 +15,7 @@ from websockets.sync.client import connect
 
 import eutree  # noqa: F401 - registers the environments
 from eutree.data import Demonstrations
-from eutree.interaction.replay import replay
+from eutree.interaction.episode import replay
 from tests.patience import ENOUGH
 from tests.training.processes import heed_interrupts
 

@@ -175,8 +175,8 @@ def check(
 
     The exit code is 0 if all are equal and 1 if one is not.
     """
+    from eutree.interaction.episode import replay as replay_all
     from eutree.interaction.making import make
-    from eutree.interaction.replay import replay as replay_all
     from eutree.schema import EnvironmentSpec
 
     opened = _open(folder)
@@ -420,7 +420,7 @@ def _described(environment: str, arguments: dict[str, Any]) -> tuple[Any, Any]:
 
 def _show(folder: "DemonstrationFolder", episode: "Episode") -> None:
     """Run an episode again in a window."""
-    from eutree.interaction.replay import environment_for
+    from eutree.interaction.episode import environment_for
 
     env = environment_for(_demonstrations(folder, {0: episode}), render_mode="human")
     try:
