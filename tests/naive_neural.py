@@ -10,6 +10,17 @@ def forward(network, x):
     return hidden1, hidden2, hidden2 @ network.w3 + network.b3
 
 
+def add_rows(w, x, active, out):
+    """Add x[k] times row k of w, four rows to a term, the rest one by one."""
+    whole = len(active) // 4 * 4
+    for t in range(0, whole, 4):
+        a, b, c, d = (x[k] * w[k] for k in active[t : t + 4])
+        out = out + (((a + b) + c) + d)
+    for k in active[whole:]:
+        out = out + x[k] * w[k]
+    return out
+
+
 def adam(weights, gradients, rate):
     """Return weights after a step of Adam for each gradient, as in the paper's Algorithm 1."""
     mean, square = np.zeros_like(weights), np.zeros_like(weights)

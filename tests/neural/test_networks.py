@@ -48,6 +48,19 @@ def test_gradient_agrees_with_finite_differences(seed):
         assert gradient.weights[i] == pytest.approx((above - below) / (2 * step), abs=1e-6)
 
 
+@pytest.mark.parametrize("n", range(18))
+def test_rows_are_added_four_to_a_term_to_the_bit(n):
+    """However many go in one pass: the order of additions is part of every result."""
+    generator = np.random.default_rng(n)
+    w = generator.normal(size=(20, 21)).astype(np.float32)
+    x = generator.normal(size=20).astype(np.float32)
+    active = np.append(np.sort(generator.permutation(20)[:n]), 0)  # the last place counts nothing
+    out = generator.normal(size=21).astype(np.float32)
+    expected = naive_neural.add_rows(w, x, active[:n], out)
+    _kernels.add_rows(w, x, n, active, out)
+    assert (out == expected).all()
+
+
 def test_adam_takes_the_steps_of_the_paper():
     generator = np.random.default_rng(4)
     weights, gradients = generator.standard_normal(30), generator.standard_normal((8, 30))

@@ -40,14 +40,46 @@ class Activations(NamedTuple):
 
 
 @compiled
+def add_rows(w: Float32s, x: Float32s, n: int, active: Integers, out: Float32s) -> None:
+    """Add x[k] times row k of w to out, for the first n entries k of ``active``.
+
+    Four rows make one term, so that the inner loop runs along memory and needs no sum to be
+    reordered; two terms are added in one pass while there are so many.
+    """
+    t = 0
+    # out holds the products of active[:t]. The parentheses fix the order of the additions, so the
+    # sum is the same at any width of vectors, and in one pass or two.
+    while t + 8 <= n:
+        k0, k1, k2, k3 = active[t], active[t + 1], active[t + 2], active[t + 3]
+        k4, k5, k6, k7 = active[t + 4], active[t + 5], active[t + 6], active[t + 7]
+        x0, x1, x2, x3, x4, x5, x6, x7 = x[k0], x[k1], x[k2], x[k3], x[k4], x[k5], x[k6], x[k7]
+        w0, w1, w2, w3, w4, w5, w6, w7 = w[k0], w[k1], w[k2], w[k3], w[k4], w[k5], w[k6], w[k7]
+        for j in range(out.size):
+            one = out[j] + (((x0 * w0[j] + x1 * w1[j]) + x2 * w2[j]) + x3 * w3[j])
+            out[j] = one + (((x4 * w4[j] + x5 * w5[j]) + x6 * w6[j]) + x7 * w7[j])
+        t += 8
+    if t + 4 <= n:
+        k0, k1, k2, k3 = active[t], active[t + 1], active[t + 2], active[t + 3]
+        x0, x1, x2, x3 = x[k0], x[k1], x[k2], x[k3]
+        w0, w1, w2, w3 = w[k0], w[k1], w[k2], w[k3]
+        for j in range(out.size):
+            out[j] += ((x0 * w0[j] + x1 * w1[j]) + x2 * w2[j]) + x3 * w3[j]
+        t += 4
+    while t < n:
+        k0 = active[t]
+        x0, w0 = x[k0], w[k0]
+        for j in range(out.size):
+            out[j] += x0 * w0[j]
+        t += 1
+
+
+@compiled
 def add_product(a: Float32s, b: Float32s, out: Float32s) -> None:
     """Add the matrix product of a [n, p] and b [p, q] to out [n, q].
 
-    Rows of b are added to a row of out, four at a time, so that the inner loop runs along memory
-    and needs no sum to be reordered. Those whose factor is 0 are left out.
+    Rows of b are added to a row of out. Those whose factor is 0 are left out.
     """
     n, p = a.shape
-    q = b.shape[1]
     # One more than p: the place behind the last is written to before it is known to count.
     active = np.empty(p + 1, np.int64)
     for i in range(n):
@@ -56,23 +88,7 @@ def add_product(a: Float32s, b: Float32s, out: Float32s) -> None:
         for k in range(p):
             active[m] = k
             m += a[i, k] != 0
-        row = out[i]
-        t = 0
-        # row holds the products of active[:t]. The parentheses fix the order of four additions, so
-        # the sum is the same at any width of vectors.
-        while t + 4 <= m:
-            k0, k1, k2, k3 = active[t], active[t + 1], active[t + 2], active[t + 3]
-            x0, x1, x2, x3 = a[i, k0], a[i, k1], a[i, k2], a[i, k3]
-            b0, b1, b2, b3 = b[k0], b[k1], b[k2], b[k3]
-            for j in range(q):
-                row[j] += ((x0 * b0[j] + x1 * b1[j]) + x2 * b2[j]) + x3 * b3[j]
-            t += 4
-        while t < m:
-            k0 = active[t]
-            x0, b0 = a[i, k0], b[k0]
-            for j in range(q):
-                row[j] += x0 * b0[j]
-            t += 1
+        add_rows(b, a[i], m, active, out[i])
 
 
 @compiled

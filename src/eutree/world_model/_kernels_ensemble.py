@@ -18,7 +18,7 @@ import numpy as np
 
 from eutree.arrays import Booleans, Float32s, Floats, Integers
 from eutree.compiled import compiled
-from eutree.neural import Network, adam_step, backward, forward, room
+from eutree.neural import Network, adam_step, add_rows, backward, forward, room
 from eutree.world_model._kernels import EPISODE_STRIDE, ActionTree, Episodes, keep, leaf_node
 
 GOES_ON, BAD, GOOD = 0, 1, 2  # kinds of step
@@ -164,27 +164,6 @@ def fit(
             number + u + 1,
             rates[u],
         )
-
-
-@compiled
-def add_rows(w: Float32s, x: Float32s, n: int, active: Integers, out: Float32s) -> None:
-    """Add x[k] times row k of w to out, for the first n entries k of ``active``."""
-    t = 0
-    # out holds the products of active[:t]; the parentheses fix the order of the additions, which is
-    # that of ``add_product``: one row gives the bits that a batch gives.
-    while t + 4 <= n:
-        k0, k1, k2, k3 = active[t], active[t + 1], active[t + 2], active[t + 3]
-        x0, x1, x2, x3 = x[k0], x[k1], x[k2], x[k3]
-        w0, w1, w2, w3 = w[k0], w[k1], w[k2], w[k3]
-        for j in range(out.size):
-            out[j] += ((x0 * w0[j] + x1 * w1[j]) + x2 * w2[j]) + x3 * w3[j]
-        t += 4
-    while t < n:
-        k0 = active[t]
-        x0, w0 = x[k0], w[k0]
-        for j in range(out.size):
-            out[j] += x0 * w0[j]
-        t += 1
 
 
 @compiled
