@@ -241,7 +241,8 @@ AIMS = """\
 | LunarLander 200 with 34, 160 with 20, 500 k | 166.8, 133.6 | nothing new: six CPU minutes a run |
 | two tanks -165 | -178.5 | nothing new |
 | 3-Evasion: 98.5 %, return 90 | 98.8 %, 85.8 with 16 leaves, 10 k, four runs | larger not run |
-| 4-Evasion: 92 %, return 75 | not run | nothing new |"""
+| 4-Evasion: 92 %, return 75 | 86.2 %, 62.7 with 16 leaves, 10 k, four runs; \
+the best tree has 93.2 %, 68.0 | nothing new |"""
 
 
 if __name__ == "__main__":

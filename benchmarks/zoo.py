@@ -57,7 +57,8 @@ def best_of(
     candidates: list[dict[str, str]], trees: Path, episodes: int
 ) -> tuple[dict[str, str], eutree.TreePolicy]:
     """Return the row and the tree that earn most on episodes of the choice."""
-    order = sorted(candidates, key=lambda row: -float(row["return"]))[:FINALISTS]
+    order = sorted(candidates, key=lambda row: (-float(row["return"]), int(row["has_leaves"])))
+    order = order[:FINALISTS]
     loaded = [(row, eutree.TreePolicy.load(file_of(row, trees))) for row in order]
     played = [returns_of(tree, row["task"], episodes, CHOOSING).mean_return for row, tree in loaded]
     return loaded[int(np.argmax(played))]

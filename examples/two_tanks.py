@@ -48,6 +48,10 @@ class TwoTanks(gymnasium.Env[Any, Any]):
     """
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 - Gymnasium's own declaration
+    feature_names = ("upper level", "lower level", "pump", "valve", "set point", "upper change",
+                     "lower change", "deviation")  # fmt: skip
+    feature_units = ("m", "m", "", "", "m", "mm/s", "mm/s", "m")
+    action_names = ACTIONS
 
     def __init__(self) -> None:
         low = np.array([0.0, 0.0, 0.0, 0.0, 0.0, -20.0, -20.0, -HEIGHT])
