@@ -145,6 +145,7 @@ def lines_of(axes: Any, rows: Rows) -> Iterator[float]:
         here = [row for row in rows if (row["who"], int(row["steps"])) == (who, steps)]
         sizes = sorted({int(row["leaves"]) for row in here})
         cells = [[row for row in here if int(row["leaves"]) == size] for size in sizes]
+        cells.sort(key=lambda cell: np.mean([float(row["has_leaves"]) for row in cell]))
         returns = [[float(row["return"]) for row in cell] for cell in cells]
         means = [float(np.mean(one)) for one in returns]
         shade = 0.9 - 0.2 * (len(budgets) - 1 - budgets.index(steps))
