@@ -235,8 +235,8 @@ AIMS = """\
 
 | aim | reached | tried |
 |---|---|---|
-| CartPole 500 with 4 leaves, 50 k | 496.9; three runs of ten; [of later sources](between-releases.md) \
-499.9, four runs | nothing beyond the settings |
+| CartPole 500 with 4 leaves, 50 k | 496.9; three runs of ten; \
+[of later sources](between-releases.md) 499.9, four runs | nothing beyond the settings |
 | MountainCar -98.5 with 5 leaves | -99.3, some 240 k steps | the tree of 8 copied by DAgger; \
 [sets of actions](../decisions/labels-as-sets.md) as labels: -101.9 |
 | Acrobot -80 with 8 leaves, 100 k | -86.5; the best run -82.6 | sets of actions: no swing |
