@@ -119,6 +119,38 @@ def test_few_run_where_a_model_foretells_what_the_incumbent_earns(env, plain, fo
     assert key(best) in {key(one) for one in chosen}
 
 
+@pytest.mark.parametrize(("episodes", "asked"), [(12, "close"), (7, "near")])
+def test_a_model_that_tells_starts_apart_says_who_is_promising(
+    env, plain, monkeypatch, episodes, asked
+):
+    """Two models are right of the mean; on few episodes nobody knows which is closer."""
+    search = search_of(plain)
+    guarded = GuardedEnv(env)
+    own = [run_episode(guarded, plain.policy, episode_seed(5, k)) for k in range(episodes)]
+    mean = np.mean([episode.undiscounted_return for episode in own])
+    rivals = [policy_of(0, place, 1) for place in (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0)]
+    says = {"near": mean + np.arange(8.0), "close": mean - np.arange(8.0)}
+    missed = {"near": np.full(episodes, 3.0), "close": np.full(episodes, 1.0)}
+    proposals = search._proposals
+    monkeypatch.setattr(proposals, "_models", lambda episodes: iter(says))
+    monkeypatch.setattr(proposals, "_returns", lambda model, trees: says[model])
+    monkeypatch.setattr(proposals, "_missed", lambda model, policy, episodes: missed[model])
+    chosen, _ = proposals.guessed(plain.policy, own, rivals, [])
+    assert set(chosen) == set(rivals[:PROMISING] if asked == "close" else rivals[-PROMISING:])
+
+
+def test_a_model_is_measured_from_the_starts_of_real_episodes(env, plain):
+    """What a model misses is what it says of each real episode's own start."""
+    search = search_of(plain)
+    own = [run_episode(GuardedEnv(env), plain.policy, episode_seed(5, k)) for k in range(8)]
+    (model, *_) = search._proposals._models(own)
+    missed = search._proposals._missed(model, plain.policy, own)
+    better = [replace(one, rewards=one.rewards + 100.0) for one in own]
+    assert missed.shape == (8,)
+    again = search._proposals._missed(model, plain.policy, better)
+    assert again == pytest.approx(missed + 1000.0, abs=2 * missed.max())
+
+
 def test_locked_leaves_stay_as_they_are(env, plain):
     locked = tuple(range(min(2, plain.policy.n_leaves)))
     policy = eutree.TreePolicy(

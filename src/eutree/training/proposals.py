@@ -13,7 +13,7 @@ import numpy as np
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.compiled import compiled
 from eutree.compression.candidates import Costs, Ladder, with_locks
-from eutree.contests.rules import Lead
+from eutree.contests.rules import OBVIOUS, Lead
 from eutree.data import Episode
 from eutree.policies import TreePolicy
 from eutree.policy_search.improvement import Improvement
@@ -208,6 +208,8 @@ PROMISING = 4  # challengers that race, where models can be trusted
 # Standard errors, and share of a typical return, by which a model may miss the incumbent's returns;
 # the next episode may have the worst return seen, too.
 SURE, NEAR = 2.0, 0.1
+TELLING = 8  # episodes of the incumbent below which models are not told apart
+FORETELLING = 30  # imagined episodes from the start of a real one
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -354,8 +356,9 @@ class Proposals:
     ) -> tuple[tuple[TreePolicy, ...], tuple[float, ...]]:
         """Return the challengers that promise most, and what each is guessed to earn.
 
-        It is what the tree earns in the first of the models that foretells the incumbent's returns.
-        Where none does all are returned, without a guess.
+        It is what the tree earns in the first of the models that foretells the incumbent's mean
+        return, or in a later one that is obviously closer to its returns from the same starts.
+        Where none foretells it all are returned, without a guess.
 
         Args:
             policy: The incumbent.
@@ -366,15 +369,24 @@ class Proposals:
         lead = Lead.of(np.array([episode.undiscounted_return for episode in own]))
         low, high = self.range_seen(episodes)
         reach = SURE * lead.error + NEAR * self._scale + (high - low) / len(own)
+        foretold: list[float] = []
+        missed: Floats | None = None  # by the model that is closest so far
         for model in self._models(episodes):
             expected, *guesses = self._returns(model, [policy, *rivals]).tolist()
-            if abs(expected - lead.mean) <= reach:
+            if abs(expected - lead.mean) > reach:
+                continue
+            if len(own) < TELLING:
+                foretold = guesses
                 break
-        else:
+            now = self._missed(model, policy, own)
+            closer = None if missed is None else Lead.of(missed - now)
+            if closer is None or closer.mean > OBVIOUS[TELLING] * closer.error:
+                foretold, missed = guesses, now
+        if not foretold:
             return tuple(rivals), ()
-        worth = np.array(guesses) - self.leaf_price * np.array([one.n_leaves for one in rivals])
+        worth = np.array(foretold) - self.leaf_price * np.array([one.n_leaves for one in rivals])
         best = np.argsort(-worth, kind="stable")[:PROMISING].tolist()
-        return tuple(rivals[k] for k in best), tuple(guesses[k] for k in best)
+        return tuple(rivals[k] for k in best), tuple(foretold[k] for k in best)
 
     def range_seen(self, episodes: Sequence[Episode]) -> tuple[float, float]:
         """Return the lowest and highest return of all that was stored, and of some episodes."""
@@ -390,6 +402,16 @@ class Proposals:
         rollouts.run(first)
         gains = [0.0, *(rollouts.gain(tree).mean for tree in others)]
         return rollouts.mean_return + np.array(gains)
+
+    def _missed(self, model: WorldModel, policy: TreePolicy, episodes: Sequence[Episode]) -> Floats:
+        """Return how far a model's mean return from the start of each episode is from the real."""
+        tree, missed = from_decision_tree(policy.tree, policy.actions), []
+        for episode in episodes:
+            here = replace(model, starts=episode.observations[:1])
+            there = PairedRollouts(here, FORETELLING, 1.0, self._generator)
+            there.run(tree)
+            missed.append(abs(episode.undiscounted_return - there.mean_return))
+        return np.array(missed)
 
     def _models(self, episodes: Sequence[Episode]) -> Iterator[WorldModel]:
         """Yield the world models that propose."""
