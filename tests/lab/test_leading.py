@@ -336,13 +336,17 @@ def test_an_archive_of_others_is_read_with_suspicion(tmp_path) -> None:
         unpack(path, tmp_path / "out")
 
 
-def test_one_person_after_the_other_is_led_by_the_command(tmp_path, monkeypatch, capsys) -> None:
+@pytest.mark.parametrize(
+    "line", [["study", "lead", "{}", "ENV"], ["record", "ENV", "--study", "{}"]]
+)
+def test_one_person_after_the_other_is_led(tmp_path, monkeypatch, capsys, line) -> None:
     def finished(output, recorder, spec, out, *, lead, host, port) -> None:
         assert (host, port, str(spec)) == ("127.0.0.1", None, "eutree/Evasion2-v0")
         lead[1].hear("decline")
 
     monkeypatch.setattr("eutree_lab.command.record_on_page", finished)
-    assert run(["study", "lead", str(tmp_path), "eutree/Evasion2-v0", "--fps", "5"]) == 0
+    names = {"{}": str(tmp_path), "ENV": "eutree/Evasion2-v0"}
+    assert run([*(names.get(word, word) for word in line), "--fps", "5"]) == 0
     said = capsys.readouterr()
     assert re.search(r"eutree study lead \S+ eutree/Evasion2-v0 --person [0-9a-f]{8}", said.err)
     assert re.search(r"person [0-9a-f]{8}: nothing is kept", said.out)
@@ -368,3 +372,16 @@ def test_what_need_not_end_is_no_task_of_a_study(tmp_path) -> None:
         conduct(tmp_path, EnvironmentSpec("CliffWalking-v1"), endless, pace=SessionSettings()),
     ):
         pass
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--study", "s", "--out", "d"], "leave out --out"),
+        (["--study", "s", "--episodes", "3"], "leave out --episodes"),
+        (["--person", "00000000", "--out", "d"], "--person needs --study"),
+    ],
+)
+def test_what_a_study_decides_is_not_given_to_record(capsys, options, said) -> None:
+    assert run(["record", "eutree/Evasion2-v0", *options]) == 2
+    assert said in capsys.readouterr().err

@@ -60,6 +60,9 @@ def page_options(command: _Command) -> _Command:
 @click.option("--drive", type=click.Path(path_type=Path), metavar="TREE",
               help="Let this tree drive, and take over from it where it is wrong.")  # fmt: skip
 @click.option("--web", is_flag=True, help="A person records in a browser, as without --expert.")
+@click.option("--study", type=click.Path(path_type=Path), metavar="FOLDER",
+              help="Lead one person through a study, as study lead does.")  # fmt: skip
+@click.option("--person", metavar="CODE", help="Go on with this person of the --study.")
 @page_options
 @click.option("--expert", help=f"A scripted expert, for example gate, or one of your own: {OWN}.")
 @click.option("--careless", type=click.FloatRange(0, 1), default=0.0, show_default=True,
@@ -71,6 +74,8 @@ def page_options(command: _Command) -> _Command:
 def record(
     environment: str,
     out: Path | None,
+    study: Path | None,
+    person: str | None,
     episodes: int,
     expert: str | None,
     careless: float,
@@ -91,6 +96,12 @@ def record(
     spec = EnvironmentSpec(environment, env_arguments)
     if expert is not None and web:
         raise InvalidArgumentError("choose one of --expert and --web")
+    if study is not None:
+        _lead(environment, study, person=person, keys=keys, hud=hud, fps=fps, as_json=as_json,
+              env_arguments=env_arguments, **page)  # fmt: skip
+        return
+    if person is not None:
+        raise InvalidArgumentError("--person needs --study")
     if out is None:
         raise click.MissingParameter(param_hint="'--out'", param_type="option")
     env = _made(output, spec, starts_from, None if expert is not None else "rgb_array")
@@ -104,6 +115,29 @@ def record(
         )
         recorder = Recorder(env, out, keys=keys, settings=settings)
         _record_person(output, spec, recorder, out, **page)
+
+
+def _lead(environment: str, study: Path, **given: Any) -> None:
+    """Lead one person through a study, by the command of the distribution that has one.
+
+    Raises:
+        InvalidArgumentError: An option is given that the study's plan decides, or no distribution
+            has such a command.
+    """
+    context = click.get_current_context()
+    for name in ("out", "episodes", "seed", "expert", "careless", "drive", "starts_from", "web"):
+        if context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE:
+            option = name.replace("_", "-")
+            raise InvalidArgumentError(
+                f"--study decides it by its study.toml: leave out --{option}"
+            )
+    commands = context.find_root().command
+    studies = commands.get_command(context, "study") if isinstance(commands, click.Group) else None
+    lead = studies.get_command(context, "lead") if isinstance(studies, click.Group) else None
+    if lead is None:
+        raise InvalidArgumentError("--study needs the command `eutree study lead`: none has it")
+    del given["drive"]  # the tree of the study drives
+    context.invoke(lead, folder=study, environment=environment, **given)
 
 
 def _made(
