@@ -13,19 +13,17 @@ mpl.use("agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.collections import PolyCollection
+from partitions import Partition, Plane, cells_seen, corners_seen
 
 import eutree  # noqa: F401 - registers
 from eutree.trees import DecisionTree
 from eutree_lab.parti_game.cells import GOAL, Cells
 from eutree_lab.parti_game.displacements import LearnedController
 from eutree_lab.parti_game.game import GOES_ON, GameRules, PartiGame
-from eutree_lab.parti_game.method import cells_seen
-from eutree_lab.planes import Partition, Plane
 from eutree_lab.tasks._walls import PLANS
 from eutree_lab.vrd.corner_process import KnownWorld, Solved, solved
 from eutree_lab.vrd.influence import refined
 from eutree_lab.vrd.kuhn import Grid
-from eutree_lab.vrd.regions import corners_seen
 
 IMAGES = Path(__file__).parents[1] / "images"
 ACTIONS = ("#0b62a8", "#a84300")  # push left, push right

@@ -44,7 +44,7 @@ def assert_under(figure: int, ceiling: int) -> None:
     assert figure >= ceiling * (1 - SLACK) - 2, f"lower the ceiling of {ceiling} to {figure}"
 
 
-@pytest.mark.parametrize(("package", "ceiling"), [("eutree", 63_000), ("eutree_lab", 9_650)])
+@pytest.mark.parametrize(("package", "ceiling"), [("eutree", 61_700), ("eutree_lab", 10_000)])
 def test_lines_of_source(package: str, ceiling: int) -> None:
     """Targets: 42,000 lines of the core, then 40,000; 10,000 of the lab.
 
@@ -54,7 +54,7 @@ def test_lines_of_source(package: str, ceiling: int) -> None:
     assert_under(lines(files(package)), ceiling)
 
 
-@pytest.mark.parametrize(("package", "ceiling"), [("eutree", 300), ("eutree_lab", 68)])
+@pytest.mark.parametrize(("package", "ceiling"), [("eutree", 275), ("eutree_lab", 71)])
 def test_files_of_source(package: str, ceiling: int) -> None:
     """Target: 250 files of the core."""
     assert_under(len(files(package)), ceiling)

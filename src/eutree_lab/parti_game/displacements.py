@@ -6,9 +6,6 @@ learns what the coarser ones leave unexplained, so that a place never seen is ta
 surroundings. Lengths are in units of the box.
 """
 
-from collections.abc import Callable
-from typing import Protocol
-
 import numpy as np
 
 from eutree.arrays import Floats
@@ -17,44 +14,6 @@ from eutree_lab.parti_game._kernels_tiles import Tiles
 
 LEVELS = (1, 4, 16)  # tiles of an axis
 MOST_TILES = 100_000
-
-
-class Controller(Protocol):
-    """Brings the system towards a point, as well as it can."""
-
-    def act(self, observation: Floats, target: Floats, generator: np.random.Generator) -> int:
-        """Return the action to take at an observation on the way to a target, both [d]."""
-
-    def best(self, observation: Floats, target: Floats) -> int:
-        """Return that action without exploring."""
-
-    def learn(self, observation: Floats, action: int, after: Floats) -> None:
-        """Take note of a step."""
-
-
-class GivenController:
-    """A controller with a known model of displacements.
-
-    Args:
-        displacements: From an observation [d] to what each action adds to it, [A, d].
-        span: Sides of the box, the unit of lengths, shape [d].
-    """
-
-    def __init__(self, displacements: Callable[[Floats], Floats], span: Floats) -> None:
-        self._displacements = displacements
-        self._span = span
-
-    def act(self, observation: Floats, target: Floats, generator: np.random.Generator) -> int:
-        """Return the action that leads nearest to the target; the first on ties."""
-        moves = np.ascontiguousarray(self._displacements(observation) / self._span)
-        return nearest(observation, target, moves, self._span)[0]
-
-    def best(self, observation: Floats, target: Floats) -> int:
-        """Return the same."""
-        return self.act(observation, target, np.random.default_rng(0))
-
-    def learn(self, observation: Floats, action: int, after: Floats) -> None:
-        """Learn nothing: the model is known."""
 
 
 class LearnedController:

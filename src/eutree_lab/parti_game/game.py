@@ -19,7 +19,7 @@ from eutree.arrays import Floats
 from eutree.validation import check_choice, check_integer, check_number
 from eutree_lab.parti_game import outcomes as found
 from eutree_lab.parti_game.cells import GOAL, Cells
-from eutree_lab.parti_game.displacements import Controller
+from eutree_lab.parti_game.displacements import LearnedController
 from eutree_lab.parti_game.losing_cells import (
     VARIANTS,
     cells_to_improve,
@@ -85,7 +85,7 @@ class PartiGame:
     """
 
     cells: Cells
-    controller: Controller
+    controller: LearnedController
     rules: GameRules = field(default_factory=GameRules)
     expert: Callable[[Floats], int] | None = None
     demonstrated: Sequence[tuple[Floats, int]] = ()

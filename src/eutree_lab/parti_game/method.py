@@ -25,14 +25,13 @@ from eutree.learners.episode_buffer import EpisodeBuffer, store, store_demonstra
 from eutree.learners.learner import Arrays, reached
 from eutree.policies import TreePolicy
 from eutree.trees import DecisionTree
-from eutree.trees.boxes import leaf_boxes
 from eutree.validation import check_integer, check_vector
 from eutree_lab.parti_game.cells import GOAL, Cells, goal_boxes
 from eutree_lab.parti_game.displacements import LearnedController
 from eutree_lab.parti_game.game import CUT_SHORT, GOES_ON, GameRules, PartiGame
 from eutree_lab.parti_game.outcomes import EXPERT, LOST, Outcomes
-from eutree_lab.planes import Partition, Plane, PlaneRegion, rectangles, root_box
 from eutree_lab.relabelling import relabelled
+from eutree_lab.root_box import root_box
 
 _TILES = ("means", "errors", "visits", "size")
 
@@ -301,19 +300,6 @@ class CellPolicy:
         given = np.asarray(observation, dtype=np.float64)
         actions = np.array([self.game.best(row) for row in np.atleast_2d(given)], dtype=np.int64)
         return (int(actions[0]) if given.ndim == 1 else actions), state
-
-
-def cells_seen(game: PartiGame, plane: Plane) -> Partition:
-    """Return the cells of a game that a plane meets, with their costs, and the goal."""
-    found, outlines = rectangles(*leaf_boxes(game.cells.tree), plane)
-    first, last = game.cells.goals[:, 0], game.cells.goals[:, 1]
-    _, goals = rectangles(np.nextafter(first, -np.inf), last, plane)
-    costs = game.plan().cost
-    regions = tuple(
-        PlaneRegion(outline, value=float(costs[cell]))
-        for cell, outline in zip(found.tolist(), outlines, strict=True)
-    )
-    return Partition(plane, regions, tuple(goals))
 
 
 def _controller(low: Floats, span: Floats, problem: Problem) -> LearnedController:

@@ -30,8 +30,8 @@ from eutree.policies import TreePolicy
 from eutree.trees import DecisionTree
 from eutree.validation import check_choice, check_integer, check_number
 from eutree.world_model import fit_world_models
-from eutree_lab.planes import root_box
 from eutree_lab.relabelling import relabelled
+from eutree_lab.root_box import root_box
 from eutree_lab.vrd.corner_process import (
     CornerWorld,
     Dynamics,

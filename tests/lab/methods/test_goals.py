@@ -15,7 +15,7 @@ from eutree.learners.learner import Needs, Start, check_fits, reached
 from eutree.trees import DecisionTree
 from eutree_lab.parti_game.cells import goal_boxes
 from eutree_lab.parti_game.method import PartiGameMethod
-from eutree_lab.planes import root_box
+from eutree_lab.root_box import root_box
 from eutree_lab.vrd.method import VariableResolutionMethod
 from tests.worlds import Corridor, play, problem_of, recorded
 

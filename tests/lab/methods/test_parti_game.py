@@ -11,7 +11,7 @@ from eutree.errors import InvalidArgumentError, UnknownNameError
 from eutree.trees import DecisionTree
 from eutree_lab.parti_game import losing_cells
 from eutree_lab.parti_game.cells import GOAL, Cells
-from eutree_lab.parti_game.displacements import GivenController, LearnedController
+from eutree_lab.parti_game.displacements import LearnedController
 from eutree_lab.parti_game.game import CUT_SHORT, GOES_ON, GameRules, PartiGame
 from eutree_lab.parti_game.outcomes import (
     EXPERT,
@@ -22,7 +22,15 @@ from eutree_lab.parti_game.outcomes import (
     expert_outcomes,
     wilson,
 )
-from tests.lab.methods.worlds import MOVES, Ball, maze_game, random_tree, trial, whole
+from tests.lab.methods.worlds import (
+    MOVES,
+    Ball,
+    GivenController,
+    maze_game,
+    random_tree,
+    trial,
+    whole,
+)
 
 INF = math.inf
 Hypergraph = tuple[np.ndarray, np.ndarray, Outcomes]

@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
+from docs.pictures.partitions import Plane, cells_seen, corners_seen
 
 from eutree.trees import DecisionTree
-from eutree_lab.parti_game.method import cells_seen
-from eutree_lab.planes import Plane, root_box
+from eutree_lab.root_box import root_box
 from eutree_lab.vrd.kuhn import Grid
-from eutree_lab.vrd.regions import corners_seen
 from tests.learners.battery import case_of
 
 

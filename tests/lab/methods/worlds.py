@@ -1,14 +1,16 @@
 """Random partitions and small worlds for the discretizers."""
 
+from collections.abc import Callable
 from typing import Any
 
 import gymnasium
 import numpy as np
 
 import eutree  # noqa: F401 - registers
+from eutree.arrays import Floats
 from eutree.trees import DecisionTree
 from eutree_lab.parti_game.cells import GOAL, Cells
-from eutree_lab.parti_game.displacements import GivenController, LearnedController
+from eutree_lab.parti_game.displacements import LearnedController, nearest
 from eutree_lab.parti_game.game import CUT_SHORT, GOES_ON, GameRules, PartiGame
 from eutree_lab.parti_game.outcomes import LOST
 from eutree_lab.tasks.maze import MOVES
@@ -29,6 +31,31 @@ def whole(d: int) -> Cells:
     """Return one cell, the unit cube, with a goal in its upper corner."""
     goal = np.stack([np.full(d, 0.9), np.full(d, 0.95)])
     return Cells.of(DecisionTree.single_leaf(d), np.zeros(d), np.ones(d), goal[np.newaxis])
+
+
+class GivenController:
+    """A controller with a known model of displacements.
+
+    Args:
+        displacements: From an observation [d] to what each action adds to it, [A, d].
+        span: Sides of the box, the unit of lengths, shape [d].
+    """
+
+    def __init__(self, displacements: Callable[[Floats], Floats], span: Floats) -> None:
+        self._displacements = displacements
+        self._span = span
+
+    def act(self, observation: Floats, target: Floats, generator: np.random.Generator) -> int:
+        """Return the action that leads nearest to the target; the first on ties."""
+        moves = np.ascontiguousarray(self._displacements(observation) / self._span)
+        return nearest(observation, target, moves, self._span)[0]
+
+    def best(self, observation: Floats, target: Floats) -> int:
+        """Return the same."""
+        return self.act(observation, target, np.random.default_rng(0))
+
+    def learn(self, observation: Floats, action: int, after: Floats) -> None:
+        """Learn nothing: the model is known."""
 
 
 class Ball:

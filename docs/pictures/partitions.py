@@ -1,20 +1,20 @@
-"""The finite box around what was seen, and the regions of a plane through it.
+"""The regions of a plane through what was seen: where it meets boxes, cells, and Kuhn triangles.
 
 Two features span the plane, the others keep their values. A tree's leaves meet it in rectangles.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from eutree.arrays import Floats, Integers
 from eutree.errors import InvalidArgumentError
-from eutree.learners import Problem
-from eutree.trees import DecisionTree
+from eutree.trees.boxes import leaf_boxes
+from eutree_lab.parti_game.game import PartiGame
+from eutree_lab.vrd.kuhn import Grid
 
 UNKNOWN = float("nan")
-MARGIN = 0.05  # of the range of the data, on either side
-LARGEST = 1e6  # a bound beyond is none, such as the largest float32
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,28 +99,39 @@ def rectangles(low: Floats, high: Floats, plane: Plane) -> tuple[Integers, Float
     return found, np.stack([np.stack(corner, axis=1) for corner in corners], axis=1)
 
 
-def root_box(
-    problem: Problem, tree: DecisionTree, observations: Floats
-) -> tuple[Floats, Floats]:  # [d], [d]
-    """Return lower and upper corner: the bounds where finite, else the data's range and 5 %.
+def corners_seen(
+    grid: Grid, actions: Integers, values: Floats, plane: Plane
+) -> tuple[PlaneRegion, ...]:
+    """Return the boxes of a grid that meet the plane; with two features, their Kuhn triangles.
 
-    A feature without a range has one of 1. Thresholds of the tree lie inside.
+    A region has the mean of its corners' values and the action of most.
 
     Args:
-        problem: Its features may have bounds.
-        tree: A partition that is going to be clipped to the box.
-        observations: Where a feature has no bounds, its range is that of these, shape [N, d].
+        grid: The grid.
+        actions: Action of each corner, shape [C].
+        values: Value of each corner, shape [C].
+        plane: Where one looks.
     """
-    low, high = problem.low, problem.high
-    rows = observations if len(observations) else np.zeros((1, problem.n_features))
-    least, greatest = rows.min(axis=0), rows.max(axis=0)
-    inner = tree.feature >= 0
-    first, last = np.full_like(low, np.inf), np.full_like(low, -np.inf)  # thresholds
-    np.minimum.at(first, tree.feature[inner], tree.threshold[inner])
-    np.maximum.at(last, tree.feature[inner], tree.threshold[inner])
-    bounded = (np.abs(low) < LARGEST) & (np.abs(high) < LARGEST) & (low < high)
-    keeps_low = bounded & (low <= least) & (low < first)  # no leaf is left without a volume
-    keeps_high = bounded & (high >= greatest) & (high > last)
-    least, greatest = np.minimum(least, first), np.maximum(greatest, last)
-    margin = np.where(greatest > least, MARGIN * (greatest - least), 0.5)
-    return np.where(keeps_low, low, least - margin), np.where(keeps_high, high, greatest + margin)
+    if grid.tree.n_features == 2:
+        parts = grid.corner_of[:, [[0, 1, 3], [0, 2, 3]]].reshape(-1, 3)  # [2L, 3]
+        outlines: Sequence[Floats] = list(grid.corners[parts][:, :, plane.axes])
+    else:
+        found, boxes = rectangles(*leaf_boxes(grid.tree), plane)
+        parts, outlines = grid.corner_of[found], list(boxes)
+    return tuple(
+        PlaneRegion(outline, int(np.bincount(actions[part]).argmax()), float(values[part].mean()))
+        for part, outline in zip(parts, outlines, strict=True)
+    )
+
+
+def cells_seen(game: PartiGame, plane: Plane) -> Partition:
+    """Return the cells of a game that a plane meets, with their costs, and the goal."""
+    found, outlines = rectangles(*leaf_boxes(game.cells.tree), plane)
+    first, last = game.cells.goals[:, 0], game.cells.goals[:, 1]
+    _, goals = rectangles(np.nextafter(first, -np.inf), last, plane)
+    costs = game.plan().cost
+    regions = tuple(
+        PlaneRegion(outline, value=float(costs[cell]))
+        for cell, outline in zip(found.tolist(), outlines, strict=True)
+    )
+    return Partition(plane, regions, tuple(goals))
