@@ -11,11 +11,12 @@ from eutree.errors import EutreeError, UnknownNameError
 from eutree.export import to_c, to_dot
 from eutree.inspection import diff, enforce, verify, why
 from eutree.inspection.properties import parse
-from eutree.inspection.regions import Region, domain, possible
+from eutree.inspection.regions import Region, domain
 from eutree.policies import TreePolicy
 from eutree.schema import Control, Feature, Schema, combined_actions
 from eutree.trees import DecisionTree
 from eutree.trees.boxes import leaf_boxes
+from eutree.trees.possible import possible
 from tests import naive_trees
 
 PHASES = tuple(

@@ -11,10 +11,12 @@ from eutree.arrays import Booleans, Floats, Integers
 from eutree.c45 import C45Settings
 from eutree.errors import InvalidArgumentError, UnknownNameError
 from eutree.policies import TreePolicy
+from eutree.policies.reach import within_kinds
 from eutree.schema import Schema
 from eutree.trees import DecisionTree
 from eutree.trees.boxes import node_boxes
-from eutree.trees.edit import INNER, graft, merge, rebuild
+from eutree.trees.edit import INNER, graft, holding, merge, reachable, rebuild
+from eutree.trees.possible import possible_nodes
 from eutree.validation import check_number
 
 WEIGHTS = ("visits", "q-gap")
@@ -135,20 +137,8 @@ class Prunings:
 
 def without_unreached(policy: TreePolicy, rows: Floats) -> TreePolicy:
     """Return the policy without the tests that all recorded observations answer alike."""
-    tree = policy.tree
-    reached = _reached(tree, rows)
-    source = np.arange(tree.n_nodes)
-    for node in range(tree.n_nodes - 1, -1, -1):
-        if tree.feature[node] == tree.NO_FEATURE:
-            continue
-        left, right = tree.left[node], tree.right[node]
-        if not reached[right]:
-            source[node] = source[left]
-        elif not reached[left]:
-            source[node] = source[right]
-    label = np.full(tree.n_nodes, INNER, dtype=np.int64)
-    label[tree.node_of_leaf] = policy.actions
-    return _rebuilt(policy, source, label)
+    tree, leaves = reachable(policy.tree, _reached(policy.tree, rows))
+    return replace(policy, tree=tree, actions=policy.actions[leaves], leaves=None, locked=())
 
 
 def node_totals(tree: DecisionTree, of_leaves: Floats) -> Floats:
@@ -188,9 +178,10 @@ _CONFIDENCES = (0.25, 0.05, 0.005)
 
 
 def merged(policy: TreePolicy) -> TreePolicy:
-    """Return the policy with equal siblings joined: the same decision everywhere."""
+    """Return the policy with equal siblings joined: the same decision on all that can be."""
+    policy = within_kinds(replace(policy, leaves=None, locked=()))
     tree, actions = merge(policy.tree, policy.actions)
-    return replace(policy, tree=tree, actions=actions, leaves=None, locked=())
+    return replace(policy, tree=tree, actions=actions)
 
 
 def with_locks(candidate: TreePolicy, policy: TreePolicy) -> TreePolicy:
@@ -199,8 +190,9 @@ def with_locks(candidate: TreePolicy, policy: TreePolicy) -> TreePolicy:
         return candidate
     n_actions = policy.schema.n_actions
     marks = {leaf: n_actions + leaf for leaf in policy.locked}  # one label each: never joined
-    tree, labels, _ = graft(policy.tree, marks, candidate.tree, candidate.actions)
-    tree, labels = merge(tree, labels)
+    tree, labels, kept = graft(policy.tree, marks, candidate.tree, candidate.actions)
+    tree, leaves = reachable(tree, holding(tree, kept) | possible_nodes(tree, policy.schema))
+    tree, labels = merge(tree, labels[leaves])
     actions = np.concatenate([np.arange(n_actions), policy.actions])[labels]
     locked = tuple(np.flatnonzero(labels >= n_actions).tolist())
     return replace(policy, tree=tree, actions=actions, leaves=None, locked=locked)

@@ -8,10 +8,11 @@ from numpy.typing import ArrayLike
 
 from eutree.arrays import Floats, Integers
 from eutree.display import SAME, Displayed
-from eutree.inspection.regions import Region, domain, finite_box, is_box, possible, volumes
+from eutree.inspection.regions import Region, domain, finite_box, is_box, volumes
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
 from eutree.trees.boxes import leaf_boxes, meetings
+from eutree.trees.possible import possible
 from eutree.trees.text import Digits, printable, question
 from eutree.validation import check_observations
 from eutree.wording import counted

@@ -3,19 +3,16 @@
 A box holds the observations with ``low < x <= high`` in every feature, like a node's. Bounds that
 are given as >= or < are moved to the neighbouring double, so that every statement about boxes is
 exact for every observation of doubles. NaN is in no box.
-
-Of a feature of whole values a box holds the whole numbers: ``possible`` moves its bounds to them,
-(0.5, 2.5] becomes (0, 2], so that a side is as long as the numbers in it are many. Of the features
-of a one-hot group exactly one is 1.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from eutree.arrays import Booleans, Floats, frozen
 from eutree.schema import Schema
+from eutree.trees.possible import left_of_group, possible
 from eutree.trees.text import Digits, choice, printable, whole
 
 _FLIPPED = {">": "<", ">=": "<="}
@@ -91,7 +88,9 @@ class Region:
             return
         named = [schema.features[member].category for member in group]
         left, known = (
-            np.ones(len(group), bool) if region is None else _left(region.low, region.high, group)
+            np.ones(len(group), bool)
+            if region is None
+            else left_of_group(region.low, region.high, group)
             for region in (self, within)
         )
         if not np.array_equal(left, known):
@@ -113,31 +112,6 @@ def domain(schema: Schema) -> Region:
     low = np.array([feature.low for feature in schema.features])
     high = np.array([feature.high for feature in schema.features])
     return Region(*possible(before(low), high, schema))
-
-
-def possible(low: Floats, high: Floats, schema: Schema) -> tuple[Floats, Floats]:
-    """Return the parts of some boxes [..., d] that hold observations of a schema.
-
-    Bounds of whole values are whole; of a group the categories that are left out have an upper
-    bound of 0, and the only one that is left a lower one of 0. A box without any is empty there.
-    """
-    whole_ones = [feature.is_integer for feature in schema.features]
-    low, high = (np.where(whole_ones, np.floor(bound), bound) for bound in (low, high))
-    for group in map(list, schema.groups.values()):
-        left = _left(low, high, group)
-        high[..., group] = np.where(left, np.minimum(high[..., group], 1.0), 0.0)
-        only = left.sum(axis=-1, keepdims=True) <= 1
-        low[..., group] = np.where(only & (left | ~left.any(axis=-1, keepdims=True)), 0.0, -1.0)
-    return low, high
-
-
-def _left(low: Floats, high: Floats, group: Sequence[int]) -> Booleans:
-    """Return which categories of a group some boxes [..., d] leave, shape [..., k]."""
-    low, high = low[..., list(group)], high[..., list(group)]
-    fixed = (low >= 0.0) | (high < 0.0)  # cannot be 0
-    of_others = fixed.sum(axis=-1, keepdims=True) - fixed
-    left: Booleans = (low < 1.0) & (high >= 1.0) & (of_others == 0)
-    return left
 
 
 def finite_box(schema: Schema, cuts: list[Floats]) -> tuple[Floats, Floats]:
@@ -175,7 +149,7 @@ def volumes(low: Floats, high: Floats, box_low: Floats, box_high: Floats, schema
     sides = np.where(flat, (low < box_low) & (box_low <= high), sides)
     for group in map(list, schema.groups.values()):
         of_all = box_high[group] >= 1.0
-        left = _left(low, high, group) & of_all
+        left = left_of_group(low, high, group) & of_all
         sides[..., group] = 1.0
         sides[..., group[0]] = left.sum(axis=-1) / max(of_all.sum(), 1)
     product: Floats = sides.prod(axis=-1)

@@ -8,9 +8,10 @@ from numpy.typing import ArrayLike
 from eutree.arrays import Floats
 from eutree.data import Demonstrations
 from eutree.display import Displayed
-from eutree.inspection.regions import Region, domain, is_box, possible
+from eutree.inspection.regions import Region, domain, is_box
 from eutree.policies import TreePolicy
 from eutree.trees.boxes import leaf_boxes
+from eutree.trees.possible import possible
 from eutree.trees.text import Digits, is_reversed, printable, question, whole
 from eutree.validation import check_vector
 from eutree.wording import counted

@@ -24,7 +24,7 @@ from eutree.data.episode import CUT, allowed_in
 from eutree.errors import InvalidArgumentError
 from eutree.learners.learner import Problem, Start, StartName
 from eutree.policies import TreePolicy
-from eutree.policies.reach import among_allowed
+from eutree.policies.reach import among_allowed, within_kinds
 from eutree.trees import DecisionTree
 from eutree.validation import check_choice
 from eutree.wording import counted
@@ -67,11 +67,8 @@ def fit_expert_tree(
         settings=settings,
     )
     tree, actions = grown.to_decision_tree()
-    policy = TreePolicy(
-        tree=tree,
-        actions=actions,
-        schema=demonstrations.schema,
-        environment=demonstrations.environment,
+    policy = within_kinds(
+        TreePolicy(tree, actions, demonstrations.schema, demonstrations.environment)
     )
     allowed = allowed_in(demonstrations)
     if allowed is None:

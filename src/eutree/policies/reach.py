@@ -7,7 +7,8 @@ import numpy as np
 from eutree.arrays import Booleans, Floats
 from eutree.policies.leaf_statistics import LeafStatistics
 from eutree.policies.tree_policy import TreePolicy
-from eutree.trees.edit import reachable
+from eutree.trees.edit import holding, reachable
+from eutree.trees.possible import possible_nodes
 
 
 def within_reach(policy: TreePolicy, low: Floats, high: Floats) -> TreePolicy:
@@ -20,7 +21,29 @@ def within_reach(policy: TreePolicy, low: Floats, high: Floats) -> TreePolicy:
         low: Smallest value of each feature that may come, shape [d].
         high: Largest value of each feature that may come, shape [d].
     """
-    tree, leaves = reachable(policy.tree, low, high)
+    tree = policy.tree
+    inner = np.flatnonzero(tree.feature != tree.NO_FEATURE)
+    feature, threshold = tree.feature[inner], tree.threshold[inner]
+    reached = np.ones(tree.n_nodes, dtype=np.bool_)
+    reached[tree.left[inner]] = threshold >= low[feature]
+    reached[tree.right[inner]] = threshold < high[feature]
+    return _reached(policy, reached)
+
+
+def within_kinds(policy: TreePolicy) -> TreePolicy:
+    """Return the policy without tests that the kinds of features answer; the same one if none.
+
+    What the tests above say may leave one answer only: below ``mode is A`` no ``mode is B`` is
+    true. So every observation that the kinds allow gets its leaf, and each leaf has some. Locked
+    leaves stay, whether any observation reaches them or not.
+    """
+    held = holding(policy.tree, policy.locked)
+    return _reached(policy, held | possible_nodes(policy.tree, policy.schema))
+
+
+def _reached(policy: TreePolicy, reached: Booleans) -> TreePolicy:
+    """Return the policy without the tests that have a child which is not reached."""
+    tree, leaves = reachable(policy.tree, reached)
     if tree.n_leaves == policy.n_leaves:
         return policy
     known, locked = policy.leaves, set(policy.locked)

@@ -21,7 +21,7 @@ from eutree.learners import Learner, Method, Problem, Start
 from eutree.learners.episode_buffer import transitions_of
 from eutree.learners.learner import KnowsItsModel
 from eutree.policies import TreePolicy
-from eutree.policies.reach import among_allowed, ever_allowed, within_reach
+from eutree.policies.reach import among_allowed, ever_allowed, within_kinds, within_reach
 from eutree.policy_search.model_trust import ModelTrust
 from eutree.schema import Schema
 from eutree.training.acting import GatheringEpisode, Racing, seed_of_next
@@ -184,11 +184,11 @@ class Run:
     def _best(self) -> TreePolicy:
         """Return what the race ended with or, before that, what was learned."""
         if self.racing.result is not None:
-            return self.keeping(self.racing.result)
+            return within_kinds(self.keeping(self.racing.result))
         policy = self.learner.decisions().policy(self.beginning.problem)
         if (known := _masked(self.learner, policy)) is not None:
             policy = among_allowed(policy, *known)
-        policy, seen = self.keeping(policy), self.learner.history.observations
+        policy, seen = within_kinds(self.keeping(policy)), self.learner.history.observations
         features = policy.schema.features
         if len(seen) == 0 or seen.shape[1] != len(features):
             return policy

@@ -1,10 +1,10 @@
 """Build a labelled tree node by node: what all that edits decision trees has in common."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from eutree.arrays import Floats, Integers
+from eutree.arrays import Booleans, Integers
 from eutree.trees.boxes import node_boxes
 from eutree.trees.tree import DecisionTree
 
@@ -101,13 +101,12 @@ def merge(tree: DecisionTree, labels: Integers) -> tuple[DecisionTree, Integers]
     return rebuild(tree, source, label)
 
 
-def reachable(tree: DecisionTree, low: Floats, high: Floats) -> tuple[DecisionTree, Integers]:
-    """Return the tree without the tests that every observation in a box answers alike.
+def reachable(tree: DecisionTree, reached: Booleans) -> tuple[DecisionTree, Integers]:
+    """Return the tree without the tests that have a child which is not reached.
 
     Args:
         tree: The tree.
-        low: Smallest value of each feature, shape [d].
-        high: Largest value of each feature, shape [d].
+        reached: Which nodes are reached, shape [M].
 
     Returns:
         The smaller tree, and which leaf of ``tree`` each of its leaves is, shape [L].
@@ -116,14 +115,23 @@ def reachable(tree: DecisionTree, low: Floats, high: Floats) -> tuple[DecisionTr
     label = np.full(tree.n_nodes, INNER, dtype=np.int64)
     label[tree.node_of_leaf] = np.arange(tree.n_leaves)
     for node in range(tree.n_nodes - 1, -1, -1):  # children have larger numbers
-        feature, threshold = tree.feature[node], tree.threshold[node]
-        if feature == tree.NO_FEATURE:
+        if tree.feature[node] == tree.NO_FEATURE:
             continue
-        if threshold >= high[feature]:
-            source[node] = source[tree.left[node]]
-        elif threshold < low[feature]:
-            source[node] = source[tree.right[node]]
+        left, right = tree.left[node], tree.right[node]
+        if not reached[right]:
+            source[node] = source[left]
+        elif not reached[left]:
+            source[node] = source[right]
     return rebuild(tree, source, label)
+
+
+def holding(tree: DecisionTree, leaves: Iterable[int]) -> Booleans:
+    """Return which nodes have one of some leaves below them or are one, shape [M]."""
+    holds: Booleans = np.zeros(tree.n_nodes, dtype=np.bool_)
+    holds[tree.node_of_leaf[list(leaves)]] = True
+    for node in range(tree.n_nodes - 1, 0, -1):
+        holds[tree.parent[node]] |= holds[node]
+    return holds
 
 
 def rebuild(tree: DecisionTree, source: Integers, label: Integers) -> tuple[DecisionTree, Integers]:
@@ -165,10 +173,7 @@ def graft(
     Returns:
         The tree, the labels of its leaves, and which of them are the kept ones.
     """
-    holds = np.zeros(stock.n_nodes, dtype=bool)  # whether a kept leaf is below
-    holds[stock.node_of_leaf[list(kept)]] = True
-    for node in range(stock.n_nodes - 1, 0, -1):
-        holds[stock.parent[node]] |= holds[node]
+    holds = holding(stock, kept)
     built, marked = TreeBuilder(stock.n_features), []
     nowhere = (-1, 0)
     everywhere = np.full(stock.n_features, -np.inf), np.full(stock.n_features, np.inf)
