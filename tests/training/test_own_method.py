@@ -3,6 +3,7 @@
 The distribution is built here from the page that explains it, and installed by unpacking its wheel.
 """
 
+import importlib
 import os
 import re
 import subprocess
@@ -21,6 +22,9 @@ from eutree.cli.main import run
 from eutree.errors import FormatError, InvalidArgumentError, RunFolderError, UnknownNameError
 from eutree.learners import METHODS, Needs, method, register
 from eutree.learners.registry import GROUP, from_document, to_document
+from eutree.learners.registry import restored as restored_from
+from tests.learners.battery import Case
+from tests.learners.test_battery import PROMISES
 from tests.patience import ENOUGH
 
 PAGE = Path(__file__).parents[2] / "docs" / "your-own-method.md"
@@ -302,3 +306,66 @@ def test_entry_points_that_are_wrong_are_named(tmp_path, monkeypatch):
     ):
         with pytest.raises(InvalidArgumentError, match=message):
             method(name)
+
+
+@pytest.fixture
+def of_the_page(tmp_path, monkeypatch):
+    """Return the class of the method that the page shows."""
+    (tmp_path / "of_the_page.py").write_text(source())
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setattr(METHODS, "_known", {})
+    yield register(importlib.import_module("of_the_page").CorrectedImitation)
+    sys.modules.pop("of_the_page", None)
+
+
+@pytest.mark.parametrize("start_name", ["tree", "tree+demos"])
+@pytest.mark.parametrize("promise", PROMISES, ids=lambda promise: promise.__name__)
+def test_the_method_of_the_page_keeps_what_every_method_promises(promise, start_name, of_the_page):
+    promise(Case.of(of_the_page(), start_name))
+
+
+def test_a_method_without_gathering_episodes_is_refused_where_it_is_found(monkeypatch):
+    monkeypatch.setattr(METHODS, "_known", {})
+
+    @dataclass(frozen=True)
+    class Short:
+        name = "short"
+        needs = Needs()
+
+        def start(self, problem, start): ...
+
+        def restore(self, problem, start, state): ...
+
+    message = r"^method 'short' \(.*Short\) lacks gathering_episodes, declared; see docs/your-own"
+    with pytest.raises(InvalidArgumentError, match=message):
+        register(Short)
+
+
+@pytest.mark.parametrize("name", ["history", "update"])
+def test_a_learner_that_lacks_something_is_refused_before_the_first_step(
+    name, of_the_page, demos, monkeypatch, tmp_path
+):
+    kind = type(of_the_page().start(*_beginning()))
+    made, restored = of_the_page.start, of_the_page.restore
+
+    def without(learner):
+        if name in vars(learner):
+            delattr(learner, name)
+        else:
+            monkeypatch.delattr(kind, name, raising=False)
+        return learner
+
+    monkeypatch.setattr(of_the_page, "start", lambda *given: without(made(*given)))
+    with pytest.raises(InvalidArgumentError, match=rf"the learner of method .* lacks {name}; see"):
+        learned(demos, tmp_path / "run", method=of_the_page())
+    assert not (tmp_path / "run").exists()
+    monkeypatch.setattr(of_the_page, "restore", lambda *given: without(restored(*given)))
+    case = Case.of(of_the_page(), "tree")
+    state = made(of_the_page(), case.problem, case.start).state()
+    with pytest.raises(InvalidArgumentError, match=rf"lacks {name}; see"):
+        restored_from("checkpoint.npz", state, of_the_page(), case.problem, case.start)
+
+
+def _beginning():
+    case = Case.of(None, "tree")
+    return case.problem, case.start

@@ -19,7 +19,7 @@ What only some learners can do is a protocol of its own, which its user checks f
 ``Imagines``, ``HasPolicy``.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import (
@@ -462,3 +462,22 @@ def check_fits(method: Method, problem: Problem, start: Start, *, offline: bool 
     reason = method.needs.refusal(problem, start, offline=offline)
     if reason:
         raise InvalidArgumentError(f"method {method.name!r} does not fit this task: {reason}")
+
+
+def check_has_all(one: object, protocol: type, kind: type, besides: Iterable[str] = ()) -> None:
+    """Raise InvalidArgumentError unless a method or its learner has all that a protocol names.
+
+    Args:
+        one: The class of the method, or a learner.
+        protocol: ``Method`` or ``Learner``.
+        kind: The class of the method.
+        besides: What instances of it will have too.
+    """
+    wanted = [n for n in (*protocol.__annotations__, *vars(protocol)) if not n.startswith("_")]
+    lacking = [name for name in wanted if not hasattr(one, name) and name not in besides]
+    if lacking:
+        whose = "" if one is kind else "the learner of "
+        named = f"{getattr(kind, 'name', kind.__name__)!r} ({kind.__module__}:{kind.__qualname__})"
+        raise InvalidArgumentError(
+            f"{whose}method {named} lacks {', '.join(lacking)}; see docs/your-own-method.md"
+        )

@@ -22,7 +22,7 @@ import msgspec
 
 from eutree.errors import EutreeError, FormatError, InvalidArgumentError, UnknownNameError, shown
 from eutree.learners.declared import State, taken
-from eutree.learners.learner import Learner, Method, Needs, Problem, Start
+from eutree.learners.learner import Learner, Method, Needs, Problem, Start, check_has_all
 
 _HOMES = MappingProxyType({
     "default": "eutree.learners.planning:DEFAULT",
@@ -130,18 +130,15 @@ def checked(kind: Any) -> type[Method]:
         InvalidArgumentError: It is no frozen dataclass with all that a method has.
     """
     params = getattr(kind, "__dataclass_params__", None)
-    if not isinstance(kind, type) or params is None or not params.frozen or not _has_all(kind):
+    is_frozen = isinstance(kind, type) and params is not None and params.frozen
+    if is_frozen:
+        check_has_all(kind, Method, kind, besides=kind.__dataclass_fields__)
+    if not is_frozen or not isinstance(kind.needs, Needs) or not isinstance(kind.name, str):
         raise InvalidArgumentError(
             "a method must be a frozen dataclass with name, needs, start, restore and declared "
             f"(docs/your-own-method.md), got {shown(kind)}"
         )
     return cast(type[Method], kind)
-
-
-def _has_all(kind: type) -> bool:
-    name, needs = getattr(kind, "name", None), getattr(kind, "needs", None)
-    verbs = (getattr(kind, verb, None) for verb in ("start", "restore", "declared"))
-    return bool(name) and isinstance(name, str) and isinstance(needs, Needs) and all(verbs)
 
 
 def to_document(chosen: Method) -> dict[str, Any]:
@@ -312,11 +309,13 @@ def restored(
     """
     trusted = taken(path, state, method.declared(problem, start))
     try:
-        return method.restore(problem, start, trusted)
+        learner = method.restore(problem, start, trusted)
     except FormatError:
         raise
     except (EutreeError, ArithmeticError, LookupError, TypeError, ValueError) as error:
         raise FormatError(path, "state", f"no learner comes of it: {error}") from error
+    check_has_all(learner, Learner, type(method))
+    return learner
 
 
 # A choice of a part is written with dots, ``planner.improvement.price``; its last name is enough

@@ -19,7 +19,7 @@ from eutree.evaluation import CurvePoint
 from eutree.interaction.seeding import Stream
 from eutree.learners import Learner, Method, Problem, Start
 from eutree.learners.episode_buffer import transitions_of
-from eutree.learners.learner import KnowsItsModel
+from eutree.learners.learner import KnowsItsModel, check_has_all
 from eutree.policies import TreePolicy
 from eutree.policies.reach import among_allowed, ever_allowed, within_kinds, within_reach
 from eutree.policy_search.model_trust import ModelTrust
@@ -52,8 +52,10 @@ class Beginning:
     reason: str = ""
 
     def learner(self) -> Learner:
-        """Return the learner at its start."""
-        return self.method.start(self.problem, self.start)
+        """Return the learner at its start, which has all that a learner has."""
+        learner = self.method.start(self.problem, self.start)
+        check_has_all(learner, Learner, type(self.method))
+        return learner
 
 
 class Run:
