@@ -120,6 +120,15 @@ def test_runs_go_on(alone):
     assert bytes_of(alone[1]) == before
 
 
+def test_a_mistake_leaves_nothing_that_blocks_the_corrected_command(tmp_path):
+    for wrong in ({"method": "no-such"}, {"method": "planning", "start": "sideways"}):
+        with pytest.raises(InvalidArgumentError):
+            learned(tmp_path, n_jobs=1, **wrong)
+        assert not (tmp_path / "runs").exists()
+    (tmp_path / "runs").mkdir()  # as earlier releases left it
+    assert len(learned(tmp_path, n_jobs=1).runs) == 3
+
+
 def test_what_is_refused(tmp_path):
     with pytest.raises(InvalidArgumentError, match="runs must be"):
         eutree.learn_runs("x", runs=0, out=tmp_path)

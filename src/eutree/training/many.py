@@ -29,6 +29,7 @@ from eutree.interaction.first_look import look_at, return_range
 from eutree.interaction.making import Recipe, make
 from eutree.interaction.seeding import Stream
 from eutree.learners import Method
+from eutree.learners import method as method_of
 from eutree.parallel import Workers
 from eutree.policies import TreePolicy
 from eutree.proof import Certificate
@@ -169,6 +170,8 @@ def learn_runs(
     check_seed(seed)
     spec = Recipe.of(environment).spec
     asked, given = _asked(folder, options)
+    if isinstance(name := given.get("method"), str) and name != "auto":
+        method_of(name)
     question = asked.handover.prefer_proven
     proven = None if question is None else ProvenFirst(spec, question)
     where = _opened(asked.folder)
@@ -177,7 +180,7 @@ def learn_runs(
         look_at(env, episode_seed(seed, 0, Stream.TRAINING))
         env.close()
     path = Path(where.path)
-    task = _Task(spec, make_folder(path / "runs"), selection_episodes, seed, asked, given)
+    task = _Task(spec, path / "runs", selection_episodes, seed, asked, given)
     found: dict[int, FinishedRun] = {}
     for run in Workers(n_jobs).as_finished(task, range(seed, seed + runs)):
         found[run.seed] = run
@@ -233,7 +236,7 @@ def _opened(folder: Folder | None) -> Folder:
     if folder is None:
         raise InvalidArgumentError("folder must say where several runs are written, got none")
     path = make_folder(folder.path, of=RUN)
-    if (path / "runs").exists() and not folder.resume:
+    if any((path / "runs").glob("*")) and not folder.resume:
         raise RunFolderError(
             f"{path} already holds runs; go on with them (--resume) or choose another folder"
         )
