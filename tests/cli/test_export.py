@@ -55,7 +55,7 @@ def test_source_header_and_self_test_compile_and_agree(policy: TreePolicy, tmp_p
     [
         ([], "--format must be one of c, onnx,"),
         (["--format", "cpp"], "unknown format 'cpp'"),
-        (["--format", "dot", "--name", "x"], "unknown option of format dot 'name'"),
+        (["--format", "dot", "--name", "x"], "format dot takes no options, got 'name'"),
         (["--format", "c", "--header"], "--header and --self-test need --format c and --out"),
         (["--format", "c", "--number", "int32", "--scale", "x"], "--scale must be [FEATURE=]NUM"),
         (["--format", "onnx", "--json"], "--json with the binary format onnx needs --out"),

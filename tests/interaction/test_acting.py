@@ -223,7 +223,7 @@ def test_a_batch_is_not_for_a_function_of_one_observation() -> None:
         (lambda env: eutree.evaluate("gate", env), "controller must have a method predict"),
         (lambda env: eutree.evaluate(lambda o: o.speed, env), "for an observation AttributeError"),
         (lambda env: eutree.evaluate(lambda o, p: 1, env), "for an observation TypeError"),
-        (lambda env: eutree.evaluate(lambda o: None, env), "controller.env. must have a method"),
+        (lambda env: eutree.evaluate(lambda o: None, env), "<lambda>.env. must have a method"),
     ],
 )
 def test_what_cannot_act_is_one_clear_line(call: Any, message: str) -> None:

@@ -96,6 +96,22 @@ def test_a_function_of_the_environment_makes_the_controller():
     assert record(Healthy(), constant, episodes=1).expert == "constant"
 
 
+def test_an_expert_may_make_a_function_of_an_observation():
+    def bang_bang(env):
+        return lambda observation: int(observation[0] < 0.5)
+
+    made = record(Healthy(), bang_bang, episodes=1)
+    assert made.expert == "bang_bang"
+    seen = made.episodes[0].observations[:-1, 0]
+    np.testing.assert_array_equal(made.episodes[0].actions, seen < 0.5)
+
+    def nothing(env):
+        return None
+
+    with pytest.raises(InvalidArgumentError, match=r"^nothing\(env\) must have a method predict"):
+        record(Healthy(), nothing, episodes=1)
+
+
 @pytest.mark.parametrize("controller", [3, lambda env: None])
 def test_what_cannot_act_is_refused(controller):
     with pytest.raises(InvalidArgumentError, match="must have a method predict"):

@@ -11,7 +11,7 @@ from inspect import signature
 from types import MappingProxyType
 from typing import Any
 
-from eutree.errors import UnknownNameError
+from eutree.errors import InvalidArgumentError, UnknownNameError
 from eutree.export._blocks import ASSUMPTION
 from eutree.export.c import to_c, to_c_header
 from eutree.export.c_test import to_c_test
@@ -105,6 +105,8 @@ def export(policy: TreePolicy, format: str, **options: Any) -> str | bytes:
     """
     entry = FORMATS[check_choice("format", format, FORMATS)]
     for option in options:
+        if not entry.options:
+            raise InvalidArgumentError(f"format {format} takes no options, got {option!r}")
         if option not in entry.options:
             raise UnknownNameError(f"option of format {format}", option, entry.options)
     return entry.function(policy, **options)

@@ -181,7 +181,12 @@ def as_policy(controller: Controller, env: gymnasium.Env[Any, Any] | None) -> Po
         return cast(Policy, policy)
     if _is_answer(policy):
         return cast(Policy, FunctionPolicy(controller))
-    raise InvalidArgumentError(f"controller(env) must have a method predict, got {shown(policy)}")
+    if callable(policy):
+        return cast(Policy, FunctionPolicy(policy))
+    raise InvalidArgumentError(
+        f"{getattr(controller, '__name__', 'controller')}(env) must have a method predict "
+        f"(RulePolicy(rule) makes one) or be a function of an observation, got {shown(policy)}"
+    )
 
 
 def trained_steps(controller: object) -> int | None:
