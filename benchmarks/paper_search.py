@@ -1,6 +1,6 @@
 """Tables of the search for the domain and the reading of the paper, from the table it made.
 
-    python benchmarks/paper_search.py [--write]
+    python -m benchmarks.paper_search [--write]
 
 Reads docs/results/search.csv: a row each setting, with its choices and its numbers. Prints the
 nearest settings, each number, and which numbers exclude which; ``--write`` puts these sections into
@@ -14,7 +14,7 @@ import re
 from itertools import combinations
 from pathlib import Path
 
-from eutree_lab.paper.numbers import NUMBERS, Number
+from benchmarks.paper_numbers import NUMBERS, Number
 
 RESULTS = Path(__file__).resolve().parents[1] / "docs" / "results"
 ABOUT = {"setting", "stage", "runs", "final", "mean_cost", "agreeing", "told", "digest"}

@@ -11,6 +11,7 @@ import argparse
 import csv
 import math
 import shutil
+import sys
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -18,10 +19,12 @@ from textwrap import wrap
 
 from eutree_lab.paper.claims import FAILS, HOLDS, OPEN
 from eutree_lab.paper.experiment import FULL
-from eutree_lab.paper.numbers import NUMBERS
 from eutree_lab.paper.registry import EXPERIMENTS
 from eutree_lab.paper.reproduce import claims_to_markdown, number_text, reproduce
 from eutree_lab.paper.results import Results
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the paper's numbers
+from benchmarks.paper_numbers import NUMBERS
 
 DOCS = Path(__file__).resolve().parents[1]
 VERDICTS = (HOLDS, FAILS, OPEN)

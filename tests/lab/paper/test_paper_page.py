@@ -6,10 +6,10 @@ import sys
 from pathlib import Path
 
 import pytest
+from benchmarks.paper_numbers import NUMBERS
 
 from eutree.evaluation.evaluation import Estimate
 from eutree_lab.paper.claims import judged
-from eutree_lab.paper.numbers import NUMBERS
 
 DOCS = Path(__file__).parents[3] / "docs"
 SEARCHED = range(7000, 7004)  # seeds of the search: docs/results/search.md
