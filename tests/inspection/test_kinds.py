@@ -17,6 +17,7 @@ from eutree.schema import Control, Feature, Schema, combined_actions
 from eutree.trees import DecisionTree
 from eutree.trees.boxes import leaf_boxes
 from eutree.trees.possible import possible
+from eutree.trees.text import asked, is_reversed, question
 from tests import naive_trees
 
 PHASES = tuple(
@@ -73,6 +74,42 @@ def test_rules_say_what_is_meant():
         "else:",
         "    wait",
     ]
+
+
+def test_what_the_tests_above_exclude_is_not_named_again():
+    policy = policy_of([(0, SETTING, 1.5), (1, SETTING, 2.5), (2, SETTING, 3.5)], [0, 1, 2, 0])
+    assert str(policy).splitlines() == [
+        "if mode is off:",
+        "    wait",
+        "else if mode is low:",
+        "    go",
+        "else if mode is mid:",
+        "    stop",
+        "else:",
+        "    wait",
+    ]
+    assert "mode is mid ? yes" in str(why(policy, [1, 0, 0, 0, 1, 2, 3, 1.0]))
+    for text in (to_c(policy), to_dot(policy)):
+        assert "mode is mid" in text
+        assert "low,mid" not in text
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_a_question_is_answered_as_its_words_say(seed):
+    """Among what the tests above leave, yes is the categories that the words name."""
+    policy = random_policy(np.random.default_rng(seed))
+    tree = policy.tree
+    for row in ROWS[:: len(ROWS) // 40]:
+        for node in tree.path(tree.leaf_of(row.tolist()))[:-1]:
+            feature, cut = int(tree.feature[node]), float(tree.threshold[node])
+            known = asked(SCHEMA, tree, node)
+            words = question(known, feature, cut)
+            if feature != SETTING or " is " not in words:
+                continue
+            named = words.split(" is ")[1].removeprefix("not ").split(",")
+            is_named = MODE.categories[int(row[SETTING]) - 1] in named
+            is_yes = (row[feature] <= cut) != is_reversed(known.features[feature], cut)
+            assert is_yes == (is_named != (" is not " in words))
 
 
 def test_a_test_asks_for_the_fewer_categories():

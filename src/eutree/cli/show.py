@@ -9,7 +9,7 @@ import click
 from eutree.cli import _options as option
 from eutree.cli._output import Output
 from eutree.cli._policies import load_demonstrations, load_policy
-from eutree.trees.text import definitions, is_reversed, printable, question
+from eutree.trees.text import asked, definitions, is_reversed, printable, question
 from eutree.wording import counted
 
 if TYPE_CHECKING:
@@ -137,8 +137,9 @@ def drawn(policy: "TreePolicy") -> "Text":
         line, parent = Text(), int(tree.parent[node])
         if parent != tree.NO_NODE:
             is_left = tree.left[parent] == node
-            asked = policy.schema.features[tree.feature[parent]]
-            is_yes = is_left != is_reversed(asked, float(tree.threshold[parent]))
+            schema = asked(policy.schema, tree, parent)
+            tested = schema.features[tree.feature[parent]]
+            is_yes = is_left != is_reversed(tested, float(tree.threshold[parent]))
             branch = ("├─ " if is_left else "└─ ") + ("yes  " if is_yes else "no   ")
             line.append(guides[parent] + branch, style="dim")
             guides[node] = guides[parent] + ("│  " if is_left else "   ")
@@ -154,7 +155,7 @@ def _words(policy: "TreePolicy", node: int, digits: "Digits") -> "Text":
     tree = policy.tree
     if tree.leaf[node] == tree.NO_LEAF:
         feature, cut = int(tree.feature[node]), float(tree.threshold[node])
-        words = question(policy.schema, feature, cut, digits)
+        words = question(asked(policy.schema, tree, node), feature, cut, digits)
         return Text(f"{words} ?")
     leaf = int(tree.leaf[node])
     action = int(policy.actions[leaf])

@@ -35,6 +35,7 @@ from eutree.export._derived import (
 from eutree.policies import TreePolicy
 from eutree.trees.text import (
     Syntax,
+    asked,
     condition,
     definitions,
     derived_features,
@@ -188,7 +189,8 @@ def _function(
     def test(node: int) -> str:
         remark = ""
         if kind.number != "int32":
-            words = condition(policy.schema, int(tree.feature[node]), float(tree.threshold[node]))
+            known = asked(policy.schema, tree, node)
+            words = condition(known, int(tree.feature[node]), float(tree.threshold[node]))
             remark = f" /* {words} */"
         return f"if ({kind.test(tree, node)}) {{{remark}"
 

@@ -15,7 +15,7 @@ from eutree.export._blocks import ASSUMPTION
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
 from eutree.trees import DecisionTree
-from eutree.trees.text import is_reversed, printable, question
+from eutree.trees.text import asked, is_reversed, printable, question
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +75,8 @@ def text_width(text: str) -> float:
 def words_of_test(policy: TreePolicy, node: int) -> str:
     """Return the test of an inner node with its exact threshold."""
     tree = policy.tree
-    return question(policy.schema, int(tree.feature[node]), float(tree.threshold[node]))
+    known = asked(policy.schema, tree, node)
+    return question(known, int(tree.feature[node]), float(tree.threshold[node]))
 
 
 def words_of_leaf(policy: TreePolicy, node: int) -> str:
@@ -94,7 +95,8 @@ def branches(policy: TreePolicy) -> Iterator[tuple[int, int, str]]:
 
 def answer_of(policy: TreePolicy, node: int, *, is_left: bool) -> str:
     """Return which answer to the test of an inner node leads to one of its branches."""
-    feature = policy.schema.features[policy.tree.feature[node]]
+    known = asked(policy.schema, policy.tree, node)
+    feature = known.features[policy.tree.feature[node]]
     reverse = is_reversed(feature, float(policy.tree.threshold[node]))
     return "yes" if is_left != reverse else "no"
 

@@ -11,6 +11,7 @@ from eutree.export._derived import (
 from eutree.policies import TreePolicy
 from eutree.trees.text import (
     Syntax,
+    asked,
     condition,
     definitions,
     derived_features,
@@ -78,7 +79,8 @@ def _function(policy: TreePolicy, name: str, root: int, cut: frozenset[int]) -> 
     def test(node: int) -> str:
         feature, threshold = int(tree.feature[node]), float(tree.threshold[node])
         one = schema.features[feature]
-        words = condition(schema, feature, threshold) if one.is_integer else labelled(one)
+        known = asked(schema, tree, node)
+        words = condition(known, feature, threshold) if one.is_integer else labelled(one)
         return f"observation[{feature}] <= {threshold!r}:  # {words}"
 
     def leaf(node: int) -> str:

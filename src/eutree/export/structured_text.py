@@ -18,6 +18,7 @@ from eutree.export._derived import (
 from eutree.policies import TreePolicy
 from eutree.trees.text import (
     Syntax,
+    asked,
     condition,
     definitions,
     derived_features,
@@ -89,7 +90,7 @@ def _function(
         feature, threshold = int(tree.feature[node]), float(tree.threshold[node])
         remark = ""
         if schema.features[feature].is_integer:
-            remark = f" (* {condition(schema, feature, threshold)} *)"
+            remark = f" (* {condition(asked(schema, tree, node), feature, threshold)} *)"
         return f"IF {inputs[feature]} <= {literal(threshold)} THEN{remark}"
 
     def leaf(node: int) -> str:

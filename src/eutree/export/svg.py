@@ -16,7 +16,7 @@ from eutree.export.drawing import (
     words_of_test,
 )
 from eutree.policies import TreePolicy
-from eutree.trees.text import Digits, printable, question
+from eutree.trees.text import Digits, asked, printable, question
 from eutree.wording import counted
 
 STYLE = """\
@@ -95,7 +95,8 @@ def _label(policy: TreePolicy, node: int, digits: Digits) -> str:
     number, threshold = int(tree.feature[node]), float(tree.threshold[node])
     feature = policy.schema.features[number]
     if feature.is_integer:
-        return _shortened(question(policy.schema, number, threshold, digits).replace("<=", "≤"))
+        known = asked(policy.schema, tree, node)
+        return _shortened(question(known, number, threshold, digits).replace("<=", "≤"))
     unit = f" {_shortened(printable(feature.unit))}" if feature.unit else ""
     test = digits.at_most(number, threshold).replace("<=", "≤")
     return f"{_shortened(printable(feature.name))} {test}{unit}"

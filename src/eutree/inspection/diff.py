@@ -13,7 +13,7 @@ from eutree.policies import TreePolicy
 from eutree.schema import Schema
 from eutree.trees.boxes import leaf_boxes, meetings
 from eutree.trees.possible import possible
-from eutree.trees.text import Digits, printable, question
+from eutree.trees.text import Digits, asked, printable, question
 from eutree.validation import check_observations
 from eutree.wording import counted
 
@@ -253,4 +253,4 @@ def _at(policy: TreePolicy, node: int, digits: Digits) -> str:
     if tree.feature[node] == tree.NO_FEATURE:
         return printable(policy.schema.actions[policy.actions[tree.leaf[node]]])
     feature, cut = int(tree.feature[node]), float(tree.threshold[node])
-    return f"{question(policy.schema, feature, cut, digits)} ?"
+    return f"{question(asked(policy.schema, tree, node), feature, cut, digits)} ?"

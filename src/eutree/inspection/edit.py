@@ -15,7 +15,7 @@ from eutree.trees import DecisionTree
 from eutree.trees.boxes import leaf_boxes
 from eutree.trees.edit import graft
 from eutree.trees.possible import possible
-from eutree.trees.text import Digits, printable, question
+from eutree.trees.text import Digits, asked, printable, question
 from eutree.validation import check_integer, check_number
 
 
@@ -91,7 +91,7 @@ def numbered(policy: TreePolicy) -> str:
             words = f"leaf {leaf}: {printable(policy.schema.actions[policy.actions[leaf]])}{lock}"
         else:
             feature, cut = int(tree.feature[node]), float(tree.threshold[node])
-            words = f"{question(policy.schema, feature, cut, digits)} ?"
+            words = f"{question(asked(policy.schema, tree, node), feature, cut, digits)} ?"
             depth[int(tree.left[node])] = depth[int(tree.right[node])] = depth[node] + 1
         lines.append(f"{node:>4} {'    ' * depth[node]}{words}")
     return "\n".join(lines)
@@ -113,7 +113,7 @@ def _moved(policy: TreePolicy, locked: set[int], node: int, value: float) -> str
         )
     digits = Digits(policy.schema, tree, others=[(feature, float(value))])
     old, new = (
-        question(policy.schema, feature, float(cut), digits)
+        question(asked(policy.schema, tree, node), feature, float(cut), digits)
         for cut in (tree.threshold[node], value)
     )
     return f"node {node}: {old} became {new}"

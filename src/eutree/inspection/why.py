@@ -12,7 +12,7 @@ from eutree.inspection.regions import Region, domain, is_box
 from eutree.policies import TreePolicy
 from eutree.trees.boxes import leaf_boxes
 from eutree.trees.possible import possible
-from eutree.trees.text import Digits, is_reversed, printable, question, whole
+from eutree.trees.text import Digits, asked, is_reversed, printable, question, whole
 from eutree.validation import check_vector
 from eutree.wording import counted
 
@@ -162,12 +162,13 @@ def _path(policy: TreePolicy, point: Floats, leaf: int, digits: Digits) -> tuple
         feature, cut = int(tree.feature[node]), float(tree.threshold[node])
         value = float(point[feature])
         unit = policy.schema.features[feature].unit
-        one = policy.schema.features[feature]
+        schema = asked(policy.schema, tree, node)
+        one = schema.features[feature]
         answer = "yes" if (value <= cut) != is_reversed(one, cut) else "no"
         distance = abs(value - cut)
         if one.is_integer:
             distance = abs(value - (np.floor(cut) + (value <= cut)))
-        words = f"{question(policy.schema, feature, cut, digits)} ? {answer}"
+        words = f"{question(schema, feature, cut, digits)} ? {answer}"
         if not (one.is_flag or one.categories):
             words += f": {digits.text(feature, value)}, by {_margin(digits, feature, distance)}"
             words += f" {printable(unit)}" if unit else ""

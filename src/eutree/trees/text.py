@@ -9,7 +9,7 @@ import json
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -120,6 +120,29 @@ def question(schema: Schema, feature: int, threshold: float, digits: Digits | No
     if is_reversed(one, threshold):
         return whole(one, threshold, math.inf)
     return condition(schema, feature, threshold, digits)
+
+
+def asked(schema: Schema, tree: DecisionTree, node: int) -> Schema:
+    """Return the schema with the categories alone that the tests above a test leave to it.
+
+    So after ``mode is A`` the next test is ``mode is B``, not ``mode is A,B``.
+    """
+    number, cut = int(tree.feature[node]), math.floor(tree.threshold[node])
+    one = schema.features[number]
+    low, high, child = one.low, one.high, node
+    while one.categories and child:
+        above = int(tree.parent[child])
+        if tree.feature[above] == number and tree.left[above] == child:
+            high = min(high, math.floor(tree.threshold[above]))
+        elif tree.feature[above] == number:
+            low = max(low, math.floor(tree.threshold[above]) + 1.0)
+        child = above
+    if not (low <= cut < high) or (low, high) == (one.low, one.high):
+        return schema
+    names = one.categories[int(low - one.low) : int(high - one.low) + 1]
+    left = replace(one, low=low, high=high, categories=names)
+    features = (*schema.features[:number], left, *schema.features[number + 1 :])
+    return replace(schema, features=features)
 
 
 def is_reversed(feature: Feature, threshold: float) -> bool:
@@ -269,10 +292,12 @@ def rules(tree: DecisionTree, schema: Schema, leaves: Sequence[str], *, exact: b
     digits = None if exact else Digits(schema, tree)
 
     def test(node: int) -> str:
-        return question(schema, int(tree.feature[node]), float(tree.threshold[node]), digits)
+        known = asked(schema, tree, node)
+        return question(known, int(tree.feature[node]), float(tree.threshold[node]), digits)
 
     def is_other(node: int) -> bool:
-        return is_reversed(schema.features[tree.feature[node]], float(tree.threshold[node]))
+        feature = asked(schema, tree, node).features[tree.feature[node]]
+        return is_reversed(feature, float(tree.threshold[node]))
 
     syntax = Syntax(
         opening=lambda node: f"if {test(node)}:",

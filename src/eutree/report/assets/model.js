@@ -95,8 +95,7 @@ function choiceOf(name, told, others) {
 }
 
 /** Return the whole numbers of (low, high] in the words of their kind; nothing of all or of none. */
-function wholeWords(feature, low, high) {
-  const one = features[feature];
+function wholeWords(feature, low, high, one = features[feature]) {
   if (!one.whole) return "";
   const first = Math.max(one.low ?? -Infinity, Math.floor(low) + 1);
   const last = Math.min(one.high ?? Infinity, Math.floor(high));
@@ -112,9 +111,24 @@ function wholeWords(feature, low, high) {
   return withUnit(`${one.name} ${test}`, feature);
 }
 
+/** Return the feature that a node tests, with the categories alone that the tests above leave. */
+function askedAt(node) {
+  const feature = tree.feature[node], one = features[feature], cut = Math.floor(tree.threshold[node]);
+  if (!one.categories?.length) return one;
+  let low = one.low, high = one.high;
+  for (let child = node, above = parentOf[child]; above >= 0; child = above, above = parentOf[child]) {
+    if (tree.feature[above] !== feature) continue;
+    const bound = Math.floor(tree.threshold[above]);
+    if (tree.left[above] === child) high = Math.min(high, bound);
+    else low = Math.max(low, bound + 1);
+  }
+  if (cut < low || cut >= high) return one;
+  return {...one, low, high, categories: one.categories.slice(low - one.low, high - one.low + 1)};
+}
+
 /** Return whether a test is asked for its right branch: "open ?", and not "not open ?". */
 function isReversed(node) {
-  const one = features[tree.feature[node]], threshold = tree.threshold[node];
+  const one = askedAt(node), threshold = tree.threshold[node];
   if (one.categories?.length) {
     const nLeft = Math.floor(threshold) - one.low + 1;
     return one.categories.length / 2 < nLeft && nLeft < one.categories.length;
@@ -130,7 +144,7 @@ function wordsOf(node) {
   if (isLeaf(node)) return actions[data.leafActions[tree.leaf[node]]];
   const feature = tree.feature[node];
   const sides = isReversed(node) ? [tree.threshold[node], Infinity] : [-Infinity, tree.threshold[node]];
-  const own = wholeWords(feature, ...sides);
+  const own = wholeWords(feature, ...sides, askedAt(node));
   if (own) return own;
   return withUnit(`${features[feature].name} ${testOf(node)}`, feature);
 }
