@@ -4,9 +4,13 @@ A promise is a function of a case: a method, a problem and a start. It is asked 
 each start that it takes, and in the end of a learner that is wrong in this respect alone.
 """
 
+import importlib
 import random
+import re
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +18,7 @@ import pytest
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.learners import Decisions, UTreeMethod
 from eutree.learners.learner import HasPolicy, Needs, check_fits
-from eutree.learners.registry import METHODS, from_document, restored, to_document
+from eutree.learners.registry import METHODS, from_document, register, restored, to_document
 from eutree.learners.starts import STARTS
 from tests.learners.battery import FILE, Case, case_of, checked_state
 from tests.worlds import Corridor, play, play_in_part
@@ -190,6 +194,19 @@ def test_every_method_from_every_start(promise, name, start_name):
     if reason and promise is not it_starts_or_says_why_not:
         pytest.skip(reason)
     promise(case)
+
+
+@pytest.mark.parametrize("start_name", ["tree", "tree+demos"])
+@pytest.mark.parametrize("promise", PROMISES, ids=lambda promise: promise.__name__)
+def test_the_method_of_the_page(promise, start_name, tmp_path, monkeypatch):
+    page = (Path(__file__).parents[2] / "docs" / "your-own-method.md").read_text()
+    shown = re.search(r"file: corrected_imitation.py -->\n\n```python\n(.*?)```", page, re.DOTALL)
+    (tmp_path / "of_the_page.py").write_text(shown[1])
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setattr(METHODS, "_known", {})
+    kind = register(importlib.import_module("of_the_page").CorrectedImitation)
+    monkeypatch.delitem(sys.modules, "of_the_page")
+    promise(Case.of(kind(), start_name))
 
 
 # Wrong learners ---------------------------------------------------------------------------------

@@ -24,7 +24,6 @@ from eutree.learners import METHODS, Needs, method, register
 from eutree.learners.registry import GROUP, from_document, to_document
 from eutree.learners.registry import restored as restored_from
 from tests.learners.battery import Case
-from tests.learners.test_battery import PROMISES
 from tests.patience import ENOUGH
 
 PAGE = Path(__file__).parents[2] / "docs" / "your-own-method.md"
@@ -316,12 +315,6 @@ def of_the_page(tmp_path, monkeypatch):
     monkeypatch.setattr(METHODS, "_known", {})
     yield register(importlib.import_module("of_the_page").CorrectedImitation)
     sys.modules.pop("of_the_page", None)
-
-
-@pytest.mark.parametrize("start_name", ["tree", "tree+demos"])
-@pytest.mark.parametrize("promise", PROMISES, ids=lambda promise: promise.__name__)
-def test_the_method_of_the_page_keeps_what_every_method_promises(promise, start_name, of_the_page):
-    promise(Case.of(of_the_page(), start_name))
 
 
 def test_a_method_without_gathering_episodes_is_refused_where_it_is_found(monkeypatch):
