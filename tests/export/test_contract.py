@@ -1,5 +1,7 @@
 """What holds for every format: it can be read back, and then it decides exactly like the tree."""
 
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -120,3 +122,31 @@ def test_a_rounded_threshold_is_noticed() -> None:
     right = TreePolicy(policy.tree, np.arange(9) % 2, policy.schema)
     observations = probes(policy.tree)
     assert (wrong.predict(observations)[0] != right.predict(observations)[0]).any()
+
+
+def lines_of(content: str | bytes) -> set[str | bytes]:
+    return set(content.splitlines())
+
+
+@pytest.mark.parametrize("format", FORMATS)
+def test_how_a_feature_is_derived_is_in_the_export_unless_it_takes_it_as_given(format: str) -> None:
+    """Exports of one tree differ where only the formula of a feature does."""
+    contents = [
+        export(policy_of(tree(9, 4, seed=1), EVASION.derive([formula])), format)
+        for formula in ("near = position - opponent_1", "near = position + opponent_1")
+    ]
+    assert (contents[0] == contents[1]) == FORMATS[format].takes_derived
+
+
+@pytest.mark.parametrize("format", FORMATS)
+def test_that_actions_may_be_masked_is_said(format: str) -> None:
+    """An export of a policy whose actions were masked says so, or takes the mask."""
+    policy = policy_of(tree(9, 3, seed=1), EVASION)
+    masked = replace(policy, masked=True)
+    assert lines_of(export(masked, format)) - lines_of(export(policy, format))
+
+
+def test_the_page_has_a_row_for_each_format() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "exports.md").read_text()
+    rows = re.findall(r"^\| `(\w+)` \|.*\| `(\.\w+)` \|$", page, re.MULTILINE)
+    assert dict(rows) == {name: entry.suffix for name, entry in FORMATS.items()}

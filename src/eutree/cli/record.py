@@ -64,7 +64,8 @@ def page_options(command: _Command) -> _Command:
               help="Lead one person through a study, as study lead does.")  # fmt: skip
 @click.option("--person", metavar="CODE", help="Go on with this person of the --study.")
 @page_options
-@click.option("--expert", help=f"A scripted expert, for example gate, or one of your own: {OWN}.")
+@click.option("--expert", help=f"A scripted expert, for example gate, or your own, {OWN}: a "
+              "policy, its class, or a function.")  # fmt: skip
 @click.option("--careless", type=click.FloatRange(0, 1), default=0.0, show_default=True,
               help="Share of random actions of the scripted expert.")  # fmt: skip
 @option.starts("the episodes begin where it failed.")

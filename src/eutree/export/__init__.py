@@ -66,6 +66,7 @@ class ExportFormat:
         function: Makes the content from a policy and the format's options.
         summary: What it is for, in a few words.
         binary: Whether the content is bytes rather than text.
+        takes_derived: Whether it takes derived features as given, and so keeps no formula.
     """
 
     name: str
@@ -73,6 +74,7 @@ class ExportFormat:
     function: Callable[..., str | bytes]
     summary: str
     binary: bool = False
+    takes_derived: bool = False
 
     @property
     def options(self) -> tuple[str, ...]:
@@ -82,14 +84,14 @@ class ExportFormat:
 
 _ALL = (
     ExportFormat("c", ".c", to_c, "C99 for microcontrollers"),
-    ExportFormat("onnx", ".onnx", to_onnx, "ONNX with doubles", binary=True),
-    ExportFormat("dot", ".dot", to_dot, "Graphviz"),
-    ExportFormat("svg", ".svg", to_svg, "a drawing"),
+    ExportFormat("onnx", ".onnx", to_onnx, "ONNX with doubles", binary=True, takes_derived=True),
+    ExportFormat("dot", ".dot", to_dot, "Graphviz", takes_derived=True),
+    ExportFormat("svg", ".svg", to_svg, "a drawing", takes_derived=True),
     ExportFormat("json", ".json", to_json, "the policy file itself"),
     ExportFormat("text", ".txt", to_text, "nested rules"),
     ExportFormat("python", ".py", to_python, "a module that imports nothing"),
     ExportFormat("st", ".st", to_structured_text, "IEC 61131-3 structured text for PLCs"),
-    ExportFormat("latex", ".tex", to_latex, "a TikZ picture"),
+    ExportFormat("latex", ".tex", to_latex, "a TikZ picture", takes_derived=True),
 )
 
 FORMATS: Mapping[str, ExportFormat] = MappingProxyType({entry.name: entry for entry in _ALL})
