@@ -26,7 +26,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 PYTHON ?= python3
 VENV ?= .venv
-JOBS ?= 3
+JOBS ?= 2
 ARGS ?=
 RUN_LOCK ?= requirements/run.txt
 TEST_LOCK ?= requirements/test.txt

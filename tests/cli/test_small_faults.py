@@ -67,7 +67,7 @@ def test_ctrl_c_in_the_demo_says_so(tmp_path):
     os.kill(demo.pid, signal.SIGINT)
     _, said = demo.communicate(timeout=ENOUGH)
     assert demo.returncode == 130
-    assert said.rstrip().endswith("interrupted")
+    assert "interrupted" in said.splitlines()  # of a process it stopped, another may say more
 
 
 def test_compression_that_changes_nothing_says_so(eutree, expert, demonstrations):
