@@ -61,7 +61,7 @@ def page_options(command: _Command) -> _Command:
               help="Let this tree drive, and take over from it where it is wrong.")  # fmt: skip
 @click.option("--web", is_flag=True, help="A person records in a browser, as without --expert.")
 @click.option("--study", type=click.Path(path_type=Path), metavar="FOLDER",
-              help="Lead one person through a study, as study lead does.")  # fmt: skip
+              help="Lead one person through a study.")  # fmt: skip
 @click.option("--person", metavar="CODE", help="Go on with this person of the --study.")
 @page_options
 @click.option("--expert", help=f"A scripted expert, for example gate, or your own, {OWN}: a "
