@@ -23,7 +23,7 @@ from eutree.compression import RealEpisodes
 from eutree.compression.compressing import compress, observation_box
 from eutree.envs.experts import experts_for
 from eutree.interaction.making import make
-from eutree.trees.boxes import disagreement
+from eutree.trees.possible import disagreement
 from eutree_lab.statistics import bootstrap
 
 DOMAINS = {"2-Evasion": "eutree/Evasion2-v0", "3-Evasion": "eutree/Evasion3-v0"}
@@ -137,8 +137,9 @@ def agreement(tree: Learned, small: TreePolicy) -> float:
 
 def volume(tree: Learned, small: TreePolicy) -> float:
     """Return the exact share of the observation box on which both decide differently."""
-    box = observation_box(tree.policy.schema, tree.observations)
-    return disagreement(tree.policy.tree, tree.policy.actions, small.tree, small.actions, *box)
+    policy = tree.policy
+    box = observation_box(policy.schema, tree.observations)
+    return disagreement(policy.tree, policy.actions, small.tree, small.actions, box, policy.schema)
 
 
 def success(policy: TreePolicy, env: Any, seed: int) -> float:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from eutree.compression import compress
 from eutree.errors import InvalidArgumentError, UnknownNameError
 from eutree.policies import TreePolicy
-from eutree.schema import Schema
+from eutree.schema import Feature, Schema
 from eutree.trees import DecisionTree
 from tests.compression.policies import actions_on, random_policy
 
@@ -34,6 +34,17 @@ def test_merging_disagrees_nowhere(seed):
     _, report = compress(policy, rows, mode="merge")
     assert report.disagreement_volume == 0.0
     assert report.method == "merge"
+
+
+def test_dropping_a_test_that_a_one_hot_group_answers_is_no_disagreement():
+    names = ("colour is red", "colour is green", "colour is blue")
+    colours = [Feature(name, low=0, high=1, is_integer=True, group="colour") for name in names]
+    # Below "red" it cannot be green: the box of that leaf is a corner where nothing is.
+    tree = DecisionTree.single_leaf(3).split(0, 0, 0.5).split(1, 1, 0.5)
+    policy = TreePolicy(tree, np.array([0, 1, 0]), Schema(colours, ["stop", "go"]))
+    small, report = compress(policy, np.empty((0, 3)), mode="merge")
+    assert small.n_leaves == 2
+    assert report.disagreement_volume == 0.0
 
 
 def test_the_volume_of_disagreement_is_what_random_points_say():

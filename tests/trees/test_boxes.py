@@ -6,12 +6,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eutree.errors import InvalidArgumentError
+from eutree.schema import Feature, Schema
 from eutree.trees import DecisionTree
-from eutree.trees.boxes import disagreement, leaf_boxes
+from eutree.trees.boxes import leaf_boxes
 from eutree.trees.edit import merge
+from eutree.trees.possible import disagreement
 from tests import naive_trees
 
 seeds = st.integers(0, 2**32)
+
+
+def numbers(n_features):
+    return Schema([Feature(f"x{j}") for j in range(n_features)], ["a", "b", "c"])
 
 
 def labelled(generator, n_features):
@@ -42,21 +48,41 @@ def test_disagreement_equals_a_count_of_cells(seed, flat):
     if flat:
         high[0] = low[0]
     expected = naive_trees.disagreement(*first, *second, low, high)
-    assert disagreement(*first, *second, low, high) == pytest.approx(expected, abs=1e-12)
+    found = disagreement(*first, *second, (low, high), numbers(n_features))
+    assert found == pytest.approx(expected, abs=1e-12)
+
+
+@settings(max_examples=120, deadline=None)
+@given(seed=seeds)
+def test_only_observations_that_can_be_count_towards_disagreement(seed):
+    generator = np.random.default_rng(seed)
+    colours = [
+        Feature(f"colour is {k}", low=0, high=1, is_integer=True, group="colour") for k in range(3)
+    ]
+    count = Feature("count", low=-1, high=4, is_integer=True)
+    schema = Schema([*colours, count], ["a", "b", "c"])
+    possible = np.array([[*one, n] for one in np.eye(3) for n in range(-1, 5)])
+    first, second = labelled(generator, 4), labelled(generator, 4)
+    decided = [labels[tree.leaf_index(possible)] for tree, labels in (first, second)]
+    box = np.array([0.0, 0.0, 0.0, -1.0]), np.array([1.0, 1.0, 1.0, 4.0])
+    expected = np.mean(decided[0] != decided[1])
+    assert disagreement(*first, *second, box, schema) == pytest.approx(expected, abs=1e-12)
 
 
 def test_disagreement_of_a_known_pair():
     one = DecisionTree.single_leaf(1).split(0, 0, 3.0)
     other = DecisionTree.single_leaf(1).split(0, 0, 4.0)
     labels = np.array([0, 1])
-    share = disagreement(one, labels, other, labels, np.array([0.0]), np.array([10.0]))
+    share = disagreement(
+        one, labels, other, labels, (np.array([0.0]), np.array([10.0])), numbers(1)
+    )
     assert share == pytest.approx(0.1)
 
 
 def test_an_infinite_box_is_refused():
     tree, labels = DecisionTree.single_leaf(1), np.array([0])
     with pytest.raises(InvalidArgumentError, match="the box must be finite"):
-        disagreement(tree, labels, tree, labels, np.array([-np.inf]), np.array([1.0]))
+        disagreement(tree, labels, tree, labels, (np.array([-np.inf]), np.array([1.0])), numbers(1))
 
 
 @settings(max_examples=120, deadline=None)

@@ -50,7 +50,7 @@ from eutree.errors import InvalidArgumentError
 from eutree.interaction.making import Environment
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
-from eutree.trees.boxes import disagreement
+from eutree.trees.possible import disagreement
 from eutree.validation import (
     check_choice,
     check_integer,
@@ -90,9 +90,11 @@ def compress(
     Args:
         policy: The policy to compress.
         observations: Recorded observations, shape [N, d], in the features of the policy's tree.
-        mode: ``"merge"`` joins sibling leaves only: the same decision everywhere. ``"lossless"``
-            and ``"auto"`` keep the decision on every recorded observation; ``"auto"`` takes the
-            smallest of all ways. ``"paper"`` is unpruned C4.5, which may change some decisions.
+        mode: ``"merge"`` joins sibling leaves only and drops tests that the kinds of features
+            answer: the same decision on every observation that can be (of a one-hot group exactly
+            one feature is 1). ``"lossless"`` and ``"auto"`` keep the decision on every recorded
+            observation; ``"auto"`` takes the smallest of all ways. ``"paper"`` is unpruned C4.5,
+            which may change some decisions.
         max_disagreement: Give the smallest tree that costs at most this share instead.
         max_leaves: Give a tree of at most so many leaves instead, whatever that costs.
         imagined: With ``max_leaves`` nodes are cut where that costs least in these episodes, which
@@ -294,13 +296,18 @@ def report_on(
 ) -> CompressionReport:
     """Return what changed from a policy to a smaller one."""
     rows = costs.rows
-    low, high = observation_box(policy.schema, rows)
+    schema = policy.schema
     return CompressionReport(
         n_leaves_before=policy.n_leaves,
         n_leaves_after=result.n_leaves,
         agreement=_agreement(result, rows, policy.actions[policy.tree.leaf_index(rows)]),
         disagreement_volume=disagreement(
-            policy.tree, policy.actions, result.tree, result.actions, low, high
+            policy.tree,
+            policy.actions,
+            result.tree,
+            result.actions,
+            observation_box(schema, rows),
+            schema,
         ),
         method=method,
         weighted_disagreement=costs.share(result.tree, result.actions),

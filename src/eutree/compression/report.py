@@ -88,8 +88,9 @@ class CompressionReport:
         n_leaves_before: Leaves of the input.
         n_leaves_after: Leaves of the result.
         agreement: Share of the recorded observations on which both decide the same.
-        disagreement_volume: Exact share of the observation box on which they decide differently;
-            the box is the environment's, or the recorded data's where that is unbounded.
+        disagreement_volume: Exact share of the observations that can be on which they decide
+            differently: in a box, the environment's, or the recorded data's where that is
+            unbounded, in which whole values and categories are counted.
         method: Which candidate was kept: ``"merge"``, ``"drop"`` (tests that all recorded
             observations answer alike), ``"lossless"``, ``"paper"``, ``"budget"``, ``"return"``,
             ``"monotone"`` or ``"imagined"``.

@@ -8,11 +8,11 @@ from numpy.typing import ArrayLike
 
 from eutree.arrays import Floats, Integers
 from eutree.display import SAME, Displayed
-from eutree.inspection.regions import Region, domain, finite_box, is_box, volumes
+from eutree.inspection.regions import Region, domain, finite_box, is_box
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
-from eutree.trees.boxes import leaf_boxes, meetings
-from eutree.trees.possible import possible
+from eutree.trees.boxes import differing
+from eutree.trees.possible import possible, volumes
 from eutree.trees.text import Digits, asked, printable, question
 from eutree.validation import check_observations
 from eutree.wording import counted
@@ -104,13 +104,15 @@ def diff(
     """
     mine = first.schema
     mine.check_same(second.schema, "the second policy", of="the first")
-    low, high, actions = _pieces(first, second)
+    inside = domain(mine)
+    low, high, actions = differing(
+        first.tree, first.actions, second.tree, second.actions, inside.low, inside.high
+    )
     seen = None
     if observations is not None:
         seen = check_observations("observations", observations, n_features=mine.n_features)
     box_low, box_high = finite_box(mine, _cuts(first, second, seen))
-    inside = domain(mine)
-    low, high = possible(np.maximum(low, inside.low), np.minimum(high, inside.high), mine)
+    low, high = possible(low, high, mine)
     real = is_box(low, high)
     low, high, actions = _joined(low[real], high[real], actions[real])
     digits = Digits(mine, first.tree, second.tree)
@@ -148,26 +150,6 @@ def _visits(low: Floats, high: Floats, inside: Region, rows: Floats) -> Floats:
     ]
     shares: Floats = np.array(counts, dtype=np.float64) / max(len(rows), 1)
     return shares
-
-
-def _pieces(first: TreePolicy, second: TreePolicy) -> tuple[Floats, Floats, Integers]:
-    """Return the intersections of leaves of both trees whose actions differ."""
-    low, high = leaf_boxes(first.tree)
-    other_low, other_high = leaf_boxes(second.tree)
-    inside = domain(first.schema)
-    parts: list[tuple[Floats, Floats, Integers]] = []
-    here = np.maximum(low, inside.low), np.minimum(high, inside.high)
-    for one, two in meetings(*here, second.tree):
-        differ = first.actions[one] != second.actions[two]
-        one, two = one[differ], two[differ]
-        actions = np.stack([first.actions[one], second.actions[two]], axis=1)
-        both = np.maximum(low[one], other_low[two]), np.minimum(high[one], other_high[two])
-        parts.append((*both, actions))
-    if not parts:  # no leaf within the bounds
-        nothing = np.empty((0, first.tree.n_features))
-        return nothing, nothing, np.empty((0, 2), dtype=np.int64)
-    lows, highs, pairs = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return lows, highs, pairs
 
 
 def _joined(low: Floats, high: Floats, actions: Integers) -> tuple[Floats, Floats, Integers]:

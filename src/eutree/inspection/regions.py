@@ -1,4 +1,4 @@
-"""Boxes of observations: their points, their volumes and their description in words.
+"""Boxes of observations: their points and their description in words.
 
 A box holds the observations with ``low < x <= high`` in every feature, like a node's. Bounds that
 are given as >= or < are moved to the neighbouring double, so that every statement about boxes is
@@ -12,7 +12,7 @@ import numpy as np
 
 from eutree.arrays import Booleans, Floats, frozen
 from eutree.schema import Schema
-from eutree.trees.possible import left_of_group, possible
+from eutree.trees.possible import left_of_group, possible, whole_bounds
 from eutree.trees.text import Digits, choice, printable, whole
 
 _FLIPPED = {">": "<", ">=": "<="}
@@ -128,32 +128,12 @@ def finite_box(schema: Schema, cuts: list[Floats]) -> tuple[Floats, Floats]:
         beyond = (most - least) / 10 or 1.0
         low[number] = low[number] if np.isfinite(low[number]) else least - beyond
         high[number] = high[number] if np.isfinite(high[number]) else most + beyond
-    whole_ones = [feature.is_integer for feature in schema.features]
-    return np.where(whole_ones, np.ceil(low) - 1.0, low), np.where(whole_ones, np.floor(high), high)
+    return whole_bounds(low, high, schema)
 
 
 def is_box(low: Floats, high: Floats) -> Booleans:
     """Return which boxes [..., d] hold an observation."""
     return np.asarray((low < high).all(axis=-1))
-
-
-def volumes(low: Floats, high: Floats, box_low: Floats, box_high: Floats, schema: Schema) -> Floats:
-    """Return the share of the closed box that each of some possible boxes [..., d] takes.
-
-    A feature of which the closed box has one value only is no dimension of it: there a box takes
-    all or nothing. Whole numbers and categories are counted.
-    """
-    flat = box_high <= box_low
-    width = np.where(flat, 1.0, box_high - box_low)
-    sides = np.clip(np.minimum(high, box_high) - np.maximum(low, box_low), 0.0, None) / width
-    sides = np.where(flat, (low < box_low) & (box_low <= high), sides)
-    for group in map(list, schema.groups.values()):
-        of_all = box_high[group] >= 1.0
-        left = left_of_group(low, high, group) & of_all
-        sides[..., group] = 1.0
-        sides[..., group[0]] = left.sum(axis=-1) / max(of_all.sum(), 1)
-    product: Floats = sides.prod(axis=-1)
-    return product
 
 
 def before(values: Floats) -> Floats:

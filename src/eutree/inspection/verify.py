@@ -15,10 +15,10 @@ from eutree.arrays import Floats, Integers
 from eutree.display import Displayed
 from eutree.errors import InvalidArgumentError
 from eutree.inspection.properties import Property, parse
-from eutree.inspection.regions import Region, domain, finite_box, is_box, volumes
+from eutree.inspection.regions import Region, domain, finite_box, is_box
 from eutree.policies import TreePolicy
 from eutree.trees.boxes import leaf_boxes, meetings
-from eutree.trees.possible import possible
+from eutree.trees.possible import possible, volumes
 from eutree.trees.text import Digits, printable
 from eutree.validation import check_observations
 from eutree.wording import counted

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from eutree.arrays import Booleans, Floats, Int32s, Integers, Unsigned
+from eutree.arrays import Floats, Int32s, Unsigned
 from eutree.compiled import compiled_later
 
 _BLOCK = 128
@@ -68,71 +68,3 @@ def locate(
                 at[k] = child[node, np.uint64(goes_right)]
         for k in range(size):
             out[start + k] = descend(nodes, block[k], int(np.int64(at[k])))
-
-
-class LabelledNodes(NamedTuple):
-    """The nodes of a tree, and the labels of its leaves."""
-
-    nodes: TreeNodes
-    labels: Integers  # [L]
-
-
-@compiled_later
-def disagreeing_volume(
-    leaf_low: Floats,  # [L, d] boxes of the first tree's leaves, clipped
-    leaf_high: Floats,  # [L, d]
-    labels: Integers,  # [L]
-    other: LabelledNodes,  # the second tree
-    width: Floats,  # [d] of the whole box
-    counts: Booleans,  # [d] whether the feature is a dimension of the box
-) -> float:
-    """Return the share of the box on which the labels of two trees differ.
-
-    Where a feature is no dimension of the box, ``leaf_high`` is its one value.
-    The second tree is walked with a stack of nodes, each with its part of the first leaf's box.
-    """
-    n_features = leaf_low.shape[1]
-    feature, threshold, left, right, leaf = other.nodes
-    n_nodes = feature.shape[0]
-    # The pieces on the stack are disjoint: with those counted they make up the first leaf's box.
-    # A node is on the stack once at most; popped, its place takes the left child, the next one the
-    # right.
-    stack = np.empty(n_nodes + 1, dtype=np.int64)
-    low = np.empty((n_nodes + 1, n_features))
-    high = np.empty((n_nodes + 1, n_features))
-    total = 0.0
-    for i in range(leaf_low.shape[0]):
-        stack[0] = 0
-        low[0] = leaf_low[i]
-        high[0] = leaf_high[i]
-        size = 1
-        while size > 0:
-            size -= 1
-            node = stack[size]
-            tested = feature[node]
-            if tested < 0:
-                if other.labels[leaf[node]] != labels[i]:
-                    volume = 1.0
-                    for j in range(n_features):
-                        if high[size, j] <= low[size, j]:
-                            volume = 0.0
-                        elif counts[j]:
-                            volume *= (high[size, j] - low[size, j]) / width[j]
-                    total += volume
-                continue
-            cut = threshold[node]
-            # Boxes are open below and closed above, as tests are: a value at the cut goes left.
-            goes_right = high[size, tested] > cut
-            goes_left = low[size, tested] < cut if counts[tested] else not goes_right
-            if goes_left and goes_right:
-                low[size + 1] = low[size]
-                high[size + 1] = high[size]
-                high[size, tested] = cut
-                stack[size] = left[node]
-                low[size + 1, tested] = cut
-                stack[size + 1] = right[node]
-                size += 2
-            else:
-                stack[size] = left[node] if goes_left else right[node]
-                size += 1
-    return total

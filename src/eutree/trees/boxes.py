@@ -1,4 +1,4 @@
-"""Leaves as boxes: which observations reach a leaf, and how much two trees disagree.
+"""Leaves as boxes: which observations reach a leaf, and on which two trees disagree.
 
 A node is reached by the observations with ``low < x <= high`` in every feature. NaN is outside
 every box.
@@ -10,7 +10,6 @@ import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.errors import InvalidArgumentError
-from eutree.trees import _kernels
 from eutree.trees.tree import DecisionTree
 
 _BOXES_AT_ONCE = 4096
@@ -76,37 +75,35 @@ def meetings(low: Floats, high: Floats, tree: DecisionTree) -> Iterator[tuple[In
         yield boxes[order], leaves[order]
 
 
-def disagreement(
+def differing(
     first: DecisionTree,
     first_labels: Integers,  # [L]
     second: DecisionTree,
     second_labels: Integers,  # [L']
-    low: Floats,  # [d]
-    high: Floats,  # [d]
-) -> float:
-    """Return the exact share of the box ``low..high`` on which two labelled trees disagree.
+    low: Floats | float = -np.inf,  # [d]
+    high: Floats | float = np.inf,  # [d]
+) -> tuple[Floats, Floats, Integers]:
+    """Return the boxes, within another, on which the labels of two trees differ.
 
-    Each leaf box of the first tree is carried down the second tree, clipped on the way; the
-    volumes of the pieces whose labels differ are summed. A feature with ``low == high`` does not
-    count as a dimension of the box.
+    They are the intersections of leaves of both, apart from each other.
+
+    Returns:
+        Exclusive lower and inclusive upper bounds, each of shape [P, d], and both labels, [P, 2].
+
+    Raises:
+        InvalidArgumentError: The trees have other numbers of features.
     """
     if first.n_features != second.n_features:
         raise InvalidArgumentError(
             f"both trees must have {first.n_features} features, got {second.n_features}"
         )
-    if not (np.isfinite(low).all() and np.isfinite(high).all() and (low <= high).all()):
-        raise InvalidArgumentError(f"the box must be finite, got {low} to {high}")
-    leaf_low, leaf_high = leaf_boxes(first)
-    counts = high > low
-    # A point is inside its leaf only if it is above the exclusive bound, so that bound stays.
-    clipped = np.where(counts, np.maximum(leaf_low, low), leaf_low)
-    return float(
-        _kernels.disagreeing_volume(
-            clipped,
-            np.where(high <= leaf_high, high, np.where(counts, leaf_high, -np.inf)),
-            np.asarray(first_labels, dtype=np.int64),
-            _kernels.LabelledNodes(second.nodes, np.asarray(second_labels, dtype=np.int64)),
-            np.where(counts, high - low, 1.0),
-            counts,
-        )
-    )
+    own_low, own_high = leaf_boxes(first)
+    own_low, own_high = np.maximum(own_low, low), np.minimum(own_high, high)
+    other_low, other_high = leaf_boxes(second)
+    pairs = [np.empty((2, 0), dtype=np.intp)]  # no leaf may be within the box
+    for one, two in meetings(own_low, own_high, second):
+        pairs.append(np.stack([one, two])[:, first_labels[one] != second_labels[two]])
+    one, two = np.concatenate(pairs, axis=1)
+    labels = np.stack([first_labels[one], second_labels[two]], axis=1)
+    lows = np.maximum(own_low[one], other_low[two])
+    return lows, np.minimum(own_high[one], other_high[two]), labels

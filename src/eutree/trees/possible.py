@@ -1,4 +1,4 @@
-"""Which observations the kinds of features allow, and which nodes of a tree these can reach.
+"""Which observations the kinds of features allow: in a box, at a node, where two trees disagree.
 
 Of a feature of whole values a box holds the whole numbers: ``possible`` moves its bounds to them,
 (0.5, 2.5] becomes (0, 2], so that a side is as long as the numbers in it are many. Of the features
@@ -9,9 +9,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from eutree.arrays import Booleans, Floats
+from eutree.arrays import Booleans, Floats, Integers
+from eutree.errors import InvalidArgumentError
 from eutree.schema import Schema
-from eutree.trees.boxes import node_boxes
+from eutree.trees.boxes import differing, node_boxes
 from eutree.trees.tree import DecisionTree
 
 
@@ -58,3 +59,50 @@ def possible_nodes(tree: DecisionTree, schema: Schema) -> Booleans:
     low, high = possible(low, high, schema)
     kinds = [feature.is_integer for feature in features]
     return np.asarray((low < high)[:, kinds].all(axis=1))
+
+
+def whole_bounds(low: Floats, high: Floats, schema: Schema) -> tuple[Floats, Floats]:
+    """Return closed bounds [d] of which those of whole values are as ``possible`` has them."""
+    whole_ones = [feature.is_integer for feature in schema.features]
+    return np.where(whole_ones, np.ceil(low) - 1.0, low), np.where(whole_ones, np.floor(high), high)
+
+
+def volumes(low: Floats, high: Floats, box_low: Floats, box_high: Floats, schema: Schema) -> Floats:
+    """Return the share of the closed box that each of some possible boxes [..., d] takes.
+
+    A feature of which the closed box has one value only is no dimension of it: there a box takes
+    all or nothing. Whole numbers and categories are counted.
+    """
+    flat = box_high <= box_low
+    width = np.where(flat, 1.0, box_high - box_low)
+    sides = np.clip(np.minimum(high, box_high) - np.maximum(low, box_low), 0.0, None) / width
+    sides = np.where(flat, (low < box_low) & (box_low <= high), sides)
+    for group in map(list, schema.groups.values()):
+        of_all = box_high[group] >= 1.0
+        left = left_of_group(low, high, group) & of_all
+        sides[..., group] = 1.0
+        sides[..., group[0]] = left.sum(axis=-1) / max(of_all.sum(), 1)
+    product: Floats = sides.prod(axis=-1)
+    return product
+
+
+def disagreement(
+    first: DecisionTree,
+    first_labels: Integers,  # [L]
+    second: DecisionTree,
+    second_labels: Integers,  # [L']
+    box: tuple[Floats, Floats],  # [d] each
+    schema: Schema,
+) -> float:
+    """Return the exact share of what is possible in a closed box on which two trees disagree.
+
+    A feature of which the box has one value only does not count as a dimension of it.
+
+    Raises:
+        InvalidArgumentError: The trees have other numbers of features, or the box has no end.
+    """
+    if not (np.isfinite(box).all() and (box[0] <= box[1]).all()):
+        raise InvalidArgumentError(f"the box must be finite, got {box[0]} to {box[1]}")
+    low, high, _ = differing(first, first_labels, second, second_labels)
+    pieces = possible(low, high, schema)
+    return float(volumes(*pieces, *whole_bounds(*box, schema), schema).sum())
