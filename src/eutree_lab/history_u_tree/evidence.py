@@ -23,7 +23,7 @@ same manner.
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,22 +43,14 @@ MOST_SWEEPS, PRECISION = 100, 1e-3  # of an evaluation: at most, and the change 
 TARGET = LambdaReturn(decay=1.0)
 
 
-class KeepingMethod(Discretizer, Protocol):
-    """A method that says how much evidence another action needs."""
-
-    @property
-    def evidence(self) -> float | None:
-        """Standard errors by which another action must be better than the kept one."""
-        ...
-
-
 class EvidentUTree(UTree):
     """A Continuous U-Tree with a kept action for each leaf; ``_prior`` holds these.
 
     Args:
         tree: The state tree to start from.
         n_actions: Number of actions A.
-        method: How to learn; its ``target`` is not asked, for the return is part of the rule.
+        method: How to learn; its ``evidence`` is the standard errors by which another action must
+            be better. Its ``target`` is not asked: the return is part of the rule.
         prior: Action that each leaf keeps at first, shape [L]; 0 if there is none.
         locked: Leaves whose action stays.
     """
@@ -67,13 +59,13 @@ class EvidentUTree(UTree):
         self,
         tree: DecisionTree,
         n_actions: int,
-        method: KeepingMethod,
+        method: Discretizer,
         *,
         prior: Integers | None = None,
         locked: Iterable[int] = (),
     ) -> None:
         super().__init__(tree, n_actions, method, prior=prior, locked=locked)
-        self._errors = method.evidence or 0.0
+        self._errors = float(getattr(method, "evidence", None) or 0.0)
         self._values: Floats = np.zeros(tree.n_leaves)  # [L] of the kept policy
 
     @classmethod

@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from eutree.learners.u_tree.learner import UTree, UTreeMethod, u_tree_parts
-from eutree.learners.u_tree.leaves import Discretizer, LambdaReturn, OneStep, Target
+from eutree.learners.u_tree.learner import Discretizer, UTree, UTreeMethod
+from eutree.learners.u_tree.leaves import LambdaReturn, OneStep, Target
 from eutree.splitting import KolmogorovSmirnov, Naive, Permutation
 
 # "The trial split that results in the largest difference between the two distributions is then
@@ -46,5 +46,4 @@ __all__ = [
     "Target",
     "UTree",
     "UTreeMethod",
-    "u_tree_parts",
 ]

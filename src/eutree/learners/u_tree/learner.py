@@ -43,7 +43,6 @@ from eutree.learners.learner import (
     Update,
 )
 from eutree.learners.u_tree.leaves import (
-    Discretizer,
     LeafSteps,
     LeafTests,
     OneStep,
@@ -53,6 +52,7 @@ from eutree.learners.u_tree.leaves import (
     counted_again,
     uncount,
 )
+from eutree.mdp import TabularMDP
 from eutree.policies.leaf_statistics import leaf_statistics
 from eutree.splitting import KolmogorovSmirnov, LeafSample, Naive, SignificanceTest, Split
 from eutree.trees import DecisionTree
@@ -60,16 +60,14 @@ from eutree.validation import check_integer, check_number
 
 
 @dataclass(frozen=True, kw_only=True)
-class UTreeMethod:
-    """The choices that Table 1 makes or leaves open.
+class Discretizer:
+    """What the learner of Table 1 asks of its method, beside the cut that a leaf deserves.
 
     Attributes:
         discount: gamma of Eqs. 2 and 5.
         exploration: epsilon, the probability of a random action while gathering.
         gathering_episodes: Episodes of a data gathering phase, between two expansions.
         target: What q of a transition is (Eq. 2).
-        splitter: Which cut of a leaf is its best.
-        significance: Whether the best cut is more than chance (the stopping criterion).
         solve_each_split: Solve the MDP after every split, as Table 1 says, instead of once at the
             end of an expansion.
         solve_growth: Solve the MDP exactly only in an expansion to which the history has grown to
@@ -83,16 +81,13 @@ class UTreeMethod:
             those of each leaf and action. None remembers all.
     """
 
-    name: ClassVar[str] = "u-tree"
+    name: ClassVar[str]
     needs: ClassVar[Needs] = Needs()
-    deleted: ClassVar[Mapping[str, Any]] = {"gate": {"type": "AnyGain"}}
 
     discount: float = 0.99
     exploration: float = 0.1
     gathering_episodes: int = 20
     target: Target = OneStep()
-    splitter: KolmogorovSmirnov = KolmogorovSmirnov(score="scaled", compare="pooled", min_leaf=1)
-    significance: SignificanceTest = Naive()
     solve_each_split: bool = True
     solve_growth: float = 1.0
     retest_growth: float = 1.0
@@ -112,6 +107,41 @@ class UTreeMethod:
         if self.max_transitions is not None:
             check_integer("max_transitions", self.max_transitions, low=1)
 
+    def cut(self, sample: LeafSample, generator: np.random.Generator) -> Split | None:
+        """Return the cut that a leaf deserves, or None."""
+        raise NotImplementedError
+
+    def start(self, problem: Problem, start: Start) -> "UTree":
+        """Return the learner at its start: Table 1's initialization."""
+        return UTree.begun(problem, start, self)
+
+    def restore(self, problem: Problem, start: Start, state: Arrays) -> "UTree":
+        """Return the learner whose ``state()`` this was; it goes on to the same bytes."""
+        return UTree.from_state(state, problem.n_actions, self)
+
+    def declared(self, problem: Problem, start: Start) -> Declared:
+        """Return what the arrays of a ``state()`` are."""
+        forgetting = () if self.max_transitions is None else bounds_part("LA")
+        solved_at = {"solved_at": Stored("i8", "1", low=0, most="history_n_seen")}
+        mdp = _MDP | (solved_at if self.solve_growth > 1.0 else {})
+        return problem.declare(*TREE_AND_HISTORY, *forgetting, Part(mdp, _is_queue))
+
+
+@dataclass(frozen=True, kw_only=True)
+class UTreeMethod(Discretizer):
+    """The choices that Table 1 makes or leaves open.
+
+    Attributes:
+        splitter: Which cut of a leaf is its best.
+        significance: Whether the best cut is more than chance (the stopping criterion).
+    """
+
+    name: ClassVar[str] = "u-tree"
+    deleted: ClassVar[Mapping[str, Any]] = {"gate": {"type": "AnyGain"}}
+
+    splitter: KolmogorovSmirnov = KolmogorovSmirnov(score="scaled", compare="pooled", min_leaf=1)
+    significance: SignificanceTest = Naive()
+
     @property
     def reads_the_paper(self) -> bool:
         """Whether leaves are cut by the paper's stopping criterion, read literally."""
@@ -124,34 +154,6 @@ class UTreeMethod:
             return None
         p = self.significance.p_value(split, sample, self.splitter, generator)
         return None if p > self.significance.alpha else split
-
-    def start(self, problem: Problem, start: Start) -> "UTree":
-        """Return the learner at its start: Table 1's initialization."""
-        return UTree.begun(problem, start, self)
-
-    def restore(self, problem: Problem, start: Start, state: Arrays) -> "UTree":
-        """Return the learner whose ``state()`` this was; it goes on to the same bytes."""
-        return UTree.from_state(state, problem.n_actions, self)
-
-    def declared(self, problem: Problem, start: Start) -> Declared:
-        """Return what the arrays of a ``state()`` are."""
-        return problem.declare(
-            *u_tree_parts(
-                bounded=self.max_transitions is not None, solves_at=self.solve_growth > 1.0
-            )
-        )
-
-
-def u_tree_parts(*, bounded: bool, solves_at: bool) -> tuple[Part, ...]:
-    """Return what the state of every learner with a leaf MDP consists of.
-
-    Args:
-        bounded: Whether the history forgets.
-        solves_at: Whether exact solutions wait until the history has grown.
-    """
-    forgetting = bounds_part("LA") if bounded else ()
-    solving = {"solved_at": Stored("i8", "1", low=0, most="history_n_seen")} if solves_at else {}
-    return (*TREE_AND_HISTORY, *forgetting, Part(_MDP | solving, _is_queue))
 
 
 _MDP = {
@@ -205,11 +207,12 @@ class UTree:
         self.history = History(
             tree.n_features, tree.n_leaves, reservoirs_of(method, tree.n_leaves, n_actions)
         )
-        self.mdp = counted(self.history, tree.n_leaves, n_actions, method)
+        counts = counted(self.history, tree.n_leaves, n_actions)
+        self.mdp = TabularMDP(counts, method.discount, untried=method.untried_value)
         self._solving = Solving(method.solve_growth)
         none = np.zeros(tree.n_leaves, dtype=np.int64)
         self._prior = np.array(none if prior is None else prior)  # [L]
-        self._tests = LeafTests(method, tree.n_leaves)
+        self._tests = LeafTests(method.retest_growth, tree.n_leaves)
         self._locked = frozenset(locked)
         self._steps = LeafSteps()
 
@@ -228,7 +231,7 @@ class UTree:
             leaves = self.tree.leaf_index(episode.observations)
             store(self.history, episode, leaves, demonstrated=True)
             self.history.forget()
-        self.mdp = counted_again(self.mdp, self.history, self.method)
+        self.mdp = counted_again(self.mdp, self.history)
         self._solving.solve(self.mdp, self.history)
 
     # Data gathering phase (Table 1) -------------------------------------------------------------
@@ -265,7 +268,7 @@ class UTree:
             if not stored.all():
                 uncount(self.mdp, self._rewards_before, one, stored)
             if self.history.forget() is not None:
-                self.mdp = counted_again(self.mdp, self.history, self.method)
+                self.mdp = counted_again(self.mdp, self.history)
 
     def discard_episode(self) -> None:
         """Be as before ``start_episode``, to the bit; do nothing between two episodes."""
@@ -388,7 +391,8 @@ class UTree:
         learner = cls(tree, n_actions, method, prior=state["prior"], locked=locked)
         rule = reservoirs_of(method, tree.n_leaves, n_actions)
         learner.history = History.from_state(part(state, "history_"), tree, rule)
-        learner.mdp = counted(learner.history, tree.n_leaves, n_actions, method)
+        counts = counted(learner.history, tree.n_leaves, n_actions)
+        learner.mdp = TabularMDP(counts, method.discount, untried=method.untried_value)
         learner.mdp.restore(part(state, "mdp_"))
         learner._tests.tested_at = np.array(state["tested_at"])
         if "solved_at" in state:

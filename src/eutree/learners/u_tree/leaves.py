@@ -1,11 +1,11 @@
-"""What the learner of Table 1 asks of its method, and what it keeps of its leaves.
+"""What the learner of Table 1 keeps of its leaves: their targets, an episode, tests, solutions.
 
 The Continuous U-Tree cuts leaves by a test of returns, a kd-tree by density; both are the same
 learner. In an episode under way each step is one compiled call.
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import NamedTuple, Protocol, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import msgspec
 import numpy as np
@@ -19,7 +19,6 @@ from eutree.learners.learner import Step
 from eutree.learners.u_tree import _kernels_step
 from eutree.learners.u_tree._kernels_step import REFUSED, UNKNOWN
 from eutree.mdp import TERMINAL, TabularMDP, TransitionCounts
-from eutree.splitting import LeafSample, Split
 from eutree.trees import DecisionTree
 from eutree.validation import check_number
 
@@ -78,62 +77,6 @@ class LambdaReturn(msgspec.Struct, frozen=True, tag=True):
 
 
 Target: TypeAlias = OneStep | LambdaReturn
-
-
-class Discretizer(Protocol):
-    """What the learner asks of its method: when to cut a leaf, and how to treat the MDP over them.
-
-    The attributes are those of ``UTreeMethod``.
-    """
-
-    @property
-    def discount(self) -> float:
-        """Discount gamma of Eqs. 2 and 5."""
-        ...
-
-    @property
-    def exploration(self) -> float:
-        """Probability of a random action."""
-        ...
-
-    @property
-    def target(self) -> Target:
-        """What q of a transition is."""
-        ...
-
-    @property
-    def solve_each_split(self) -> bool:
-        """Whether every split is followed by a solution."""
-        ...
-
-    @property
-    def solve_growth(self) -> float:
-        """Growth of the history between two exact solutions."""
-        ...
-
-    @property
-    def retest_growth(self) -> float:
-        """Growth of a leaf between two tests."""
-        ...
-
-    @property
-    def untried_value(self) -> float | None:
-        """Q of an untried action, or None."""
-        ...
-
-    @property
-    def backups(self) -> int:
-        """Prioritized-sweeping backups after each step."""
-        ...
-
-    @property
-    def max_transitions(self) -> int | None:
-        """Most transitions remembered, or None."""
-        ...
-
-    def cut(self, sample: LeafSample, generator: np.random.Generator) -> Split | None:
-        """Return the cut that a leaf deserves, or None."""
-        ...
 
 
 class LeafEpisode(NamedTuple):
@@ -224,17 +167,17 @@ class LeafSteps:
 # A history that forgets takes transitions back from the counts; V, Q and the queue stay.
 
 
-def counted(history: History, n_leaves: int, n_actions: int, method: Discretizer) -> TabularMDP:
-    """Return the MDP of the stored transitions, not solved."""
+def counted(history: History, n_leaves: int, n_actions: int) -> TransitionCounts:
+    """Return the counts of the stored transitions."""
     rows = history.left, history.actions, history.rewards, history.entered
-    counts = TransitionCounts.of(*rows, n_states=n_leaves, n_actions=n_actions)
-    return TabularMDP(counts, method.discount, untried=method.untried_value)
+    return TransitionCounts.of(*rows, n_states=n_leaves, n_actions=n_actions)
 
 
-def counted_again(mdp: TabularMDP, history: History, method: Discretizer) -> TabularMDP:
+def counted_again(mdp: TabularMDP, history: History) -> TabularMDP:
     """Return the MDP of the transitions that are stored now, with V, Q and the queue of ``mdp``."""
-    again = counted(history, mdp.n_states, mdp.counts.n_actions, method)
-    again.restore(mdp.state() | {"reward_sums": again.counts.reward_sums.copy()})
+    counts = counted(history, mdp.n_states, mdp.counts.n_actions)
+    again = TabularMDP(counts, mdp.discount, untried=mdp.untried)
+    again.restore(mdp.state() | {"reward_sums": counts.reward_sums.copy()})
     return again
 
 
@@ -262,22 +205,22 @@ class LeafTests:
     """Remembers what each leaf held when it was tested last.
 
     Args:
-        method: How much a leaf must have grown to be tested again.
+        growth: A leaf is tested again when it holds so many times what it held; 1 always.
         n_leaves: Number of leaves.
 
     Attributes:
         tested_at: Transitions seen to leave each leaf at its last test, shape [L].
     """
 
-    def __init__(self, method: Discretizer, n_leaves: int) -> None:
-        self._method = method
+    def __init__(self, growth: float, n_leaves: int) -> None:
+        self._growth = growth
         self.tested_at: Integers = np.zeros(n_leaves, dtype=np.int64)
 
     def due(self, history: History, locked: Iterable[int]) -> list[int]:
         """Return the leaves to test now: those that have grown enough since they were tested."""
         sizes = history.seen_leaving()[: self.tested_at.size]
-        growth = self._method.retest_growth
-        due = (sizes >= self.tested_at * growth) | (growth == 1.0)  # an estimate may fall
+        grown = sizes >= self.tested_at * self._growth
+        due = grown | (self._growth == 1.0)  # an estimate may fall
         due[list(locked)] = False
         self.tested_at[due] = sizes[due]
         leaves: list[int] = np.flatnonzero(due).tolist()
