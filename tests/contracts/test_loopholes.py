@@ -211,7 +211,7 @@ def middles(sources: Sources) -> set[tuple[str, str]]:
 
 RULES: dict[Callable[[Sources], set[tuple[str, str]]], list[str]] = {
     private_of_others: [
-        "from eutree.export._blocks import identifiers",
+        "from eutree.export._code import identifiers",
         "from eutree.world_model import _kernels",
         "import eutree.neural._kernels",
     ],

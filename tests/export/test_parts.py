@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from eutree.errors import MissingExtraError
 from eutree.export import to_latex, to_onnx, to_svg
-from eutree.export._blocks import (
+from eutree.export._code import (
     C_WORDS,
     DEPTH,
     PYTHON_WORDS,

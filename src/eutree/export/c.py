@@ -16,19 +16,18 @@ import re
 
 import numpy as np
 
-from eutree.export._blocks import (
+from eutree.export._c_numbers import Number, Numbers, Scale, hexadecimal, in_integers, numbers
+from eutree.export._code import (
     C_WORDS,
     action_identifiers,
     block_roots,
+    called,
     check_identifier,
     control_identifiers,
-    identifiers,
-)
-from eutree.export._c_numbers import Number, Numbers, Scale, hexadecimal, in_integers, numbers
-from eutree.export._derived import (
-    called,
     exported_features,
+    filled,
     functions,
+    identifiers,
     operations,
     remembered_features,
 )
@@ -247,36 +246,15 @@ def _entry(policy: TreePolicy, name: str, kind: Numbers) -> list[str]:
         for j in exported_features(policy)
     ]
     needed = called(computed, functions("c", name))
-    size = policy.tree.n_features
-    entry = f"static int {name}_leaf" if policy.masked else f"int {name}"
-    title = f"{entry}(const {kind.c_type} *observation)"
-    if not remembered:
-        head = ["", title, "{", f"    double features[{size}];", ""]
-        return [*needed, *head, *lines, *computed, f"    return {name}_tree(features);", "}"]
     kept = [f"    {name}_last[{j}] = features[{j}];" for j in remembered]
-    return [
-        *needed,
-        "",
-        f"static double {name}_last[{size}]; /* at the step before */",
-        f"static int {name}_goes_on = 0;",
-        "",
-        f"void {name}_reset(void)",
-        "{",
-        f"    {name}_goes_on = 0;",
-        "}",
-        "",
-        title,
-        "{",
-        f"    double features[{size}];",
-        f"    const double *last = ({name}_goes_on != 0) ? {name}_last : features;",
-        "",
-        *lines,
-        *computed,
-        *kept,
-        f"    {name}_goes_on = 1;",
-        f"    return {name}_tree(features);",
-        "}",
-    ]
+    entry = f"static int {name}_leaf" if policy.masked else f"int {name}"
+    return needed + filled(
+        "c_remembers" if remembered else "c_derives",
+        name=name,
+        title=f"{entry}(const {kind.c_type} *observation)",
+        size=policy.tree.n_features,
+        computed=[*lines, *computed, *kept],
+    )
 
 
 def _allowed_title(name: str, kind: Numbers) -> str:
@@ -289,30 +267,16 @@ def _masked(policy: TreePolicy, name: str, kind: Numbers) -> list[str]:
         return []
     n_actions = policy.schema.n_actions
     rows = [f"    {{{', '.join(map(str, order))}}}" for order in policy.orders.tolist()]
-    order = f"{name}_orders[{name}_leaf(observation)]"
-    return [
-        "",
-        "/* The actions in the order in which each leaf prefers them. */",
-        f"static const unsigned short {name}_orders[{policy.n_leaves}][{n_actions}] = {{",
-        ",\n".join(rows),
-        "};",
-        "",
-        f"int {name}(const {kind.c_type} *observation)",
-        "{",
-        f"    return (int){order}[0];",
-        "}",
-        "",
-        _allowed_title(name, kind),
-        "{",
-        f"    const unsigned short *order = {order};",
-        "    int place = 0;",
-        "",
-        f"    while ((place < {n_actions - 1}) && (allowed[order[place]] == 0)) {{",
-        "        place++;",
-        "    }",
-        "    return (int)order[place];",
-        "}",
-    ]
+    return filled(
+        "c_masked",
+        name=name,
+        type=kind.c_type,
+        title=_allowed_title(name, kind),
+        n_leaves=policy.n_leaves,
+        n_actions=n_actions,
+        last=n_actions - 1,
+        rows=",\n".join(rows),
+    )
 
 
 def _values(policy: TreePolicy, name: str, kind: Numbers) -> list[str]:

@@ -5,7 +5,6 @@ import math
 import numpy as np
 
 from eutree.arrays import Floats
-from eutree.export._blocks import C_WORDS, check_identifier
 from eutree.export._c_numbers import (
     Number,
     Numbers,
@@ -15,6 +14,7 @@ from eutree.export._c_numbers import (
     integer,
     numbers,
 )
+from eutree.export._code import C_WORDS, check_identifier, filled
 from eutree.policies import TreePolicy
 from eutree.trees import DecisionTree
 from eutree.trees.boxes import node_boxes
@@ -84,36 +84,17 @@ def to_c_test(
     stored = stored_probes(policy, kind, n_random=n_random, seed=seed)
     actions = _decided(policy, [meant(kind, row) for row in stored])
     rows = [f"    {{{', '.join(_constant(kind, value) for value in row)}}}" for row in stored]
-    listing = ",\n".join(rows)
     size, width = stored.shape
-    return f"""\
-#include <math.h>
-#include <stdio.h>
-
-#include "{name}.h"
-
-static const {kind.c_type} observations[{size}][{width}] = {{
-{listing}
-}};
-
-static const int actions[{size}] = {{
-{_wrapped([str(action) for action in actions])}
-}};
-
-int main(void)
-{{
-    int agreeing = 0;
-    int row;
-
-    for (row = 0; row < {size}; row++) {{
-        if ({name}(observations[row]) == actions[row]) {{
-            agreeing++;
-        }}
-    }}
-    (void)printf("%d of {size} decisions agree\\n", agreeing);
-    return (agreeing == {size}) ? 0 : 1;
-}}
-"""
+    lines = filled(
+        "c_test",
+        name=name,
+        type=kind.c_type,
+        size=size,
+        width=width,
+        rows=",\n".join(rows),
+        actions=_wrapped([str(action) for action in actions]),
+    )
+    return "\n".join(lines) + "\n"
 
 
 def _decided(policy: TreePolicy, rows: list[list[float]]) -> list[int]:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from eutree.arrays import Floats, Integers
-from eutree.export._blocks import ASSUMPTION
+from eutree.export._code import ASSUMPTION
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
 from eutree.trees import DecisionTree

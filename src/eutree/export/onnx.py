@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from eutree.errors import MissingExtraError
-from eutree.export._blocks import ASSUMPTION
+from eutree.export._code import ASSUMPTION
 from eutree.policies import TreePolicy
 
 _LESS_OR_EQUAL, _SUM, _NO_TRANSFORM = 0, 1, 0

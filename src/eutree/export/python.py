@@ -1,9 +1,13 @@
 """A Python module that decides like the tree and imports nothing."""
 
-from eutree.export._blocks import PYTHON_WORDS, block_roots, check_identifier, control_identifiers
-from eutree.export._derived import (
+from eutree.export._code import (
+    PYTHON_WORDS,
+    block_roots,
     called,
+    check_identifier,
+    control_identifiers,
     exported_features,
+    filled,
     functions,
     operations,
     remembered_features,
@@ -64,7 +68,9 @@ def to_python(policy: TreePolicy, *, name: str = "decide") -> str:
         lines += ["", "", *_function(policy, tree_name, root, frozenset(roots))]
     if exported_features(policy):
         lines += _entry(policy, tree_name, reset=f"{name}_reset")
-    return "\n".join([*lines, *_masked(policy, name), *_values(policy, name)]) + "\n"
+    if policy.masked:
+        lines += filled("python_masked", name=name)
+    return "\n".join([*lines, *_values(policy, name)]) + "\n"
 
 
 def _table(title: str, names: list[str]) -> list[str]:
@@ -110,9 +116,7 @@ def _function(policy: TreePolicy, name: str, root: int, cut: frozenset[int]) -> 
 def _entry(policy: TreePolicy, name: str, *, reset: str) -> list[str]:
     """Return the function that computes the derived features, with those that it needs."""
     first, formulas = policy.derivation.n_measured, policy.derivation.formulas
-    remembers = bool(remembered_features(policy))
     operators = operations(f"_{name}", "({1} if {0} else {2})", "and", "or")
-    size = policy.tree.n_features
     computed = [
         f"    features[{j}] = "
         + formulas[j - first].written(
@@ -124,38 +128,14 @@ def _entry(policy: TreePolicy, name: str, *, reset: str) -> list[str]:
         + f"  # {labelled(policy.schema.features[j])}"
         for j in exported_features(policy)
     ]
-    lines = called(computed, functions("python", f"_{name}"))
-    if remembers:
-        lines += ["", "", f"_{name}_last = []  # the features at the step before"]
-        lines += ["", "", f"def {reset}():", '    """Begin an episode."""']
-        lines += [f"    _{name}_last.clear()"]
-    lines += ["", "", f"def {name}(observation):"]
-    lines += ['    """Return the index of the action; observation: the features in order."""']
-    lines += [f"    features = [*observation[:{first}], *[0.0] * {size - first}]"]
-    if remembers:
-        lines += [f"    last = _{name}_last or features"]
-    lines += computed
-    if remembers:
-        lines += [f"    _{name}_last[:] = features"]
-    return [*lines, f"    return _{name}_0(features)"]
-
-
-def _masked(policy: TreePolicy, name: str) -> list[str]:
-    """Return the functions that go by the order of a leaf."""
-    if not policy.masked:
-        return []
-    return [
-        "",
-        "",
-        f"def {name}(observation):",
-        '    """Return the index of the action where all are allowed."""',
-        f"    return ORDERS[_{name}_leaf(observation)][0]",
-        "",
-        "",
-        f"def {name}_allowed(observation, allowed):",
-        '    """Return the index of the action; allowed: for each action whether it is."""',
-        f"    return next(a for a in ORDERS[_{name}_leaf(observation)] if allowed[a])",
-    ]
+    return called(computed, functions("python", f"_{name}")) + filled(
+        "python_remembers" if remembered_features(policy) else "python_derives",
+        name=name,
+        reset=reset,
+        measured=first,
+        derived=policy.tree.n_features - first,
+        computed=computed,
+    )
 
 
 def _values(policy: TreePolicy, name: str) -> list[str]:

@@ -1,17 +1,16 @@
 """Structured Text (IEC 61131-3) for programmable logic controllers."""
 
-from eutree.export._blocks import (
+from eutree.export._code import (
     ASSUMPTION,
     STRUCTURED_TEXT_WORDS,
     block_roots,
+    called,
     check_identifier,
     control_identifiers,
-    identifiers,
-)
-from eutree.export._derived import (
-    called,
     exported_features,
+    filled,
     functions,
+    identifiers,
     operations,
     remembered_features,
 )
@@ -146,34 +145,16 @@ def _entry(policy: TreePolicy, name: str, inputs: list[str]) -> list[str]:
     own = [
         f"    {inputs[j]} : LREAL; (* {labelled(policy.schema.features[j])} *)" for j in computed
     ]
-    needed = called(body, functions("structured_text", name))
-    declared = _inputs(policy, inputs[:first])
-    if not remembered:
-        head = [f"FUNCTION {name} : INT", *declared, "VAR", *own, "END_VAR"]
-        return [*needed, *head, *body, f"{name} := {name}_tree({arguments});", "END_FUNCTION"]
-    return [
-        *needed,
-        f"FUNCTION_BLOCK {name}",
-        *declared[:-1],
-        "    restart : BOOL; (* an episode begins *)",
-        "END_VAR",
-        "VAR_OUTPUT",
-        "    action : INT;",
-        "END_VAR",
-        "VAR",
-        *own,
-        *(f"    {variable} : LREAL; (* at the step before *)" for variable in kept),
-        "    goes_on : BOOL;",
-        "END_VAR",
-        "IF restart THEN",
-        "    goes_on := FALSE;",
-        "END_IF;",
-        *body,
-        *(f"{last[j]} := {inputs[j]};" for j in remembered),
-        "goes_on := TRUE;",
-        f"action := {name}_tree({arguments});",
-        "END_FUNCTION_BLOCK",
-    ]
+    own += [f"    {variable} : LREAL; (* at the step before *)" for variable in kept]
+    body += [f"{last[j]} := {inputs[j]};" for j in remembered]
+    return called(body, functions("structured_text", name)) + filled(
+        "structured_text_remembers" if remembered else "structured_text_derives",
+        name=name,
+        inputs=_inputs(policy, inputs[:first])[1:-1],
+        own=own,
+        computed=body,
+        arguments=arguments,
+    )
 
 
 def _values(policy: TreePolicy, name: str, inputs: list[str]) -> list[str]:

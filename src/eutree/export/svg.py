@@ -5,7 +5,7 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from eutree.arrays import Floats
-from eutree.export._blocks import ASSUMPTION
+from eutree.export._code import ASSUMPTION
 from eutree.export.drawing import (
     branches,
     column_lefts,

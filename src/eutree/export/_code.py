@@ -1,0 +1,214 @@
+"""What exported code is written of: identifiers, blocks, derived features, templates.
+
+C99 promises 127 levels of nesting, Python 100 of indentation. A tree that is deeper than
+``DEPTH`` becomes several functions: each block's rules end by calling the blocks below it.
+
+Derived features are the same doubles as the policy computes, in each language. Every operation
+that a compiler could fuse, reorder or define otherwise is a function of its own.
+"""
+
+import re
+import tomllib
+import unicodedata
+from collections.abc import Iterable, Mapping, Sequence
+from importlib import resources
+from string import Template
+
+import numpy as np
+
+from eutree.errors import InvalidArgumentError
+from eutree.export._c_numbers import hexadecimal
+from eutree.formulas import LARGEST_RATIO
+from eutree.policies import TreePolicy
+from eutree.schema import Schema
+from eutree.trees import DecisionTree
+from eutree.trees.text import derived_features
+
+# Identifiers longer than this are cut: C99 promises 31 significant characters to the linker.
+_LENGTH = 31
+
+
+def _text(name: str) -> str:
+    return (resources.files(__package__) / name).read_text(encoding="utf-8")
+
+
+_RESERVED = tomllib.loads(_text("reserved.toml"))
+C_WORDS, PYTHON_WORDS, STRUCTURED_TEXT_WORDS = (
+    frozenset(_RESERVED[language].split()) for language in ("c", "python", "structured_text")
+)
+
+
+def identifiers(names: Sequence[str], *, reserved: Iterable[str], prefix: str = "x") -> list[str]:
+    """Return a distinct identifier for each name, as near to it as ASCII allows.
+
+    Identifiers differ even where upper and lower case count as equal, have no two underscores in
+    a row and none at an end, and avoid the ``reserved`` words.
+
+    Args:
+        names: The names.
+        reserved: Words to avoid, in any case.
+        prefix: What to put before a name that is empty or begins with a digit.
+    """
+    taken = {word.casefold() for word in reserved}
+    result = []
+    for name in names:
+        base = _ascii(name, prefix)
+        candidate, number = base, 1
+        while candidate.casefold() in taken:
+            number += 1
+            candidate = f"{base[: _LENGTH - len(str(number)) - 1].rstrip('_')}_{number}"
+        taken.add(candidate.casefold())
+        result.append(candidate)
+    return result
+
+
+def check_identifier(argument: str, value: str, *, reserved: frozenset[str]) -> str:
+    """Return ``value`` if it may name a function, else raise InvalidArgumentError."""
+    words = {word.casefold() for word in reserved}
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", value) or value.casefold() in words:
+        raise InvalidArgumentError(
+            f"{argument} must be an identifier (letters, digits and underscores) that is no "
+            f"reserved word, got {value!r}"
+        )
+    return value
+
+
+def _ascii(name: str, prefix: str) -> str:
+    """Return letters, digits and single underscores that resemble ``name``."""
+    decomposed = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode("ascii")
+    words = re.sub(r"[^A-Za-z0-9]+", "_", decomposed).strip("_")
+    if not words[:1].isalpha():
+        words = f"{prefix}_{words}".rstrip("_")
+    return words[:_LENGTH].rstrip("_")
+
+
+DEPTH = 60
+
+
+def block_roots(tree: DecisionTree) -> list[int]:
+    """Return the nodes at which blocks begin, deepest first and the tree's root last.
+
+    A block calls only blocks that come before it in the list, so functions written in this order
+    need no declarations.
+    """
+    depth = np.zeros(tree.n_nodes, dtype=np.int64)
+    for node in range(1, tree.n_nodes):
+        depth[node] = depth[tree.parent[node]] + 1
+    is_inner = tree.feature != tree.NO_FEATURE
+    roots = set(np.flatnonzero(is_inner & (depth % DEPTH == 0)).tolist()) | {0}
+    return sorted(roots, reverse=True)
+
+
+def action_identifiers(schema: Schema, *, reserved: tuple[str, ...] = ()) -> list[str]:
+    """Return an identifier for each action; signs and points of levels are spelled."""
+    names = list(schema.actions)
+    if schema.controls:
+        names = [_spelled(name) for name in names]
+    return identifiers(names, reserved=reserved, prefix="action")
+
+
+def control_identifiers(schema: Schema, *, reserved: frozenset[str]) -> list[str]:
+    """Return an identifier for each control."""
+    names = [control.name for control in schema.controls]
+    return identifiers(names, reserved=reserved, prefix="control")
+
+
+def _spelled(name: str) -> str:
+    """Return a name with "minus" for the sign of a number and "p" for its point."""
+    name = re.sub(r"(?<![\w.])-(?=\d)", "minus ", name)
+    return re.sub(r"(?<=\d)\.(?=\d)", "p", name)
+
+
+ASSUMPTION = (
+    "Actions may be masked where it acts; this takes all to be allowed. "
+    "The next best ones are in the exports to C and Python."
+)
+
+
+Functions = Mapping[str, list[str]]  # of each operation that needs one: the lines of its function
+_WRITTEN = {  # lines before each function, and the largest quotient
+    "c": ([""], hexadecimal(LARGEST_RATIO)),
+    "python": (["", ""], repr(LARGEST_RATIO)),
+    "structured_text": ([], f"{LARGEST_RATIO:.1f}"),
+}
+_BETWEEN = re.compile(r"\n\n+(?=static|def|FUNCTION)")
+_CALL = re.compile(r"(\w+)_(ratio|times|least|most|size)\(")
+
+
+def exported_features(policy: TreePolicy) -> list[int]:
+    """Return the derived features that exported code has to compute, in order.
+
+    Raises:
+        InvalidArgumentError: The policy has derived features and remembers the past besides.
+    """
+    found = derived_features(policy.tree, policy.schema)
+    if found and not policy.features.is_identity:
+        raise InvalidArgumentError(
+            "a policy with derived features must have no history to be exported as code: declare "
+            "what it remembers, before = last(level)"
+        )
+    return found
+
+
+def remembered_features(policy: TreePolicy) -> list[int]:
+    """Return the features whose last values exported code has to keep."""
+    first, formulas = policy.derivation.n_measured, policy.derivation.formulas
+    parts = (part for j in exported_features(policy) for part in formulas[j - first])
+    return sorted({part.index for part in parts if part.kind == "last"})
+
+
+def called(lines: list[str], functions: Functions) -> list[str]:
+    """Return the functions that some lines call."""
+    names = {match[2] for line in lines for match in _CALL.finditer(line)}
+    return [line for name, body in functions.items() if name in names for line in body]
+
+
+def operations(name: str, choice: str, both: str, either: str) -> dict[str, str]:
+    """Return how each operation is written where functions are called ``NAME_ratio(a, b)``.
+
+    Args:
+        name: What the functions' names begin with.
+        choice: The choice between {1}, where {0} holds, and {2}.
+        both: The word for "and".
+        either: The word for "or".
+    """
+    return {
+        "+": "({0} + {1})", "-": "({0} - {1})", "*": "({0} * {1})",
+        "/": f"{name}_ratio({{0}}, {{1}})", "negative": "(-{0})", "if": choice,
+        "min": f"{name}_least({{0}}, {{1}})", "max": f"{name}_most({{0}}, {{1}})",
+        "abs": f"{name}_size({{0}})", "and": f"({{0}} {both} {{1}})",
+        "or": f"({{0}} {either} {{1}})",
+        **{sign: f"({{0}} {sign} {{1}})" for sign in ("<", "<=", ">", ">=")},
+    }  # fmt: skip
+
+
+def functions(language: str, name: str) -> Functions:
+    """Return the functions of a language, each with one exit in C, where no product is fused.
+
+    Args:
+        language: ``"c"``, ``"python"`` or ``"structured_text"``, of which each has a file.
+        name: What their names begin with.
+    """
+    text = _text(f"templates/operations.{language}.txt")
+    before, bound = _WRITTEN[language]
+    found = {}
+    for part in _BETWEEN.split(text.rstrip("\n")):
+        operation = part.partition("NAME_")[2].partition("(")[0].split()[0]
+        lines = part.replace("BOUND", bound).replace("NAME", name).split("\n")
+        found[operation] = [*before, *(line or "    " for line in lines)]
+    return found
+
+
+def filled(template: str, /, **values: object) -> list[str]:
+    """Return the lines of a template, ``$name`` and the like filled in.
+
+    Args:
+        template: Name of its file in ``templates``, without the suffix.
+        **values: What is filled in; of a list each entry is a line.
+    """
+    fields = {
+        field: "\n".join(value) if isinstance(value, list) else value
+        for field, value in values.items()
+    }
+    text = Template(_text(f"templates/{template}.txt")).substitute(fields)
+    return text.removesuffix("\n").split("\n")
