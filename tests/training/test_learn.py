@@ -372,3 +372,28 @@ def test_demonstrations_of_another_environment_are_refused(demonstrations):
         match="demonstrations must have the features and actions of the environment",
     ):
         eutree.learn(other, demonstrations=demonstrations)
+
+
+class Broken(gymnasium.Wrapper):
+    """Breaks at its n-th step."""
+
+    def __init__(self, env, lives):
+        super().__init__(env)
+        self.lives = lives
+
+    def step(self, action):
+        self.lives -= 1
+        if self.lives < 0:
+            raise RuntimeError("the cable is loose")
+        return self.env.step(action)
+
+
+def test_a_run_that_fails_before_its_first_step_leaves_nothing_in_the_way(tmp_path):
+    out = tmp_path / "run"
+    wanted = {"method": "planning", "episodes": 2, "evaluation_episodes": 2, "out": out}
+    broken = Broken(gymnasium.make("MountainCar-v0"), 0)
+    with pytest.raises(EnvironmentFault, match="the cable is loose"):
+        eutree.learn(broken, seed=1, **wanted)
+    assert {path.name for path in out.iterdir()} <= {".lock"}
+    again = eutree.learn(gymnasium.make("MountainCar-v0"), seed=2, **wanted)  # not the same run
+    assert again.policy == eutree.TreePolicy.load(out / "policy.json")

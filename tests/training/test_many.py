@@ -9,7 +9,7 @@ import pytest
 
 import eutree
 from eutree.cli.main import run
-from eutree.errors import FormatError, InvalidArgumentError, RunFolderError
+from eutree.errors import EutreeError, FormatError, InvalidArgumentError, RunFolderError
 from eutree.training.many import folder_of_winner
 from tests.little_search import little_search
 
@@ -125,6 +125,21 @@ def test_a_mistake_leaves_nothing_that_blocks_the_corrected_command(tmp_path):
         with pytest.raises(InvalidArgumentError):
             learned(tmp_path, n_jobs=1, **wrong)
         assert not (tmp_path / "runs").exists()
+    shown = eutree.record("eutree/Evasion3-v0", eutree.experts.wait_at_crossing, episodes=2, seed=0)
+    for number, wrong in enumerate(
+        (
+            {"demonstrations": shown},  # of another task
+            {"start": "tree"},  # of no demonstrations
+            {"race_steps": 100},  # with nothing to go by
+            {"max_leaves": 1},
+            {"monotone": ["nobody in distance"]},
+            {"n_jobs": 0},
+        )
+    ):
+        folder = tmp_path / str(number)
+        with pytest.raises(EutreeError):
+            learned(folder, **({"n_jobs": 1, "method": "planning", "episodes": 0} | wrong))
+        assert not folder.exists()
     (tmp_path / "runs").mkdir()  # as earlier releases left it
     assert len(learned(tmp_path, n_jobs=1).runs) == 3
 

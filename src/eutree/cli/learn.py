@@ -284,7 +284,7 @@ def _saying_how_to_go_on(output: Output, stop: "StopRequest", out: Path) -> Iter
 
 def _say_how(output: Output, out: Path) -> bool:
     """Say how a run goes on; return whether anything of it is there."""
-    saved = (out / "checkpoint.npz").exists() or any((out / "runs").glob("*"))
+    saved = (out / "checkpoint.npz").exists() or any((out / "runs").glob("*/config.json"))
     if saved:
         keep(out)
         output.say(f"stopped and saved; go on with: {line_to_go_on(out)}")

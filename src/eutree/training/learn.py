@@ -1,7 +1,7 @@
 """Learn a tree policy: from demonstrations or from nothing, in an environment."""
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -112,33 +112,65 @@ def learn(
     """
     values = {"budget": budget, "evaluation": evaluation, "handover": handover, "folder": folder}
     asked = Asked.of(values, listeners, short).going_on()
+    given = demonstrations, expert, method, start
     with nullcontext() if env is None else opened(env) as made:
-        acting = None if made is None else acting_as(made, expert or demonstrations)
-        if acting is not None:
-            acting = _beginning_there(acting, asked.starts)
-        choice, plan = planned(asked, method, start, demonstrations, acting, seed=seed)
-        if demonstrations is not None and asked.history:
-            demonstrations = demonstrations.with_history(asked.history)
-        if acting is None:
-            place = _recorded(_needed(demonstrations, "offline learning"), expert, asked, seed)
-        else:
-            place = _acting(acting, expert or demonstrations, asked, plan)
-        begin = _start(start, place, demonstrations, expert, asked.teacher, seed=seed)
-        check_fits(choice.method, place.problem, begin, offline=acting is None)
-        document = checked_document(choice.method)
-        check_races(plan, begin)
-        beginning = Beginning(choice.method, place.problem, begin, choice.said())
-        run = Run(beginning, plan, place.arena, stop=asked.listeners.wants_stop)
-        config = _config(run, place.name, document, asked, demonstrations, expert)
+        run, place, config, acting = _prepared(made, asked, *given, seed=seed)
         asked.listeners.attached(run, acting)
         policy, against_fit = _carried_out(run, place.log, config, asked)
-        recorded = 0 if demonstrations is None else sum(map(len, begin.episodes))
+        recorded = 0
+        if demonstrations is not None:
+            recorded = sum(map(len, run.beginning.start.episodes))
         return replace(
             result_of(run, policy, asked.teacher, recorded),
             against_fit=against_fit,
             against=None if acting is None else _against(run, policy, acting, asked.handover),
             certificate=_certificate(place, policy, asked.handover),
         )
+
+
+def check_possible(env: Environment, asked: Asked, given: Mapping[str, Any], *, seed: int) -> None:
+    """Raise what ``learn`` raises before its first episode, and write nothing.
+
+    Args:
+        env: Where to learn.
+        asked: What is asked of the run.
+        given: What it is given to begin with, by the names of ``learn``.
+        seed: Its seed.
+    """
+    usual = {"demonstrations": None, "expert": None, "method": "auto", "start": None}
+    with opened(env) as made:
+        _prepared(made, asked, **(usual | dict(given)), seed=seed)
+
+
+def _prepared(
+    env: gymnasium.Env[Any, Any] | None,
+    asked: Asked,
+    demonstrations: Demonstrations | None,
+    expert: TreePolicy | None,
+    method: str | Method | None,
+    start: str | None,
+    *,
+    seed: int,
+) -> tuple[Run, _Place, ConfigDocument, gymnasium.Env[Any, Any] | None]:
+    """Return a run before its first episode, its place, its configuration, and where it acts."""
+    acting = None if env is None else acting_as(env, expert or demonstrations)
+    if acting is not None:
+        acting = _beginning_there(acting, asked.starts)
+    choice, plan = planned(asked, method, start, demonstrations, acting, seed=seed)
+    if demonstrations is not None and asked.history:
+        demonstrations = demonstrations.with_history(asked.history)
+    if acting is None:
+        place = _recorded(_needed(demonstrations, "offline learning"), expert, asked, seed)
+    else:
+        place = _acting(acting, expert or demonstrations, asked, plan)
+    begin = _start(start, place, demonstrations, expert, asked.teacher, seed=seed)
+    check_fits(choice.method, place.problem, begin, offline=acting is None)
+    document = checked_document(choice.method)
+    check_races(plan, begin)
+    beginning = Beginning(choice.method, place.problem, begin, choice.said())
+    run = Run(beginning, plan, place.arena, stop=asked.listeners.wants_stop)
+    config = _config(run, place.name, document, asked, demonstrations, expert)
+    return run, place, config, acting
 
 
 def _beginning_there(
@@ -308,6 +340,10 @@ def _go_on(run: Run, folder: RunFolder | None, clock: SavingClock, listeners: Li
             if folder is not None and clock.due():
                 with clock.saving():
                     folder.save_checkpoint(run)
+    except Exception:
+        if not (run.curve or run.episode):
+            folder = None  # there is nothing to go on with
+        raise
     finally:
         # What an interruption left half done is not saved: the last checkpoint is good.
         if folder is not None and run.state.whole:

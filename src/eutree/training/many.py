@@ -25,11 +25,10 @@ from eutree.files import make_folder, read_bytes, write_text
 from eutree.files.atomic import RUN
 from eutree.interaction import episode_seed
 from eutree.interaction.acting import Controller
-from eutree.interaction.first_look import look_at, return_range
+from eutree.interaction.first_look import return_range
 from eutree.interaction.making import Recipe, make
 from eutree.interaction.seeding import Stream
 from eutree.learners import Method
-from eutree.learners import method as method_of
 from eutree.parallel import Workers
 from eutree.policies import TreePolicy
 from eutree.proof import Certificate
@@ -37,7 +36,7 @@ from eutree.schema import EnvironmentSpec
 from eutree.training.evaluations import ProvenFirst
 from eutree.training.handover import Duel, Handover, handover_for, judge
 from eutree.training.judging import START, Judgement
-from eutree.training.learn import RIVAL_EPISODES, learn
+from eutree.training.learn import RIVAL_EPISODES, check_possible, learn
 from eutree.training.result import LearningResult
 from eutree.training.values import Asked, Budget, Folder, Schedule, ShortForms
 from eutree.validation import check_integer, check_seed
@@ -170,19 +169,15 @@ def learn_runs(
     check_seed(seed)
     spec = Recipe.of(environment).spec
     asked, given = _asked(folder, options)
-    if isinstance(name := given.get("method"), str) and name != "auto":
-        method_of(name)
-    question = asked.handover.prefer_proven
+    workers, question = Workers(n_jobs), asked.handover.prefer_proven
     proven = None if question is None else ProvenFirst(spec, question)
+    if asked.folder is None or not asked.folder.resume:
+        check_possible(spec, asked.of_one_run(), given, seed=seed)
     where = _opened(asked.folder)
-    if not where.resume:
-        env = make(spec)
-        look_at(env, episode_seed(seed, 0, Stream.TRAINING))
-        env.close()
     path = Path(where.path)
     task = _Task(spec, path / "runs", selection_episodes, seed, asked, given)
     found: dict[int, FinishedRun] = {}
-    for run in Workers(n_jobs).as_finished(task, range(seed, seed + runs)):
+    for run in workers.as_finished(task, range(seed, seed + runs)):
         found[run.seed] = run
         on_run(len(found), run)
     ordered = tuple(found[seed + k] for k in range(runs))
@@ -236,7 +231,7 @@ def _opened(folder: Folder | None) -> Folder:
     if folder is None:
         raise InvalidArgumentError("folder must say where several runs are written, got none")
     path = make_folder(folder.path, of=RUN)
-    if any((path / "runs").glob("*")) and not folder.resume:
+    if any((path / "runs").glob("*/config.json")) and not folder.resume:
         raise RunFolderError(
             f"{path} already holds runs; go on with them (--resume) or choose another folder"
         )

@@ -148,6 +148,7 @@ class RunFolder:
     ) -> None:
         self.path = make_folder(path, of=RUN)
         self._lock = _lock(self.path)
+        self._begun_with: list[Path] = []
         try:
             self._open(config, kind, resume=resume)
         except BaseException:
@@ -157,7 +158,10 @@ class RunFolder:
     def __enter__(self) -> "RunFolder":
         return self
 
-    def __exit__(self, *exception: object) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *exception: object) -> None:
+        if kind is not None and not (self.path / CHECKPOINT).exists():
+            for path in self._begun_with:  # nothing to go on with: it would only be in the way
+                path.unlink(missing_ok=True)
         self.close()
 
     def close(self) -> None:
@@ -169,6 +173,7 @@ class RunFolder:
         path = self.path / "expert.json"
         if expert is not None and not path.exists():
             expert.save(path)
+            self._begun_with.append(path)
 
     def save_checkpoint(self, run: Run) -> None:
         """Write all that is needed to go on from here, and the curve so far."""
@@ -214,6 +219,7 @@ class RunFolder:
         path = self.path / "config.json"
         if not path.exists():
             write_document(path, config)
+            self._begun_with.append(path)
             return
         if not resume:
             raise RunFolderError(
