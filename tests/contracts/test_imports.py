@@ -7,6 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from tests.patience import ENOUGH
 
 ROOT = Path(__file__).parents[2]
@@ -52,6 +54,26 @@ def test_help_loads_no_heavy_package() -> None:
         "print([m for m in 'numba joblib scipy sklearn matplotlib'.split() if m in sys.modules])"
     )
     assert run(code).splitlines()[-1] == "[]"
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "['show', POLICY]",
+        "['export', POLICY, '--format', 'c']",
+        "['diff', POLICY, POLICY]",
+        "['zoo']",
+    ],
+    ids=["show", "export", "diff", "zoo"],
+)
+def test_commands_that_only_read_a_tree_load_no_compiler(command: str) -> None:
+    policy = ROOT / "src/eutree/zoo/trees/MountainCar-v0-4.json"
+    code = (
+        f"import sys\nfrom eutree.cli.main import run\nPOLICY = {str(policy)!r}\n"
+        f"code = run({command})\nprint()\n"
+        "print(code, [m for m in 'numba joblib scipy sklearn'.split() if m in sys.modules])"
+    )
+    assert run(code).splitlines()[-1] == "0 []"
 
 
 def test_import_loads_little_more_than_gymnasium() -> None:

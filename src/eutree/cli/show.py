@@ -53,10 +53,6 @@ def show(
 
     The page plays episodes of the policy with pictures where its environment can draw them.
     """
-    from eutree.files import check_writable, write_text
-    from eutree.proof import load_certificate
-    from eutree.report import policy_page
-
     output = Output(as_json=as_json)
     if run_html is not None:
         _write_run_page(output, policy, run_html)
@@ -72,6 +68,10 @@ def show(
     if html is None:
         output.result(values, drawn(loaded))
         return
+    from eutree.files import check_writable, write_text
+    from eutree.proof import load_certificate
+    from eutree.report import policy_page
+
     check_writable(html)
     proven = None if certificate is None else load_certificate(certificate, loaded)
     spec = loaded.environment and loaded.environment.override(env_arguments)

@@ -11,15 +11,17 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from eutree.arrays import Floats, Int32s, frozen
 from eutree.errors import InvalidArgumentError
-from eutree.trees import _kernels
 from eutree.validation import check_integer, check_number
+
+if TYPE_CHECKING:  # a tree that is only shown loads no compiler
+    from eutree.trees import _kernels
 
 _Scalar = TypeVar("_Scalar", bound=np.generic)
 
@@ -111,14 +113,18 @@ class DecisionTree:
             self.leaf.tolist(),
         )
 
-    @property
-    def nodes(self) -> _kernels.TreeNodes:
+    @cached_property
+    def nodes(self) -> "_kernels.TreeNodes":
         """The arrays together, as compiled loops take them."""
+        from eutree.trees import _kernels
+
         return _kernels.TreeNodes(self.feature, self.threshold, self.left, self.right, self.leaf)
 
     @cached_property
-    def _levels(self) -> tuple[_kernels.LevelNodes, int]:
+    def _levels(self) -> "tuple[_kernels.LevelNodes, int]":
         """The nodes as a walk of many rows takes them, and how many levels they go together."""
+        from eutree.trees import _kernels
+
         inner = self.feature != self.NO_FEATURE
         own = np.arange(self.n_nodes)
         children = np.where(
@@ -150,6 +156,8 @@ class DecisionTree:
         Returns:
             Number of the leaf of each observation, shape [N].
         """
+        from eutree.trees import _kernels
+
         array = np.ascontiguousarray(observations, dtype=np.float64)
         if array.ndim != 2 or array.shape[1] != self.n_features:
             raise InvalidArgumentError(
