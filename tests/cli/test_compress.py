@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
+from tests.little_search import little_search
 
 
 def test_a_budget_is_kept_and_evaluated(eutree, expert, demonstrations):
@@ -83,6 +84,7 @@ def test_where_nothing_can_be_played_the_model_of_the_run_chooses(eutree, demons
     assert eutree(*line, "--episodes", "6", "--evaluation-episodes", "2").code == 0
     policy = replace(TreePolicy.load("run/policy.json"), environment=EnvironmentSpec("Nowhere-v0"))
     policy.save("run/policy.json")
-    found = eutree("compress", "run", "--out", "small.json", "--max-leaves", "4", "--json").json
+    with little_search():
+        found = eutree("compress", "run", "--out", "small.json", "--max-leaves", "4", "--json").json
     assert (found["by"], found["environment_steps"]) == ("model", 0)
     assert found["n_leaves_after"] <= 4

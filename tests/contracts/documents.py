@@ -99,7 +99,7 @@ def run_block(
 
 # So many episodes show that a line works; the line itself is about what comes of hundreds or
 # thousands. What comes before a block that shows what is printed (`output`) is run as it stands.
-ENOUGH = {"fit": 20, "learn": 30, "evaluate": 50, "compress": 50, "distill": 2}
+ENOUGH = {"fit": 20, "learn": 30, "evaluate": 50, "compress": 50, "distill": 2, "show": 3}
 
 
 def shortened(words: list[str]) -> list[str]:

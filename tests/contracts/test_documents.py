@@ -76,7 +76,7 @@ def processes(request, folder):
 
 @contextmanager
 def shorter():
-    """Learn few episodes and search little: as ``shortened`` has it, for blocks in Python."""
+    """Learn few episodes, search little and prove on coarse cells; ``shortened`` for Python."""
 
     def few(function):
         return lambda *given, **options: function(
@@ -85,7 +85,9 @@ def shorter():
         )  # fmt: skip
 
     learning = {name: few(getattr(eutree, name)) for name in ("learn", "learn_runs")}
-    with little_search(), mock.patch.multiple(eutree, **learning):
+    coarse = {"_CELLS": 440, "_SPACING": 0.5, "_BEST_CELLS": 220, "_BEST_SPACING": 1.0}
+    cells = mock.patch.multiple("eutree_lab.plants.evasion", **coarse)
+    with little_search(), cells, mock.patch.multiple(eutree, **learning):
         yield
 
 

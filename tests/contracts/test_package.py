@@ -100,7 +100,7 @@ def test_the_wheel_works_without_the_sources(installed: Path, tmp_path: Path) ->
         "             'fit demos --out expert.json --episodes 5',\n"
         "             'show expert.json --html tree.html',\n"
         "             'export expert.json --out expert.py',\n"
-        "             'learn eutree/MazeA-v0 --method vqql --episodes 2 --out run',\n"
+        "             'learn eutree/MazeA-v0 --method density-tree --episodes 2 --out run',\n"
         "             'reproduce --list'):\n"
         "    assert run(line.split()) == 0, line\n"
     )
