@@ -203,3 +203,20 @@ def test_a_start_that_was_lucky_leaves_more_than_the_luckiest_tree(margin, actio
     found = front_among(rich, [rich, poor], common, pick)
     assert found.picked.actions[0] == action
     assert 0.99 < common.outcome.success_rate < 1.0
+
+
+@pytest.mark.parametrize("floored", [True, False])
+def test_success_counts_too_where_a_number_of_leaves_is_asked_for(floored):
+    """The tree of two leaves earns more than that of one, and fails where the start does not."""
+    one = DecisionTree.single_leaf(1)
+    start = TreePolicy(one, np.array([0]), Schema.anonymous(1, 3))
+    poor = TreePolicy(one, np.array([1]), Schema.anonymous(1, 3))
+    rich = TreePolicy(one.split(0, 0, 0.5), np.array([2, 2]), Schema.anonymous(1, 3))
+    common = CommonEpisodes(Ground(Lottery(), 1), 400)
+    demand = Demand(margin=0.0, error=0.05, episodes=400)
+    floor = start if floored else None
+    pick = Pick(demand, max_leaves=2, floor=floor, success_margin=0.0)
+    found = front_among(start, [rich, poor], common, pick)
+    assert found.picked.actions[0] == 1
+    loose = Pick(demand, max_leaves=2, floor=floor, success_margin=0.01)
+    assert front_among(start, [rich, poor], common, loose).picked.actions[0] == 2

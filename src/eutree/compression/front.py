@@ -58,7 +58,7 @@ class Pick:
             within one standard error of the best.
         max_leaves: Most leaves: the best of at most so many instead; None for no limit.
         floor: A tree than which the pick may not succeed less often, as long as any tree of the
-            front does not; None for the input.
+            front, of so many leaves, does not; None for the input.
         success_margin: By how much it may, all the same: that much is no difference.
     """
 
@@ -104,13 +104,12 @@ def front_among(
     common.redraw(policy)
     best = _best_of_each_size(trees, common)
     verdict = None
+    allowed = _allowed(best, common, pick)
     if pick.max_leaves is not None:
-        picked = _largest_worth(best, pick.max_leaves)
+        picked = allowed[0] if allowed else None  # of a front the largest is the best
     elif pick.floor is not None:
-        allowed = _no_less_successful(best, common, pick.floor, pick.success_margin)
         picked = _near_best(allowed, ground, pick)
     else:
-        allowed = _succeeding(best, common.outcome.success_rate, pick.success_margin)
         picked, verdict = _contest(policy, allowed, ground, pick)
     report = CommonEpisodes(ground, pick.demand.episodes, REPORT)
     report.redraw(policy)
@@ -158,29 +157,24 @@ def _best_of_each_size(
     return best[::-1]
 
 
-def _succeeding(
-    best: Sequence[tuple[TreePolicy, Outcome]], least: float | None, margin: float
+def _allowed(
+    best: Sequence[tuple[TreePolicy, Outcome]], common: CommonEpisodes, pick: Pick
 ) -> list[TreePolicy]:
-    """Return the trees that succeed so often, or less often by a margin; all, where none counts."""
-    rates = [(tree, outcome.success_rate) for tree, outcome in best]
-    return [tree for tree, rate in rates if least is None or rate is None or rate >= least - margin]
+    """Return the trees that are small enough and succeed as often as the floor, or the input.
 
-
-def _no_less_successful(
-    best: Sequence[tuple[TreePolicy, Outcome]],
-    common: CommonEpisodes,
-    floor: TreePolicy,
-    margin: float,
-) -> list[TreePolicy]:
-    """Return the trees that succeed as often as another one; if none does, those that come next.
-
-    In so few episodes the floor may have been lucky, and the most successful of many trees was:
-    without the margin that one alone would be left, be it small and earn little.
+    If none does where one has to be picked, those that come next: in so few episodes the floor may
+    have been lucky, and the most successful of many trees was. Without the margin that one alone
+    would be left, be it small and earn little.
     """
-    (least,) = (outcome.success_rate for outcome in common.outcomes([floor]))
-    rates = [outcome.success_rate for _, outcome in best if outcome.success_rate is not None]
-    reached = least if least is None else min(least, max(rates, default=least))
-    return _succeeding(best, reached, margin)
+    least, most = common.outcome.success_rate, pick.max_leaves
+    if pick.floor is not None:
+        least = common.outcomes([pick.floor])[0].success_rate
+    small = [(one, o.success_rate) for one, o in best if most is None or one.n_leaves <= most]
+    if least is None:
+        return [tree for tree, _ in small]
+    if pick.floor is not None or most is not None:
+        least = min(least, max((rate for _, rate in small if rate is not None), default=least))
+    return [tree for tree, rate in small if rate is None or rate >= least - pick.success_margin]
 
 
 def _near_best(trees: Sequence[TreePolicy], ground: Ground, pick: Pick) -> TreePolicy:
@@ -190,13 +184,6 @@ def _near_best(trees: Sequence[TreePolicy], ground: Ground, pick: Pick) -> TreeP
     sizes = tuple(one.n_leaves for one in trees)
     rule = SmallestWithin(sizes=sizes, episodes=pick.demand.episodes, slack=SLACK)
     return trees[hold(rule, new_table(len(trees), rule.most), _runs(trees, ground)).winner]
-
-
-def _largest_worth(
-    best: Sequence[tuple[TreePolicy, Outcome]], max_leaves: int
-) -> TreePolicy | None:
-    """Return the best tree of at most so many leaves: of the front, the largest."""
-    return next((one for one, _ in best if one.n_leaves <= max_leaves), None)
 
 
 def _contest(
