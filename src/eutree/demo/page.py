@@ -1,6 +1,6 @@
 """What the demo's page shows, in the words of its story."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -10,12 +10,12 @@ import numpy as np
 from eutree.arrays import Floats
 from eutree.compression import CompressionReport
 from eutree.data import Demonstrations, Episode
-from eutree.evaluation import CurvePoint, Evaluation, Interval
+from eutree.evaluation import Evaluation, Interval
 from eutree.inspection import PolicyDiff
 from eutree.parallel import Workers
 from eutree.policies import TreePolicy
 from eutree.report import CHANGES_ID, Headline, RunReport, Table, WatchedEpisode, WatchedTree, watch
-from eutree.report.chart import Series
+from eutree.report.chart import Series, curves
 from eutree.report.html import Pointer, Verdict, changed_leaves
 from eutree.report.watching import film_if_possible
 from eutree.schema import EnvironmentSpec
@@ -364,21 +364,9 @@ def _film(played: tuple[EnvironmentSpec, Episode, str]) -> WatchedEpisode:
 def _curves(result: DemoResult) -> dict[str, Series]:
     """Return success, return and leaves of every run."""
     runs = result.runs
-    found = {_name(run, number == runs.winner): run.curve() for number, run in enumerate(runs.runs)}
-    measures: Mapping[str, Callable[[CurvePoint], float | None]] = {
-        "success rate": lambda point: point.success_rate,
-        "return": lambda point: point.mean_return,
-        "leaves": lambda point: float(point.n_leaves),
-    }
-    drawn: dict[str, Series] = {}
-    for measure, value in measures.items():
-        series = {name: [(p.episode, value(p)) for p in points] for name, points in found.items()}
-        if all(known is not None for entries in series.values() for _, known in entries):
-            drawn[measure] = {
-                name: [(float(at), *(float(known or 0.0),) * 3) for at, known in entries]
-                for name, entries in series.items()
-            }
-    return drawn
+    return curves({
+        _name(run, number == runs.winner): run.curve() for number, run in enumerate(runs.runs)
+    })  # fmt: skip
 
 
 def _name(run: FinishedRun, chosen: bool) -> str:

@@ -6,18 +6,20 @@ from dataclasses import dataclass
 from html import escape
 
 from eutree.compression.report import FrontEntry
+from eutree.evaluation import CurvePoint
 from eutree.export import to_svg
 from eutree.inspection import diff
+from eutree.report.html import figure, scrolling
 from eutree.wording import counted
 
-# Episode, mean, and both ends of the interval.
-CurvePoint = tuple[float, float, float, float]
-Series = Mapping[str, Sequence[CurvePoint]]
+# Of each learner: episode, mean, and both ends of the interval.
+Series = Mapping[str, Sequence[tuple[float, float, float, float]]]
 
 _WIDTH, _HEIGHT = 420.0, 250.0
 _LEFT, _RIGHT, _TOP, _BOTTOM = 46.0, 10.0, 10.0, 36.0
 _STYLES = 5
 _LEAST = 0.1  # of the largest value: what an axis spans at least
+_MEASURES = {"success_rate": "success rate", "mean_return": "return", "n_leaves": "leaves"}
 
 
 @dataclass(frozen=True)
@@ -95,6 +97,32 @@ def chart(title: str, series: Series, *, percent: bool = False, whole: bool = Fa
     return "\n".join([*lines, "</svg>"])
 
 
+def curves(learners: Mapping[str, Sequence[CurvePoint]]) -> dict[str, Series]:
+    """Return success, return and leaves of learners by the name of the measure.
+
+    What is not known of every point is left out.
+    """
+    return {
+        measure: {
+            learner: [(float(p.episode), *3 * (float(getattr(p, name)),)) for p in points]
+            for learner, points in learners.items()
+        }
+        for name, measure in _MEASURES.items()
+        if all(getattr(p, name) is not None for points in learners.values() for p in points)
+    }
+
+
+def curve_figures(curves: Mapping[str, Series]) -> list[str]:
+    """Return a chart of each measure with its title; success rates are percentages."""
+    return [
+        figure(
+            measure.capitalize(),
+            chart(measure, series, percent=measure == "success rate", whole=measure == "leaves"),
+        )
+        for measure, series in curves.items()
+    ]
+
+
 def scatter(
     x_title: str,
     y_title: str,
@@ -137,9 +165,7 @@ def legend(names: Sequence[str], styles: Sequence[int] | None = None) -> str:
     entries = (
         f'<li><svg width="34" height="8" aria-hidden="true"><line class="curve series-{style} '
         f'dash-{style}" x1="0" x2="34" y1="4" y2="4" stroke-width="2.4"/></svg>{escape(name)}</li>'
-        for name, style in zip(
-            names, styles or [k % _STYLES for k in range(len(names))], strict=True
-        )
+        for name, style in zip(names, styles, strict=True)
     )
     return f'<ul class="legend">{"".join(entries)}</ul>'
 
@@ -230,10 +256,8 @@ def _chart(
         )
         for one, value in values
     ]
-    return (
-        f"<figure><figcaption>{measure.capitalize()} by leaves</figcaption>\n"
-        f"{scatter('leaves', measure, points, percent=percent)}</figure>"
-    )
+    drawing = scatter("leaves", measure, points, percent=percent)
+    return figure(f"{measure.capitalize()} by leaves", drawing)
 
 
 def _name(number: int, one: FrontEntry, picked: int | None) -> str:
@@ -246,12 +270,9 @@ def _step(larger: FrontEntry, one: FrontEntry, name: str) -> str:
     """Return a tree, folded, with what changed from its larger neighbour."""
     title = f"{counted(one.policy.n_leaves, 'leaf')}{name}: {_earned(one)}"
     changed = "" if one is larger else _changed(larger, one)
-    label = escape(f"{counted(one.policy.n_leaves, 'leaf')}{name}, drawn")
-    return (
-        f'<details name="front"><summary>{escape(title)}</summary>{changed}'
-        f'<div class="scrolls tree" tabindex="0" role="region" aria-label="{label}">'
-        f"{to_svg(one.policy, standalone=False)}</div></details>\n"
-    )
+    label = f"{counted(one.policy.n_leaves, 'leaf')}{name}, drawn"
+    drawing = scrolling(label, to_svg(one.policy, standalone=False), kind="tree")
+    return f'<details name="front"><summary>{escape(title)}</summary>{changed}{drawing}</details>\n'
 
 
 def _changed(larger: FrontEntry, one: FrontEntry) -> str:

@@ -125,6 +125,17 @@ def _words(text: str) -> str:
     return escape(text).replace(" %", "&nbsp;%")
 
 
+def figure(title: str, drawing: str) -> str:
+    """Return a drawing with its title above it."""
+    return f"<figure><figcaption>{escape(title)}</figcaption>\n{drawing}</figure>"
+
+
+def scrolling(label: str, content: str, *, tag: str = "div", kind: str = "") -> str:
+    """Return a region that scrolls by itself on a narrow screen; ``kind`` is a class of it."""
+    facts = f'class="{f"scrolls {kind}".rstrip()}" tabindex="0" role="region"'
+    return f'<{tag} {facts} aria-label="{escape(label)}">{content}</{tag}>'
+
+
 @dataclass(frozen=True)
 class LeafChange:
     """What an earlier policy did where a leaf decides now.

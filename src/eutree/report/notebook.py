@@ -16,8 +16,8 @@ from eutree.export import to_svg
 from eutree.export.svg import STYLE
 from eutree.inspection import Edited
 from eutree.policies import TreePolicy
-from eutree.report.chart import Series, chart, front_charts, front_in_words
-from eutree.report.html import asset
+from eutree.report.chart import curve_figures, curves, front_charts, front_in_words
+from eutree.report.html import asset, scrolling
 from eutree.training import LearningResult
 from eutree.wording import counted
 
@@ -85,7 +85,8 @@ def _(result: LearningResult) -> str:
         "handed over": "" if result.against_start is None else result.against_start.verdict(),
         "smaller trees": front_in_words(result.front),
     }
-    drawn = [*(_charts(result) if result.curve else []), *front_charts(result.front)]
+    learned = curves({result.method.name: result.curve}) if result.curve else {}
+    drawn = [*curve_figures(learned), *front_charts(result.front)]
     charts = f'<div class="charts">{"".join(drawn)}</div>' if drawn else ""
     return _piece("Learning result", _facts(facts), charts, _drawn(result.policy))
 
@@ -99,7 +100,7 @@ def _(edited: Edited) -> str:
 
 def framed(drawing: str) -> str:
     """Return a drawing in a frame that scrolls, with the style of a piece."""
-    return f'<style>{_style()}</style><div class="eutree-shown">{_scrolling(drawing)}</div>'
+    return f'<style>{_style()}</style><div class="eutree-shown">{scrolling("Tree", drawing)}</div>'
 
 
 def _of_policy(policy: TreePolicy) -> dict[str, str]:
@@ -117,31 +118,8 @@ def _features(shown: TreePolicy | Demonstrations) -> str:
     return ", ".join(f"{f.name} [{f.unit}]" if f.unit else f.name for f in features)
 
 
-def _charts(result: LearningResult) -> list[str]:
-    def points(name: str) -> list[tuple[float, float, float, float]]:
-        found = [(point.episode, getattr(point, name)) for point in result.curve]
-        return [(float(at), *3 * (float(value),)) for at, value in found if value is not None]
-
-    names = {"success_rate": "success rate", "mean_return": "return", "n_leaves": "leaves"}
-    label = result.method.name
-    return [
-        f"<figure><figcaption>{title.capitalize()}</figcaption>"
-        f"{_drawn_curve(name, title, {label: points(name)})}</figure>"
-        for name, title in names.items()
-        if points(name)
-    ]
-
-
-def _drawn_curve(name: str, title: str, series: Series) -> str:
-    return chart(title, series, percent=name == "success_rate", whole=name == "n_leaves")
-
-
 def _drawn(policy: TreePolicy) -> str:
-    return _scrolling(to_svg(policy, standalone=False))
-
-
-def _scrolling(drawing: str) -> str:
-    return f'<div class="scrolls" tabindex="0" role="region" aria-label="Tree">{drawing}</div>'
+    return scrolling("Tree", to_svg(policy, standalone=False))
 
 
 def _facts(facts: Mapping[str, str]) -> str:

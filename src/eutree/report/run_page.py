@@ -15,8 +15,18 @@ from eutree.export import to_svg
 from eutree.export.svg import STYLE
 from eutree.policies import TreePolicy
 from eutree.policy_search.model_trust import ModelTrust
-from eutree.report.chart import Series, chart, front_section, legend, scatter
-from eutree.report.html import LeafChange, Verdict, as_json, asset, base_style, head, page
+from eutree.report.chart import Series, curve_figures, front_section, legend, scatter
+from eutree.report.html import (
+    LeafChange,
+    Verdict,
+    as_json,
+    asset,
+    base_style,
+    figure,
+    head,
+    page,
+    scrolling,
+)
 from eutree.report.tree_data import SIZE_LIMIT, add_pictures, tree_data
 from eutree.report.watching import WatchedEpisode
 from eutree.wording import counted
@@ -206,16 +216,8 @@ def _charts(report: RunReport) -> str:
     """Return the charts side by side, and one legend for all."""
     names = list(dict.fromkeys(name for series in report.curves.values() for name in series))
     complete = [{name: series.get(name, ()) for name in names} for series in report.curves.values()]
-    figures = [
-        f"<figure><figcaption>{escape(measure.capitalize())}</figcaption>\n"
-        f"{_drawn_curve(measure, series)}</figure>"
-        for measure, series in zip(report.curves, complete, strict=True)
-    ]
+    figures = curve_figures(dict(zip(report.curves, complete, strict=True)))
     return f'<div class="charts">{"".join(figures)}</div>\n{legend(names)}'
-
-
-def _drawn_curve(measure: str, series: Series) -> str:
-    return chart(measure, series, percent=measure == "success rate", whole=measure == "leaves")
 
 
 def _trust(trust: ModelTrust) -> str:
@@ -227,11 +229,12 @@ def _trust(trust: ModelTrust) -> str:
             trust.imagined.tolist(), trust.real.tolist(), trust.episodes.tolist(), strict=True
         )
     ]
-    drawn = (
-        '<div class="charts alone"><figure><figcaption>Mean real return of each tree</figcaption>\n'
-        f"{scatter('score in the world model', 'mean real return', points)}</figure></div>"
-    )
-    return f"<p>{escape(sentence[0].upper() + sentence[1:])}.</p>{drawn if points else ''}"
+    drawn = ""
+    if points:
+        drawing = scatter("score in the world model", "mean real return", points)
+        drawn = figure("Mean real return of each tree", drawing)
+        drawn = f'<div class="charts alone">{drawn}</div>'
+    return f"<p>{escape(sentence[0].upper() + sentence[1:])}.</p>{drawn}"
 
 
 def _table(table: Table) -> str:
@@ -249,11 +252,8 @@ def _table(table: Table) -> str:
         opened[table.marked] = '<tr class="marked">'
     body = "".join(f"{start}{row}</tr>\n" for start, row in zip(opened, rows, strict=True))
     caption = f"<caption>{escape(table.caption)}</caption>" if table.caption else ""
-    label = escape(table.caption or "Table")
-    return (
-        f'<div class="scrolls" tabindex="0" role="region" aria-label="{label}">'
-        f"<table>{caption}<thead><tr>{head_cells}</tr></thead>\n<tbody>{body}</tbody></table></div>"
-    )
+    inside = f"{caption}<thead><tr>{head_cells}</tr></thead>\n<tbody>{body}</tbody>"
+    return scrolling(table.caption or "Table", f"<table>{inside}</table>")
 
 
 def _folds(report: RunReport) -> str:
@@ -261,17 +261,12 @@ def _folds(report: RunReport) -> str:
     folds = [
         _fold(
             f"{name}: {counted(policy.n_leaves, 'leaf')}",
-            f'<div class="scrolls tree" tabindex="0" role="region" aria-label="{escape(name)}, '
-            f'drawn">{to_svg(policy, standalone=False)}</div>',
+            scrolling(f"{name}, drawn", to_svg(policy, standalone=False), kind="tree"),
         )
         for name, policy in report.trees.items()
     ]
     folds += [
-        _fold(
-            title,
-            f'<pre class="scrolls" tabindex="0" role="region" aria-label="{escape(title)}">'
-            f"{escape(text)}</pre>",
-        )
+        _fold(title, scrolling(title, escape(text), tag="pre"))
         for title, text in report.texts.items()
     ]
     return f"<section>{''.join(folds)}</section>" if folds else ""
