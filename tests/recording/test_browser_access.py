@@ -6,7 +6,7 @@ from dataclasses import replace
 import gymnasium
 import pytest
 
-from eutree.recording.tree_making import HurtView, SegmentView, StripView, TreeView
+from eutree.recording.tree_making import HurtView, Segment, StripView, TreeView
 from tests.recording.people import Corridor
 from tests.recording.serving import serving
 from tests.recording.typists import (
@@ -117,7 +117,7 @@ def hurts_of(*kinds):
         marks=((2, 4),),
         words="Episode 0, 5 steps. Marked: steps 3 to 4.",
     )
-    segment = SegmentView(episode=0, start=2, stop=4, action=2, becomes=0)
+    segment = Segment(episode=0, start=2, stop=4, seconds=None, action=2, becomes=0)
     return tuple(
         HurtView(
             what=what,

@@ -9,15 +9,19 @@ from eutree.data import DemonstrationFolder, Demonstrations
 from eutree.data.episode import CUT
 from eutree.recording.events import EpisodeChanged, EpisodeEnded, SessionSettings
 from eutree.recording.recorder import Recorder
-from eutree.recording.tree_making import HurtView, SegmentView
+from eutree.recording.tree_making import HurtView, Segment
 from tests.recording.people import Corridor, Person
 
 RIGHT = 2
 
 
 def hurt(what="flip", episode=0, start=1, stop=3, **fields):
-    segment = SegmentView(
-        episode=episode, start=start, stop=stop, **({"action": RIGHT, "becomes": 0} | fields)
+    segment = Segment(
+        episode=episode,
+        start=start,
+        stop=stop,
+        seconds=None,
+        **({"action": RIGHT, "becomes": 0} | fields),
     )
     return HurtView(what=what, title="", why="", reached="", segments=(segment,), strips=())
 

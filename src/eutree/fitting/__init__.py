@@ -7,7 +7,8 @@ from eutree.lazy import lazily
 
 if TYPE_CHECKING:
     from eutree.fitting.hurting import Hurt, Hurting, find_hurting
-    from eutree.fitting.segments import Segment, accepted, restored
+    from eutree.fitting.segments import accepted, restored
+    from eutree.recording.tree_making import Segment
 
 __all__ = [
     "FitReport",
@@ -25,6 +26,7 @@ __getattr__ = lazily(
     __name__,
     {
         "eutree.fitting.hurting": "Hurt Hurting find_hurting",
-        "eutree.fitting.segments": "Segment accepted restored",
+        "eutree.fitting.segments": "accepted restored",
+        "eutree.recording.tree_making": "Segment",
     },
 )

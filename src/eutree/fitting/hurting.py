@@ -30,7 +30,7 @@ from eutree.evaluation import Evaluation, evaluate
 from eutree.fitting.diagnosis import leaf_in_words
 from eutree.fitting.playing import TIE, Played, Player, Progress, blame
 from eutree.fitting.report import Person, result_in_words
-from eutree.fitting.segments import Edit, KeyRuns, Segment, accepted, last_steps, segments_of
+from eutree.fitting.segments import Edit, KeyRuns, accepted, last_steps, segments_of
 from eutree.interaction import episode_seed
 from eutree.interaction.deriving import acting_as
 from eutree.interaction.making import Environment, opened
@@ -38,6 +38,7 @@ from eutree.interaction.seeding import Stream
 from eutree.learners import fit_expert_tree
 from eutree.learners.starts import SETTINGS, Candidate, candidates, promising
 from eutree.policies import TreePolicy
+from eutree.recording.tree_making import Segment
 from eutree.schema import Schema
 from eutree.validation import check_integer, check_seed
 from eutree.wording import counted

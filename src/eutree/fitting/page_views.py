@@ -23,13 +23,12 @@ from eutree.inspection import diff
 from eutree.interaction import GuardedEnv, describe, run_episode
 from eutree.policies import TreePolicy
 from eutree.recording import keys_of_environment
-from eutree.recording.tree_making import HurtView, SegmentView, StripView, WayView
+from eutree.recording.tree_making import HurtView, Segment, StripView, WayView
 from eutree.trees.text import printable
 from eutree.wording import counted
 
 if TYPE_CHECKING:
     from eutree.fitting.hurting import Hurt, Hurting
-    from eutree.fitting.segments import Segment
 
 PLAYED = 200  # episodes that each size plays
 COUNTED = 50  # episodes that say how much a tree waits
@@ -146,16 +145,7 @@ def _hurt_view(one: "Hurt", shown: Demonstrations, numbers: Sequence[int]) -> Hu
         title=_title(one, len(places), shown.schema.actions),
         why=f"{one.why[0].upper()}{one.why[1:]}.",
         reached=f"{one.reached[0].upper()}{one.reached[1:]}.",
-        segments=tuple(
-            SegmentView(
-                episode=part.episode,
-                start=part.start,
-                stop=part.stop,
-                action=part.action,
-                becomes=part.becomes,
-            )
-            for part in one.segments
-        ),
+        segments=one.segments,
         strips=tuple(
             _strip(shown, place, numbers[place], [p for p in one.segments if p.episode == place])
             for place in places[:STRIPS]
@@ -172,7 +162,7 @@ def _title(one: "Hurt", episodes: int, names: tuple[str, ...]) -> str:
     return f"{title} to {' or '.join(to)}"
 
 
-def _strip(shown: Demonstrations, place: int, number: int, marked: "list[Segment]") -> StripView:
+def _strip(shown: Demonstrations, place: int, number: int, marked: list[Segment]) -> StripView:
     actions = shown.episodes[place].actions
     ends = [*(np.flatnonzero(np.diff(actions)) + 1).tolist(), len(actions)]
     runs = [

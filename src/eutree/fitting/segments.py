@@ -4,7 +4,7 @@ What was done stays in the demonstrations; beside it stands what is to be imitat
 (``Episode.taught``).
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,44 +13,7 @@ from eutree.arrays import Booleans, Integers
 from eutree.data import Demonstrations
 from eutree.data.demonstrations import taught_in, teaching
 from eutree.data.episode import CUT
-from eutree.schema import Schema
-
-
-@dataclass(frozen=True)
-class Segment:
-    """Consecutive steps of one demonstrated episode in which the same action was taken.
-
-    Attributes:
-        episode: Number among ``Demonstrations.episodes``.
-        start: Its first step, from 0.
-        stop: The step after its last one.
-        seconds: When it begins and ends, from the episode's first step; None if unknown.
-        action: What was done.
-        becomes: What is to be imitated in its place; None for nothing.
-    """
-
-    episode: int
-    start: int
-    stop: int
-    seconds: tuple[float, float] | None
-    action: int
-    becomes: int | None
-
-    def words(self, schema: Schema, numbers: Sequence[int] | None) -> str:
-        """Return which steps these are, counted from 1, and what becomes of them.
-
-        Args:
-            schema: Names of the actions.
-            numbers: The number of each episode in its folder; None does not name the episode.
-        """
-        names, first = schema.actions, self.start + 1
-        steps = f"step {first}" if self.stop == first else f"steps {first} to {self.stop}"
-        when = (
-            "" if self.seconds is None else f" ({self.seconds[0]:.1f} to {self.seconds[1]:.1f} s)"
-        )
-        to = "" if self.becomes in (None, self.action) else f", as if {names[self.becomes or 0]}"
-        which = "" if numbers is None else f"episode {numbers[self.episode]}, "
-        return f"{which}{steps}{when}: {names[self.action]}{to}"
+from eutree.recording.tree_making import Segment
 
 
 def accepted(demonstrations: Demonstrations, segments: Iterable[Segment]) -> Demonstrations:

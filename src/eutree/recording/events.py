@@ -1,14 +1,17 @@
 """What goes into a recording session, and what comes out of it to be stored and shown."""
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from eutree.arrays import Floats
 from eutree.data import Episode
 from eutree.validation import check_integer, check_number, check_seed
+
+Number = Annotated[int, msgspec.Meta(ge=0, lt=2**32)]  # of a picture or of a key
 
 # ---- in: what a session is told at its start, what the person and the viewer did
 
@@ -62,11 +65,10 @@ class KeyUp:
     frame: int = 0
 
 
-@dataclass(frozen=True)
-class Seen:
-    """The viewer has drawn the picture ``frame``."""
+class Seen(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="drawn"):
+    """The viewer has drawn the picture ``frame``; as JSON it is the page's message of that."""
 
-    frame: int
+    frame: Number
 
 
 @dataclass(frozen=True)
@@ -85,12 +87,11 @@ class Present:
     """A viewer has come, or has come back."""
 
 
-@dataclass(frozen=True)
-class Command:
-    """A button was pressed or a setting chosen: see ``Session.COMMANDS``."""
+class Command(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="do"):
+    """A button was pressed or a setting chosen: see ``Session.COMMANDS``; as JSON a message."""
 
     name: str
-    value: float | str | None = None
+    value: float | bool | None = None
     key: str = ""
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from eutree.data import Episode
 from eutree.data.episode import CUT, TAUGHT
 from eutree.recording.episodes import Recording, Trial
-from eutree.recording.tree_making import HurtView, SegmentView
+from eutree.recording.tree_making import HurtView, Segment
 
 
 class Lessons:
@@ -25,7 +25,7 @@ class Lessons:
     def __init__(self, recording: Recording) -> None:
         self._recording = recording
         self.hurts: tuple[HurtView, ...] = ()
-        self.again: SegmentView | None = None
+        self.again: Segment | None = None
         self._before: dict[int, Episode] = {}  # what was changed last, as it was
 
     def teach(self, numbers: Iterable[int], how: str | None) -> bool:
@@ -71,7 +71,7 @@ class Lessons:
                 return
             self._recording.step(trial, int(action), now, {**measured, TAUGHT: CUT})
 
-    def _teach(self, one: SegmentView, how: str) -> None:
+    def _teach(self, one: Segment, how: str) -> None:
         if how not in ("cut", "flip"):
             return  # it is to be shown again: nothing was found to be better
         episode = self._recording.episodes[one.episode]
@@ -80,7 +80,7 @@ class Lessons:
         changed = episode.teaching_in(one.start, one.stop, becomes)
         self._recording.change(one.episode, changed)
 
-    def _segments(self, number: int) -> tuple[SegmentView, ...]:
+    def _segments(self, number: int) -> tuple[Segment, ...]:
         """Return the segments of a number, if they are those of the list of episodes still."""
         segments = self.hurts[number].segments if 0 <= number < len(self.hurts) else ()
         episodes = self._recording.episodes

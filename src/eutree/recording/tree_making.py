@@ -3,12 +3,13 @@
 Recording knows nothing of learning: whoever opens the page hands in a ``TreeMaker``.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 from eutree.recording.events import Event
 from eutree.recording.scenes import Programme, Scene
+from eutree.schema import Schema
 
 FITTING, PLAYING, PRACTISING = "fitting", "playing", "practising"
 READY, FAILED = "ready", "failed"
@@ -31,23 +32,41 @@ class WayView:
     is_kept: bool = False
 
 
-@dataclass(frozen=True, kw_only=True)
-class SegmentView:
-    """Consecutive steps of an episode in which one action was taken.
+@dataclass(frozen=True)
+class Segment:
+    """Consecutive steps of one demonstrated episode in which the same action was taken.
 
     Attributes:
-        episode: Place of the episode in the list.
-        start: The first step, from 0.
-        stop: The step after the last one.
+        episode: Number among ``Demonstrations.episodes``.
+        start: Its first step, from 0.
+        stop: The step after its last one.
+        seconds: When it begins and ends, from the episode's first step; None if unknown.
         action: What was done.
-        becomes: What may be imitated in its place; None where nothing was found to be better.
+        becomes: What is to be imitated in its place; None for nothing.
     """
 
     episode: int
     start: int
     stop: int
+    seconds: tuple[float, float] | None
     action: int
-    becomes: int | None = None
+    becomes: int | None
+
+    def words(self, schema: Schema, numbers: Sequence[int] | None) -> str:
+        """Return which steps these are, counted from 1, and what becomes of them.
+
+        Args:
+            schema: Names of the actions.
+            numbers: The number of each episode in its folder; None does not name the episode.
+        """
+        names, first = schema.actions, self.start + 1
+        steps = f"step {first}" if self.stop == first else f"steps {first} to {self.stop}"
+        when = (
+            "" if self.seconds is None else f" ({self.seconds[0]:.1f} to {self.seconds[1]:.1f} s)"
+        )
+        to = "" if self.becomes in (None, self.action) else f", as if {names[self.becomes or 0]}"
+        which = "" if numbers is None else f"episode {numbers[self.episode]}, "
+        return f"{which}{steps}{when}: {names[self.action]}{to}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +105,7 @@ class HurtView:
     title: str
     why: str
     reached: str
-    segments: tuple[SegmentView, ...]
+    segments: tuple[Segment, ...]
     strips: tuple[StripView, ...]
 
 

@@ -25,8 +25,6 @@ from eutree.recording.browser.gate import (
 )
 from eutree.recording.browser.wire import (
     MAX_MESSAGE,
-    Do,
-    Drawn,
     Gone,
     Hello,
     Key,
@@ -34,12 +32,11 @@ from eutree.recording.browser.wire import (
     Take,
     Tell,
     Viewer,
-    command_of,
     decode,
     encode_picture,
     view_fields,
 )
-from eutree.recording.events import Away, Event, Frame, KeyDown, KeyUp, Present, Seen
+from eutree.recording.events import Away, Command, Event, Frame, KeyDown, KeyUp, Present, Seen
 from eutree.recording.recorder import Recorder
 from eutree.recording.scenes import Programme
 from eutree.recording.tree_making import FAILED, FITTING, Guide, TreeMaker, TreeView
@@ -297,17 +294,17 @@ class PageServer:
     # ---- messages
 
     def _hear(self, viewer: Viewer, message: Message) -> None:
-        if isinstance(message, Drawn):
+        if isinstance(message, Seen):
             viewer.drawn(message.frame)
         if isinstance(message, Take):
             self._set_driver(viewer)
         if viewer is not self._driver:
             return  # who watches changes nothing
         sent = 0 if self._picture is None else self._picture[0]
-        if isinstance(message, Drawn | Key) and message.frame > sent:
+        if isinstance(message, Seen | Key) and message.frame > sent:
             raise InvalidArgumentError("this picture was never sent")
-        if isinstance(message, Drawn):
-            self._add(Seen(message.frame))
+        if isinstance(message, Seen):
+            self._add(message)
         elif isinstance(message, Key):
             if message.sequence != viewer.sequence + 1:
                 raise InvalidArgumentError("a key is missing")
@@ -316,8 +313,8 @@ class PageServer:
             self._add(kind(message.key, message.frame))
         elif isinstance(message, Gone):
             self._add(Away(HIDDEN))
-        elif isinstance(message, Do):
-            self._add(command_of(message))
+        elif isinstance(message, Command):
+            self._add(message)
         elif isinstance(message, Tell) and self._guide is not None:
             self._guide.hear(message.name, message.place, message.text)
             self._woken.set()

@@ -6,7 +6,7 @@ A ``Viewer`` is one open page: what it has been sent, what it has drawn, what st
 import asyncio
 import io
 import struct
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from eutree.errors import InvalidArgumentError, MissingExtraError, UnknownNameError
 from eutree.recording.browser.gate import RateLimit
-from eutree.recording.events import Command, View
+from eutree.recording.events import Command, Number, Seen, View
 from eutree.recording.keys import check_key
 from eutree.recording.session import Session
 
@@ -25,7 +25,6 @@ MAX_MESSAGE = 2048  # bytes
 # Commands whose value is a place in a list.
 _INDEXED = ("bind", "keep", "drop", "choose", "cut", "flip", "again")
 
-Number = Annotated[int, msgspec.Meta(ge=0, lt=2**32)]  # of a picture or of a key
 HEADER = struct.Struct(">III")  # picture's number, last key's sequence number, size in bytes
 JPEG_QUALITY = 80
 
@@ -45,22 +44,8 @@ class Key(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="key"):
     frame: Number
 
 
-class Drawn(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="drawn"):
-    """A picture is on the screen."""
-
-    frame: Number
-
-
 class Gone(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="gone"):
     """The page was hidden or lost the focus."""
-
-
-class Do(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="do"):
-    """A button was pressed or a setting chosen."""
-
-    name: str
-    value: float | bool | None = None
-    key: str = ""
 
 
 class Tell(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="tell"):
@@ -75,7 +60,7 @@ class Take(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="take"):
     """A page that watches wants to be the one that acts."""
 
 
-Message = Hello | Key | Drawn | Gone | Do | Tell | Take
+Message = Hello | Key | Seen | Gone | Command | Tell | Take
 
 _decoder: msgspec.json.Decoder[Message] = msgspec.json.Decoder(Message)
 _encoder = msgspec.json.Encoder()
@@ -93,9 +78,9 @@ def decode(text: str | bytes) -> Message:
         check_key(message.key)
     if isinstance(message, Hello) and not 8 <= len(message.client) <= 64:
         raise InvalidArgumentError("client must have 8 to 64 characters")
-    if isinstance(message, Do) and message.name not in Session.COMMANDS:
+    if isinstance(message, Command) and message.name not in Session.COMMANDS:
         raise UnknownNameError("command", message.name, Session.COMMANDS)
-    if isinstance(message, Do) and message.name in _INDEXED and not _is_index(message.value):
+    if isinstance(message, Command) and message.name in _INDEXED and not _is_index(message.value):
         raise InvalidArgumentError(
             f"{message.name} must have a whole number of at least 0, got {message.value!r}"
         )
@@ -106,12 +91,6 @@ def _is_index(value: float | bool | None) -> bool:
     if value is None or isinstance(value, bool):
         return False
     return 0 <= value < 2**32 and value == int(value)
-
-
-def command_of(message: Do) -> Command:
-    """Return the session's command."""
-    value = None if message.value is None else float(message.value)
-    return Command(message.name, value, message.key)
 
 
 def view_fields(view: View) -> dict[str, Any]:
