@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 
 import gymnasium
+import msgspec
 import numpy as np
 import pytest
 
@@ -129,7 +130,7 @@ def test_the_front_comes_before_the_judgement_and_only_where_something_is_judged
     at = Position(episode=1, updated_at=1, evaluated_at=1)
     asked = {"gathering_episodes": 1, "max_episode_steps": 10}
     assert due(plan, at, **asked) is Phase.FRONT
-    assert due(plan, replace(at, fronted=True), **asked) is Phase.JUDGE
+    assert due(plan, msgspec.structs.replace(at, fronted=True), **asked) is Phase.JUDGE
     for handover in (None, Handover(episodes=0), Handover(front_steps=0)):
         assert due(replace(plan, handover=handover), at, **asked) is not Phase.FRONT
 

@@ -1,8 +1,7 @@
 """What a run does next: a function of its plan and its position, and of nothing else."""
 
-from dataclasses import replace
-
 import pytest
+from msgspec.structs import replace
 
 import eutree
 from eutree.errors import InvalidArgumentError

@@ -1,6 +1,6 @@
 """One episode (the paper's *trial*): T+1 observations, T actions and rewards, how it ended."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -16,6 +16,15 @@ SPOILT = 2  # steps before a person stepped in, or before a failure, that nobody
 ALLOWED = "allowed"  # of ``steps``: which actions were allowed, [T, A]
 TAUGHT = "taught"  # of ``steps``: which action is to be imitated, [T]; ``CUT`` for none
 CUT = -1
+
+
+def masks_of(rows: Sequence[Booleans | None]) -> Booleans | None:
+    """Return which actions were allowed at some steps, shape [T, A]; None where all were."""
+    known = next((row for row in rows if row is not None), None)
+    if known is None:
+        return None
+    every = np.ones_like(known)
+    return np.array([every if row is None else row for row in rows])
 
 
 def allowed_in(episodes: "Iterable[Episode]") -> Booleans | None:

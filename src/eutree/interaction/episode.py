@@ -3,8 +3,7 @@
 They run again from their seeds and actions.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import gymnasium
@@ -12,7 +11,7 @@ import numpy as np
 
 from eutree.arrays import Booleans, Floats
 from eutree.data import Demonstrations, Episode
-from eutree.data.episode import ALLOWED
+from eutree.data.episode import ALLOWED, masks_of
 from eutree.errors import EnvironmentFault, InvalidArgumentError
 from eutree.interaction.acting import Actor
 from eutree.interaction.deriving import acting_as
@@ -27,79 +26,68 @@ def run_episode(env: GuardedEnv, policy: Policy, seed: int | None = None) -> Epi
     Raises:
         EnvironmentFault: The environment broke its contract.
     """
-    observation = env.reset(seed)
-    observations, actions, rewards = [observation], [], []
+    steps = EpisodeSteps(env, env.reset(seed))
     actor = Actor(policy, env)
-    masks = Masks()
-    while True:
-        masks.add(env.allowed)
-        action = actor.act(observation, env.allowed)
-        observation, reward, terminated, truncated, info = env.step(action)
-        observations.append(observation)
-        actions.append(action)
-        rewards.append(reward)
-        if terminated or truncated:
-            break
-    end = End(terminated, truncated, info)
-    return masks.given_to(ended_episode(observations, actions, rewards, end, seed=seed))
+    while not steps.is_over:
+        steps.take(actor.act(steps.present, env.allowed))
+    return steps.episode(seed)
 
 
-class Masks:
-    """Which actions were allowed at each step of an episode."""
-
-    def __init__(self) -> None:
-        self._rows: list[Booleans | None] = []
-
-    def add(self, allowed: Booleans | None) -> None:
-        """Take those of the next step, shape [A]; None where all are."""
-        self._rows.append(allowed)
-
-    def given_to(self, episode: Episode) -> Episode:
-        """Return the episode with them, as ``steps["allowed"]``; as it is where there are none."""
-        known = next((row for row in self._rows if row is not None), None)
-        if known is None:
-            return episode
-        every = np.ones_like(known)
-        rows = [every if row is None else row for row in self._rows[: len(episode)]]
-        return replace(episode, steps={**episode.steps, ALLOWED: np.array(rows)})
-
-
-@dataclass(frozen=True)
-class End:
-    """What the environment says with the last step of an episode."""
-
-    terminated: bool
-    truncated: bool
-    info: dict[str, Any]
-
-
-def ended_episode(
-    observations: Sequence[Floats],
-    actions: Sequence[int],
-    rewards: Sequence[float],
-    end: End,
-    *,
-    seed: int | None = None,
-) -> Episode:
-    """Return an episode that the task or a limit has ended.
+class EpisodeSteps:
+    """The steps of an episode under way, from its reset on.
 
     Args:
-        observations: T + 1 observations.
-        actions: T actions.
-        rewards: T rewards.
-        end: What was said with the last step.
-        seed: Seed of its reset.
+        env: Where it is.
+        observation: What was observed at its reset, shape [d].
+
+    Attributes:
+        present: The present observation, shape [d].
+        is_over: Whether the task or a limit has ended it.
     """
-    return Episode(
-        observations=np.array(observations),
-        actions=np.array(actions),
-        rewards=np.array(rewards),
-        terminated=end.terminated,
-        truncated=end.truncated and not end.terminated,
-        seed=seed,
-        ending=ending_of(end.info, terminated=end.terminated),
-        is_success=success_of(end.info),
-    )
+
+    def __init__(self, env: GuardedEnv, observation: Floats) -> None:
+        self._env = env
+        self.present, self.is_over = observation, False
+        self._observations = [self.present]
+        self._actions: list[int] = []
+        self._rewards: list[float] = []
+        self._allowed: list[Booleans | None] = []
+        self._end: tuple[bool, bool, dict[str, Any]] = (False, False, {})
+
+    def __len__(self) -> int:
+        """Return the number of steps so far."""
+        return len(self._actions)
+
+    def take(self, action: int) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
+        """Take a step, and return what the environment says.
+
+        Raises:
+            EnvironmentFault: The environment broke its contract.
+        """
+        self._allowed.append(self._env.allowed)
+        said = self._env.step(action)
+        self.present, reward, terminated, truncated, info = said
+        self._observations.append(self.present)
+        self._actions.append(action)
+        self._rewards.append(reward)
+        self._end, self.is_over = (terminated, truncated, info), terminated or truncated
+        return said
+
+    def episode(self, seed: int | None = None) -> Episode:
+        """Return the episode, which has ended; ``seed`` is that of its reset, where it is known."""
+        terminated, truncated, info = self._end
+        allowed = masks_of(self._allowed)
+        return Episode(
+            observations=np.array(self._observations),
+            actions=np.array(self._actions),
+            rewards=np.array(self._rewards),
+            terminated=terminated,
+            truncated=truncated and not terminated,
+            seed=seed,
+            ending=ending_of(info, terminated=terminated),
+            is_success=success_of(info),
+            steps={} if allowed is None else {ALLOWED: allowed},
+        )
 
 
 def ending_of(info: dict[str, Any], *, terminated: bool) -> str:

@@ -1,12 +1,13 @@
 """The episode under way: what a learner keeps of it until it has ended."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 
 from eutree.arrays import Booleans, Floats, Int32s, Integers
 from eutree.data import Episode
+from eutree.data.episode import masks_of
 from eutree.learners.history import TERMINAL, History
 from eutree.learners.learner import Step
 from eutree.world_model import Transitions
@@ -69,19 +70,10 @@ class EpisodeBuffer:
             actions=np.array(columns.action, dtype=np.int64),
             rewards=np.array(columns.reward),
             terminated=self._steps[-1].terminated,
-            allowed=masks_of(self._steps),
+            allowed=masks_of([step.allowed for step in self._steps]),
         )
         self._steps.clear()
         return episode
-
-
-def masks_of(steps: Sequence[Step]) -> Booleans | None:
-    """Return which actions were allowed at some steps, shape [T, A]; None where all were."""
-    known = next((step.allowed for step in steps if step.allowed is not None), None)
-    if known is None:
-        return None
-    every = np.ones_like(known)
-    return np.array([every if step.allowed is None else step.allowed for step in steps])
 
 
 def random_action(generator: np.random.Generator, n_actions: int, allowed: Booleans | None) -> int:

@@ -8,7 +8,7 @@ import numpy as np
 from eutree.arrays import Booleans, Floats
 from eutree.data import Episode
 from eutree.interaction import GuardedEnv, episode_seed
-from eutree.interaction.episode import End, Masks, ended_episode, success_of
+from eutree.interaction.episode import EpisodeSteps, success_of
 from eutree.interaction.seeding import Stream
 from eutree.learners import Learner, Step
 from eutree.learners.learner import ActsAmongAllowed, ChoosesStarts, HasTeacher
@@ -213,26 +213,17 @@ class Racing:
         """Run a tree from one of the race's starts; None if the run or its room ends before."""
         state = self._state
         block = episode_seed(self._plan.seed, start // STARTS, Stream.RACING)
-        observation = env.reset(episode_seed(block, start % STARTS))
-        observations, rewards = [observation], []
-        actions: list[int] = []
-        masks = Masks()
-        terminated = truncated = False
-        info: dict[str, Any] = {}
+        steps = EpisodeSteps(env, env.reset(episode_seed(block, start % STARTS)))
         try:
-            while not (terminated or truncated):
-                if state.must_stop() or len(actions) == room:
+            while not steps.is_over:
+                if state.must_stop() or len(steps) == room:
                     return None
                 # The environment has the history already: its observations are the features.
-                masks.add(env.allowed)
-                action = tree.act(observation.tolist(), env.allowed)
-                observation, reward, terminated, truncated, info = env.step(action)
-                observations.append(observation)
-                actions.append(action)
-                rewards.append(reward)
+                action = tree.act(steps.present.tolist(), env.allowed)
+                said = steps.take(action)
                 state.steps_of_episode += 1
+                observation, reward, terminated, truncated, info = said
                 state.step_taken(Step(action, reward, observation, terminated, truncated, info))
         finally:
             state.steps_of_episode = 0
-        end = End(terminated, truncated, info)
-        return masks.given_to(ended_episode(observations, actions, rewards, end))
+        return steps.episode()

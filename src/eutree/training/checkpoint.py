@@ -47,29 +47,6 @@ _EVENTS = "run_events"
 MAX_CHECKPOINT = 4 * 2**30  # bytes; a run of some ten million steps and more
 
 
-class PositionDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Where a run stood between two phases; see ``Position``."""
-
-    episode: Count
-    steps: Count
-    teacher_steps: Count
-    racing_steps: Count
-    longest: Count
-    seconds: float
-    challengers: Count
-    updates: Count
-    updated_at: int
-    evaluated_at: int
-    settled: bool
-    raced: bool
-    judged: bool
-    fronted: bool = False
-    front_steps: Count = 0
-    updated_steps: Count = 0
-    played_episodes: Count = 0
-    evaluation_steps: Count = 0
-
-
 class FrontDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The front of a run: its trees, the largest first, and the one that was picked."""
 
@@ -93,7 +70,7 @@ class CheckpointDocument(Document, frozen=True, kw_only=True):
     FORMAT: ClassVar[str] = "eutree/checkpoint"
     VERSION: ClassVar[int] = 4
 
-    position: PositionDocument
+    position: Position
     kept: KeptDocument | None = None
     result: PolicyText | None = None
     race: RaceDocument | None = None
@@ -107,7 +84,7 @@ def write_checkpoint(path: Path, run: Run) -> None:
     kept, search, result = run.evaluations.kept, run.racing.search, run.racing.result
     front, picked = run.evaluations.front, run.evaluations.picked
     document = CheckpointDocument(
-        position=PositionDocument(**vars(run.at)),
+        position=run.at,
         kept=None if kept is None else KeptDocument(PolicyText.of(kept[0]), kept[1]),
         result=None if result is None else PolicyText.of(result),
         race=None if search is None else race_to_document(search.state),
@@ -146,7 +123,7 @@ def restore_checkpoint(path: Path, run: Run) -> None:
         raced = episodes_from_arrays(path, arrays, problem.n_actions, problem.n_features)
     _check_events(path, events, gathered)
     run.learner = restored(path, arrays, method, problem, beginning.start)
-    run.state.at = Position(**msgspec.structs.asdict(document.position))
+    run.state.at = document.position
     run.evaluations.curve = [
         _point(path, event) for event in events if event["event"] == "evaluation"
     ]

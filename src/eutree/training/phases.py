@@ -12,16 +12,18 @@ episodes alone has no gathering phase: it updates until nothing changes.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Protocol
 
+import msgspec
 import numpy as np
 
 from eutree.learners import Step
 from eutree.training.handover import Handover
 from eutree.training.proportion import END, EPISODES
 from eutree.training.proposals import SearchSettings
+from eutree.training.race_state import Count
 from eutree.validation import check_integer, check_number, check_seed
 
 MANY = 10**12  # episodes, where only another budget ends a run
@@ -100,8 +102,7 @@ class Plan:
         return 0 if self.race is None else self.race.steps
 
 
-@dataclass(frozen=True, kw_only=True)
-class Position:
+class Position(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Where a run stands between two phases.
 
     Attributes:
@@ -125,24 +126,24 @@ class Position:
         evaluation_steps: Steps of the evaluations among them.
     """
 
-    episode: int = 0
-    steps: int = 0
-    teacher_steps: int = 0
-    racing_steps: int = 0
-    longest: int = 0
+    episode: Count = 0
+    steps: Count = 0
+    teacher_steps: Count = 0
+    racing_steps: Count = 0
+    longest: Count = 0
     seconds: float = 0.0
-    challengers: int = 0
-    updates: int = 0
+    challengers: Count = 0
+    updates: Count = 0
     updated_at: int = -1
-    updated_steps: int = 0
+    updated_steps: Count = 0
     evaluated_at: int = -1
     settled: bool = False
     raced: bool = False
     fronted: bool = False
-    front_steps: int = 0
+    front_steps: Count = 0
     judged: bool = False
-    played_episodes: int = 0
-    evaluation_steps: int = 0
+    played_episodes: Count = 0
+    evaluation_steps: Count = 0
 
     @property
     def lived(self) -> float:
@@ -260,7 +261,7 @@ class RunState:
 
     def move(self, **changes: Any) -> None:
         """Stand elsewhere from now on."""
-        self.at = replace(self.at, **changes)
+        self.at = msgspec.structs.replace(self.at, **changes)
 
     def note(self, event: str, facts: dict[str, Any]) -> None:
         """Add an event that happened here and now."""
