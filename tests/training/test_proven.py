@@ -11,12 +11,25 @@ from eutree.compression.front import Front
 from eutree.compression.playing import Outcome
 from eutree.compression.report import FrontEntry
 from eutree.errors import InvalidArgumentError
+from eutree.proof import prove
 from eutree.schema import EnvironmentSpec
 from eutree.training import front as front_of_runs
 from eutree.training.evaluations import ProvenFirst
 from tests.proof.policies import BAD, GOOD, SWITCH, policy_of
 
 CAR = EnvironmentSpec("MountainCar-v0")
+SHOWN = {}  # what has been proven of which tree: a proof takes seconds, and all ask for the same
+
+
+@pytest.fixture(autouse=True)
+def proven_once(monkeypatch):
+    def once(policy, plant, asked):
+        key = (policy.to_bytes(), asked.text)
+        if key not in SHOWN:
+            SHOWN[key] = prove(policy, plant, asked)
+        return SHOWN[key]
+
+    monkeypatch.setattr("eutree.proof.prove", once)
 
 
 def test_the_first_that_is_proven():
