@@ -132,13 +132,13 @@ class Prunings:
             sums = ones[lefts - 1] + others[size - lefts - 1]
             chosen = int(lefts[sums.argmin()])
             work += [(left, chosen), (right, size - chosen)]
-        return _rebuilt(self.policy, np.arange(tree.n_nodes), label)
+        return with_tree(self.policy, *rebuild(tree, np.arange(tree.n_nodes), label))
 
 
 def without_unreached(policy: TreePolicy, rows: Floats) -> TreePolicy:
     """Return the policy without the tests that all recorded observations answer alike."""
     tree, leaves = reachable(policy.tree, _reached(policy.tree, rows))
-    return replace(policy, tree=tree, actions=policy.actions[leaves], leaves=None, locked=())
+    return with_tree(policy, tree, policy.actions[leaves])
 
 
 def node_totals(tree: DecisionTree, of_leaves: Floats) -> Floats:
@@ -168,8 +168,8 @@ def _combined(left: Floats, right: Floats) -> Floats:
     return best
 
 
-def _rebuilt(policy: TreePolicy, source: Integers, label: Integers) -> TreePolicy:
-    tree, actions = rebuild(policy.tree, source, label)
+def with_tree(policy: TreePolicy, tree: DecisionTree, actions: Integers) -> TreePolicy:
+    """Return the policy with another tree, of which nothing is counted or locked yet."""
     return replace(policy, tree=tree, actions=actions, leaves=None, locked=())
 
 
@@ -204,8 +204,7 @@ def by_c45(policy: TreePolicy, rows: Floats, settings: C45Settings) -> TreePolic
 
     labels = policy.actions[policy.tree.leaf_index(rows)]
     grown = grow(rows, labels, n_classes=policy.schema.n_actions, settings=settings)
-    tree, actions = grown.to_decision_tree()
-    return merged(replace(policy, tree=tree, actions=actions, leaves=None, locked=()))
+    return merged(with_tree(policy, *grown.to_decision_tree()))
 
 
 def lossless(policy: TreePolicy, rows: Floats) -> dict[str, TreePolicy]:

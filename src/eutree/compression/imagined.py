@@ -6,12 +6,12 @@ cuts are chosen by imagined episodes; the cheapest pruning by labels is a rival 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from eutree.arrays import Floats, Integers
-from eutree.compression.candidates import Costs, Ladder, merged
+from eutree.arrays import Floats
+from eutree.compression.candidates import Costs, Ladder, merged, with_tree
 from eutree.compression.playing import Move, moved
 from eutree.data import Demonstrations
 from eutree.errors import InvalidArgumentError
@@ -241,8 +241,8 @@ class ImaginedEpisodes:
         for _ in range(TRIES):
             rollouts = EnsembleRollouts(ensemble, N_STARTS, generator)
             tree, _ = pruned_by_rollouts(_acting(large), rollouts, max_leaves, generator)
-            structure, actions = to_decision_tree(tree, policy.tree.n_features)
-            rivals.append(("imagined", _with(policy, structure, actions)))
+            found = to_decision_tree(tree, policy.tree.n_features)
+            rivals.append(("imagined", with_tree(policy, *found)))
         fresh = EnsembleRollouts(ensemble, SELECTION_STARTS, generator)
         fresh.run(_acting(whole))
         scores = [fresh.score(fresh.returns_of(_acting(rival))) for _, rival in rivals]
@@ -257,7 +257,3 @@ class ImaginedEpisodes:
 
 def _acting(policy: TreePolicy) -> ActionTree:
     return from_decision_tree(policy.tree, policy.actions)
-
-
-def _with(policy: TreePolicy, tree: DecisionTree, actions: Integers) -> TreePolicy:
-    return replace(policy, tree=tree, actions=actions, leaves=None, locked=())

@@ -8,14 +8,13 @@ at one size has to prove itself at the next.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from eutree.arrays import Booleans, Integers
 from eutree.c45 import C45Settings
-from eutree.compression.candidates import Costs, Prunings, by_c45, merged
+from eutree.compression.candidates import Costs, Prunings, by_c45, merged, with_tree
 from eutree.compression.playing import moved
 from eutree.policies import TreePolicy
 from eutree.thresholds import threshold_between
@@ -176,10 +175,6 @@ def _below(tree: DecisionTree, node: int) -> Booleans:
     return below
 
 
-def _with(policy: TreePolicy, tree: DecisionTree, actions: Integers) -> TreePolicy:
-    return replace(policy, tree=tree, actions=actions, leaves=None, locked=())
-
-
 def _cuts(policy: TreePolicy) -> Iterator[TreePolicy]:
     """Yield the tree with a node replaced by a child, or by an action."""
     tree = policy.tree
@@ -190,11 +185,11 @@ def _cuts(policy: TreePolicy) -> Iterator[TreePolicy]:
         for child in (tree.left[node], tree.right[node]):
             source = own.copy()
             source[node] = child
-            yield _with(policy, *rebuild(tree, source, label))
+            yield with_tree(policy, *rebuild(tree, source, label))
         for action in np.unique(policy.actions[_below(tree, node)]).tolist():
             instead = label.copy()
             instead[node] = action
-            yield _with(policy, *rebuild(tree, own, instead))
+            yield with_tree(policy, *rebuild(tree, own, instead))
 
 
 def _refitted(episodes: "PairedEpisodes") -> Iterator[TreePolicy]:
@@ -212,7 +207,7 @@ def _refitted(episodes: "PairedEpisodes") -> Iterator[TreePolicy]:
         prunings = Prunings(grown, Costs.of(policy, rows, "visits"))
         for smaller in range(1, REFITTED + 1):
             part = prunings.of_size(min(size - smaller, prunings.costs.size))
-            yield _with(policy, *_with_part(policy, node, part))
+            yield with_tree(policy, *_with_part(policy, node, part))
 
 
 def _with_part(policy: TreePolicy, node: int, part: TreePolicy) -> tuple[DecisionTree, Integers]:
