@@ -32,7 +32,7 @@ from eutree.errors import EnvironmentFault, InvalidArgumentError
 from eutree.interaction import GuardedEnv
 from eutree.recording.controls import QUICK, SPEEDS, Controls, Pace, frames_per_second, takes_turns
 from eutree.recording.driving import Driving
-from eutree.recording.episodes import AGAIN, Recording
+from eutree.recording.episodes import AGAIN, Lessons, Recording
 from eutree.recording.events import (
     Away,
     Command,
@@ -46,7 +46,6 @@ from eutree.recording.events import (
     View,
 )
 from eutree.recording.keys import KeyMap, keys_of_environment
-from eutree.recording.lessons import Lessons
 from eutree.recording.play import (
     DRIVING,
     FAILED,
