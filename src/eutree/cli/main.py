@@ -39,6 +39,8 @@ HOMES = {  # of several commands; the others have a module of their own
     **dict.fromkeys(("diff", "edit", "verify", "why"), "inspecting"),
     **dict.fromkeys(("evaluate", "prove"), "measuring"),
     **dict.fromkeys(("demo", "warm_up", "zoo"), "included"),
+    "distill": "fit",
+    "export": "show",
 }
 
 EXIT_MISTAKE = 2
