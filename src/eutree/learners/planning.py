@@ -172,6 +172,7 @@ class ModelPlanning:
         self._informed = informed
         self._locked = frozenset(locked)
         self._steps = EpisodeBuffer()
+        self._acting: ActionTree | None = None
 
     def add_demonstrations(self, episodes: Iterable[Episode]) -> None:
         """Store the expert's episodes; they are taken for what the incumbent can do."""
@@ -204,8 +205,9 @@ class ModelPlanning:
         if self._explores:
             actor = plan.incumbent if plan.explorer is None else plan.explorer
             self._exploration = 1.0 if blind else self.method.exploration
-        tree, actions = to_decision_tree(actor, self.tree.n_features)
-        self._actor = _Actor(tree, actions, self.n_actions)
+        if actor is not self._acting:  # most episodes are those of the tree before
+            tree, actions = to_decision_tree(actor, self.tree.n_features)
+            self._acting, self._actor = actor, _Actor(tree, actions, self.n_actions)
 
     def act(self, allowed: Booleans | None = None) -> int:
         """Return the acting tree's action for the present observation; the explorer's may err."""

@@ -28,20 +28,23 @@ def single_action(action: int) -> ActionTree:
 
 def packed(nested: Nested) -> ActionTree:
     """Return the arrays of a nested tree, after merging sibling leaves of equal action."""
-    rows: list[list[float]] = []
+    rows: list[tuple[float, ...]] = []
 
     def add(tree: Nested) -> int:
         node = len(rows)
-        rows.append([-1, 0.0, 0, 0, 0])
-        if isinstance(tree, tuple):
-            rows[node][:2] = tree[0], tree[1]
-            rows[node][2] = add(tree[2])
-            rows[node][3] = add(tree[3])
+        if not isinstance(tree, tuple):
+            rows.append((-1, 0.0, 0, 0, tree))
+            return node
+        rows.append(())  # its place: in preorder a parent comes before its children
+        left, right = add(tree[2]), add(tree[3])
+        one, other = rows[left], rows[right]
+        if one[0] < 0 and other[0] < 0 and one[4] == other[4]:
+            rows[node:] = [one]
         else:
-            rows[node][4] = tree
+            rows[node] = (tree[0], tree[1], left, right, 0)
         return node
 
-    add(_merged(nested))
+    add(nested)
     columns = np.array(rows)
     feature, left, right, action = (columns[:, i].astype(np.int64) for i in (0, 2, 3, 4))
     return ActionTree(feature, np.ascontiguousarray(columns[:, 1]), left, right, action)
@@ -111,12 +114,3 @@ def to_decision_tree(tree: ActionTree, n_features: int) -> tuple[DecisionTree, I
         leaf=leaf.astype(np.int32),
     )
     return state_tree, tree.action[is_leaf]
-
-
-def _merged(tree: Nested) -> Nested:
-    if not isinstance(tree, tuple):
-        return tree
-    left, right = _merged(tree[2]), _merged(tree[3])
-    if not isinstance(left, tuple) and left == right:
-        return left
-    return (tree[0], tree[1], left, right)
