@@ -1,9 +1,12 @@
 """``python -m eutree`` and the ``eutree`` command."""
 
+import re
 import signal
 import sys
 import warnings
 from types import FrameType
+
+_OF_GYMNASIUM = re.compile(r"^\x1b\[\d+mWARN: |\x1b\[\d+m")
 
 
 def main() -> None:
@@ -24,8 +27,9 @@ def main() -> None:
 
 
 def _in_one_line(message: Warning | str, *_: object, **__: object) -> str:
-    """Return a warning as a user reads it: without the place in our source."""
-    return f"warning: {' '.join(str(message).split())}\n"
+    """Return a warning as a user reads it: without the place in our source, or Gymnasium's red."""
+    said = _OF_GYMNASIUM.sub("", str(message))
+    return f"warning: {' '.join(said.split())}\n"
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

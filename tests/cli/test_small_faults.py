@@ -11,6 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from eutree.__main__ import _in_one_line
+from eutree.cli.compress import _in_words as in_words
+from eutree.compression.report import CompressionReport
 from eutree.data import Demonstrations, Episode
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
@@ -75,6 +78,18 @@ def test_compression_that_changes_nothing_says_so(eutree, expert, demonstrations
     said = " ".join(eutree(*line).out.split())
     before = TreePolicy.load(expert).n_leaves
     assert f"still {before} leaves: no smaller tree was found (merge, chosen by labels)" in said
+
+
+def test_a_better_tree_of_the_same_size_is_not_called_nothing():
+    report = CompressionReport(2, 2, 0.75, 0.01, "return", 0.25)
+    assert in_words(report, 4).startswith(
+        "still 2 leaves: no smaller tree was found, but a better one of that size (return, chosen"
+    )
+
+
+def test_a_warning_of_gymnasium_comes_without_its_colours():
+    said = _in_one_line(UserWarning("\x1b[33mWARN: Box low's precision lowered\x1b[0m"))
+    assert said == "warning: Box low's precision lowered\n"
 
 
 def test_thresholds_are_rounded_to_steps(eutree, expert, demonstrations):

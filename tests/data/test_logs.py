@@ -75,6 +75,15 @@ def test_rows_with_holes_end_an_episode_or_are_filled(plant):
     assert filled.episodes[0].observations[1, 4] == -1.0
 
 
+@pytest.mark.parametrize("cell", ["NaN", "nan", "null", "N/A"])
+def test_what_machines_write_for_no_value_is_an_empty_cell(plant, cell):
+    wanted = read(plant)
+    plant.write_text(PLANT.replace("1,55;;off", f"1,55;{cell};off"))
+    assert read(plant).observations.tolist() == wanted.observations.tolist()
+    with pytest.raises(FormatError, match="an empty cell is filled by --missing hold"):
+        read(plant, missing="")
+
+
 def test_nothing_is_held_over_a_pause_or_before_the_first(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text("t,action,x,y\n0,a,,1\n1,a,2,1\n2,b,,1\n500,a,,1\n501,b,3,1\n502,a,4,1\n")

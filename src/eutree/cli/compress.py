@@ -320,7 +320,8 @@ def _played(rounding: "RoundingPlayed") -> str:
 def _change(report: "CompressionReport") -> str:
     before, after = report.n_leaves_before, report.n_leaves_after
     if before == after:
-        return f"still {counted(before, 'leaf')}: no smaller tree was found"
+        better = "" if report.method != "return" else ", but a better one of that size"
+        return f"still {counted(before, 'leaf')}: no smaller tree was found{better}"
     return f"{counted(before, 'leaf')} became {after}"
 
 

@@ -29,6 +29,7 @@ from eutree.data.log_format import (
     LogRows,
     Row,
     hint,
+    is_nothing,
     label,
 )
 from eutree.data.rows import DROPPED, MAX_NAMES
@@ -254,7 +255,8 @@ class CsvReader:
         if not math.isfinite(number) or "_" in text:
             comma = _DECIMAL_COMMA.fullmatch(text)
             more = ", with a decimal point" if comma else ""
-            what = "" if comma or _is_special(text) else hint(text, column)
+            special = _is_special(text) and not is_nothing(text)
+            what = "" if comma or special else hint(text, column)
             reason = f"{column} must be a finite number{more}, got {text!r}{what}"
             raise FormatError(self._path, f"line {line}", reason)
         return number

@@ -88,15 +88,21 @@ def label(column: str) -> str:
     return f"{match['name']} [{match['unit']}]" if match else column
 
 
+def is_nothing(text: str) -> bool:
+    """Return whether a cell of numbers is empty, or says that there was no value."""
+    return text.strip().lower() in _NOTHING
+
+
 def hint(text: str, column: str) -> str:
     """Return what may be done about a cell that is no number, to follow "got ...'"."""
-    if not text.strip():
+    if is_nothing(text):
         return f"; an empty cell is filled by --missing {HOLD} or a number, or its row left out"
     if _is_date(text):
         return f"; name the time by --time {column!r}"
     return f"; text is a choice of categories by --nominal {column!r}, or left out by --drop"
 
 
+_NOTHING = ("", "nan", "na", "n/a", "null")
 MAX_CSV = 512 * 2**20
 
 KNOWN = (
@@ -288,8 +294,10 @@ class LogRows:
 
     def _fill(self, progress: "_Progress", row: Row) -> bool:
         """Fill the empty cells of a row; return False where it is to be left out."""
-        also = ("action",) if self._log.missing == HOLD else ()
-        empty = [column for column in (*self._table.features, *also) if not row[column].strip()]
+        numbers = [column for column in self._table.features if column not in self._log.nominal]
+        texts = [*self._log.nominal, *(("action",) if self._log.missing == HOLD else ())]
+        empty = [column for column in numbers if is_nothing(row[column])]
+        empty += [column for column in texts if not row[column].strip()]
         if not empty:
             return True
         if self._log.missing == LEAVE_OUT:
