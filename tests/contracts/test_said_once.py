@@ -14,6 +14,7 @@ MEAN = re.compile(r"(?<![\w.\-])(-?\d{2,}\.\d)(?: %)? (?:\[|\(-?\d+\.\d to )")
 OTHERWISE = {  # said on two pages, and why
     "-100.5": "ends of the intervals of two MountainCar trees: not the same figure",
     "500.0": "the most that CartPole pays: an end of an interval, and what a tree of the zoo earns",
+    "92.6": "a return of the default, and the worst agreement in a fold: not the same figure",
     "98.7": "of the expert tree, and of the default in the first table: not the same figure",
     "99.4": "of a scripted expert, and an end of the tutorial's interval: not the same figure",
     "99.9": "of a scripted expert and of the tutorial's pump: not the same figure",
@@ -49,6 +50,6 @@ def test_each_figure_is_said_once_outside_of_its_results() -> None:
 def test_what_two_pages_say_of_the_default_learner_is_what_was_measured(page: str) -> None:
     text = (ROOT / "docs" / page).read_text()
     page_of_results = (RESULTS / "default-learner.md").read_text()
-    (row,) = re.findall(r"^\| (?:the )?default[^|]*\| 98.*\|$", text, re.MULTILINE)
+    (row,) = re.findall(r"^\| (?:the )?default[^|]*\| 9[89].*\|$", text, re.MULTILINE)
     for value in re.findall(r"\d+\.\d", row)[:3]:
         assert re.search(rf"(?<![\d.]){re.escape(value)}(?!\d)", page_of_results), (page, value)
