@@ -23,6 +23,7 @@ from tests.files.mutations import mutate, mutate_elements, mutate_members, mutat
 from tests.golden.contents import METHODS
 
 GOLDEN = Path(__file__).parents[1] / "golden" / "v2"
+SECONDS = 2.0  # of the processor, that a damaged file may take
 
 
 def load_edited(path):
@@ -135,14 +136,14 @@ def fuzz(kind, count, seed, folder):
     load(path)  # imports what it needs, before the limit
     used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (used + 2**30, resource.RLIM_INFINITY))
-    signal.signal(signal.SIGPROF, lambda *_: (_ for _ in ()).throw(TimeoutError("2 s")))
+    signal.signal(signal.SIGPROF, lambda *_: (_ for _ in ()).throw(TimeoutError(f"{SECONDS} s")))
     refused = 0
     for number in range(count):
         rng = random.Random(f"{kind} {seed} {number}")
         content = rng.choice(damages)(valid, rng)
         path.write_bytes(content)
         try:
-            within_2_seconds(load, path)
+            within_seconds(load, path)
         except FormatError as error:
             refused += 1
             if "\n" in str(error) or not error.reason or not error.path:
@@ -155,12 +156,12 @@ def fuzz(kind, count, seed, folder):
     return refused
 
 
-def within_2_seconds(load, path):
-    """Load a file in 2 s of the processor; a second chance is for what has compiled something."""
+def within_seconds(load, path):
+    """Load a file in ``SECONDS``; a second chance is for what has compiled something."""
     import signal
 
     for chance in (1, 2):
-        signal.setitimer(signal.ITIMER_PROF, 2.0)
+        signal.setitimer(signal.ITIMER_PROF, SECONDS)
         try:
             return load(path)
         except TimeoutError:

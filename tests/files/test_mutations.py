@@ -61,6 +61,7 @@ def test_the_harness_catches_bad_loaders(tmp_path, control):
     code = (
         "import sys\nfrom pathlib import Path\nfrom tests.files import loaders\n"
         "golden, name, load, damages = loaders.LOADERS['csv']\n"
+        "loaders.SECONDS = 0.2\n"
         "calls = []\n"
         f"bad = {CONTROLS[control]}\n"
         "def first_good(path):\n"
