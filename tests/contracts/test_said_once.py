@@ -14,7 +14,7 @@ MEAN = re.compile(r"(?<![\w.\-])(-?\d{2,}\.\d)(?: %)? (?:\[|\(-?\d+\.\d to )")
 OTHERWISE = {  # said on two pages, and why
     "-100.5": "ends of the intervals of two MountainCar trees: not the same figure",
     "500.0": "the most that CartPole pays: an end of an interval, and what a tree of the zoo earns",
-    "92.6": "a return of the default, and the worst agreement in a fold: not the same figure",
+    "92.6": "a return of the default, and the worst agreement of C4.5: not the same figure",
     "98.7": "of the expert tree, and of the default in the first table: not the same figure",
     "99.4": "of a scripted expert, and an end of the tutorial's interval: not the same figure",
     "99.9": "of a scripted expert and of the tutorial's pump: not the same figure",
