@@ -1,5 +1,7 @@
 """Proofs of MountainCar's trees: sound for the program that runs, tight, and quick."""
 
+import functools
+
 import gymnasium
 import numpy as np
 import pytest
@@ -17,9 +19,15 @@ SPEC = EnvironmentSpec("MountainCar-v0")
 PLANT = MountainCar(SPEC)
 
 
+@functools.cache
+def proof_of(nested):
+    """Prove a tree of the module once; it takes seconds."""
+    return prove(policy_of(nested), PLANT)
+
+
 @pytest.fixture(scope="module")
 def good():
-    return prove(policy_of(GOOD), PLANT)
+    return proof_of(GOOD)
 
 
 def test_a_learned_tree_arrives_from_every_start(good):
@@ -36,7 +44,7 @@ def test_a_learned_tree_arrives_from_every_start(good):
 def test_a_tree_that_never_arrives_from_some_start_is_refuted_by_gymnasium():
     """Its mean return of 200 episodes was among the best of its table."""
     policy = policy_of(BAD)
-    found = prove(policy, PLANT)
+    found = proof_of(BAD)
     assert found.verdict == "refuted"
     env = gymnasium.make("MountainCar-v0")
     position = found.counterexample["position"]
@@ -51,7 +59,7 @@ def test_a_tree_that_never_arrives_from_some_start_is_refuted_by_gymnasium():
 @pytest.mark.parametrize("nested", [SWITCH, GOOD, BAD])
 def test_real_episodes_end_at_the_certified_step(nested):
     policy = policy_of(nested)
-    pieces = prove(policy, PLANT).pieces
+    pieces = proof_of(nested).pieces
     generator = np.random.default_rng(7)
     order = np.argsort(pieces.low[:, 0])
     for position in generator.uniform(-0.6, -0.4, 150):
@@ -81,7 +89,7 @@ def outside(policy, pieces, plant, count):
 @pytest.mark.parametrize("nested", [GOOD, BAD])
 def test_real_states_lie_in_the_boxes_at_every_step(nested):
     policy = policy_of(nested)
-    wrong, known = outside(policy, prove(policy, PLANT).pieces, PLANT, 60)
+    wrong, known = outside(policy, proof_of(nested).pieces, PLANT, 60)
     assert wrong == 0
     assert known > 60 * 80 * 0.9
 
