@@ -7,7 +7,7 @@ import zlib
 from array import array
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar
 
 import msgspec
 import numpy as np
@@ -35,81 +35,6 @@ MAX_JOURNAL = 32 * 2**20
 MAX_RECORD = 2**20
 
 _PREFIX = struct.Struct("<II")
-_Document = TypeVar("_Document", bound=Document)
-
-
-class Journal:
-    """An open journal; only the process that made it writes to it.
-
-    Args:
-        path: The file; it must not exist yet.
-        header: The first record.
-
-    Raises:
-        FileError: The file exists or cannot be written.
-    """
-
-    def __init__(self, path: str | Path, header: Document) -> None:
-        self.path = Path(path)
-        self._unsynced = 0
-        content = MAGIC + _record(encode_document(header))
-        with atomic.reported("write", path):
-            self._descriptor = atomic.opened_new(path)
-            try:
-                atomic.lock(self._descriptor)
-                atomic.write_all(self._descriptor, content)
-                atomic.sync(self._descriptor)
-                atomic.sync_folder(self.path.parent)
-            except BaseException:
-                os.close(self._descriptor)
-                self.path.unlink(missing_ok=True)
-                raise
-        self._size = len(content)
-
-    def append(self, payload: bytes) -> None:
-        """Add a record; after an error the journal is as it was before."""
-        record = _record(payload)
-        if len(payload) > MAX_RECORD or self._size + len(record) > MAX_JOURNAL:
-            raise FileError("write", self.path, f"it would exceed {MAX_JOURNAL:,} bytes")
-        with atomic.reported("write", self.path):
-            try:
-                atomic.write_all(self._descriptor, record)
-            except OSError:
-                os.ftruncate(self._descriptor, self._size)
-                raise
-            self._size += len(record)
-            self._unsynced += 1
-            if self._unsynced >= SYNC_EVERY:
-                self._unsynced = 0
-                atomic.sync(self._descriptor)
-
-    def close(self) -> None:
-        """Flush to the disk and close; closing twice does nothing."""
-        if self._descriptor < 0:
-            return
-        descriptor, self._descriptor = self._descriptor, -1
-        with atomic.reported("write", self.path):
-            try:
-                atomic.sync(descriptor)
-            finally:
-                os.close(descriptor)
-
-
-def read_journal(
-    path: str | Path, kind: type[_Document]
-) -> tuple[_Document | None, Iterator[bytes]]:
-    """Return the header (None if the writer died before it was complete) and the whole records.
-
-    Raises:
-        FormatError: The file is no journal, or its header is damaged.
-        FileError: The file is missing or cannot be read.
-    """
-    data = atomic.read_bytes(path, limit=MAX_JOURNAL)
-    if data[: len(MAGIC)] != MAGIC[: len(data)]:
-        raise FormatError(path, "byte 0", f"not a journal: must begin with {MAGIC.decode()}")
-    records = _records(data)
-    header = next(records, None)
-    return None if header is None else decode_document(header, kind, path), records
 
 
 def _record(payload: bytes) -> bytes:
@@ -192,13 +117,21 @@ class EpisodeJournal:
             observation=first.tolist(),
             extras=plain_json(extras or {}, "extras"),
         )
-        self._size = first.size
-        self._journal = Journal(path, header)
-
-    @property
-    def path(self) -> Path:
-        """The journal's file."""
-        return self._journal.path
+        self.path = Path(path)
+        self._n_features, self._unsynced = first.size, 0
+        content = MAGIC + _record(encode_document(header))
+        with atomic.reported("write", path):
+            self._descriptor = atomic.opened_new(path)
+            try:
+                atomic.lock(self._descriptor)
+                atomic.write_all(self._descriptor, content)
+                atomic.sync(self._descriptor)
+                atomic.sync_folder(self.path.parent)
+            except BaseException:
+                os.close(self._descriptor)
+                self.path.unlink(missing_ok=True)
+                raise
+        self._size = len(content)
 
     def append(
         self,
@@ -220,7 +153,7 @@ class EpisodeJournal:
             truncated: Whether a limit cut it short.
             steps: One value (or one list of them) for each array in ``Episode.steps``.
         """
-        sensed = check_vector("observation", observation, size=self._size)
+        sensed = check_vector("observation", observation, size=self._n_features)
         if steps is not None and len(steps) > MAX_STEP_VALUES:
             raise InvalidArgumentError(f"steps must be at most {MAX_STEP_VALUES}, got {len(steps)}")
         if not math.isfinite(reward):
@@ -233,16 +166,40 @@ class EpisodeJournal:
             bool(truncated),
             steps or {},
         )
-        self._journal.append(_encoder.encode(step))
+        self._write(_encoder.encode(step))
 
     def close(self) -> None:
-        """Stop writing and leave the file, as a crash would."""
-        self._journal.close()
+        """Stop writing and leave the file, as a crash would; closing twice does nothing."""
+        if self._descriptor < 0:
+            return
+        descriptor, self._descriptor = self._descriptor, -1
+        with atomic.reported("write", self.path):
+            try:
+                atomic.sync(descriptor)
+            finally:
+                os.close(descriptor)
 
     def discard(self) -> None:
         """Stop writing and remove the file."""
-        self._journal.close()
+        self.close()
         atomic.remove_file(self.path)
+
+    def _write(self, payload: bytes) -> None:
+        """Add a record; after an error the journal is as it was before."""
+        record = _record(payload)
+        if len(payload) > MAX_RECORD or self._size + len(record) > MAX_JOURNAL:
+            raise FileError("write", self.path, f"it would exceed {MAX_JOURNAL:,} bytes")
+        with atomic.reported("write", self.path):
+            try:
+                atomic.write_all(self._descriptor, record)
+            except OSError:
+                os.ftruncate(self._descriptor, self._size)
+                raise
+            self._size += len(record)
+            self._unsynced += 1
+            if self._unsynced >= SYNC_EVERY:
+                self._unsynced = 0
+                atomic.sync(self._descriptor)
 
 
 def is_running(path: str | Path) -> bool:
@@ -257,9 +214,14 @@ def recover_episode(path: str | Path) -> Episode | None:
         FormatError: The file is no journal, or a record in it is not what it must be.
         FileError: The file is missing or cannot be read.
     """
-    header, records = read_journal(path, JournalDocument)
-    if header is None:
+    data = atomic.read_bytes(path, limit=MAX_JOURNAL)
+    if data[: len(MAGIC)] != MAGIC[: len(data)]:
+        raise FormatError(path, "byte 0", f"not a journal: must begin with {MAGIC.decode()}")
+    records = _records(data)
+    first = next(records, None)
+    if first is None:  # the writer died before its header was complete
         return None
+    header = decode_document(first, JournalDocument, path)
     if header.seed is not None and header.seed < 0:
         raise FormatError(path, "seed", f"must be >= 0, got {header.seed}")
     steps = _Steps(header.observation)
