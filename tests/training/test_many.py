@@ -165,6 +165,7 @@ def test_on_the_command_line(tmp_path, capsys):
     with little_search():
         assert run(["compress", str(out), "--out", small, "--episodes", "20"]) == 0
     assert eutree.TreePolicy.load(small).environment is not None
+    assert run(["compress", str(out), "--imagined", "--max-leaves", "2", "--out", small]) == 0
     capsys.readouterr()
     assert run([*line, "--resume"]) == 0
     assert "The best of 2 runs" in capsys.readouterr().out

@@ -113,9 +113,12 @@ def compress(
     from eutree.compression import ImaginedEpisodes, RealEpisodes, compress_monotone
     from eutree.evaluation import evaluate
     from eutree.files import check_writable
+    from eutree.training.many import folder_of_winner
 
     output = Output(as_json=as_json)
     rounding = _rounding(round_thresholds)
+    if source.is_dir():
+        source = folder_of_winner(source)
     policy = _policy(source)
     plays = options["mode"] == "auto" and options["max_disagreement"] is None and not imagined
     rival = None
@@ -182,11 +185,8 @@ def _where(source: Path, policy: "TreePolicy", arguments: dict[str, Any]) -> Env
 def _policy(source: Path) -> "TreePolicy":
     from eutree.cli._policies import policy_file
     from eutree.policies import TreePolicy
-    from eutree.training.many import folder_of_winner
 
-    if not source.is_dir():
-        return TreePolicy.load(policy_file(source))
-    return TreePolicy.load(folder_of_winner(source) / "policy.json")
+    return TreePolicy.load(source / "policy.json" if source.is_dir() else policy_file(source))
 
 
 def _observations(
@@ -194,10 +194,9 @@ def _observations(
 ) -> "Floats":
     """Return the recorded observations; none where none were and the tree's own episodes do."""
     from eutree.training import stored_observations
-    from eutree.training.many import folder_of_winner
 
     if source.is_dir():
-        return stored_observations(folder_of_winner(source))
+        return stored_observations(source)
     if demos is not None:
         recorded = load_demonstrations(demos, policy).with_history(
             policy.history, policy.past_actions
