@@ -46,14 +46,13 @@ def figure() -> "Figure":
             success = np.array([[100 * run[e] for e in episodes] for run in runs.values()])
             drawing.curve(axis, episodes, success, drawing.LABELS[learner])
         axis.set_title(title, fontsize=10)
-        axis.grid(alpha=0.25, linewidth=0.6)
-        axis.spines[["top", "right"]].set_visible(False)
+        drawing.clear(axis)
         drawing.label(axis, "Episodes", "Success (%)", limits=(-2, 102))
     return whole
 
 
 def main() -> None:
-    svg, _ = drawing.svg_and_png("reproducing-2006", figure)
+    (svg,) = drawing.drawn("reproducing-2006", figure, "svg")
     (RESULTS / "figures" / "reproducing-2006.svg").write_bytes(svg)
 
 

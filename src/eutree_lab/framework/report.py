@@ -12,16 +12,14 @@ A folder of results holds
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from eutree.arrays import Floats
-from eutree.errors import InvalidArgumentError, MissingExtraError
+from eutree.errors import InvalidArgumentError
 from eutree.files import write_bytes, write_text
-from eutree.parallel import Workers
 from eutree_lab.framework.runs import (
     ARMS,
     EXPERT_ARMS,
@@ -47,10 +45,12 @@ from eutree_lab.framework.verdicts import (
     verdicts,
 )
 from eutree_lab.paper.claims import SMOKE_RUN
+from eutree_lab.paper.drawing import blank, clear, drawn
 from eutree_lab.paper.results import RecordFolder
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 COLOURS = {
     "nothing": "#0b5fa5",
@@ -82,7 +82,7 @@ class FrameworkResults(RecordFolder[FrameworkSpec, FrameworkRecord]):
     """
 
     def __init__(self, folder: str | Path) -> None:
-        super().__init__(folder, FrameworkRecord)
+        super().__init__(folder, FrameworkRecord, run)
 
     def seconds(self) -> dict[str, float]:
         """Return the CPU seconds of the runs, by name."""
@@ -92,22 +92,13 @@ class FrameworkResults(RecordFolder[FrameworkSpec, FrameworkRecord]):
         found: dict[str, float] = json.loads(path.read_text(encoding="utf-8"))
         return found
 
-    def complete(
-        self,
-        specs: Sequence[FrameworkSpec],
-        *,
-        n_jobs: int = 1,
-        on_run: Callable[[int, FrameworkSpec], None] = lambda count, spec: None,
-    ) -> None:
-        """Do the runs that are missing, and save each as soon as it is done."""
-        missing = [spec for spec in specs if not self.has(spec)]
-        count, seconds = len(specs) - len(missing), self.seconds()
-        for record, spent in Workers(n_jobs).as_finished(run, missing):
-            self.save(record.spec, record)
-            seconds[record.spec.name] = round(spent, 3)
-            write_text(self.folder / "seconds.json", json.dumps(seconds, indent=1) + "\n")
-            count += 1
-            on_run(count, record.spec)
+    def keep(self, outcome: tuple[FrameworkRecord, float]) -> FrameworkSpec:
+        """Write the record of a run, and the seconds that it took; return its spec."""
+        record, spent = outcome
+        spec = super().keep(record)
+        seconds = self.seconds() | {spec.name: round(spent, 3)}
+        write_text(self.folder / "seconds.json", json.dumps(seconds, indent=1) + "\n")
+        return spec
 
 
 def reproduce_framework(
@@ -303,28 +294,20 @@ def _mean(values: Sequence[float]) -> str:
 
 def draw(runs: Runs, task: str) -> bytes:
     """Return the learning curves of a task as SVG: a panel for each method, a line for each arm."""
-    try:
-        import matplotlib as mpl
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise MissingExtraError("matplotlib", "plot") from None
-    # A fixed salt and no date make the same figure the same bytes.
-    with mpl.rc_context({"svg.hashsalt": task, "svg.fonttype": "path"}):
-        n_rows = -(-len(runs.methods) // 4)
-        figure: Figure = Figure(figsize=(13, 2.9 * n_rows + 0.7), layout="constrained")
-        FigureCanvasAgg(figure)
-        figure.suptitle(f"{TASKS[task].title}: means over seeds", fontsize=11)
-        grid: Any = figure.subplots(n_rows, 4, sharex=True, sharey=True, squeeze=False)
-        for axes, method in zip(grid.flat, runs.methods, strict=False):
-            _panel(axes, runs, task, method)
-        for axes in grid.flat[len(runs.methods) :]:
-            axes.set_visible(False)
-        handles, labels = _legend(grid.flat[: len(runs.methods)])
-        figure.legend(handles, labels, loc="outside lower center", ncols=9, fontsize=8)
-        out = BytesIO()
-        figure.savefig(out, format="svg", metadata={"Date": None})
-    return out.getvalue()
+    return drawn(task, lambda: _figure(runs, task), "svg")[0]
+
+
+def _figure(runs: Runs, task: str) -> "Figure":
+    n_rows = -(-len(runs.methods) // 4)
+    figure = blank(f"{TASKS[task].title}: means over seeds", (13, 2.9 * n_rows + 0.7))
+    grid: Any = figure.subplots(n_rows, 4, sharex=True, sharey=True, squeeze=False)
+    for axes, method in zip(grid.flat, runs.methods, strict=False):
+        _panel(axes, runs, task, method)
+    for axes in grid.flat[len(runs.methods) :]:
+        axes.set_visible(False)
+    handles, labels = _legend(grid.flat[: len(runs.methods)])
+    figure.legend(handles, labels, loc="outside lower center", ncols=9, fontsize=8)
+    return figure
 
 
 def _legend(panels: "Sequence[Axes]") -> tuple[list[Any], list[str]]:
@@ -357,8 +340,7 @@ def _panel(axes: "Axes", runs: Runs, task: str, method: str) -> None:
     axes.set_xlabel("Episodes", fontsize=8)
     axes.set_ylabel("Score", fontsize=8)
     axes.tick_params(labelsize=8)
-    axes.grid(alpha=0.25, linewidth=0.6)
-    axes.spines[["top", "right"]].set_visible(False)
+    clear(axes)
 
 
 def _shown(curves: Floats) -> Floats:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from io import BytesIO
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,36 +27,40 @@ COLOURS = {
     "EU-Tree": "#a8480c",
     "Expert tree": "#555555",
 }
+_SAVED: dict[str, dict[str, Any]] = {
+    "svg": {"metadata": {"Date": None}},
+    "png": {"dpi": 150, "metadata": {"Software": None}},
+}
 
 
 def blank(title: str, size: tuple[float, float]) -> "Figure":
-    """Return an empty figure of a size in inches, which needs no window.
+    """Return an empty figure of a size in inches, which needs no window."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
 
-    Raises:
-        MissingExtraError: matplotlib is not installed.
-    """
-    try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise MissingExtraError("matplotlib", "plot") from None
     figure = Figure(figsize=size, layout="constrained")
     FigureCanvasAgg(figure)
     figure.suptitle(title, fontsize=11)
     return figure
 
 
-def svg_and_png(name: str, make: "Callable[[], Figure]") -> tuple[bytes, bytes]:
-    """Return a figure as SVG and as PNG; the same figure is always the same bytes."""
-    import matplotlib as mpl
+def drawn(name: str, make: "Callable[[], Figure]", *formats: str) -> list[bytes]:
+    """Return a figure in some formats, "svg" or "png"; the same figure is always the same bytes.
 
+    Raises:
+        MissingExtraError: matplotlib is not installed.
+    """
+    try:
+        import matplotlib as mpl
+    except ImportError:
+        raise MissingExtraError("matplotlib", "plot") from None
+    files = [BytesIO() for _ in formats]
     # A fixed salt and no date.
     with mpl.rc_context({"svg.hashsalt": name, "svg.fonttype": "path"}):
         figure = make()
-        svg, png = BytesIO(), BytesIO()
-        figure.savefig(svg, format="svg", metadata={"Date": None})
-        figure.savefig(png, format="png", dpi=150, metadata={"Software": None})
-    return svg.getvalue(), png.getvalue()
+        for file, kind in zip(files, formats, strict=True):
+            figure.savefig(file, format=kind, **_SAVED[kind])
+    return [file.getvalue() for file in files]
 
 
 def side_by_side(
@@ -74,10 +78,15 @@ def side_by_side(
     for axis, (name, group) in zip(axes, records.items(), strict=True):
         is_of_preset = any(record.spec.preset for record in group)
         axis.set_title(f"preset {name}" if is_of_preset else "", fontsize=10)
-        axis.grid(alpha=0.25, linewidth=0.6)
-        axis.spines[["top", "right"]].set_visible(False)
+        clear(axis)
         panel(axis, group)
     return figure
+
+
+def clear(axis: "Axes") -> None:
+    """Give the axes a light grid and no box."""
+    axis.grid(alpha=0.25, linewidth=0.6)
+    axis.spines[["top", "right"]].set_visible(False)
 
 
 def curve(axis: "Axes", x: Sequence[float], runs: Floats, name: str, *, style: str = "-") -> None:

@@ -22,7 +22,7 @@ from eutree.files import write_bytes, write_text
 from eutree.report.html import asset, head, page
 from eutree.wording import counted
 from eutree_lab.paper.claims import FAILS, HOLDS, OPEN, SMOKE_RUN, Claim
-from eutree_lab.paper.drawing import side_by_side, svg_and_png
+from eutree_lab.paper.drawing import drawn, side_by_side
 from eutree_lab.paper.experiment import Experiment, ExperimentScale, Records
 from eutree_lab.paper.results import Results
 from eutree_lab.paper.runs import RunSpec
@@ -144,7 +144,9 @@ def _draw(experiment: Experiment, records: dict[str, Records], folder: Path) -> 
     draw = experiment.draw
     if draw is None:
         raise TypeError(f"{experiment.id} has no figure")
-    svg, png = svg_and_png(experiment.id, lambda: side_by_side(experiment.title, records, draw))
+    svg, png = drawn(
+        experiment.id, lambda: side_by_side(experiment.title, records, draw), "svg", "png"
+    )
     write_bytes(folder / f"{experiment.id}.svg", svg)
     write_bytes(folder / f"{experiment.id}.png", png)
     return svg.decode()

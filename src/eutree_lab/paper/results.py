@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 from eutree.files import Document, make_folder, read_document, write_document
 from eutree.files.atomic import RESULTS, remove_orphans
@@ -27,11 +27,15 @@ class RecordFolder(Generic[Spec, Record]):
     Args:
         folder: Where; made if it does not exist.
         record_type: What a document holds.
+        run: Does a run, in a process of its own, and returns a record for ``keep``.
     """
 
-    def __init__(self, folder: str | Path, record_type: type[Record]) -> None:
+    def __init__(
+        self, folder: str | Path, record_type: type[Record], run: Callable[[Spec], Any]
+    ) -> None:
         self.folder = make_folder(folder, of=RESULTS)
         self._type = record_type
+        self._run = run
         self._runs = make_folder(self.folder / "runs")
         remove_orphans(self._runs)
 
@@ -43,9 +47,31 @@ class RecordFolder(Generic[Spec, Record]):
         """Return the records of runs that are done, in this order."""
         return [read_document(self._path(spec), self._type) for spec in specs]
 
-    def save(self, spec: Spec, record: Record) -> None:
-        """Write the record of a run, whole or not at all."""
-        write_document(self._path(spec), record)
+    def keep(self, outcome: Any) -> Spec:
+        """Write the record of a run, whole or not at all; return its spec."""
+        spec: Spec = outcome.spec
+        write_document(self._path(spec), outcome)
+        return spec
+
+    def complete(
+        self,
+        specs: Sequence[Spec],
+        *,
+        n_jobs: int | None = None,
+        on_run: Callable[[int, Spec], None] = lambda count, spec: None,
+    ) -> None:
+        """Do the runs that are missing, and save each as soon as it is done.
+
+        Args:
+            specs: All runs that are wanted.
+            n_jobs: Processes, as ``evaluate`` takes them.
+            on_run: Called after each run with how many are done and what was run.
+        """
+        missing = [spec for spec in dict.fromkeys(specs) if not self.has(spec)]
+        before = len(set(specs)) - len(missing)
+        finished = Workers(n_jobs).as_finished(self._run, missing)
+        for count, outcome in enumerate(finished, before + 1):
+            on_run(count, self.keep(outcome))
 
     def _path(self, spec: Spec) -> Path:
         return self._runs / f"{spec.name}.json"
@@ -59,25 +85,4 @@ class Results(RecordFolder[RunSpec, RunRecord]):
     """
 
     def __init__(self, folder: str | Path) -> None:
-        super().__init__(folder, RunRecord)
-
-    def complete(
-        self,
-        specs: Sequence[RunSpec],
-        *,
-        n_jobs: int | None = None,
-        on_run: Callable[[int, RunSpec], None] = lambda count, spec: None,
-    ) -> None:
-        """Do the runs that are missing, and save each as soon as it is done.
-
-        Args:
-            specs: All runs that are wanted.
-            n_jobs: Processes, as ``evaluate`` takes them.
-            on_run: Called after each run with how many are done and what was run.
-        """
-        missing = [spec for spec in dict.fromkeys(specs) if not self.has(spec)]
-        count = len(set(specs)) - len(missing)
-        for record in Workers(n_jobs).as_finished(run, missing):
-            self.save(record.spec, record)
-            count += 1
-            on_run(count, record.spec)
+        super().__init__(folder, RunRecord, run)
