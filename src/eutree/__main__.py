@@ -7,6 +7,7 @@ import warnings
 from types import FrameType
 
 _OF_GYMNASIUM = re.compile(r"^\x1b\[\d+mWARN: |\x1b\[\d+m")
+_said: set[str] = set()
 
 
 def main() -> None:
@@ -27,9 +28,12 @@ def main() -> None:
 
 
 def _in_one_line(message: Warning | str, *_: object, **__: object) -> str:
-    """Return a warning as a user reads it: without the place in our source, or Gymnasium's red."""
-    said = _OF_GYMNASIUM.sub("", str(message))
-    return f"warning: {' '.join(said.split())}\n"
+    """Return a warning as a user reads it: no place in our source, no red of Gymnasium's, once."""
+    said = " ".join(_OF_GYMNASIUM.sub("", str(message)).split())
+    if said in _said:
+        return ""
+    _said.add(said)
+    return f"warning: {said}\n"
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

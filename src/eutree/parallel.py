@@ -2,14 +2,17 @@
 
 joblib runs them, here by default; ``joblib.parallel_config(backend="dask")`` sends them elsewhere.
 What is called depends on its argument alone and results come back in order, so the bytes of what
-is made from them are the same for any number of processes, on any machines of one type.
+is made from them are the same for any number of processes, on any machines of one type. Warnings
+of other processes are given by this one, each once.
 """
 
+import os
 import sys
 import time
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, TextIO, TypeVar
 
 from eutree.errors import InvalidArgumentError
 from eutree.validation import check_integer
@@ -86,7 +89,8 @@ class Workers:
         one_by_one = get_active_backend()[0].supports_return_generator
         ways = "generator_unordered" if one_by_one else "list"
         parallel = joblib.Parallel(n_jobs=self.n_jobs, return_as=ways)
-        yield from parallel(joblib.delayed(alone)(argument) for argument in arguments)
+        answers = parallel(joblib.delayed(alone)(argument) for argument in arguments)
+        yield from (_given(*answer) for answer in answers)
 
     def blocks(self, n: int, most: int) -> list[range]:
         """Return the numbers from 0 to n - 1 in blocks, each the work of one call.
@@ -105,19 +109,45 @@ class Workers:
 
         alone = _Alone(function)
         parallel = joblib.Parallel(n_jobs=self.n_jobs)
-        results: list[Result] = parallel(joblib.delayed(alone)(argument) for argument in arguments)
-        return results
+        answers = parallel(joblib.delayed(alone)(argument) for argument in arguments)
+        return [_given(*answer) for answer in answers]
 
 
-class _Paths:
-    """Where this process finds modules; another one looks there too once it has read this."""
+_Warned = tuple[str, type[Warning], str, int]  # text, category, file and line
+
+_heard: list[_Warned] = []  # in another process: since its last answer
+_given_before: dict[Any, Any] = {}  # here: a registry of the module warnings
+
+
+class _Surroundings:
+    """Where this process finds modules, and that it gives the warnings of those that read this."""
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _look_in, (list(sys.path),)
+        return _settle, (list(sys.path), os.getpid())
 
 
-def _look_in(paths: list[str]) -> None:
+def _settle(paths: list[str], caller: int) -> None:
     sys.path.extend(path for path in paths if path not in sys.path)
+    if os.getpid() != caller:
+        warnings.showwarning = _hear
+
+
+def _hear(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    _heard.append((str(message), category, filename, lineno))
+
+
+def _given(result: Result, heard: list[_Warned]) -> Result:
+    """Return a result, once the warnings of its process are given here."""
+    for warned in heard:
+        warnings.warn_explicit(*warned, registry=_given_before)
+    return result
 
 
 class _Alone(Generic[Argument, Result]):
@@ -126,18 +156,21 @@ class _Alone(Generic[Argument, Result]):
     def __init__(self, function: Callable[[Argument], Result]) -> None:
         self._function = function
 
-    def __getstate__(self) -> tuple[_Paths, Callable[[Argument], Result]]:
+    def __getstate__(self) -> tuple[_Surroundings, Callable[[Argument], Result]]:
         """Return what another process reads: where modules are, before what may need them."""
-        return _Paths(), self._function
+        return _Surroundings(), self._function
 
     def __setstate__(self, state: tuple[None, Callable[[Argument], Result]]) -> None:
         self._function = state[1]
 
-    def __call__(self, argument: Argument) -> Result:
+    def __call__(self, argument: Argument) -> tuple[Result, list[_Warned]]:
         import joblib
 
         with joblib.parallel_config(backend="sequential"):
-            return self._function(argument)
+            result = self._function(argument)
+        heard = _heard.copy()
+        _heard.clear()
+        return result, heard
 
 
 def _on_a_cluster() -> bool:

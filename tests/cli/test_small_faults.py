@@ -16,8 +16,10 @@ from eutree.cli.compress import _in_words as in_words
 from eutree.compression.report import CompressionReport
 from eutree.data import Demonstrations, Episode
 from eutree.policies import TreePolicy
-from eutree.schema import Schema
+from eutree.schema import EnvironmentSpec, Schema
+from eutree.trees import DecisionTree
 from tests.patience import ENOUGH
+from tests.training.processes import COMMAND
 
 
 @pytest.mark.parametrize(
@@ -90,6 +92,49 @@ def test_a_better_tree_of_the_same_size_is_not_called_nothing():
 def test_a_warning_of_gymnasium_comes_without_its_colours():
     said = _in_one_line(UserWarning("\x1b[33mWARN: Box low's precision lowered\x1b[0m"))
     assert said == "warning: Box low's precision lowered\n"
+
+
+NOISY = """
+import gymnasium, numpy
+
+class Noisy(gymnasium.Env):
+    observation_space = gymnasium.spaces.Box(-1, 1, (1,))
+    action_space = gymnasium.spaces.Discrete(2)
+
+    def __init__(self, render_mode=None):
+        gymnasium.logger.warn("made with noise")
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        return numpy.zeros(1, numpy.float32), {}
+
+    def step(self, action):
+        return numpy.zeros(1, numpy.float32), 1.0, True, False, {}
+
+gymnasium.register("Noisy-v0", Noisy, max_episode_steps=10)
+"""
+
+
+def test_a_warning_of_other_processes_is_said_once_by_the_command(tmp_path):
+    (tmp_path / "noisy.py").write_text(NOISY)
+    leaf = DecisionTree.single_leaf(1)
+    schema, task = Schema.anonymous(1, 2), EnvironmentSpec("Noisy-v0")
+    TreePolicy(leaf, np.array([0]), schema, task).save(tmp_path / "tree.json")
+    code = f"import eutree.parallel as p; p.PATIENCE = 0; {COMMAND}"
+    line = ["evaluate", "tree.json", "--import", "noisy", "--episodes", "40", "--n-jobs", "2"]
+    done = subprocess.run(
+        [sys.executable, "-c", code, *line],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])},
+        capture_output=True,
+        text=True,
+        timeout=ENOUGH,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "\x1b" not in done.stderr
+    assert done.stderr.count("made with noise") == 1
+    assert "warning: made with noise\n" in done.stderr
 
 
 def test_thresholds_are_rounded_to_steps(eutree, expert, demonstrations):

@@ -2,6 +2,7 @@
 
 import os
 import pickle
+import warnings
 
 import gymnasium
 import joblib
@@ -64,6 +65,18 @@ def here(_):
 
 def number_of_processes(_):
     return joblib.effective_n_jobs(-1), Workers(-1).count
+
+
+def warns(number):
+    warnings.warn(f"odd {number % 2}", stacklevel=1)
+    return number
+
+
+def test_warnings_of_other_processes_are_given_here_once(impatient):
+    with warnings.catch_warnings(record=True) as given:
+        warnings.simplefilter("default")
+        assert Workers(2).map(warns, range(8)) == list(range(8))
+    assert sorted(str(warning.message) for warning in given) == ["odd 0", "odd 1"]
 
 
 def test_results_come_in_the_order_of_the_arguments(impatient):
