@@ -16,7 +16,7 @@ import numpy as np
 
 from eutree.arrays import Floats, Integers
 from eutree.trees import DecisionTree
-from eutree_lab.vqql import _kernels_codebook as kernels
+from eutree_lab.vqql import _kernels as kernels
 
 TOLERANCE = 1e-4  # relative fall of the distortion below which Lloyd's iteration ends
 APART = 0.1  # standard deviations between the halves of a split codeword

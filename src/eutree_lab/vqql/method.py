@@ -34,7 +34,7 @@ from eutree.trees import DecisionTree
 from eutree.validation import check_choice, check_integer, check_number
 from eutree_lab.relabelling import relabelled
 from eutree_lab.step_scale import step_scale
-from eutree_lab.vqql import _kernels_q_learning as kernels
+from eutree_lab.vqql import _kernels as kernels
 from eutree_lab.vqql.codebook import Codebook, codebook_in_leaves
 
 Solver = Literal["q-learning", "model"]

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from eutree.trees import DecisionTree
-from eutree_lab.vqql import _kernels_codebook as kernels
+from eutree_lab.vqql import _kernels as kernels
 from eutree_lab.vqql.codebook import Codebook, codebook_in_leaves, generalized_lloyd
 
 # J. Max, "Quantizing for minimum distortion" (1960): mean squared error of the best quantizer of a
