@@ -1,7 +1,4 @@
-"""Who acts, by name: a policy's file or run folder, a scripted expert, or one of the user's own.
-
-What is exported of a policy may carry the sentence of its certificate on top.
-"""
+"""Who acts, by name: a policy's file or run folder, a scripted expert, or one of the user's own."""
 
 import importlib
 import sys
@@ -27,11 +24,6 @@ _Command = TypeVar("_Command", bound=Callable[..., Any])
 
 OWN = "MODULE:NAME or FILE.py:NAME"
 _HINT = f"One of your own is named {OWN}: a policy, its class, or a function."
-_COMMENTS: dict[str, Callable[[str], str]] = {
-    "c": lambda text: f"/* {text.replace('*/', '* /')} */",
-    "python": lambda text: f"# {text}",
-    "st": lambda text: f"(* {text.replace('*)', '* )')} *)",
-}
 
 
 def in_zoo(path: Path | str) -> bool:
@@ -218,23 +210,3 @@ class Rival:
 def beside(found: "Against | None") -> str:
     """Return what a result and its rival did, a line each, to follow other lines."""
     return "" if found is None else f"\nthe result: {found.policy}\n{found}"
-
-
-def with_certificate(content: str | bytes, name: str, path: Path, policy: "TreePolicy") -> str:
-    """Return an export with the sentence of its policy's certificate as a comment on top.
-
-    Raises:
-        InvalidArgumentError: The format has no comments here, or the certificate is of another
-            policy.
-        FormatError: The file is no certificate.
-    """
-    from eutree.proof import load_certificate
-
-    if name not in _COMMENTS or isinstance(content, bytes):
-        raise InvalidArgumentError(
-            f"--certificate needs --format {', '.join(_COMMENTS)}, whose comments carry it, "
-            f"got {name}"
-        )
-    found = load_certificate(path, policy)
-    text = " ".join(f"Certificate, {found}".split())
-    return f"{_COMMENTS[name](text)}\n{content}"

@@ -5,6 +5,7 @@ A tree in the terminal, or as a page to watch it decide; C, ONNX, DOT, SVG, JSON
 
 import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,7 @@ import click
 
 from eutree.cli import _options as option
 from eutree.cli._output import Output
-from eutree.cli._policies import load_demonstrations, load_policy, with_certificate
+from eutree.cli._policies import load_demonstrations, load_policy
 from eutree.errors import InvalidArgumentError
 from eutree.export import FORMATS, to_c_header, to_c_test
 from eutree.export import export as make
@@ -32,6 +33,11 @@ if TYPE_CHECKING:
 # Names of terminal colours, so that each terminal's own theme keeps them readable.
 _COLOURS = ("yellow", "cyan", "green", "magenta", "blue", "red")
 _SCALE = ("blue", "cyan", "green", "yellow", "red")
+_COMMENTS: dict[str, Callable[[str], str]] = {
+    "c": lambda text: f"/* {text.replace('*/', '* /')} */",
+    "python": lambda text: f"# {text}",
+    "st": lambda text: f"(* {text.replace('*)', '* )')} *)",
+}
 
 
 @click.command(epilog="Example: eutree show small.json --html small.html --demos demos/")
@@ -227,7 +233,7 @@ def export(
         given["header"] = True
     content = make(loaded, name, **given)
     if certificate is not None:
-        content = with_certificate(content, name, certificate, loaded)
+        content = _with_certificate(content, name, certificate, loaded)
     data = content if isinstance(content, bytes) else content.encode("utf-8")
     if out is None:
         _print(output, name, content)
@@ -243,6 +249,26 @@ def export(
     written = [str(path) for path in files]
     values = {"format": name, "path": str(out), "files": written, "bytes": len(data)}
     output.result(values | {"n_leaves": loaded.n_leaves}, f"written to {', '.join(written)}")
+
+
+def _with_certificate(content: str | bytes, name: str, path: Path, policy: "TreePolicy") -> str:
+    """Return an export with the sentence of its policy's certificate as a comment on top.
+
+    Raises:
+        InvalidArgumentError: The format has no comments here, or the certificate is of another
+            policy.
+        FormatError: The file is no certificate.
+    """
+    from eutree.proof import load_certificate
+
+    if name not in _COMMENTS or isinstance(content, bytes):
+        raise InvalidArgumentError(
+            f"--certificate needs --format {', '.join(_COMMENTS)}, whose comments carry it, "
+            f"got {name}"
+        )
+    found = load_certificate(path, policy)
+    text = " ".join(f"Certificate, {found}".split())
+    return f"{_COMMENTS[name](text)}\n{content}"
 
 
 def _format_of(out: Path | None) -> str:
