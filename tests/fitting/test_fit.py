@@ -228,6 +228,14 @@ class TestBadInput:
         found = self.sentences(replace(shown, episodes=tuple(episodes)), corridor)
         assert found[0].startswith("The demonstrations never show wait:")
 
+    def test_an_action_that_occurs_only_where_it_was_dropped(self, corridor, shown):
+        episodes = [
+            wrong(e, actions=np.ones_like(e.actions), extras={"dropped_action": 0}) for e in shown
+        ]
+        found = self.sentences(replace(shown, episodes=tuple(episodes)), corridor)
+        assert found[0].startswith("The demonstrations show wait only as the last action of an ep")
+        assert not any("never show" in sentence for sentence in found)
+
     def test_nothing_but_failures(self, corridor, shown):
         episodes = [wrong(e, is_success=False) for e in shown]
         found = self.sentences(replace(shown, episodes=tuple(episodes)), corridor)

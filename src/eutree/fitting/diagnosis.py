@@ -7,6 +7,7 @@ import numpy as np
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.data import Demonstrations
 from eutree.data.demonstrations import lessons
+from eutree.data.rows import DROPPED
 from eutree.evaluation import Evaluation
 from eutree.fitting.playing import Played, blame, shown_in
 from eutree.fitting.report import Person, result_in_words, verdict
@@ -51,7 +52,16 @@ def about_demonstrations(demonstrations: Demonstrations) -> list[str]:
     names = demonstrations.schema.actions
     counts = np.bincount(lessons(demonstrations)[1], minlength=len(names))
     found = []
-    missing = [printable(name) for name, count in zip(names, counts, strict=True) if not count]
+    dropped = {episode.extras.get(DROPPED) for episode in demonstrations}
+    absent = np.flatnonzero(counts == 0).tolist()
+    last = [printable(names[action]) for action in absent if action in dropped]
+    missing = [printable(names[action]) for action in absent if action not in dropped]
+    if last:
+        found.append(
+            f"The demonstrations show {' and '.join(last)} only as the last action of an episode, "
+            "left out as no row says what it led to: no tree made of them can take it. Log one "
+            "row more."
+        )
     if missing:
         found.append(
             f"The demonstrations never show {' nor '.join(missing)}: no tree made of them can "
