@@ -187,4 +187,4 @@ def test_an_environment_without_a_time_limit_is_said_to_be_one(make, says):
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         look_at(make(), 0)
-    assert [("no time limit" in str(w.message)) for w in told] == [True] * says
+    assert [("names no time limit:" in str(w.message)) for w in told] == [True] * says

@@ -57,7 +57,7 @@ def test_what_comes_in_the_last_moment_is_closed_too(tmp_path, monkeypatch) -> N
         gc.collect()
     assert len(kept) == 8
     told = [str(warning.message) for warning in said]
-    assert [one for one in told if "has no time limit" not in one] == []
+    assert [one for one in told if "names no time limit" not in one] == []
 
 
 @pytest.mark.promise(24)

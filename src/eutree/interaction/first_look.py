@@ -33,7 +33,7 @@ Answer = tuple[bytes, float, bool, bool]
 
 
 def look_at(env: gymnasium.Env[Any, Any], seed: int | None) -> None:
-    """Warn where observations are codes, where episodes may never end, and where none repeats.
+    """Warn where observations are codes, where no time limit is named, and where none repeats.
 
     Args:
         env: The environment; nothing is done in it.
@@ -44,7 +44,7 @@ def look_at(env: gymnasium.Env[Any, Any], seed: int | None) -> None:
     warn_of_codes(env, stacklevel=3)
     if not is_limited(env):
         warnings.warn(
-            f"{_name(env)} has no time limit: an episode that does not end by itself is given up "
+            f"{_name(env)} names no time limit: an episode that it does not end itself is given up "
             f"after {MAX_EPISODE_STEPS:,} steps; --env-arg max_episode_steps=N sets one, or "
             "gymnasium.make(..., max_episode_steps=N)",
             stacklevel=3,

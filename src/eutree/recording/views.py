@@ -89,8 +89,8 @@ _TOLD = {
 
 
 ENDLESS = (
-    "Nothing but the task itself ends an episode: it has no time limit, and a tree that stands "
-    "still would stand for ever. Start with --env-arg max_episode_steps=200 to set one."
+    "Nothing but the task itself ends an episode: it names no time limit, and where it has none a "
+    "tree that stands still stands for ever. Start with --env-arg max_episode_steps=200 to set one."
 )
 
 
