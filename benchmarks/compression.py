@@ -23,7 +23,7 @@ from eutree.compression import RealEpisodes
 from eutree.compression.compressing import compress, observation_box
 from eutree.envs.experts import experts_for
 from eutree.interaction.making import make
-from eutree.trees.possible import disagreement
+from eutree.trees.boxes import disagreement
 from eutree_lab.statistics import bootstrap
 
 DOMAINS = {"2-Evasion": "eutree/Evasion2-v0", "3-Evasion": "eutree/Evasion3-v0"}

@@ -30,7 +30,7 @@ from sklearn.tree import DecisionTreeClassifier
 import eutree
 from eutree.data import Demonstrations, Episode
 from eutree.interaction import GuardedEnv, describe, episode_seed
-from eutree.interaction.seeding import Stream
+from eutree.interaction.episode import Stream
 from eutree.learners import CORRECTED, DEFAULT, PAPER, Method, Problem, Start, Step, UTree
 from eutree.learners.u_tree.leaves import LeafTests
 from eutree.mdp import TabularMDP

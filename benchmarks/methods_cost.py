@@ -22,7 +22,7 @@ import eutree
 from eutree.data import Demonstrations
 from eutree.envs.experts import experts_for
 from eutree.interaction import GuardedEnv, episode_seed
-from eutree.interaction.seeding import Stream
+from eutree.interaction.episode import Stream
 from eutree.learners import METHODS, Problem, Step, start_of
 from eutree.learners.learner import HasPolicy, Learner
 from eutree.training.phases import generator_of

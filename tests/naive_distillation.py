@@ -1,10 +1,10 @@
-"""DAgger as plainly as it can be written: the twin of ``eutree.distillation.distill``."""
+"""DAgger as plainly as it can be written: the twin of ``eutree.distillation``."""
 
 import numpy as np
 
 from eutree.c45 import grow
 from eutree.interaction import episode_seed
-from eutree.interaction.seeding import Stream
+from eutree.interaction.episode import Stream
 
 
 def play(env, decide, seed):

@@ -7,7 +7,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from eutree.compiled import compiled
-from eutree.thresholds import threshold_between
+from eutree.features import threshold_between
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 fast_threshold_between = compiled(threshold_between)

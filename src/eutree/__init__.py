@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from eutree.data import Demonstrations as Demonstrations
     from eutree.data import Episode as Episode
     from eutree.distillation import DistillationReport as DistillationReport
-    from eutree.distillation.distill import distill as distill
+    from eutree.distillation import distill as distill
     from eutree.envs import experts as experts
     from eutree.errors import EnvironmentFault as EnvironmentFault
     from eutree.errors import EutreeError as EutreeError
@@ -79,8 +79,7 @@ _HOMES = {
     "eutree.compression": "CompressionReport",
     "eutree.compression.compressing": "compress",
     "eutree.data": "Demonstrations Episode",
-    "eutree.distillation": "DistillationReport",
-    "eutree.distillation.distill": "distill",
+    "eutree.distillation": "DistillationReport distill",
     "eutree.errors": (
         "EnvironmentFault EutreeError FileError FormatError InvalidArgumentError "
         "MissingExtraError RunFolderError UnknownNameError UnsupportedSpaceError"

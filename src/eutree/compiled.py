@@ -242,7 +242,7 @@ def _compiled(function: _Function, *, counts: bool, later: bool = False) -> _Fun
 
 
 def machine_code(kernel: _Function, *arguments: object) -> _Function:
-    """Return what a kernel runs for arguments of these types, without the search for it.
+    """Return the machine code of a kernel for arguments of these types, without the search for it.
 
     A call of a kernel looks at the type of each argument to find the machine code; for a named
     tuple of a dozen arrays that takes longer than the work of a learner's step. The function

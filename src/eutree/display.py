@@ -1,4 +1,4 @@
-"""How objects and numbers are shown: as HTML in notebooks, in the digits that matter everywhere.
+"""How objects and numbers are shown: HTML in notebooks, the digits that matter, nouns that agree.
 
 Numbers: as few digits as a reader needs, the exact ones are in the files.
 
@@ -10,6 +10,14 @@ import math
 import sys
 from collections.abc import Callable, Iterable
 from typing import Any
+
+_PLURALS = {"leaf": "leaves"}
+
+
+def counted(count: int, noun: str) -> str:
+    """Return a count with its noun: ``1 leaf``, ``2 leaves``, ``0 episodes``."""
+    return f"{count} {noun if count == 1 else _PLURALS.get(noun, noun + 's')}"
+
 
 _load: Callable[[], Any] | None = None
 

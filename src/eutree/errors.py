@@ -48,7 +48,7 @@ class UnknownNameError(InvalidArgumentError):
         known, name = sorted(known), _cut(name)
         nearest = get_close_matches(name, known, n=1, cutoff=0.5)
         meant = f" Did you mean {nearest[0]!r}?" if nearest else ""
-        listing = f" Known: {', '.join(known)}." if len(known) <= 20 else ""
+        listing = f" Known: {', '.join(known) or 'none'}." if len(known) <= 20 else ""
         also = f" {hint}" if hint else ""
         super().__init__(f"unknown {kind} {name!r}.{meant}{listing}{also}")
 

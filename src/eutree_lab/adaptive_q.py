@@ -25,6 +25,7 @@ import numpy as np
 
 from eutree.arrays import Floats, Integers
 from eutree.data import Episode
+from eutree.features import threshold_between
 from eutree.learners import (
     Decisions,
     History,
@@ -41,7 +42,6 @@ from eutree.learners.declared import TREE, TREE_AND_HISTORY, Declared, part, pre
 from eutree.learners.episode_buffer import EpisodeBuffer, FinishedEpisode, store
 from eutree.learners.learner import Arrays
 from eutree.policies import LeafStatistics
-from eutree.thresholds import threshold_between
 from eutree.trees import DecisionTree
 from eutree.validation import check_integer, check_number
 from eutree_lab.step_scale import step_scale

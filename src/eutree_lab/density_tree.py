@@ -10,9 +10,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from eutree.features import threshold_between
 from eutree.learners.u_tree import Discretizer
 from eutree.splitting import LeafSample, Split
-from eutree.thresholds import threshold_between
 from eutree.validation import check_integer
 
 

@@ -33,7 +33,9 @@ def test_the_tree_is_set_beside_the_person(eutree, stands_still):
     assert any("hold on to the end in leaf" in text for text in values["warnings"])
     answer = eutree(*line)
     assert "WARNING: The tree is worse than the demonstrations: " in answer.out
-    assert "--practise 100 goes on with learning" in answer.out
+    (line,) = [line for line in answer.out.splitlines() if "goes on with learning" in line]
+    given = " ".join(map(str, ["fit", stands_still, "--out", "e.json", "--release-8"]))
+    assert line == f"eutree {given} --episodes 30 --practise 100 goes on with learning"
 
 
 def test_settings_of_your_own_are_taken_as_they_are(eutree, stands_still):

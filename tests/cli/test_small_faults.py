@@ -13,7 +13,7 @@ import pytest
 
 from eutree.__main__ import _in_one_line
 from eutree.cli.compress import _in_words as in_words
-from eutree.compression.report import CompressionReport
+from eutree.compression.episodes import CompressionReport
 from eutree.data import Demonstrations, Episode
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec, Schema

@@ -44,7 +44,7 @@ def assert_under(figure: int, ceiling: int) -> None:
     assert figure >= ceiling * (1 - SLACK) - 2, f"lower the ceiling of {ceiling} to {figure}"
 
 
-@pytest.mark.parametrize(("package", "ceiling"), [("eutree", 61_700), ("eutree_lab", 10_000)])
+@pytest.mark.parametrize(("package", "ceiling"), [("eutree", 61_100), ("eutree_lab", 10_000)])
 def test_lines_of_source(package: str, ceiling: int) -> None:
     """Targets: 42,000 lines of the core, then 40,000; 10,000 of the lab.
 
@@ -54,9 +54,9 @@ def test_lines_of_source(package: str, ceiling: int) -> None:
     assert_under(lines(files(package)), ceiling)
 
 
-@pytest.mark.parametrize(("package", "ceiling"), [("eutree", 275), ("eutree_lab", 71)])
+@pytest.mark.parametrize(("package", "ceiling"), [("eutree", 250), ("eutree_lab", 70)])
 def test_files_of_source(package: str, ceiling: int) -> None:
-    """Target: 250 files of the core."""
+    """Target: 250 files of the core, reached."""
     assert_under(len(files(package)), ceiling)
 
 
@@ -72,10 +72,10 @@ def test_files_of_a_folder() -> None:
 @pytest.mark.parametrize(
     ("code", "ceiling"),
     [
-        ("import eutree; eutree.learn; from eutree.learners import PRESETS", 123),
-        ("import eutree; eutree.compress", 70),
-        ("import eutree; eutree.export.FORMATS", 42),
-        ("import eutree.cli.show, eutree.report", 132),
+        ("import eutree; eutree.learn; from eutree.learners import PRESETS", 114),
+        ("import eutree; eutree.compress", 66),
+        ("import eutree; eutree.export.FORMATS", 38),
+        ("import eutree.cli.show, eutree.report", 120),
     ],
     ids=["learn", "compress", "export", "show"],
 )
@@ -95,7 +95,7 @@ def test_the_front_door() -> None:
 
 def test_what_is_counted(tmp_path: Path) -> None:
     assert loaded("import eutree.errors") < loaded("import eutree.export") < 200
-    assert lines([SOURCE / "eutree" / "thresholds.py"]) == 12
+    assert lines([SOURCE / "eutree" / "lazy.py"]) == 31
     with pytest.raises(AssertionError, match="what can go"):
         assert_under(101, 100)
     with pytest.raises(AssertionError, match="lower the ceiling"):

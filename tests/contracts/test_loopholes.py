@@ -51,14 +51,14 @@ BY_NAME = {
 ASKS_WHAT_IS_LOADED = {"eutree.parallel": {"'joblib' not in sys.modules"}}
 # Middles of other things than two values of a feature; each is as it has to be, see there.
 MIDDLES = {
-    "eutree.thresholds": "the rule itself",
+    "eutree.features": "the rule itself",
     "eutree.c45.text": "places on paper",
     "eutree_lab.parti_game.cells": "boxes are halved, whatever lies in them",
     "eutree_lab.vrd.kuhn": "boxes are halved, whatever lies in them",
     "eutree_lab.tasks.puck": "a constant of the task",
     "eutree.evaluation.evaluation": "bisection",
     "eutree.export.drawing": "places on paper",
-    "eutree.export.c_test": "points to test exports at",
+    "eutree.export.c": "points to test exports at",
     "eutree.inspection.regions": "a point inside a box, whose sides may be infinite",
     "eutree.proof.intervals": "boxes are halved, whatever lies in them",
     "eutree.policies.sklearn_tree": "where float32 rounds, exactly",

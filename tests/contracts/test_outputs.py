@@ -7,7 +7,7 @@ import click
 import numpy as np
 import pytest
 
-from eutree.cli._commands import PARTS, Written
+from eutree.cli._options import PARTS, Written
 from eutree.cli.main import COMMANDS, eutree, run
 from eutree.data import Demonstrations, Episode
 from eutree.policies import TreePolicy

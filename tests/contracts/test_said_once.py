@@ -17,6 +17,7 @@ OTHERWISE = {  # said on two pages, and why
     "92.6": "a return of the default, and the worst agreement of C4.5: not the same figure",
     "98.7": "of the expert tree, and of the default in the first table: not the same figure",
     "99.4": "of a scripted expert, and an end of the tutorial's interval: not the same figure",
+    "99.7": "of raw numbers, of a tree of the zoo, of a case of the default: not the same figure",
     "99.9": "of a scripted expert and of the tutorial's pump: not the same figure",
 }
 

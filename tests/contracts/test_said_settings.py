@@ -19,12 +19,12 @@ from eutree.compression.episodes import RealEpisodes
 from eutree.contests import Ahead, AheadApart, rules
 from eutree.distillation import DistillationSettings
 from eutree.evaluation import off_policy
-from eutree.learners import CORRECTED, DEFAULT, PRESETS, default_choice
+from eutree.learners import CORRECTED, DEFAULT, PRESETS
 from eutree.learners.registry import METHODS
 from eutree.learners.starts import STARTS
 from eutree.policy_search import improvement, planner
 from eutree.splitting import KolmogorovSmirnov, Permutation
-from eutree.training import proposals, run_folder, search
+from eutree.training import planned, proposals, run_folder, search
 from eutree.training.planned import EPISODES
 from eutree.world_model.ensemble import EnsembleSettings
 
@@ -91,14 +91,14 @@ SAID = {
         f"with lambda = {proposals.LAMBDA}.",
     ],
     "methods.md": [
-        f"where at least {word(default_choice.ENOUGH_SHOWN)} demonstrations are given",
-        f"{default_choice.ENOUGH_STEPS[12]:,} from 12 features on, "
-        f"{default_choice.ENOUGH_STEPS[6]:,} from six on",
+        f"where at least {word(planned.ENOUGH_SHOWN)} demonstrations are given",
+        f"{planned.ENOUGH_STEPS[12]:,} from 12 features on, "
+        f"{planned.ENOUGH_STEPS[6]:,} from six on",
     ],
-    "good-for.md": [f"and {default_choice.ENOUGH_STEPS[6]:,} steps to spend the default is"],
+    "good-for.md": [f"and {planned.ENOUGH_STEPS[6]:,} steps to spend the default is"],
     "small-trees.md": [
-        f"of six features or more and {default_choice.ENOUGH_STEPS[6]:,} steps, of twelve or more "
-        f"and {default_choice.ENOUGH_STEPS[12]:,}",
+        f"of six features or more and {planned.ENOUGH_STEPS[6]:,} steps, of twelve or more "
+        f"and {planned.ENOUGH_STEPS[12]:,}",
     ],
     "which-knobs.md": [f"`--set price={2 * better.price}` asks for twice as much as the default"],
     "compression.md": [

@@ -15,7 +15,7 @@ from eutree.demo.page import DemoResult, DemoSettings, Story, story_of
 from eutree.evaluation import Evaluation
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
-from eutree.training.judging import judged
+from eutree.training.handover import judged
 from tests.export.policies import EVASION, policy_of, tree
 from tests.little_search import little_search
 

@@ -8,8 +8,15 @@ import pytest
 
 import eutree
 from eutree.data import Demonstrations, Episode
-from eutree.distillation import DistillationSettings
-from eutree.distillation.distill import LEARNERS, Labelled, actions_on, fit, stakes_of, weights
+from eutree.distillation import (
+    LEARNERS,
+    DistillationSettings,
+    Labelled,
+    actions_on,
+    fit,
+    stakes_of,
+    weights,
+)
 from eutree.envs.experts import late
 from eutree.errors import InvalidArgumentError, MissingExtraError, UnknownNameError
 from eutree.interaction import GuardedEnv

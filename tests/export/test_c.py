@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from eutree.errors import InvalidArgumentError, UnknownNameError
 from eutree.export import to_c, to_c_header, to_c_test
 from eutree.export._c_numbers import float_below, hexadecimal, in_integers, largest_integer, numbers
-from eutree.export.c_test import meant, stored_probes
+from eutree.export.c import meant, stored_probes
 from eutree.schema import Feature, Schema
 from tests.export.policies import EVASION, NASTY, chain, policy_of, tree
 from tests.export.readers import C_FLAGS, c_decide, compiled_c
@@ -54,6 +54,20 @@ def test_self_test_passes_and_notices_a_wrong_decision(number: str, tmp_path: Pa
         result = subprocess.run(["./run"], cwd=tmp_path, capture_output=True, text=True)
         assert result.returncode == returned
         assert re.match(r"\d+ of \d+ decisions agree\n", result.stdout)
+
+
+@pytest.mark.parametrize("number", TYPES)
+def test_a_masked_policy_decides_by_the_orders_of_its_own_leaves(
+    number: str, tmp_path: Path
+) -> None:
+    """Leaves over integers have other numbers than those of the policy."""
+    policy = replace(policy_of(tree(30, 3, seed=3), EVASION), masked=True)
+    kind = numbers(policy, number, None)
+    stored = stored_probes(policy, kind, n_random=500)
+    library = compiled_c(to_c(policy, number=number), tmp_path, stem=number)
+    with np.errstate(over="ignore"):
+        decided = c_decide(library, TYPES[number])(stored.astype(TYPES[number]))
+    assert decided == [policy.act(meant(kind, row)) for row in stored]
 
 
 def test_header_serves_cpp(tmp_path: Path) -> None:
@@ -131,8 +145,8 @@ def test_hexadecimal_reads_back(value: float) -> None:
 def test_tests_that_no_int32_fails_are_left_out() -> None:
     grown = tree(1, 1).split(0, 0, 1e300).split(0, 0, -1e300).split(1, 0, 5.0)
     policy = policy_of(grown)
-    scaled = in_integers(policy, (10.0,))
-    assert scaled.n_leaves == 1
+    scaled, kept = in_integers(policy, (10.0,))
+    assert scaled.n_leaves == len(kept) == 1
     assert scaled.act([0.0]) == policy.act([0.0])
 
 

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 
 from eutree.errors import InvalidArgumentError, UnknownNameError
 from eutree.export import FORMATS, export
-from eutree.export.c_test import probes
+from eutree.export.c import probes
 from eutree.policies import TreePolicy
 from eutree.schema import Feature, Schema
 from tests.export.policies import EVASION, NASTY, chain, policies, policy_of, tree

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from eutree.export import to_latex, to_structured_text
-from eutree.export.c_test import probes
+from eutree.export.c import probes
 from eutree.policies import TreePolicy
 from eutree.schema import Feature, Schema
 from tests.export.policies import EVASION, NASTY, policy_of, tree

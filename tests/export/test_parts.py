@@ -18,7 +18,7 @@ from eutree.export._code import (
     block_roots,
     identifiers,
 )
-from eutree.export.c_test import node_boxes, probes
+from eutree.export.c import node_boxes, probes
 from eutree.export.drawing import FILLS, layout
 from eutree.export.structured_text import literal
 from eutree.schema import Feature, Schema

@@ -10,8 +10,7 @@ from eutree.data import Demonstrations, Episode
 from eutree.data.demonstrations import lessons, taught_in
 from eutree.data.episode import CUT
 from eutree.errors import InvalidArgumentError
-from eutree.fitting.hurting import find_hurting
-from eutree.fitting.segments import Segment, accepted, restored
+from eutree.fitting.hurting import Segment, accepted, find_hurting, restored
 from tests.fitting.door import Careful, Corridor
 
 WAIT, WALK = 0, 1

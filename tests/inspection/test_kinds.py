@@ -15,8 +15,7 @@ from eutree.inspection.regions import Region, domain
 from eutree.policies import TreePolicy
 from eutree.schema import Control, Feature, Schema, combined_actions
 from eutree.trees import DecisionTree
-from eutree.trees.boxes import leaf_boxes
-from eutree.trees.possible import possible
+from eutree.trees.boxes import leaf_boxes, possible
 from eutree.trees.text import asked, is_reversed, question
 from tests import naive_trees
 

@@ -14,7 +14,7 @@ from sklearn.tree import DecisionTreeClassifier, export_text
 import eutree
 from eutree import TreePolicy, TreePolicyClassifier
 from eutree.errors import InvalidArgumentError, UnknownNameError
-from eutree.export.c_test import probes
+from eutree.export.c import probes
 from eutree.policies.sklearn_tree import float64_thresholds
 from eutree.schema import Feature, Schema
 from tests.export.policies import EVASION, policy_of, tree

@@ -111,9 +111,9 @@ def test_real_episodes_are_in_the_boxes_of_a_few_roundings():
 
 
 def test_a_rounding_that_is_forgotten_is_caught(monkeypatch):
-    monkeypatch.setattr("eutree.proof.affine._TINY", 0.0)
-    monkeypatch.setattr("eutree.proof.affine._ROUND", 0.0)
-    monkeypatch.setattr("eutree.proof.affine.LIBRARY", 0.0)
+    monkeypatch.setattr("eutree.proof.intervals._TINY", 0.0)
+    monkeypatch.setattr("eutree.proof.intervals._ROUND", 0.0)
+    monkeypatch.setattr("eutree.proof.intervals.LIBRARY", 0.0)
     monkeypatch.setattr("eutree.proof.layers._ROUND", 0.0)
     assert outside(plant_from(0.0), policy_of(TREE, "CartPole-v1"), 1, 20) > 0
 

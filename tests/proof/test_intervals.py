@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from eutree.proof import Intervals, _kernels, cos, intervals, maximum, minimum, sin, sqrt, where
-from eutree.proof.affine import Affine, Doubt
+from eutree.proof.intervals import Affine, Doubt
 
 mpmath = pytest.importorskip("mpmath", reason="the slow twin of intervals is mpmath's")
 

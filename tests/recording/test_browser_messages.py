@@ -11,8 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eutree.errors import InvalidArgumentError
-from eutree.recording.browser.gate import Gate, RateLimit, is_loopback
-from eutree.recording.browser.wire import decode
+from eutree.recording.browser.wire import Gate, RateLimit, decode, is_loopback
 
 
 @pytest.mark.promise(24)
@@ -77,7 +76,7 @@ def test_the_token_is_compared_in_constant_time(monkeypatch) -> None:
     """A control: the comparison is the library's, not ``==``."""
     seen = []
     monkeypatch.setattr(
-        "eutree.recording.browser.gate.hmac.compare_digest", lambda a, b: seen.append((a, b))
+        "eutree.recording.browser.wire.hmac.compare_digest", lambda a, b: seen.append((a, b))
     )
     Gate("secret").refusal("/socket", ["localhost"], ["http://localhost"], ["token.guess"])
     assert seen == [(b"guess", b"secret")]

@@ -141,3 +141,15 @@ def test_half_of_the_seeds_are_those_of_release_2():
     kept = [seed for seed in whole if seed < 2**31]
     assert 80 < len(kept) < 120
     assert [episode_seed(7, k) for k, seed in enumerate(whole) if seed < 2**31] == kept
+
+
+def test_a_controller_that_never_acts_leaves_no_folder_behind(tmp_path):
+    """The corrected command is to find a folder that it may write."""
+
+    def wrong(observation):
+        raise KeyError("temperature")
+
+    with pytest.raises(InvalidArgumentError, match="temperature"):
+        record(Healthy(), wrong, episodes=1, out=tmp_path / "demos")
+    assert not (tmp_path / "demos").exists()
+    record(Healthy(), Alternate(), episodes=1, out=tmp_path / "demos")

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 import eutree  # noqa: F401 - registers the environments
 from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
+from eutree.interaction.episode import Stream, episode_seed
 from eutree.interaction.guard import GuardedEnv
-from eutree.interaction.seeding import Stream, episode_seed
 from eutree.interaction.spaces import describe
 from eutree.recording.controls import SPEEDS, takes_turns
 from eutree.recording.events import (

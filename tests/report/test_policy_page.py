@@ -12,7 +12,7 @@ import pytest
 
 from eutree.data import Demonstrations, Episode
 from eutree.errors import InvalidArgumentError
-from eutree.export.c_test import probes
+from eutree.export.c import probes
 from eutree.inspection.regions import Region, domain
 from eutree.policies import LeafStatistics, TreePolicy
 from eutree.report import WatchedEpisode, policy_page

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from eutree.cli.main import run
-from eutree.export.c_test import probes
+from eutree.export.c import probes
 from eutree.policies import TreePolicy
 from eutree.report import WatchedEpisode, policy_page
 from eutree.schema import Feature, Schema

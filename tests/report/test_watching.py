@@ -11,7 +11,7 @@ import pytest
 from eutree.envs.experts import wait_at_crossing
 from eutree.errors import EutreeError, InvalidArgumentError, UnknownNameError
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
-from eutree.interaction.seeding import Stream
+from eutree.interaction.episode import Stream
 from eutree.recording import record
 from eutree.report import watch
 from eutree.report.watching import (

@@ -14,8 +14,8 @@ from eutree.cli.main import run
 from eutree.data import Episode
 from eutree.envs.experts import EXPERTS, follow_the_fall
 from eutree.learners import DistilledDQN
-from eutree.learners.default_choice import Evidence, default_for
 from eutree.schema import Schema
+from eutree.training.planned import Evidence, default_for
 
 
 class Pushes:

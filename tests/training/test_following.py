@@ -9,7 +9,7 @@ import pytest
 
 import eutree
 from eutree.errors import InvalidArgumentError, MissingExtraError
-from eutree.training.callback import Logger
+from eutree.training.listeners import Logger
 from tests.worlds import FEW_IMAGINED
 
 SHORT = {"episodes": 45, "evaluate_every": 15, "evaluation_episodes": 10, "seed": 4}

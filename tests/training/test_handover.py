@@ -21,9 +21,10 @@ from eutree.training.handover import (
     TOO_LARGE,
     Duel,
     Handover,
+    Judgement,
     judge,
+    judged,
 )
-from eutree.training.judging import Judgement, judged
 from eutree.training.result import LearningResult
 from eutree.trees import DecisionTree
 

@@ -8,10 +8,10 @@ import pytest
 
 import eutree
 from eutree.cli._learning import in_words, present, progress_of
+from eutree.display import counted
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import Evaluation
-from eutree.training.judging import Judgement, judged
-from eutree.wording import counted
+from eutree.training.handover import Judgement, judged
 from tests.corridor import WRONG, Corridor, policy_of
 from tests.interaction.sick import Healthy
 
@@ -141,3 +141,19 @@ def test_progress_shows_the_present_also_while_racing():
     racing = [words for label, words, *_ in seen if label == "racing"]
     assert racing
     assert all("challengers won" in words for words in racing)
+
+
+def test_a_method_that_asks_for_no_judgement_says_so_where_it_hands_over_what_is_worse():
+    shown = eutree.record(Corridor(), lambda env: policy_of(0, 5.0, 1), episodes=5, seed=1)
+    result = eutree.learn(
+        Corridor(), demonstrations=shown, expert=WRONG, method="paper", episodes=4, **SHORT
+    )
+    words = in_words(result, "out", recorded=None)
+    assert result.handed_over == "learned"
+    assert "This method hands over what it learned, whatever it earns" in words
+
+
+def test_one_pair_is_one_episode_and_no_end_of_an_interval_is_a_negative_zero():
+    found = judged(evaluation([5.0]), evaluation([5.0]))
+    words = found.describe("the start")
+    assert words.startswith("return +0.0 [0.0, 0.0] against the start, on 1 episode of their own")

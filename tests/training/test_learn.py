@@ -10,7 +10,7 @@ import eutree
 from eutree.data import Episode
 from eutree.errors import EnvironmentFault, InvalidArgumentError, RunFolderError
 from eutree.interaction import GuardedEnv, episode_seed
-from eutree.interaction.seeding import Stream
+from eutree.interaction.episode import Stream
 from eutree.learners import PAPER
 from eutree.learners.history import TERMINAL
 from eutree.schema import Schema

@@ -7,7 +7,7 @@ import gymnasium
 import pytest
 
 import eutree
-from eutree.training.proportion import EVERY, USUAL, allowance, curve_of, is_dear, left
+from eutree.training.phases import EVERY, USUAL, allowance, curve_of, is_dear, left
 
 
 class Counted(gymnasium.Wrapper):

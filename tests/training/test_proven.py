@@ -7,9 +7,9 @@ import pytest
 
 import eutree
 from eutree.cli.main import run
+from eutree.compression.episodes import FrontEntry
 from eutree.compression.front import Front
 from eutree.compression.playing import Outcome
-from eutree.compression.report import FrontEntry
 from eutree.errors import InvalidArgumentError
 from eutree.proof import prove
 from eutree.schema import EnvironmentSpec

@@ -8,9 +8,8 @@ from hypothesis import strategies as st
 from eutree.errors import InvalidArgumentError
 from eutree.schema import Feature, Schema
 from eutree.trees import DecisionTree
-from eutree.trees.boxes import leaf_boxes
+from eutree.trees.boxes import disagreement, leaf_boxes
 from eutree.trees.edit import merge
-from eutree.trees.possible import disagreement
 from tests import naive_trees
 
 seeds = st.integers(0, 2**32)

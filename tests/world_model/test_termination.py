@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from eutree.world_model import _kernels_termination, dynamics
+from eutree.world_model import _kernels_chances, dynamics
 from eutree.world_model.dynamics import FEW, MOST_ROWS, PRICE, fit_termination
 from tests import naive_world_model
 
@@ -42,14 +42,14 @@ def test_the_fit_is_the_least_penalised_deviance(squares):
     X = generator.normal(size=(300, 2)) * [3.0, 0.2] + [5.0, -1.0]
     y = generator.random(300) < 1 / (1 + np.exp(-(X[:, 0] - 5.0) - 4.0 * (X[:, 1] + 1.0)))
     out = np.empty(5)
-    ours = _kernels_termination.fit_log_odds(X, y, squares, out)
+    ours = _kernels_chances.fit_log_odds(X, y, squares, out)
     Z = (X - X.mean(axis=0)) / X.std(axis=0)
     columns = [np.ones(300), *Z.T, *(Z.T**2 if squares else ())]
     Z = np.stack(columns, axis=1)
 
     def deviance(weights):
         odds = Z @ weights
-        ridge = 0.5 * _kernels_termination.RIDGE * (weights[1:] ** 2).sum()
+        ridge = 0.5 * _kernels_chances.RIDGE * (weights[1:] ** 2).sum()
         return 2 * (np.logaddexp(0, odds).sum() - odds[y].sum() + ridge)
 
     best = minimize(deviance, np.zeros(Z.shape[1]), tol=1e-10)
@@ -64,10 +64,10 @@ def test_the_step_is_newtons():
     y = generator.random(200) < 0.3
     weights = generator.normal(size=4)
     H, step = np.zeros((4, 4)), np.zeros(4)
-    ours = _kernels_termination.newton_step(Z, y, weights, H, step)
+    ours = _kernels_chances.newton_step(Z, y, weights, H, step)
     odds = Z @ weights
     p = 1 / (1 + np.exp(-odds))
-    ridge = np.diag([0.0, *[_kernels_termination.RIDGE] * 3])
+    ridge = np.diag([0.0, *[_kernels_chances.RIDGE] * 3])
     assert ours == pytest.approx(
         2 * (np.logaddexp(0, odds) - odds * y).sum() + weights @ ridge @ weights, rel=1e-6
     )
@@ -87,7 +87,7 @@ def test_what_is_not_described_could_not_have_been_shorter(monkeypatch):
         found = [(constant.cost, constant.line)]
         for squares, parameters in ((False, d + 1), (True, 2 * d + 1)):
             line = np.empty(2 * d + 1)
-            fit = _kernels_termination.fit_log_odds(X[rows], mine, squares, line)
+            fit = _kernels_chances.fit_log_odds(X[rows], mine, squares, line)
             found.append((fit + PRICE * parameters, line))
         cost, line = min(found, key=lambda item: item[0])
         return dynamics._Leaf(rows, float(cost), line)

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from eutree.c45.settings import C45Settings
+from eutree.c45.growing import C45Settings
 from eutree.lazy import lazily
 
 if TYPE_CHECKING:

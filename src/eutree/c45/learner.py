@@ -5,8 +5,7 @@ from numpy.typing import ArrayLike
 
 from eutree.arrays import Floats
 from eutree.c45 import _kernels_pruning as _kernels
-from eutree.c45.growing import Nodes, Training, grow_nodes
-from eutree.c45.settings import C45Settings
+from eutree.c45.growing import C45Settings, Nodes, Training, grow_nodes
 from eutree.c45.tree import C45Tree, read_only
 from eutree.errors import InvalidArgumentError
 from eutree.validation import check_actions, check_integer, check_vector

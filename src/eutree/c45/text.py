@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from xml.sax.saxutils import escape
 
 from eutree.c45.tree import C45Tree
+from eutree.display import counted
 from eutree.trees.text import printable
-from eutree.wording import counted
 
 
 @dataclass(frozen=True)

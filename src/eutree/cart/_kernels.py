@@ -4,11 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from eutree import thresholds
+from eutree import features
 from eutree.arrays import Booleans, Floats, Int32s, Integers
 from eutree.compiled import compiled
 
-threshold_between = compiled(thresholds.threshold_between)
+threshold_between = compiled(features.threshold_between)
 
 SAME = 1e-12  # share of a node's impurity that counts as no gain
 

@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import click
 
-from eutree.cli._commands import Helped, Written
-from eutree.cli._options import look_in_this_folder
+from eutree.cli._options import Helped, Written, look_in_this_folder
 from eutree.cli._policies import in_zoo, is_own
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.files import Document, read_bytes, read_document, write_document

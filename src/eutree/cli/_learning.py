@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from eutree.cli._given import keep
 from eutree.cli._output import Output, ProgressLine, figures_of, front_drawn
 from eutree.cli._policies import beside
-from eutree.wording import counted
+from eutree.display import counted
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -33,7 +33,7 @@ class Following:
     """
 
     def __init__(self, progress: ProgressLine, output: Output) -> None:
-        logging.getLogger("eutree.learners.default_choice").addHandler(_SAID_HERE)
+        logging.getLogger("eutree.training.planned").addHandler(_SAID_HERE)
         self._progress = progress
         self._output = output
         self._label = ""

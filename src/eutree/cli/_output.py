@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress
 
-    from eutree.compression.report import FrontEntry
+    from eutree.compression.episodes import FrontEntry
 
 _HEADER = "leaves  return [95 %]                 success"
 _WIDTH = 20

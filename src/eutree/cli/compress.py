@@ -8,19 +8,19 @@ import click
 import numpy as np
 
 from eutree.cli import _options as option
-from eutree.cli._commands import Helped
+from eutree.cli._options import Helped
 from eutree.cli._output import Output, figures_of, front_drawn
 from eutree.cli._policies import Rival, against_option, beside, load_demonstrations
 from eutree.cli.parts import cluster, workers_options
+from eutree.display import counted
 from eutree.errors import EutreeError, InvalidArgumentError, shown
 from eutree.schema import EnvironmentSpec
-from eutree.wording import counted
 
 if TYPE_CHECKING:
     from eutree.arrays import Floats
     from eutree.compression import CompressionReport, RealEpisodes
     from eutree.compression.candidates import Rounding
-    from eutree.compression.report import RoundingPlayed
+    from eutree.compression.episodes import RoundingPlayed
     from eutree.data import Demonstrations
     from eutree.policies import TreePolicy
     from eutree.world_model import Transitions

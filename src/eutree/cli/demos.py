@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from eutree.cli import _options as option
-from eutree.cli._commands import Written
+from eutree.cli._options import Written
 from eutree.cli._output import Output, figures_of
 from eutree.cli.fit import hurting
+from eutree.display import counted
 from eutree.errors import InvalidArgumentError
 from eutree.trees.text import labelled
-from eutree.wording import counted
 
 if TYPE_CHECKING:
     from eutree.data import DemonstrationFolder, Demonstrations, Episode
@@ -465,7 +465,7 @@ def _table(rows: "dict[int, Episode]", title: str) -> Any:
 
 
 def _written(demonstrations: "Demonstrations", path: str, as_json: bool) -> None:
-    from eutree.data.rows import DROPPED
+    from eutree.data.episode import DROPPED
 
     dropped = sum(DROPPED in episode.extras for episode in demonstrations.episodes)
     said = ""

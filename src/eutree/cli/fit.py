@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from eutree.cli import _options as option
-from eutree.cli._commands import Helped
+from eutree.cli._options import Helped, line_with
 from eutree.cli._output import Output, figures_of
 from eutree.cli._policies import OWN, controller, load_demonstrations, load_policy
 from eutree.cli.parts import cluster, workers_options
+from eutree.display import counted
 from eutree.errors import InvalidArgumentError
 from eutree.schema import EnvironmentSpec
-from eutree.wording import counted
 
 if TYPE_CHECKING:
     from eutree.c45 import C45Settings
@@ -110,7 +110,7 @@ def fit(
     report.policy.save(out)
     hint = ""
     if report.verdict and (report.verdict.is_worse or report.verdict.is_open) and not practise:
-        hint = f"\neutree fit {demonstrations} --out {out} --practise 100 goes on with learning"
+        hint = f"\n{line_with('--practise', '100')} goes on with learning"
     output.result(_values(report, out), f"{report.policy}\n{report}\nwritten to {out}{hint}")
 
 
@@ -309,7 +309,7 @@ def distill(
 ) -> None:
     """Make a small tree that decides in ENVIRONMENT as the teacher does."""
     from eutree.distillation import DistillationSettings
-    from eutree.distillation.distill import distill as distill_teacher
+    from eutree.distillation import distill as distill_teacher
     from eutree.files import check_writable
 
     output = Output(as_json=as_json)

@@ -9,7 +9,7 @@ import click
 import numpy as np
 
 from eutree.cli import _options as option
-from eutree.cli._commands import Helped
+from eutree.cli._options import Helped
 from eutree.cli._output import Output, figures_of
 from eutree.cli._policies import in_zoo, load_demonstrations, load_policy, policy_file, renamed
 from eutree.errors import InvalidArgumentError, shown

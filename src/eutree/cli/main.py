@@ -10,7 +10,7 @@ from importlib.metadata import entry_points
 
 import click
 
-from eutree.cli._commands import check_outputs
+from eutree.cli._options import check_outputs
 from eutree.cli._output import kept_for_results, said_what_is_compiled
 from eutree.errors import EutreeError, InvalidArgumentError, UnknownNameError, described
 

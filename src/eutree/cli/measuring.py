@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from eutree.cli import _options as option
-from eutree.cli._commands import Helped
+from eutree.cli._options import Helped
 from eutree.cli._output import Output, figures_of
 from eutree.cli._policies import Rival, against_option, check_fits, load_policy
 from eutree.cli.parts import cluster, workers_options

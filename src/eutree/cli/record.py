@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from eutree.cli import _options as option
-from eutree.cli._commands import Helped
+from eutree.cli._options import Helped
 from eutree.cli._output import Output
 from eutree.cli._policies import OWN, controller, load_policy
+from eutree.display import counted
 from eutree.errors import EutreeError, InvalidArgumentError
 from eutree.files import write_text
 from eutree.schema import EnvironmentSpec
-from eutree.wording import counted
 
 if TYPE_CHECKING:
     import gymnasium
@@ -251,7 +251,7 @@ def record_on_page(
     from eutree.fitting.page_tree import PageTree
     from eutree.interaction.making import make
     from eutree.recording.browser import record_in_browser
-    from eutree.recording.browser.gate import is_loopback
+    from eutree.recording.browser.wire import is_loopback
 
     maker = PageTree(out, spec, lambda: make(spec), seed=recorder.session.settings.seed)
     tree = None if drive is None else load_policy(drive)

@@ -14,13 +14,13 @@ import click
 from eutree.cli import _options as option
 from eutree.cli._output import Output
 from eutree.cli._policies import load_demonstrations, load_policy
+from eutree.display import counted
 from eutree.errors import InvalidArgumentError
 from eutree.export import FORMATS, to_c_header, to_c_test
 from eutree.export import export as make
 from eutree.export.c import function_name
 from eutree.files import check_writable, write_bytes, write_text
 from eutree.trees.text import asked, definitions, is_reversed, printable, question
-from eutree.wording import counted
 
 if TYPE_CHECKING:
     from rich.text import Text

@@ -6,9 +6,8 @@ from eutree.lazy import lazily
 
 if TYPE_CHECKING:
     from eutree.compression.compressing import compress, compress_monotone
-    from eutree.compression.episodes import RealEpisodes
+    from eutree.compression.episodes import CompressionReport, RealEpisodes
     from eutree.compression.imagined import ImaginedEpisodes
-    from eutree.compression.report import CompressionReport
 
 __all__ = ["CompressionReport", "ImaginedEpisodes", "RealEpisodes", "compress", "compress_monotone"]
 
@@ -16,8 +15,7 @@ __getattr__ = lazily(
     __name__,
     {
         "eutree.compression.compressing": "compress compress_monotone",
-        "eutree.compression.episodes": "RealEpisodes",
+        "eutree.compression.episodes": "CompressionReport RealEpisodes",
         "eutree.compression.imagined": "ImaginedEpisodes",
-        "eutree.compression.report": "CompressionReport",
     },
 )

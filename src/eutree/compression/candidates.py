@@ -14,9 +14,8 @@ from eutree.policies import TreePolicy
 from eutree.policies.reach import within_kinds
 from eutree.schema import Schema
 from eutree.trees import DecisionTree
-from eutree.trees.boxes import node_boxes
+from eutree.trees.boxes import node_boxes, possible_nodes
 from eutree.trees.edit import INNER, graft, holding, merge, reachable, rebuild
-from eutree.trees.possible import possible_nodes
 from eutree.validation import check_number
 
 WEIGHTS = ("visits", "q-gap")

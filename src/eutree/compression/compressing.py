@@ -33,7 +33,9 @@ from eutree.compression.candidates import (
 )
 from eutree.compression.episodes import (
     Comparison,
+    CompressionReport,
     Demand,
+    FrontEntry,
     RealEpisodes,
     as_real,
     ground_of,
@@ -43,14 +45,13 @@ from eutree.compression.episodes import (
     returns_of,
 )
 from eutree.compression.playing import Ground
-from eutree.compression.report import CompressionReport, FrontEntry
 from eutree.contests.betting import episodes_needed
 from eutree.contests.smallest import ATTEMPTS
 from eutree.errors import InvalidArgumentError
 from eutree.interaction.making import Environment
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
-from eutree.trees.possible import disagreement
+from eutree.trees.boxes import disagreement
 from eutree.validation import (
     check_choice,
     check_integer,

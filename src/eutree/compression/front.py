@@ -11,9 +11,8 @@ import numpy as np
 
 from eutree.arrays import Floats
 from eutree.compression.candidates import merged, with_locks
-from eutree.compression.episodes import Comparison, Demand
+from eutree.compression.episodes import Comparison, Demand, FrontEntry
 from eutree.compression.playing import CommonEpisodes, Ground, Outcome
-from eutree.compression.report import FrontEntry
 from eutree.compression.searching import FrontSearch
 from eutree.contests import SmallestWithin, hold, new_table
 from eutree.evaluation import Estimate, Interval

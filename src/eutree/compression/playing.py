@@ -19,8 +19,8 @@ from eutree.evaluation import Interval, wilson_interval
 from eutree.evaluation.evaluate import run_batch, same_parameters, vector_form
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
 from eutree.interaction.deriving import acting_as
+from eutree.interaction.episode import Stream
 from eutree.interaction.making import Recipe
-from eutree.interaction.seeding import Stream
 from eutree.parallel import Workers
 from eutree.policies import TreePolicy
 

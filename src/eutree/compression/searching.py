@@ -16,8 +16,8 @@ from eutree.arrays import Booleans, Integers
 from eutree.c45 import C45Settings
 from eutree.compression.candidates import Costs, Prunings, by_c45, merged, with_tree
 from eutree.compression.playing import moved
+from eutree.features import threshold_between
 from eutree.policies import TreePolicy
-from eutree.thresholds import threshold_between
 from eutree.trees import DecisionTree
 from eutree.trees.edit import INNER, TreeBuilder, rebuild
 

@@ -133,7 +133,7 @@ def bounds_of_change(
     return Bounds(
         mean,
         lower_bound(gains, worst, error / 2),
-        -lower_bound(-gains, worst, error / 2),
+        0.0 - lower_bound(-gains, worst, error / 2),  # no -0.0
         (low, high),
         known is not None,
     )

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from eutree.arrays import Floats
-from eutree.data.episode import Episode
+from eutree.data.episode import DROPPED, MAX_NAMES, Episode
 from eutree.data.log_format import (
     KNOWN,
     MAX_CATEGORIES,
@@ -32,7 +32,6 @@ from eutree.data.log_format import (
     is_nothing,
     label,
 )
-from eutree.data.rows import DROPPED, MAX_NAMES
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.files import write_text
 from eutree.schema import Feature, Schema, numbered_actions

@@ -10,15 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from eutree.arrays import Floats, Integers
-from eutree.data.episode import CUT, TAUGHT, Episode
+from eutree.data.episode import CUT, TAUGHT, Episode, episodes_from_rows, schema_for
 from eutree.data.files import DemonstrationFolder, save_folder
-from eutree.data.rows import episodes_from_rows, schema_for
-from eutree.display import Displayed
+from eutree.display import Displayed, counted
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.features import Derivation, FeatureMap
 from eutree.schema import EnvironmentSpec, Feature, Schema
 from eutree.validation import check_finite, data_frame
-from eutree.wording import counted
 
 if TYPE_CHECKING:
     from eutree.data.log_format import LogFormat

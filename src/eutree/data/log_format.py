@@ -8,7 +8,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from eutree.data.rows import MAX_NAMES
+from eutree.data.episode import MAX_NAMES
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.files import opened_text
 from eutree.validation import check_choice, check_number

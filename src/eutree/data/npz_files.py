@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eutree.data.episode import Episode
-from eutree.data.rows import episodes_from_rows, rows_of, starts_from_ends
+from eutree.data.episode import Episode, episodes_from_rows, rows_of, starts_from_ends
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.files import read_arrays, write_arrays
 

@@ -18,6 +18,7 @@ from eutree.compression import RealEpisodes, compress
 from eutree.compression.candidates import rounded
 from eutree.data import Demonstrations
 from eutree.demo.page import DemoResult, DemoSettings, PlayedDemo, demo_report, story_of
+from eutree.display import counted
 from eutree.envs.experts import experts_for
 from eutree.errors import FileError
 from eutree.evaluation import Evaluation, evaluate
@@ -25,19 +26,18 @@ from eutree.export import to_c, to_svg
 from eutree.files import make_folder, write_text
 from eutree.inspection import diff
 from eutree.interaction import episode_seed
+from eutree.interaction.episode import Stream
 from eutree.interaction.making import make
-from eutree.interaction.seeding import Stream
 from eutree.learners import fit_expert_tree
 from eutree.policies import TreePolicy
 from eutree.recording import record
 from eutree.report import run_page
 from eutree.schema import EnvironmentSpec
 from eutree.training import learn
-from eutree.training.judging import judged
+from eutree.training.handover import judged
 from eutree.training.many import FinishedRun, LearningRuns, learn_runs
 from eutree.trees import DecisionTree
 from eutree.validation import check_choice
-from eutree.wording import counted
 
 __all__ = ["run_demo", "settings_for", "table_rows"]
 

@@ -10,6 +10,7 @@ import numpy as np
 from eutree.arrays import Floats
 from eutree.compression import CompressionReport
 from eutree.data import Demonstrations, Episode
+from eutree.display import counted
 from eutree.evaluation import Evaluation, Interval
 from eutree.inspection import PolicyDiff
 from eutree.parallel import Workers
@@ -21,7 +22,6 @@ from eutree.report.watching import film_if_possible
 from eutree.schema import EnvironmentSpec
 from eutree.training import Judgement
 from eutree.training.many import FinishedRun, LearningRuns
-from eutree.wording import counted
 
 # A demonstrator who does everything right leaves nothing to learn. So the world changes after the
 # demonstrations (the opponents of Evasion become faster), or the demonstrator is mediocre from

@@ -53,7 +53,7 @@ class RulePolicy(ScriptedPolicy):
         self._rule = rule
 
     def decide(self, observations: Floats) -> Integers:
-        """Return what the rule says."""
+        """Return the rule's actions."""
         return self._rule(observations)
 
 

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from eutree.display import counted
 from eutree.errors import FormatError
 from eutree.validation import data_frame
-from eutree.wording import counted
 
 
 @dataclass(frozen=True)

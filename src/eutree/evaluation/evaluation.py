@@ -11,10 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from eutree.arrays import Booleans, Floats, Integers, frozen
 from eutree.contests import bounds_of_change
-from eutree.display import Displayed
+from eutree.display import Displayed, counted
 from eutree.errors import InvalidArgumentError
 from eutree.validation import check_integer, check_number, check_vector, data_frame
-from eutree.wording import counted
 
 # Over learning runs, which are few and far from normal, use SciPy's bootstrap.
 #

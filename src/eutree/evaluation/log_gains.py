@@ -157,7 +157,7 @@ def rows_of(policy: TreePolicy, episode: Episode) -> Floats:
 
 
 def decisions(policy: TreePolicy, episode: Episode) -> Integers:
-    """Return what a tree does at each step, shape [T]."""
+    """Return a tree's actions at each step, shape [T]."""
     taken: Integers = policy.actions[policy.tree.leaf_index(rows_of(policy, episode))]
     return taken
 
@@ -209,7 +209,7 @@ class _Differing:
         return float(weight * (rewards.sum() - expected)), worst
 
     def deviations(self, advantages: Floats) -> float:
-        """Return what single deviations to one tree gained over those to the other."""
+        """Return the gain of single deviations to one tree over those to the other."""
         (ours, chance), (theirs, other_chance) = self._both
         weights = ours / chance - theirs / other_chance
         return float((weights * advantages[self._steps]).sum())
@@ -294,7 +294,7 @@ class _Pruning:
         return replace(self._policy, tree=tree, actions=actions, leaves=None)
 
     def _below(self) -> tuple[Floats, Integers]:
-        """Return what the leaves below each node earn, and how many there are, both [M]."""
+        """Return the earnings of the leaves below each node, and their number, both [M]."""
         tree, n_nodes = self._tree, self._tree.n_nodes
         value, leaves = np.zeros(n_nodes), np.zeros(n_nodes, dtype=np.int64)
         for node in range(n_nodes - 1, -1, -1):  # children have larger numbers
@@ -307,7 +307,7 @@ class _Pruning:
 
 
 def _worth(policy: TreePolicy, log: FittedLog) -> Floats:
-    """Return what single deviations to each action gained in each node, shape [M, A]."""
+    """Return the gains of single deviations to each action in each node, shape [M, A]."""
     tree = policy.tree
     worth = np.zeros((tree.n_nodes, log.n_actions))
     for episode in log.episodes:

@@ -29,11 +29,11 @@ from eutree.contests import Bounds
 from eutree.contests.betting import lower_bound, tuned_stake
 from eutree.contests.rules import BLIND
 from eutree.data import Demonstrations, Episode, check_rewards
+from eutree.display import counted
 from eutree.evaluation.log_gains import FittedLog, Gains, cuts
-from eutree.interaction.seeding import Stream
+from eutree.interaction.episode import Stream
 from eutree.learners.starts import SETTINGS, best_left_out, candidates
 from eutree.policies import TreePolicy
-from eutree.wording import counted
 from eutree.world_model import PairedRollouts, Transitions, fit_world_models
 from eutree.world_model.action_trees import from_decision_tree
 
@@ -215,7 +215,7 @@ class Judge:
         return rollouts
 
     def _predicted(self, learned: TreePolicy) -> float:
-        """Return what a tree earns more than the other in rollouts, less a standard error."""
+        """Return a tree's gain over the other in rollouts, less a standard error."""
         gain = self._rollouts.gain(from_decision_tree(learned.tree, learned.actions))
         return gain.mean - gain.error
 

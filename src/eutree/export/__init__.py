@@ -13,8 +13,7 @@ from typing import Any
 
 from eutree.errors import InvalidArgumentError, UnknownNameError
 from eutree.export._code import ASSUMPTION
-from eutree.export.c import to_c, to_c_header
-from eutree.export.c_test import to_c_test
+from eutree.export.c import to_c, to_c_header, to_c_test
 from eutree.export.drawing import to_dot, to_latex
 from eutree.export.onnx import to_onnx
 from eutree.export.python import to_python

@@ -15,6 +15,7 @@ from typing import Literal
 
 import numpy as np
 
+from eutree.arrays import Integers
 from eutree.errors import InvalidArgumentError, UnknownNameError
 from eutree.policies import TreePolicy
 from eutree.schema import Feature
@@ -97,8 +98,12 @@ def numbers(policy: TreePolicy, number: Number, scale: Scale) -> Numbers:
     return Numbers(number, tuple(float(value) for value in scales if value is not None))
 
 
-def in_integers(policy: TreePolicy, scales: tuple[float, ...]) -> TreePolicy:
-    """Return the policy over scaled integers, without the tests that every int32 decides alike."""
+def in_integers(policy: TreePolicy, scales: tuple[float, ...]) -> tuple[TreePolicy, Integers]:
+    """Return the policy over scaled integers, without the tests that every int32 decides alike.
+
+    Returns:
+        The policy, and the number that each of its leaves has in the given one, shape [L].
+    """
     tree = policy.tree
     limit = {
         node: largest_integer(float(tree.threshold[node]), scales[tree.feature[node]])
@@ -129,8 +134,9 @@ def in_integers(policy: TreePolicy, scales: tuple[float, ...]) -> TreePolicy:
         right=right,
         leaf=leaves.astype(np.int32),
     )
-    actions = policy.actions[tree.leaf[kept]][~is_inner]
-    return replace(policy, tree=scaled, actions=actions, leaves=None, locked=())
+    numbers_before = tree.leaf[kept][~is_inner]
+    actions = policy.actions[numbers_before]
+    return replace(policy, tree=scaled, actions=actions, leaves=None, locked=()), numbers_before
 
 
 def largest_integer(threshold: float, scale: float) -> int:

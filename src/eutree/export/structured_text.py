@@ -1,5 +1,6 @@
 """Structured Text (IEC 61131-3) for programmable logic controllers."""
 
+from eutree.display import counted
 from eutree.export._code import (
     ASSUMPTION,
     STRUCTURED_TEXT_WORDS,
@@ -26,7 +27,6 @@ from eutree.trees.text import (
     nested,
     printable,
 )
-from eutree.wording import counted
 
 
 def to_structured_text(policy: TreePolicy, *, name: str = "decide") -> str:

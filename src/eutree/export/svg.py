@@ -5,6 +5,7 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from eutree.arrays import Floats
+from eutree.display import counted
 from eutree.export._code import ASSUMPTION
 from eutree.export.drawing import (
     branches,
@@ -17,7 +18,6 @@ from eutree.export.drawing import (
 )
 from eutree.policies import TreePolicy
 from eutree.trees.text import Digits, asked, printable, question
-from eutree.wording import counted
 
 STYLE = """\
 .eutree { font: 12px system-ui, "Segoe UI", Helvetica, Arial, sans-serif; }

@@ -6,8 +6,7 @@ from eutree.fitting.report import FitReport, Person, Standing
 from eutree.lazy import lazily
 
 if TYPE_CHECKING:
-    from eutree.fitting.hurting import Hurt, Hurting, find_hurting
-    from eutree.fitting.segments import accepted, restored
+    from eutree.fitting.hurting import Hurt, Hurting, accepted, find_hurting, restored
     from eutree.recording.tree_making import Segment
 
 __all__ = [
@@ -25,8 +24,7 @@ __all__ = [
 __getattr__ = lazily(
     __name__,
     {
-        "eutree.fitting.hurting": "Hurt Hurting find_hurting",
-        "eutree.fitting.segments": "accepted restored",
+        "eutree.fitting.hurting": "Hurt Hurting accepted find_hurting restored",
         "eutree.recording.tree_making": "Segment",
     },
 )

@@ -7,7 +7,7 @@ import numpy as np
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.data import Demonstrations
 from eutree.data.demonstrations import lessons
-from eutree.data.rows import DROPPED
+from eutree.data.episode import DROPPED
 from eutree.evaluation import Evaluation
 from eutree.fitting.playing import Played, blame, shown_in
 from eutree.fitting.report import Person, result_in_words, verdict

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from eutree.data import DemonstrationFolder, Demonstrations
+from eutree.display import counted
 from eutree.errors import EutreeError, InvalidArgumentError
 from eutree.evaluation import Evaluation, evaluate
 from eutree.export import to_svg
@@ -27,7 +28,6 @@ from eutree.policies import TreePolicy
 from eutree.recording.scenes import Programme, Scene, missing, scenes
 from eutree.recording.tree_making import FITTING, PLAYING, PRACTISING, READY, Show, TreeView
 from eutree.schema import EnvironmentSpec
-from eutree.wording import counted
 
 if TYPE_CHECKING:
     import gymnasium

@@ -15,8 +15,9 @@ from numpy.typing import ArrayLike
 
 from eutree.arrays import Booleans
 from eutree.compression import RealEpisodes, compress
-from eutree.compression.report import FrontEntry
+from eutree.compression.episodes import FrontEntry
 from eutree.data import Demonstrations, Episode
+from eutree.display import counted
 from eutree.evaluation import Evaluation
 from eutree.fitting.report import Person, result_in_words
 from eutree.inspection import diff
@@ -25,7 +26,6 @@ from eutree.policies import TreePolicy
 from eutree.recording import keys_of_environment
 from eutree.recording.tree_making import HurtView, Segment, StripView, WayView
 from eutree.trees.text import printable
-from eutree.wording import counted
 
 if TYPE_CHECKING:
     from eutree.fitting.hurting import Hurt, Hurting

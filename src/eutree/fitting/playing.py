@@ -14,7 +14,7 @@ from eutree.data import Demonstrations, Episode
 from eutree.data.demonstrations import lessons
 from eutree.evaluation import Evaluation
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
-from eutree.interaction.seeding import Stream
+from eutree.interaction.episode import Stream
 from eutree.learners import ModelPlanning, PlanningMethod
 from eutree.policies import TreePolicy
 from eutree.policy_search.planner import Planner

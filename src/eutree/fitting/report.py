@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from eutree.data import Demonstrations, Episode
-from eutree.display import Displayed
+from eutree.display import Displayed, counted
 from eutree.evaluation import Evaluation, Interval, wilson_interval
 from eutree.evaluation.evaluation import student_quantile
 from eutree.policies import TreePolicy
-from eutree.wording import counted
 
 MARGIN = 0.03  # of the success rate, or of the size of the mean return: no repair for less
 

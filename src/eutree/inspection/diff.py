@@ -7,15 +7,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from eutree.arrays import Floats, Integers
-from eutree.display import SAME, Displayed
+from eutree.display import SAME, Displayed, counted
 from eutree.inspection.regions import Region, domain, finite_box, is_box
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
-from eutree.trees.boxes import differing
-from eutree.trees.possible import possible, volumes
+from eutree.trees.boxes import differing, possible, volumes
 from eutree.trees.text import Digits, asked, printable, question
 from eutree.validation import check_observations
-from eutree.wording import counted
 
 
 @dataclass(frozen=True)
@@ -87,7 +85,7 @@ def _share(box: Disagreement) -> str:
 def diff(
     first: TreePolicy, second: TreePolicy, *, observations: ArrayLike | None = None
 ) -> PolicyDiff:
-    """Return what changed between two policies of the same features and actions.
+    """Return the changes between two policies of the same features and actions.
 
     The box is that of the schema's bounds; where they are infinite it reaches a tenth beyond the
     outermost thresholds of both trees and of what was observed, if that is given. Two thresholds

@@ -12,9 +12,8 @@ from eutree.inspection.properties import Property, parse
 from eutree.inspection.regions import Region, domain, is_box
 from eutree.policies import TreePolicy
 from eutree.trees import DecisionTree
-from eutree.trees.boxes import leaf_boxes
+from eutree.trees.boxes import leaf_boxes, possible
 from eutree.trees.edit import graft
-from eutree.trees.possible import possible
 from eutree.trees.text import Digits, asked, printable, question
 from eutree.validation import check_integer, check_number
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from eutree.arrays import Booleans, Floats, frozen
 from eutree.schema import Schema
-from eutree.trees.possible import left_of_group, possible, whole_bounds
+from eutree.trees.boxes import left_of_group, possible, whole_bounds
 from eutree.trees.text import Digits, choice, printable, whole
 
 _FLIPPED = {">": "<", ">=": "<="}

@@ -12,16 +12,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from eutree.arrays import Floats, Integers
-from eutree.display import Displayed
+from eutree.display import Displayed, counted
 from eutree.errors import InvalidArgumentError
 from eutree.inspection.properties import Property, parse
 from eutree.inspection.regions import Region, domain, finite_box, is_box
 from eutree.policies import TreePolicy
-from eutree.trees.boxes import leaf_boxes, meetings
-from eutree.trees.possible import possible, volumes
+from eutree.trees.boxes import leaf_boxes, meetings, possible, volumes
 from eutree.trees.text import Digits, printable
 from eutree.validation import check_observations
-from eutree.wording import counted
 
 _MOST_SWITCHES = 20
 

@@ -7,14 +7,12 @@ from numpy.typing import ArrayLike
 
 from eutree.arrays import Floats
 from eutree.data import Demonstrations
-from eutree.display import Displayed
+from eutree.display import Displayed, counted
 from eutree.inspection.regions import Region, domain, is_box
 from eutree.policies import TreePolicy
-from eutree.trees.boxes import leaf_boxes
-from eutree.trees.possible import possible
+from eutree.trees.boxes import leaf_boxes, possible
 from eutree.trees.text import Digits, asked, is_reversed, printable, question, whole
 from eutree.validation import check_vector
-from eutree.wording import counted
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,8 @@
 from eutree.interaction.action_grid import GriddedAction
 from eutree.interaction.decoding import DecodedObservation
 from eutree.interaction.deriving import DerivedObservation
-from eutree.interaction.episode import run_episode
+from eutree.interaction.episode import episode_seed, run_episode
 from eutree.interaction.guard import GuardedEnv
-from eutree.interaction.seeding import episode_seed
 from eutree.interaction.spaces import describe
 
 __all__ = [

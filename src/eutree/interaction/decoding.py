@@ -55,7 +55,7 @@ class DecodedObservation(
         self.observation_space = spaces.MultiDiscrete(high - low + 1, start=low)
 
     def observation(self, observation: Any) -> Integers:
-        """Return what a code stands for, shape [k]."""
+        """Return the numbers that a code stands for, shape [k]."""
         meaning: Integers = self._meanings[int(observation) - self._first]
         return meaning.copy()
 
@@ -104,7 +104,7 @@ def warn_of_codes(env: gymnasium.Env[Any, Any], *, stacklevel: int = 2) -> None:
 
 
 def _meanings(env: gymnasium.Env[Any, Any], first: int, n: int) -> Integers:
-    """Return what each code stands for, shape [n, k]."""
+    """Return the numbers that each code stands for, shape [n, k]."""
     decode: Any = env.unwrapped.decode  # type: ignore[attr-defined]  # checked by can_decode
     try:
         rows = [list(decode(first + code)) for code in range(n)]

@@ -21,13 +21,13 @@ from eutree.c45 import C45Settings, grow
 from eutree.data import Demonstrations, Episode
 from eutree.data.demonstrations import lessons, taught_in
 from eutree.data.episode import CUT, allowed_in
+from eutree.display import counted
 from eutree.errors import InvalidArgumentError
 from eutree.learners.learner import Problem, Start, StartName
 from eutree.policies import TreePolicy
 from eutree.policies.reach import among_allowed, within_kinds
 from eutree.trees import DecisionTree
 from eutree.validation import check_choice
-from eutree.wording import counted
 
 _RELEASE_8 = C45Settings()
 

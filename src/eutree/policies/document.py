@@ -79,7 +79,7 @@ def tree_from_document(
 def _node_problem(
     node: NodeDocument, index: int, n_nodes: int, n_features: int, parents: dict[int, int]
 ) -> str:
-    """Return what is wrong with one node; note its children in ``parents``."""
+    """Return the fault of one node; note its children in ``parents``."""
     inner = (node.feature, node.left, node.right)
     if node.leaf >= 0:
         is_leaf = inner == (-1, -1, -1) and node.threshold is None
@@ -165,7 +165,7 @@ def policy_document(data: bytes, path: str | Path) -> PolicyDocument:
 
 
 def policy_parts(document: PolicyDocument, path: str | Path) -> PolicyParts:
-    """Return what the document says, each field checked; ``path`` is for the messages."""
+    """Return the content of a document, each field checked; ``path`` is for the messages."""
     schema = schema_from_document(document.schema, path)
     tree = tree_from_document(document.nodes, schema.n_features, path)
     if len(document.leaves) != tree.n_leaves:

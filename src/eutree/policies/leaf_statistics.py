@@ -56,7 +56,7 @@ def leaf_statistics(
     visits: Integers,
     values: Floats,
 ) -> LeafStatistics:
-    """Return what is known of each leaf and action.
+    """Return the statistics of each leaf and action.
 
     Args:
         leaves: Leaf that each transition left, shape [N].

@@ -7,8 +7,8 @@ import numpy as np
 from eutree.arrays import Booleans, Floats
 from eutree.policies.leaf_statistics import LeafStatistics
 from eutree.policies.tree_policy import TreePolicy
+from eutree.trees.boxes import possible_nodes
 from eutree.trees.edit import holding, reachable
-from eutree.trees.possible import possible_nodes
 
 
 def within_reach(policy: TreePolicy, low: Floats, high: Floats) -> TreePolicy:

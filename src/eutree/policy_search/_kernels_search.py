@@ -5,11 +5,11 @@ Apart from ``_kernels.py`` because it looks at data and runs nothing.
 
 import numpy as np
 
-from eutree import thresholds
+from eutree import features
 from eutree.arrays import Floats, Integers
 from eutree.compiled import compiled
 
-threshold_between = compiled(thresholds.threshold_between)
+threshold_between = compiled(features.threshold_between)
 
 MAX_CUTS = 6
 

@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from eutree.arrays import Floats, Integers
+from eutree.features import threshold_between
 from eutree.policy_search import _kernels_search
-from eutree.thresholds import threshold_between
 from eutree.validation import check_integer, check_number
 from eutree.world_model import ActionTree
 from eutree.world_model.action_trees import Nested, n_leaves, nested, packed, with_box, with_child

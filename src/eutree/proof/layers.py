@@ -20,8 +20,7 @@ from eutree.errors import InvalidArgumentError
 from eutree.policies import TreePolicy
 from eutree.policies.sklearn_tree import float64_thresholds
 from eutree.proof import _kernels as kernels
-from eutree.proof.affine import Affine, Doubt
-from eutree.proof.intervals import Intervals, Truth, middle
+from eutree.proof.intervals import Affine, Doubt, Intervals, Truth, middle
 from eutree.proof.plant import Plant, State
 from eutree.proof.reach import Acting
 from eutree.trees.boxes import leaf_boxes

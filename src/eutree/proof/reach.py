@@ -18,9 +18,8 @@ from eutree.errors import InvalidArgumentError
 from eutree.policies import TreePolicy
 from eutree.policies.sklearn_tree import float64_thresholds
 from eutree.proof import _kernels
-from eutree.proof.affine import Affine, Doubt
 from eutree.proof.certificate import NEVER, Pieces
-from eutree.proof.intervals import Truth, middle
+from eutree.proof.intervals import Affine, Doubt, Truth, middle
 from eutree.proof.plant import Plant, State
 
 MOST_ACTIONS = 64  # bits of a set of actions

@@ -13,8 +13,7 @@ from eutree.arrays import Floats
 from eutree.data import Episode
 from eutree.data.episode import ALLOWED, CUT, TAUGHT
 from eutree.interaction import GuardedEnv, episode_seed
-from eutree.interaction.episode import ending_of, success_of
-from eutree.interaction.seeding import Stream
+from eutree.interaction.episode import Stream, ending_of, success_of
 from eutree.recording.events import (
     EpisodeAbandoned,
     EpisodeChanged,

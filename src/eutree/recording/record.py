@@ -8,9 +8,9 @@ from eutree.files import check_new_folder
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
 from eutree.interaction.acting import Controller, as_policy
 from eutree.interaction.deriving import acting_as
+from eutree.interaction.episode import Stream
 from eutree.interaction.first_look import look_at
 from eutree.interaction.making import Environment, opened
-from eutree.interaction.seeding import Stream
 from eutree.validation import check_integer, check_seed
 
 
@@ -50,14 +50,16 @@ def record(
         look_at(given, episode_seed(seed, 0, Stream.RECORDING))
         policy = as_policy(controller, given)
         name = str(getattr(controller, "__name__", type(controller).__name__))
-        folder = None
         if out is not None:
             check_new_folder(out)
-            folder = DemonstrationFolder.create(out, guarded.schema, guarded.spec, name)
+        folder = None  # made with its first episode: nothing is left of a controller that has none
         recorded = []
         for number in range(count):
             episode = run_episode(guarded, policy, episode_seed(seed, number, Stream.RECORDING))
-            if folder is not None:
+            if out is not None:
+                folder = folder or DemonstrationFolder.create(
+                    out, guarded.schema, guarded.spec, name
+                )
                 folder.write(number, episode)
             recorded.append(episode)
             if on_episode is not None:

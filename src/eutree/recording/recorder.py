@@ -10,8 +10,8 @@ import gymnasium
 from eutree.data import DemonstrationFolder, RunningEpisode
 from eutree.errors import FileError
 from eutree.interaction import GuardedEnv, episode_seed
+from eutree.interaction.episode import Stream
 from eutree.interaction.first_look import look_at
-from eutree.interaction.seeding import Stream
 from eutree.recording.events import (
     EpisodeAbandoned,
     EpisodeChanged,

@@ -5,12 +5,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 
-from eutree.compression.report import FrontEntry
+from eutree.compression.episodes import FrontEntry
+from eutree.display import counted
 from eutree.evaluation import CurvePoint
 from eutree.export import to_svg
 from eutree.inspection import diff
 from eutree.report.html import figure, scrolling
-from eutree.wording import counted
 
 # Of each learner: episode, mean, and both ends of the interval.
 Series = Mapping[str, Sequence[tuple[float, float, float, float]]]
@@ -205,7 +205,7 @@ CHANGES = 6  # boxes that are named of each step
 
 
 def front_in_words(front: Sequence[FrontEntry]) -> str:
-    """Return what each size earns, in a line.
+    """Return the mean return of each size, in a line.
 
     Args:
         front: What was learned and the best tree of each size, the largest first.

@@ -11,6 +11,7 @@ from html import escape
 from typing import Any
 
 from eutree.data import Demonstrations
+from eutree.display import counted
 from eutree.evaluation import Evaluation
 from eutree.export import to_svg
 from eutree.export.svg import STYLE
@@ -19,7 +20,6 @@ from eutree.policies import TreePolicy
 from eutree.report.chart import curve_figures, curves, front_charts, front_in_words
 from eutree.report.html import asset, scrolling
 from eutree.training import LearningResult
-from eutree.wording import counted
 
 _SCOPE = ".eutree-shown"
 

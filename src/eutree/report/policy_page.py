@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eutree.data import Demonstrations, Episode
-from eutree.display import told_apart
+from eutree.display import counted, told_apart
 from eutree.policies import TreePolicy
 from eutree.report.html import Pointer, Verdict, as_json, asset, base_style, head, page
 from eutree.report.tree_data import SIZE_LIMIT, add_pictures, policy_features, tree_data
 from eutree.report.watching import WatchedEpisode
 from eutree.trees.text import definitions
-from eutree.wording import counted
 
 if TYPE_CHECKING:
     from eutree.proof import Certificate

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from eutree.compression.report import FrontEntry
+from eutree.compression.episodes import FrontEntry
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.files import read_bytes
 from eutree.policies import TreePolicy

@@ -10,7 +10,8 @@ from urllib.parse import quote
 import numpy as np
 
 from eutree.arrays import Floats
-from eutree.compression.report import FrontEntry
+from eutree.compression.episodes import FrontEntry
+from eutree.display import counted
 from eutree.export import to_svg
 from eutree.export.svg import STYLE
 from eutree.policies import TreePolicy
@@ -29,7 +30,6 @@ from eutree.report.html import (
 )
 from eutree.report.tree_data import SIZE_LIMIT, add_pictures, tree_data
 from eutree.report.watching import WatchedEpisode
-from eutree.wording import counted
 
 CHANGES_ID = "what-changed"  # where a verdict may point
 
@@ -200,7 +200,7 @@ def _watch(watched: WatchedTree) -> str:
 
 
 def _changes(changes: Sequence[tuple[str, float]]) -> str:
-    """Return what changed as a list; a bar says how many steps that concerns."""
+    """Return the changes as a list; a bar says how many steps each concerns."""
     most = max(share for _, share in changes) or 1.0
     entries = "".join(
         f'<li><span class="share">{100 * share:.1f} %</span>'

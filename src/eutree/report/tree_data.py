@@ -172,7 +172,7 @@ def _episode(
 
 
 def policy_features(policy: TreePolicy, episode: Episode) -> Floats:
-    """Return what the policy sees at each observation of an episode, the past included."""
+    """Return the policy's input at each observation of an episode, the past included."""
     observations = episode.observations
     if observations.shape[1] != policy.observation_size:
         raise InvalidArgumentError(

@@ -17,8 +17,8 @@ from eutree.errors import (
     described,
 )
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
+from eutree.interaction.episode import Stream
 from eutree.interaction.making import make
-from eutree.interaction.seeding import Stream
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
 from eutree.validation import check_integer, check_seed

@@ -16,9 +16,9 @@ from numpy.typing import ArrayLike
 
 from eutree.arrays import Floats, Integers
 from eutree.errors import InvalidArgumentError
+from eutree.features import threshold_between
 from eutree.splitting import _kernels
 from eutree.splitting.laws import critical_value
-from eutree.thresholds import threshold_between
 from eutree.validation import (
     check_actions,
     check_choice,

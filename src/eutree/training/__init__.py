@@ -1,7 +1,7 @@
 """Learning runs: gather, update, evaluate, race, and the public ``learn``."""
 
 from eutree.training.checkpoint import stored_observations, stored_transitions
-from eutree.training.judging import Judgement
+from eutree.training.handover import Judgement
 from eutree.training.learn import learn
 from eutree.training.phases import Phase, Plan
 from eutree.training.result import LearningResult, StepCounts

@@ -8,8 +8,7 @@ import numpy as np
 from eutree.arrays import Booleans, Floats
 from eutree.data import Episode
 from eutree.interaction import GuardedEnv, episode_seed
-from eutree.interaction.episode import EpisodeSteps, success_of
-from eutree.interaction.seeding import Stream
+from eutree.interaction.episode import EpisodeSteps, Stream, success_of
 from eutree.learners import Learner, Step
 from eutree.learners.learner import ActsAmongAllowed, ChoosesStarts, HasTeacher
 from eutree.policies import TreePolicy

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eutree.arrays import Floats
-from eutree.compression.report import FrontEntry
+from eutree.compression.episodes import FrontEntry
 from eutree.errors import FormatError
 from eutree.evaluation import CurvePoint
 from eutree.files import Document, read_archive, write_archive
@@ -26,7 +26,7 @@ from eutree.learners import History, Part, Stored
 from eutree.learners.declared import HISTORY_PART, Declared, part, taken
 from eutree.learners.episode_buffer import transitions_of
 from eutree.learners.registry import restored
-from eutree.training.judging import Judgement
+from eutree.training.handover import Judgement
 from eutree.training.phases import Position
 from eutree.training.progress import GatheredEpisodes, progress_to_csv
 from eutree.training.race_state import (

@@ -9,19 +9,17 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from eutree.compression.episodes import FrontEntry
 from eutree.compression.playing import Ground
-from eutree.compression.report import FrontEntry
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import CurvePoint, Evaluation
 from eutree.interaction import GuardedEnv, episode_seed
-from eutree.interaction.seeding import Stream
+from eutree.interaction.episode import Stream
 from eutree.learners import Learner
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
-from eutree.training.handover import Duel, judge
-from eutree.training.judging import Judgement, judged
-from eutree.training.phases import Plan, RunState, generator_of
-from eutree.training.proportion import ALONG, left, within
+from eutree.training.handover import AS_LEARNED, Duel, Judgement, judge, judged
+from eutree.training.phases import ALONG, Plan, RunState, generator_of, left, within
 from eutree.training.proposals import key
 
 if TYPE_CHECKING:
@@ -280,7 +278,7 @@ class Evaluations:
             pair = [self._evaluated(one, self._fresh, arena) for one in (first, policy)]
             both = range(min(one.episodes for one in pair))  # the clock may have allowed for less
             pair = [one.of_episodes(both) for one in pair]
-            judgement = judged(*pair, challengers=challengers)
+            judgement = replace(judged(*pair, challengers=challengers), why=AS_LEARNED)
         else:
             at, seed, steps = self._state.at, self._seed(self._fresh), self.played.steps
             duel = Duel(

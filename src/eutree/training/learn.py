@@ -16,10 +16,10 @@ from eutree.evaluation import Against, against, evaluate
 from eutree.evaluation.evaluate import evaluate_starts
 from eutree.interaction import GuardedEnv, episode_seed
 from eutree.interaction.deriving import acting_as
+from eutree.interaction.episode import Stream
 from eutree.interaction.first_look import look_at
 from eutree.interaction.first_look import return_range as known_range
 from eutree.interaction.making import Environment, opened
-from eutree.interaction.seeding import Stream
 from eutree.learners import Method, Problem, Start, start_of
 from eutree.learners.learner import check_fits
 from eutree.learners.registry import checked_document

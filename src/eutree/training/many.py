@@ -25,17 +25,16 @@ from eutree.files import make_folder, read_bytes, write_text
 from eutree.files.atomic import RUN
 from eutree.interaction import episode_seed
 from eutree.interaction.acting import Controller
+from eutree.interaction.episode import Stream
 from eutree.interaction.first_look import return_range
 from eutree.interaction.making import Recipe, make
-from eutree.interaction.seeding import Stream
 from eutree.learners import Method
 from eutree.parallel import Workers
 from eutree.policies import TreePolicy
 from eutree.proof import Certificate
 from eutree.schema import EnvironmentSpec
 from eutree.training.evaluations import ProvenFirst
-from eutree.training.handover import Duel, Handover, handover_for, judge
-from eutree.training.judging import START, Judgement
+from eutree.training.handover import START, Duel, Handover, Judgement, handover_for, judge
 from eutree.training.learn import RIVAL_EPISODES, check_possible, learn
 from eutree.training.result import LearningResult
 from eutree.training.values import Asked, Budget, Folder, Schedule, ShortForms

@@ -15,10 +15,10 @@ from eutree.compiled import compiled
 from eutree.compression.candidates import Costs, Ladder, with_locks
 from eutree.contests.rules import OBVIOUS, Lead
 from eutree.data import Episode
+from eutree.features import threshold_between
 from eutree.policies import TreePolicy
 from eutree.policy_search.improvement import Improvement
 from eutree.policy_search.planner import FEWEST_ROLLOUTS
-from eutree.thresholds import threshold_between
 from eutree.validation import check_integer, check_number
 from eutree.world_model import (
     ActionTree,
@@ -317,7 +317,7 @@ class Proposals:
         return best
 
     def advantages(self, episodes: Sequence[Episode], generator: np.random.Generator) -> Advantages:
-        """Return what the steps of the last of some episodes gained."""
+        """Return the gains of the steps of the last of some episodes."""
         data = self._data.followed_by(episodes[-RECENT:])
         numbers = np.unique(data.episodes)
         return Advantages.of(data.since(int(numbers[-RECENT:][0])), generator)
@@ -395,7 +395,7 @@ class Proposals:
         return float(seen.min()), float(seen.max())
 
     def _returns(self, model: WorldModel, trees: Sequence[TreePolicy]) -> Floats:
-        """Return what trees earn in common episodes of a world model, shape [trees]."""
+        """Return the returns of trees in common episodes of a world model, shape [trees]."""
         first, *others = (from_decision_tree(tree.tree, tree.actions) for tree in trees)
         rollouts = self._rollouts(model)
         rollouts.redraw()
@@ -446,10 +446,10 @@ class Proposals:
 
 
 def key(tree: TreePolicy) -> bytes:
-    """Return what trees that decide alike by the same tests have in common."""
+    """Return the key that trees share which decide alike by the same tests."""
     return tree.tree.feature.tobytes() + tree.tree.threshold.tobytes() + tree.actions.tobytes()
 
 
 def _decisions(policy: TreePolicy, known: Advantages) -> Integers:
-    """Return what a policy does at each recorded step, shape [N]."""
+    """Return a policy's actions at each recorded step, shape [N]."""
     return policy.actions[policy.tree.leaf_index(known.observations)]

@@ -3,18 +3,17 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
-from eutree.compression.report import FrontEntry
-from eutree.display import Displayed
+from eutree.compression.episodes import FrontEntry
+from eutree.display import Displayed, counted
 from eutree.evaluation import Against, CurvePoint
 from eutree.evaluation.curves import curve_to_pandas
 from eutree.learners import History, Method
 from eutree.learners.learner import HasTeacher, ValuingPolicy
 from eutree.policies import TreePolicy
 from eutree.policy_search.model_trust import ModelTrust
-from eutree.training.judging import LEARNED, START, Judgement
+from eutree.training.handover import LEARNED, START, Judgement
 from eutree.training.run import Run
 from eutree.training.teaching import Teacher
-from eutree.wording import counted
 
 if TYPE_CHECKING:
     from eutree.evaluation.off_policy import OffPolicyComparison

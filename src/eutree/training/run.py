@@ -16,7 +16,7 @@ import numpy as np
 from eutree.arrays import Booleans, Floats
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import CurvePoint
-from eutree.interaction.seeding import Stream
+from eutree.interaction.episode import Stream
 from eutree.learners import Learner, Method, Problem, Start
 from eutree.learners.episode_buffer import transitions_of
 from eutree.learners.learner import KnowsItsModel, check_has_all
@@ -26,7 +26,7 @@ from eutree.policy_search.model_trust import ModelTrust
 from eutree.schema import Schema
 from eutree.training.acting import GatheringEpisode, Racing, seed_of_next
 from eutree.training.evaluations import Arena, Evaluations
-from eutree.training.judging import START
+from eutree.training.handover import START
 from eutree.training.phases import Phase, Plan, Position, RunState, due, generator_of
 from eutree.training.progress import GatheredEpisodes
 from eutree.training.search import PolicySearch

@@ -26,7 +26,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, ClassVar
 
-from eutree.compression.report import FrontEntry
+from eutree.compression.episodes import FrontEntry
 from eutree.errors import FormatError, InvalidArgumentError, RunFolderError
 from eutree.evaluation import curve_to_csv
 from eutree.files import (

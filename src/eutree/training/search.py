@@ -21,7 +21,7 @@ import numpy as np
 from eutree.compression.candidates import merged, with_locks
 from eutree.contests import Ahead, Halving
 from eutree.data import Episode
-from eutree.interaction.seeding import Stream
+from eutree.interaction.episode import Stream
 from eutree.policies import TreePolicy
 from eutree.training.proposals import (
     MOST_LEAVES,

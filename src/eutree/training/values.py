@@ -11,9 +11,16 @@ from typing import TYPE_CHECKING, Any, Self, TypedDict
 
 from eutree.errors import InvalidArgumentError, UnknownNameError, shown
 from eutree.interaction.acting import Controller
-from eutree.training.callback import CallbackLike, Callbacks
 from eutree.training.handover import Handover
-from eutree.training.listeners import Listener, Listeners, Progress, StopWhen, TensorBoard
+from eutree.training.listeners import (
+    CallbackLike,
+    Callbacks,
+    Listener,
+    Listeners,
+    Progress,
+    StopWhen,
+    TensorBoard,
+)
 from eutree.training.run import Run
 from eutree.training.run_folder import started
 from eutree.training.teaching import Teacher

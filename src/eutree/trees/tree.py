@@ -258,7 +258,7 @@ def _cut(
 
 
 def _first_problem(tree: DecisionTree) -> str:
-    """Return what is wrong with the arrays, or an empty string."""
+    """Return the fault of the arrays, or an empty string."""
     arrays = (tree.feature, tree.threshold, tree.left, tree.right, tree.leaf)
     n_nodes = tree.feature.size
     if any(array.ndim != 1 or array.size != n_nodes for array in arrays):

@@ -22,17 +22,20 @@ from eutree.neural import Network, adam_step, add_rows, backward, forward, room
 from eutree.world_model._kernels import EPISODE_STRIDE, ActionTree, Episodes, keep, leaf_node
 
 GOES_ON, BAD, GOOD = 0, 1, 2  # kinds of step
+# What an end counts where it led to: enough to be learned where no step was ever taken, and little
+# beside the steps that went on from there, if there are any.
+AGAIN = 0.1
 FAR = 3.0  # scaled errors count linearly from here on (Huber)
 LEAST_LOG_VARIANCE, MOST_LOG_VARIANCE = -8.0, 3.0
 
 
 class Steps(NamedTuple):
-    """What a member is fitted to, one row for each transition."""
+    """What a member is fitted to: a row for each transition, then one for each end's o'."""
 
-    inputs: Float32s  # [N, p]
+    inputs: Float32s  # [N + E, p]
     targets: Float32s  # [N, d] scaled displacement, or 0 and 1 where the feature is binary
-    rewards: Float32s  # [N] scaled as those of its kind
-    kind: Integers  # [N] GOES_ON, BAD or GOOD
+    rewards: Float32s  # [N + E] scaled as those of its kind
+    kind: Integers  # [N + E] GOES_ON, BAD or GOOD
     binary: Booleans  # [d]
 
 
@@ -109,7 +112,7 @@ def write_error(
     error[:] = 0
     for i in range(n):
         row = rows[i]
-        for j in range(d):
+        for j in range(d if row < len(steps.targets) else 0):
             if steps.binary[j]:
                 error[i, j] = (logistic(out[i, j]) - steps.targets[row, j]) / n
                 continue
@@ -129,6 +132,8 @@ def write_error(
         difference = out[i, 2 * d + kind] - steps.rewards[row]
         error[i, 2 * d + kind] = min(max(difference, -FAR), FAR) / n
         counts = weight if kind != GOES_ON else 1.0
+        if row >= len(steps.targets):
+            counts *= AGAIN
         for end in (BAD, GOOD):
             # Derivative of the cross-entropy by the log-odds: probability minus what happened.
             probability = logistic(out[i, 2 * d + 2 + end])

@@ -7,12 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from eutree import thresholds
+from eutree import features
 from eutree.arrays import Booleans, Floats, Int16s, Integers, Uint32s
 from eutree.compiled import compiled
 from eutree.world_model._kernels import overwrite
 
-threshold_between = compiled(thresholds.threshold_between)
+threshold_between = compiled(features.threshold_between)
 
 MANY_ROWS = 256  # nodes above this look at bin edges only, nodes below at every cut
 # Ridge on standardised inputs, as a share of the rows: too small to be seen in a fit, large enough

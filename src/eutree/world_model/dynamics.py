@@ -17,9 +17,9 @@ from typing import NamedTuple
 import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
-from eutree.thresholds import threshold_between
+from eutree.features import threshold_between
 from eutree.trees import DecisionTree
-from eutree.world_model import _kernels_expectation, _kernels_termination
+from eutree.world_model import _kernels_chances
 from eutree.world_model import _kernels_regression as kernels
 from eutree.world_model._kernels import World
 from eutree.world_model._kernels_regression import move_towards_better
@@ -138,7 +138,7 @@ def _described(X: Floats, y: Booleans, rows: Integers, limit: float = np.inf) ->
             if price >= cost or price > limit:
                 break
             fit = np.empty(2 * d + 1)
-            deviance = _kernels_termination.fit_log_odds(places, mine, squares, fit)
+            deviance = _kernels_chances.fit_log_odds(places, mine, squares, fit)
             if deviance + price < cost:
                 cost, line = deviance + price, fit
     return _Leaf(rows, float(cost), line)
@@ -464,12 +464,10 @@ def hold(
     """
     places = np.array(places, dtype=np.float64, order="C")
     n = len(places)
-    boxes = _kernels_expectation.Boxes(
+    boxes = _kernels_chances.Boxes(
         tree.feature, tree.threshold, tree.left, tree.right, tree.leaf, box[0], box[1]
     )
     actions = np.ascontiguousarray(actions, dtype=np.int64)
-    held = _kernels_expectation.Held(
-        actions, places, np.empty(n), np.empty(n), np.empty(n, np.int64)
-    )
-    _kernels_expectation.hold(model.world, boxes, discount, longest, held)
+    held = _kernels_chances.Held(actions, places, np.empty(n), np.empty(n), np.empty(n, np.int64))
+    _kernels_chances.hold(model.world, boxes, discount, longest, held)
     return held.places, held.rewards, held.weights, held.entered

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from eutree.arrays import Booleans, Float32s, Floats, Integers
 from eutree.errors import InvalidArgumentError
+from eutree.features import threshold_between
 from eutree.neural.double_dqn import copied, network_of, random_network
-from eutree.thresholds import threshold_between
 from eutree.validation import check_integer, check_number
 from eutree.world_model import _kernels_ensemble as kernels
 from eutree.world_model._kernels_ensemble import BAD, GOES_ON, GOOD, EnsembleWorld, Fitting, Steps
@@ -289,7 +289,7 @@ class _Batches:
         n_recent = settings.batch // 2 if recent else 0
         expected = (settings.batch - n_recent) * (self._ends.size / self._n)
         if recent:
-            expected += n_recent * np.count_nonzero(self._ends >= self._n - recent) / recent
+            expected += n_recent * np.count_nonzero(kind[self._n - recent : self._n]) / recent
         extra = EXTRA_ENDS if self._ends.size else 0
         # So weighted, last steps count in the log-odds of ends as often as they occur.
         self.weight = expected / (expected + extra) if expected else 1.0

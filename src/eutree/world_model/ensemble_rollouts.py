@@ -63,7 +63,7 @@ class EnsembleRollouts(Rollouts):
         return self._cut(self._episodes.returns)
 
     def returns_of(self, rival: ActionTree, n_episodes: int | None = None) -> Floats:
-        """Return what a rival of the policy earns in the first n episodes, by default all."""
+        """Return a rival's returns in the first n episodes, by default all."""
         self._compare(rival)
         n = self.n_episodes if n_episodes is None else n_episodes
         out = np.empty(n)
@@ -95,7 +95,7 @@ class EnsembleRollouts(Rollouts):
         return Gain(self.score(gains), float(gains.std() / np.sqrt(gains.size)), True)
 
     def deviations(self, steps: Integers) -> Floats:
-        """Return what one other action at each of the steps earns more, shape [n, A]."""
+        """Return the gain of one other action at each of the steps, shape [n, A]."""
         out = np.zeros((steps.size, self._n_actions))
         kernels.deviations(self._conditions, self._episodes, self.policy, steps, out)
         return out

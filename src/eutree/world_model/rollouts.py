@@ -108,14 +108,14 @@ class Rollouts(ABC):
 
     @abstractmethod
     def gain(self, rival: ActionTree, *, hopeless: float = -np.inf) -> Gain:
-        """Return what the rival earns more than the policy; stop early below ``hopeless``.
+        """Return the rival's gain over the policy; stop early below ``hopeless``.
 
         A comparison that stopped early returns what it expects of a complete one.
         """
 
     @abstractmethod
     def deviations(self, steps: Integers) -> Floats:
-        """Return what one other action at each of the steps earns more, shape [n, A]."""
+        """Return the gain of one other action at each of the steps, shape [n, A]."""
 
     def values_at(self, node: int, feature: int) -> Floats:
         """Return the sorted values of a feature among the steps whose path visits a node."""
@@ -195,7 +195,7 @@ class PairedRollouts(Rollouts):
         return float(self._episodes.returns.mean())
 
     def gain(self, rival: ActionTree, *, hopeless: float = -np.inf) -> Gain:
-        """Return what the rival earns more than the policy; stop early below ``hopeless``.
+        """Return the rival's gain over the policy; stop early below ``hopeless``.
 
         A comparison that stopped early returns what it expects of a complete one.
         """
@@ -215,7 +215,7 @@ class PairedRollouts(Rollouts):
         return Gain(mean, float(error), complete)
 
     def deviations(self, steps: Integers) -> Floats:
-        """Return what one other action at each of the steps earns more, shape [n, A]."""
+        """Return the gain of one other action at each of the steps, shape [n, A]."""
         out = np.zeros((steps.size, self.n_actions))
         _kernels_lanes.deviations(self._conditions, self._episodes, self.policy, steps, out)
         return out

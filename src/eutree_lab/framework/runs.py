@@ -22,15 +22,15 @@ import msgspec
 import numpy as np
 
 from eutree.data import Demonstrations
-from eutree.distillation.distill import Labelled, actions_on, fit
+from eutree.distillation import Labelled, actions_on, fit
 from eutree.envs.experts import Expert, experts_for, late
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import evaluate
 from eutree.files import Document
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
 from eutree.interaction.acting import as_policy
+from eutree.interaction.episode import Stream
 from eutree.interaction.making import make
-from eutree.interaction.seeding import Stream
 from eutree.learners import METHODS, Method, PlanningMethod, fit_expert_tree
 from eutree.learners.learner import HasPolicy
 from eutree.learners.registry import to_document

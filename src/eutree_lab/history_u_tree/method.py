@@ -25,7 +25,7 @@ from typing import ClassVar
 import numpy as np
 
 from eutree.arrays import Booleans, Floats
-from eutree.features import FeatureMap
+from eutree.features import FeatureMap, threshold_between
 from eutree.learners import (
     Decisions,
     History,
@@ -51,7 +51,6 @@ from eutree.splitting import (
     Split,
 )
 from eutree.splitting.significance import sidak
-from eutree.thresholds import threshold_between
 from eutree.trees import DecisionTree
 from eutree.validation import check_integer, check_number
 from eutree_lab.history_u_tree.evidence import EvidentUTree

@@ -18,9 +18,9 @@ from dataclasses import asdict, dataclass, replace
 from html import escape
 from pathlib import Path
 
+from eutree.display import counted
 from eutree.files import write_bytes, write_text
 from eutree.report.html import asset, head, page
-from eutree.wording import counted
 from eutree_lab.paper.claims import FAILS, HOLDS, OPEN, SMOKE_RUN, Claim
 from eutree_lab.paper.drawing import drawn, side_by_side
 from eutree_lab.paper.experiment import Experiment, ExperimentScale, Records

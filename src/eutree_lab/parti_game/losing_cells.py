@@ -19,7 +19,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
-from eutree.thresholds import threshold_between
+from eutree.features import threshold_between
 from eutree_lab.parti_game.cells import Cells
 from eutree_lab.parti_game.outcomes import AimCosts, Outcomes
 

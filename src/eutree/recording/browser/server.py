@@ -14,17 +14,11 @@ from weakref import WeakSet
 import msgspec
 
 from eutree.errors import EutreeError, InvalidArgumentError, MissingExtraError
-from eutree.recording.browser.gate import (
+from eutree.recording.browser.wire import (
+    MAX_MESSAGE,
     PROTOCOL,
     SOCKET_PATH,
     Gate,
-    is_loopback,
-    new_token,
-    page,
-    safe_headers,
-)
-from eutree.recording.browser.wire import (
-    MAX_MESSAGE,
     Gone,
     Hello,
     Key,
@@ -34,6 +28,10 @@ from eutree.recording.browser.wire import (
     Viewer,
     decode,
     encode_picture,
+    is_loopback,
+    new_token,
+    page,
+    safe_headers,
     view_fields,
 )
 from eutree.recording.events import Away, Command, Event, Frame, KeyDown, KeyUp, Present, Seen

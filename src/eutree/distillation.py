@@ -28,8 +28,8 @@ from eutree.interaction import GuardedEnv, episode_seed, run_episode
 from eutree.interaction.acting import Actor, Controller, as_policy, trained_steps
 from eutree.interaction.decoding import warn_of_codes
 from eutree.interaction.deriving import acting_as
+from eutree.interaction.episode import Stream
 from eutree.interaction.making import Environment, Recipe, made
-from eutree.interaction.seeding import Stream
 from eutree.parallel import Workers
 from eutree.policies import Policy, TreePolicy
 from eutree.policies.sklearn_tree import exact_tree
@@ -37,6 +37,9 @@ from eutree.recording import record
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.trees import DecisionTree
 from eutree.validation import check_choice, check_integer, check_seed
+
+__all__ = ["DistillationReport", "DistillationSettings", "Round"]
+
 
 # CART (Breiman et al. 1984) is scikit-learn's: it grows best first up to the limit. C4.5 has no
 # limit: its tree is cut back to the best pruning of that size, by the weight of wrong decisions.
@@ -93,7 +96,7 @@ Stakes = Callable[[Floats], Floats]  # observations [N, d] -> [N]
 
 
 def stakes_of(teacher: Any, action_values: ActionValues | None, n_actions: int) -> Stakes | None:
-    """Return what is at stake by the teacher's values; None if it has none.
+    """Return the stakes by the teacher's values; None if it has none.
 
     Looked for, in this order: ``action_values``, a method ``action_values`` of the teacher, the
     values of the leaves of a ``TreePolicy``.
