@@ -69,11 +69,11 @@ SAID = {
         f"about {plans.n_steps:,} steps together, at least {planner.FEWEST_ROLLOUTS} episodes",
         f"A threshold moves to one of {word(2 * len(improvement.SHIFTS))} places near it",
         f"({percent(better.price)} of a typical return for each leaf)",
-        f"acts for at least {plans.min_episodes} episodes ({apart.few} if it earns "
+        f"act for at least {plans.min_episodes} episodes ({apart.few} if they earn "
         f"more by {word(apart.clearly)} standard errors) or {plans.trial_steps:,} steps",
         f"at {plans.improvement.deviations:,} steps, or at so many fewer that no more are tried "
         f"than {plans.improvement.deviations * improvement.OTHERS:,}",
-        f"the mean of its last {plans.memory} returns",
+        f"the mean of the last {plans.memory} returns",
         f"has more than {proposals.MOST_LEAVES} leaves, what each of "
         f"{word(len(proposals._MODELS))} world models cuts it to",
         f"up to {word(search.ROUNDS)} times, as long as the incumbent is replaced (a quarter of",

@@ -10,8 +10,10 @@ from eutree.envs.experts import careless
 from eutree.errors import InvalidArgumentError, RunFolderError
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
 from eutree.learners.episode_buffer import transitions_of
+from eutree.training import proposals
 from eutree.training.proposals import PROMISING, SearchSettings, key
 from eutree.training.search import PolicySearch
+from eutree.world_model import WorldModel
 from tests.corridor import WRONG, Corridor, policy_of
 
 ARTEFACTS = ("policy.json", "expert.json", "curve.csv", "progress.csv", "events.jsonl",
@@ -149,6 +151,23 @@ def test_a_model_is_measured_from_the_starts_of_real_episodes(env, plain):
     assert missed.shape == (8,)
     again = search._proposals._missed(model, plain.policy, better)
     assert again == pytest.approx(missed + 1000.0, abs=2 * missed.max())
+
+
+def test_models_know_how_early_episodes_failed(env, plain, monkeypatch):
+    """After long runs of a good policy, models of the last episodes alone know of no failure."""
+    known = []
+    monkeypatch.setattr(proposals, "MOST_KNOWN", 100)
+    monkeypatch.setattr(
+        proposals, "fit_world_models", lambda data, *_, **__: known.append(data) or [WorldModel]
+    )
+    good = run_episode(GuardedEnv(env), policy_of(0, 0.5, 1), episode_seed(5, 0))
+    good = replace(good, terminated=False, truncated=True)
+    monkeypatch.setattr(WorldModel, "without_noise", lambda: None)
+    search = search_of(plain)
+    assert search._proposals._data.terminated.any()
+    list(search._proposals._models([good] * 100))
+    assert len(known) == 4
+    assert all(data.rewards.size <= 100 and data.terminated.any() for data in known)
 
 
 def test_locked_leaves_stay_as_they_are(env, plain):

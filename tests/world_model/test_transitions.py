@@ -46,3 +46,24 @@ def test_without_memory_no_displacement_came_before():
     assert transitions().previous_displacements[:, 0].tolist() == [0.0, 1.0, 0.0]
     assert not transitions(memory=False).previous_displacements.any()
     assert not transitions(memory=False).recent(2).memory
+
+
+def test_of_many_transitions_half_are_of_the_last_episodes_and_half_of_all_before():
+    """Twenty short episodes that failed, then four long ones: models have to know of both."""
+    failed = [episode(100 + k, 101 + k, 102 + k, terminated=True) for k in range(20)]
+    lasted = [episode(*range(200 + k, 211 + k), terminated=False) for k in range(4)]
+    stored = transitions().until(0).followed_by([*failed, *lasted])
+    kept = stored.spread(40)
+    assert kept.rewards.size == 40
+    starts = kept.observations[kept.first, 0].tolist()
+    assert starts == [100, 104, 108, 112, 116, 200, 202, 203]  # of 22 before, every fourth
+    assert kept.terminated.sum() == 5
+    assert kept.episode_lengths.tolist() == [2] * 5 + [10] * 3
+    assert not stored.recent(40).terminated.any()
+    assert stored.spread(80) is stored
+
+
+def test_where_one_early_episode_is_too_long_only_late_ones_are_kept():
+    early, late = episode(*range(30), terminated=True), episode(1, 2, terminated=True)
+    stored = transitions().until(0).followed_by([early, late])
+    assert stored.spread(10).episode_lengths.tolist() == [1]

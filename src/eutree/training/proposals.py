@@ -415,10 +415,11 @@ class Proposals:
 
     def _models(self, episodes: Sequence[Episode]) -> Iterator[WorldModel]:
         """Yield the world models that propose."""
-        recent = self._data.followed_by(episodes).recent(MOST_KNOWN)
-        detail = max(MAX_LEAVES, recent.rewards.size // ROWS_PER_LEAF)
+        # The last of a long run are those of a good policy, which seldom show how it fails.
+        stored = self._data.followed_by(episodes).spread(MOST_KNOWN)
+        detail = max(MAX_LEAVES, stored.rewards.size // ROWS_PER_LEAF)
         for kind in _MODELS:
-            known = replace(recent, memory=kind.memory)
+            known = replace(stored, memory=kind.memory)
             size = detail if kind.detailed else MAX_LEAVES
             (model,) = fit_world_models(known, [kind.gap], max_leaves=size)
             yield model if kind.noise else model.without_noise()

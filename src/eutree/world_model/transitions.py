@@ -127,17 +127,32 @@ class Transitions:
             return self
         begins = np.flatnonzero(self.first)
         fits = int(np.searchsorted(begins, self.rewards.size - limit))
-        return self._after(int(begins[min(fits, begins.size - 1)]))
+        return self._of(slice(int(begins[min(fits, begins.size - 1)]), None))
+
+    def spread(self, limit: int) -> "Transitions":
+        """Return at most ``limit`` transitions: half of the last episodes, half of all before.
+
+        Of those before every k-th episode is taken, with the smallest k that fits.
+        """
+        if self.rewards.size <= limit:
+            return self
+        recent, lengths = self.recent(limit // 2), self.episode_lengths
+        before = lengths[: lengths.size - recent.episode_lengths.size]
+        room, apart = limit - recent.rewards.size, 1
+        while apart <= before.size and before[::apart].sum() > room:
+            apart += 1
+        taken = np.arange(lengths.size) >= before.size
+        if apart <= before.size:
+            taken[: before.size : apart] = True
+        return self._of(np.repeat(taken, lengths))
 
     def since(self, episode: int) -> "Transitions":
         """Return the transitions of ``episode`` and all later ones."""
-        return self._after(int(np.searchsorted(self.episodes, episode)))
+        return self._of(self.episodes >= episode)
 
     def until(self, n: int) -> "Transitions":
         """Return the first n transitions."""
-        names = ("observations", "actions", "rewards", "next_observations", "terminated",
-                 "episodes")  # fmt: skip
-        return replace(self, **{name: getattr(self, name)[:n] for name in names})
+        return self._of(slice(n))
 
     def followed_by(self, episodes: Sequence[Episode]) -> "Transitions":
         """Return these transitions and those of further episodes."""
@@ -157,14 +172,7 @@ class Transitions:
             episodes=np.concatenate([self.episodes, *numbers]),
         )
 
-    def _after(self, start: int) -> "Transitions":
-        return Transitions(
-            self.observations[start:],
-            self.actions[start:],
-            self.rewards[start:],
-            self.next_observations[start:],
-            self.terminated[start:],
-            self.episodes[start:],
-            self.n_actions,
-            self.memory,
-        )
+    def _of(self, rows: slice | Booleans) -> "Transitions":
+        names = ("observations", "actions", "rewards", "next_observations", "terminated",
+                 "episodes")  # fmt: skip
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
