@@ -144,6 +144,22 @@ def test_ends_are_as_frequent_as_they_were_although_batches_hold_more():
     assert np.mean(shares) == pytest.approx(0.1, abs=0.05)
 
 
+def test_an_end_that_a_rollout_overlooks_comes_where_it_led():
+    """One step in ten ends, far away: nobody ever took a step there."""
+    generator = np.random.default_rng(12)
+    n = 3000
+    ended = generator.random(n) < 0.1
+    o = generator.standard_normal((n, 3))
+    episodes = np.concatenate([[0], np.cumsum(ended)[:-1]])
+    there = o + np.where(ended, 10.0, 1.0)[:, np.newaxis]
+    data = Transitions(o, np.zeros(n, int), np.where(ended, PIT, -1.0), there, ended, episodes, 2)
+    fitted = fit_ensemble(data, SMALL, generator)
+    shares = [imagined(fitted, state, 0, 500)[:, 4].mean() for state in there[ended][:40]]
+    assert np.mean(shares) > 0.9
+    shares = [imagined(fitted, state, 0, 500)[:, 4].mean() for state in o[:40]]
+    assert np.mean(shares) == pytest.approx(0.1, abs=0.05)
+
+
 CAREFUL = packed((0, 1.5, GO, (0, 3.2, (1, 0.5, GO, STAY), GO)))
 RECKLESS = packed((0, 1.5, GO, (0, 3.2, GO, GO)))
 

@@ -50,7 +50,7 @@ class EnsembleSettings:
 
     members: int = 3
     hidden: int = 64
-    batch: int = 256
+    batch: int = 512
     updates: int = 12_000
     more_updates: int = 2_000
     rate: float = 1e-3
@@ -109,15 +109,22 @@ class Scales:
         )
 
     def steps(self, data: Transitions) -> Steps:
-        """Return what members are fitted to, for the first members' or later transitions."""
-        kind = kinds(data)
-        chosen = np.eye(data.n_actions)[data.actions]
-        inputs = np.concatenate([(_inputs(data) - self.centre) / self.spread, chosen], axis=1)
+        """Return what members are fitted to, for the first members' or later transitions.
+
+        After the N transitions come the observations in which the task ended: there it ends again.
+        A rollout that overlooks an end would else go on where no step was ever seen.
+        """
+        kind, ended = kinds(data), data.terminated
+        kind = np.concatenate([kind, kind[ended]])
+        chosen = np.eye(data.n_actions)[np.concatenate([data.actions, data.actions[ended]])]
+        seen = np.concatenate([_inputs(data), _arrivals(data)[ended]])
+        inputs = np.concatenate([(seen - self.centre) / self.spread, chosen], axis=1)
         units = np.where(self.move > 0.0, self.move, 1.0)
         upper = data.next_observations > 0.5 * (self.low + self.high)
         targets = np.where(self.binary, upper, data.displacements / units)
         unit = self.earned[kind, 1]
-        rewards = (data.rewards - self.earned[kind, 0]) / np.where(unit > 0.0, unit, 1.0)
+        rewards = np.concatenate([data.rewards, data.rewards[ended]]) - self.earned[kind, 0]
+        rewards = rewards / np.where(unit > 0.0, unit, 1.0)
         return Steps(
             inputs.astype(np.float32),
             targets.astype(np.float32),
@@ -215,7 +222,7 @@ class Ensemble:
         settings = self.settings
         steps = self.scales.steps(replace(data, memory=settings.memory))
         weights = self.weights.copy()
-        batches = _Batches(steps.kind, settings, recent=min(settings.recent, steps.kind.size))
+        batches = _Batches(steps, settings, recent=min(settings.recent, len(steps.targets)))
         for row in weights:
             _fit(row, self.size, steps, batches, generator, fresh=False)
         return replace(self, weights=weights, starts=_starts(data), returns=_range(data))
@@ -243,7 +250,7 @@ def fit_ensemble(
         _range(data),
     )
     steps = scales.steps(data)
-    batches = _Batches(steps.kind, settings, recent=0)
+    batches = _Batches(steps, settings, recent=0)
     weights = []
     for _ in range(settings.members):
         row = random_network(*empty.size, generator).weights
@@ -281,18 +288,20 @@ def between_ends(rewards: Floats) -> float:
 class _Batches:
     """Rows of batches: some of all transitions, some of the last ones, some last steps."""
 
-    def __init__(self, kind: Integers, settings: EnsembleSettings, *, recent: int) -> None:
+    def __init__(self, steps: Steps, settings: EnsembleSettings, *, recent: int) -> None:
+        kind = steps.kind
         self.settings = settings
-        self._n = kind.size
+        self._n = len(steps.targets)
         self._recent = recent
         self._ends = np.flatnonzero(kind != GOES_ON)
         n_recent = settings.batch // 2 if recent else 0
-        expected = (settings.batch - n_recent) * (self._ends.size / self._n)
+        n_ends = self._ends.size / 2  # each is there twice
+        expected = (settings.batch - n_recent) * n_ends / self._n
         if recent:
             expected += n_recent * np.count_nonzero(kind[self._n - recent : self._n]) / recent
         extra = EXTRA_ENDS if self._ends.size else 0
         # So weighted, last steps count in the log-odds of ends as often as they occur.
-        self.weight = expected / (expected + extra) if expected else 1.0
+        self.weight = expected / (expected + extra / 2) if expected else 1.0
         self._parts = (settings.batch - n_recent, n_recent, extra)
 
     def draw(self, n: int, generator: np.random.Generator) -> Integers:
@@ -334,6 +343,13 @@ def _inputs(data: Transitions) -> Floats:
     if not data.memory:
         return data.observations
     return np.concatenate([data.observations, data.previous_displacements], axis=1)
+
+
+def _arrivals(data: Transitions) -> Floats:
+    """Return o' and, with memory, the displacement that led to it, shape [N, p - A]."""
+    if not data.memory:
+        return data.next_observations
+    return np.concatenate([data.next_observations, data.displacements], axis=1)
 
 
 def _rewards(rewards: Floats) -> list[float]:
