@@ -31,7 +31,10 @@ def test_a_card_says_the_size_and_the_task_of_its_tree(card: zoo.Card) -> None:
 
 @pytest.mark.parametrize("card", CARDS)
 def test_a_tree_earns_what_its_card_says(card: zoo.Card) -> None:
-    """Thirty episodes: their mean lies within five standard errors of the card's."""
+    """Thirty episodes: their mean lies within five standard errors of the card's.
+
+    The spread is the larger of theirs and the card's: thirty may hold none of the rare disasters.
+    """
     if "Lander" in card.task:
         pytest.importorskip("Box2D", reason="needs Box2D (extra envs)")
     if card.module:
@@ -39,7 +42,8 @@ def test_a_tree_earns_what_its_card_says(card: zoo.Card) -> None:
     tree = zoo.load(card.name)
     assert tree.environment is not None
     found = eutree.evaluate(tree, make(tree.environment), episodes=30, seed=11_000_000)
-    spread = max(float(found.returns.std(ddof=1)), card.interval[1] - card.interval[0], 1e-9)
+    known = (card.interval[1] - card.interval[0]) / (2 * 1.96) * card.episodes**0.5
+    spread = max(float(found.returns.std(ddof=1)), known)
     assert abs(found.mean_return - card.mean_return) <= 5 * spread / 30**0.5 + 1e-6
 
 
