@@ -164,7 +164,7 @@ def test_spans_and_units_are_read():
     ]
     assert label("level (m)") == "level [m]"
     assert label("f(x)") == "f(x)"
-    with pytest.raises(InvalidArgumentError, match="episode_gap must be a span as 90s"):
+    with pytest.raises(InvalidArgumentError, match="--episode-gap must be a span as 90s"):
         seconds_of("soon")
 
 

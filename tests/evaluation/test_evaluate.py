@@ -178,6 +178,8 @@ def test_an_evaluation_is_frozen_and_consistent():
 def test_one_episode_is_enough():
     evaluation = evaluate(random_policy(3), "eutree/Evasion2-v0", episodes=1)
     assert evaluation.return_interval == (evaluation.mean_return, evaluation.mean_return)
+    assert f"mean return {evaluation.mean_return:.2f}, " in str(evaluation)
+    assert "interval" not in evaluation._repr_html_().split("mean return")[1].split("</tr>")[0]
 
 
 def test_side_by_side_is_much_faster():

@@ -73,7 +73,7 @@ def seconds_of(text: str) -> float:
     match = _SPAN.fullmatch(text.strip())
     if match is None:
         raise InvalidArgumentError(
-            f"episode_gap must be a span as 90s, 15min, 1h or 2d, got {text!r}"
+            f"--episode-gap must be a span as 90s, 15min, 1h or 2d, got {text!r}"
         )
     return float(match[1]) * _SECONDS[match[2] or "s"]
 

@@ -152,16 +152,17 @@ class Evaluation(Displayed):
         return f"<Evaluation: {self}>"
 
     def __str__(self) -> str:
-        """Return the evaluation in one line, with 95 % intervals in brackets."""
-        low, high = self.return_interval
-        success = ""
+        """Return the evaluation in one line, 95 % intervals in brackets; one episode has none."""
+        interval, success = "", ""
+        if self.episodes > 1:
+            interval = " [{:.2f}, {:.2f}]".format(*self.return_interval)
         if self.success_rate is not None and self.success_interval is not None:
             least, most = self.success_interval
             success = f"success {self.success_rate:.1%} [{least:.1%}, {most:.1%}], "
         leaves = "" if self.n_leaves is None else f", {counted(self.n_leaves, 'leaf')}"
         return (
-            f"{counted(self.episodes, 'episode')}: {success}mean return {self.mean_return:.2f} "
-            f"[{low:.2f}, {high:.2f}], {self.mean_length:.1f} steps{leaves}"
+            f"{counted(self.episodes, 'episode')}: {success}mean return {self.mean_return:.2f}"
+            f"{interval}, {self.mean_length:.1f} steps{leaves}"
         )
 
     def to_pandas(self) -> Any:

@@ -270,7 +270,10 @@ def _switch(
 
 def _dead(policy: TreePolicy, observations: ArrayLike | None) -> _Part:
     if observations is None:
-        raise InvalidArgumentError("dead leaves need recorded observations, got none")
+        raise InvalidArgumentError(
+            "dead leaves need recorded observations (--demos or --run; observations in Python), "
+            "got none"
+        )
     rows = check_observations("observations", observations, n_features=policy.tree.n_features)
     reached = np.bincount(policy.tree.leaf_index(rows), minlength=policy.n_leaves) > 0
     low, high = leaf_boxes(policy.tree)

@@ -58,11 +58,13 @@ def _(demonstrations: Demonstrations) -> str:
 
 @html_of.register
 def _(evaluation: Evaluation) -> str:
-    low, high = evaluation.return_interval
+    interval = ""
+    if evaluation.episodes > 1:
+        interval = ", 95 % interval {:.4g} to {:.4g}".format(*evaluation.return_interval)
     facts = {
         "episodes": f"{evaluation.episodes:,}",
         "success": "",
-        "mean return": f"{evaluation.mean_return:.4g}, 95 % interval {low:.4g} to {high:.4g}",
+        "mean return": f"{evaluation.mean_return:.4g}{interval}",
         "worst": evaluation.extremes,
         "warning": evaluation.warning,
         "mean length": f"{evaluation.mean_length:.4g} steps",
