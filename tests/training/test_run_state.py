@@ -33,7 +33,8 @@ def test_steps_of_learning_of_racing_and_of_the_running_episode_count() -> None:
 
 def test_a_listener_is_told_of_each_change_once_and_may_end_the_run() -> None:
     state = RunState()
-    state.listener = listener = Recorder()
+    listener = Recorder()
+    state.listeners = (listener,)
     state.gathering_ends()  # nothing was begun
     for _ in range(2):
         state.gathering_begins()

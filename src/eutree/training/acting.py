@@ -15,7 +15,7 @@ from eutree.policies import TreePolicy
 from eutree.training.phases import Plan, RunState
 from eutree.training.progress import GatheredEpisodes
 from eutree.training.raced_episodes import STARTS
-from eutree.training.search import PolicySearch, SearchState
+from eutree.training.search import PolicySearch
 
 
 def seed_of_next(learner: Learner, seed: int, episode: int) -> int:
@@ -102,7 +102,7 @@ class GatheringEpisode:
         return action if allowed[action] else int(self._generator.choice(np.flatnonzero(allowed)))
 
     def _step(self, action: int) -> None:
-        """Take a step in the environment; let the learner and the listener know."""
+        """Take a step in the environment; let the learner and the listeners know."""
         allowed = self._env.allowed
         try:
             observation, reward, terminated, truncated, info = self._env.step(action)
@@ -182,7 +182,9 @@ class Racing:
         won = search.state.won
         heat = None if self._plan.time_is_over(state.at) else search.next_heat()
         if search.state.won > won or heat is None:
-            self._note(search.state)
+            now = search.state
+            facts = {"n_leaves": now.incumbent.n_leaves, "tried": now.tried, "won": now.won}
+            state.note("race", facts)
         if heat is None:
             self._end(search)
             return
@@ -201,10 +203,6 @@ class Racing:
         self._state.gathering_ends()
         tried = self._state.at.challengers + search.state.tried
         self._state.move(raced=True, evaluated_at=-1, challengers=tried)
-
-    def _note(self, state: SearchState) -> None:
-        facts = {"n_leaves": state.incumbent.n_leaves, "tried": state.tried, "won": state.won}
-        self._state.note("race", facts)
 
     def _run_episode(
         self, tree: TreePolicy, start: int, env: GuardedEnv, room: int

@@ -8,7 +8,8 @@ against itself, before the learner is made.
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
 from typing import Any, ClassVar
@@ -124,10 +125,12 @@ def restore_checkpoint(path: Path, run: Run) -> None:
     _check_events(path, events, gathered)
     run.learner = restored(path, arrays, method, problem, beginning.start)
     run.state.at = document.position
-    run.evaluations.curve = [
-        _point(path, event) for event in events if event["event"] == "evaluation"
-    ]
-    judged = [_judgement(path, event) for event in events if event["event"] == "judgement"]
+    with _told(path, "an evaluation"):
+        points = [event for event in events if event["event"] == "evaluation"]
+        rows = [{one.name: point.get(one.name) for one in fields(CurvePoint)} for point in points]
+        run.evaluations.curve = msgspec.convert(rows, list[CurvePoint])
+    with _told(path, "a judgement"):
+        judged = [Judgement.from_facts(one) for one in events if one["event"] == "judgement"]
     run.evaluations.judgement = judged[-1] if judged else None
     run.state.events, run.gathered = events, gathered
     if document.kept is not None:
@@ -136,7 +139,11 @@ def restore_checkpoint(path: Path, run: Run) -> None:
     run.evaluations.earlier = [one.policy(path) for one in document.earlier]
     if document.front is not None:
         run.evaluations.picked = document.front.picked.policy(path)
-        run.evaluations.front = _front(path, events, document.front)
+        trees = [one.policy(path) for one in document.front.trees]
+        with _told(path, "a front"):
+            facts = [event["front"] for event in events if event["event"] == "front"][-1]
+            pairs = zip(trees, facts, strict=True)
+            run.evaluations.front = tuple(FrontEntry.from_facts(*pair) for pair in pairs)
     if document.result is not None:
         run.racing.result = document.result.policy(path)
     if document.race is not None:
@@ -145,25 +152,13 @@ def restore_checkpoint(path: Path, run: Run) -> None:
         run.racing.search.restore(state, raced)
 
 
-def _front(
-    path: Path, events: Sequence[Mapping[str, Any]], document: FrontDocument
-) -> tuple[FrontEntry, ...]:
-    """Return the front: its trees with what the log says they earned."""
-    known = [event["front"] for event in events if event["event"] == "front"]
-    trees = [one.policy(path) for one in document.trees]
+@contextmanager
+def _told(path: Path, what: str) -> Iterator[None]:
+    """Blame the log for whatever goes wrong where it is read back."""
     try:
-        return tuple(
-            FrontEntry.from_facts(tree, facts) for tree, facts in zip(trees, known[-1], strict=True)
-        )
-    except (IndexError, KeyError, TypeError, ValueError) as error:
-        raise FormatError(path, _EVENTS, f"a front: {error!r}") from None
-
-
-def _judgement(path: Path, event: dict[str, Any]) -> Judgement:
-    try:
-        return Judgement.from_facts(event)
-    except (KeyError, TypeError, ValueError) as error:
-        raise FormatError(path, _EVENTS, f"a judgement: {error!r}") from None
+        yield
+    except (IndexError, KeyError, TypeError, ValueError, OverflowError) as error:
+        raise FormatError(path, _EVENTS, f"{what}: {error!r}") from None
 
 
 _GATHERED = Part(
@@ -228,16 +223,6 @@ def _events(path: Path, arrays: dict[str, NDArray[Any]]) -> list[dict[str, Any]]
     return events
 
 
-def _point(path: Path, event: Mapping[str, Any]) -> CurvePoint:
-    """Return what an evaluation adds to the curve."""
-    try:
-        return msgspec.convert(
-            {one.name: event.get(one.name) for one in fields(CurvePoint)}, CurvePoint
-        )
-    except msgspec.ValidationError as error:
-        raise FormatError(path, _EVENTS, f"an evaluation: {error}") from None
-
-
 def _check_events(path: Path, events: list[dict[str, Any]], gathered: GatheredEpisodes) -> None:
     """Raise FormatError unless each event has a name and an episode, and tells its kind's facts."""
     for place, event in enumerate(events, 1):
@@ -246,7 +231,5 @@ def _check_events(path: Path, events: list[dict[str, Any]], gathered: GatheredEp
             raise FormatError(path, where, "event must be a name")
         if type(event.get("episode")) is not int:
             raise FormatError(path, where, "episode must be a whole number")
-    try:
+    with _told(path, "not those of a run"):
         progress_to_csv(events, gathered)
-    except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise FormatError(path, _EVENTS, f"not those of a run: {error!r}") from None

@@ -161,61 +161,42 @@ class TensorBoard(Listener):
         }
 
 
-class Listeners(Listener):
-    """Several listeners as one: each is told of everything, in their order.
+class Listeners:
+    """The listeners of a run, each of which is told of everything, in their order.
 
     Args:
         given: The listeners.
     """
 
     def __init__(self, given: Sequence[Listener]) -> None:
-        self._all = tuple(given)
-
-    def __bool__(self) -> bool:
-        """Whether there are any."""
-        return bool(self._all)
+        self.given = tuple(given)
 
     def attached(self, run: Run, env: gymnasium.Env[Any, Any] | None) -> None:
         """Follow a run from its start on."""
-        run.state.listener = self if self._all else None
-        for one in self._all:
+        run.state.listeners = self.given
+        for one in self.given:
             one.attached(run, env)
 
     @contextmanager
     def following(self, run: Run) -> Iterator[None]:
         """Tell of the beginning, and of the end unless the run fails; then let go."""
         try:
-            for one in self._all:
+            for one in self.given:
                 one.begins(run)
             yield
-            for one in self._all:
+            for one in self.given:
                 one.ends()
         finally:
-            for one in self._all:
+            for one in self.given:
                 one.closes()
 
     def wants_stop(self) -> bool:
         """Return whether any of them does."""
-        return any(one.wants_stop() for one in self._all)
-
-    def gathering_begins(self) -> None:
-        """Tell all."""
-        for one in self._all:
-            one.gathering_begins()
-
-    def step_taken(self, step: Step) -> bool:
-        """Tell all; return False if any of them does."""
-        wishes = [one.step_taken(step) for one in self._all]
-        return all(wishes)
-
-    def gathering_ends(self) -> None:
-        """Tell all."""
-        for one in self._all:
-            one.gathering_ends()
+        return any(one.wants_stop() for one in self.given)
 
     def advanced(self, run: Run) -> None:
         """Tell all."""
-        for one in self._all:
+        for one in self.given:
             one.advanced(run)
 
 

@@ -16,7 +16,7 @@ episodes alone, so the same seed gives the same bytes on any machine; only where
 budget the clock has a say, too.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Protocol
@@ -305,10 +305,10 @@ class RunState:
     Attributes:
         at: Where the run stands between two phases.
         steps_of_episode: Steps of the episode under way, gathered or raced; 0 between two.
-        events: What happened so far: updates, evaluations, races, and what the listener recorded.
-        listener: Who is told of each step, if anyone.
-        recorded: What the listener measured since the last finished episode, by name.
-        stopped: Whether ``stop`` or the listener ended the run.
+        events: What happened so far: updates, evaluations, races, and what listeners recorded.
+        listeners: Who is told of each step, in this order.
+        recorded: What listeners measured since the last finished episode, by name.
+        stopped: Whether ``stop`` or a listener ended the run.
         whole: Whether the learner is between two phases, so that a checkpoint may be saved; False
             while, and after, an interruption struck in the middle of one.
     """
@@ -317,7 +317,7 @@ class RunState:
         self.at = Position()
         self.steps_of_episode = 0
         self.events: list[dict[str, Any]] = []
-        self.listener: Follower | None = None
+        self.listeners: Sequence[Follower] = ()
         self.recorded: dict[str, float | int | None] = {}
         self.stopped = False
         self.whole = True
@@ -339,7 +339,7 @@ class RunState:
         self.events.append(here | facts)
 
     def note_what_was_recorded(self) -> None:
-        """Add what the listener measured, if it did."""
+        """Add what listeners measured, if they did."""
         if self.recorded:
             self.note("record", {"values": dict(self.recorded)})
             self.recorded.clear()
@@ -350,20 +350,21 @@ class RunState:
         return self.stopped
 
     def step_taken(self, step: Step) -> None:
-        """Tell the listener of a step; it may end the run."""
-        if self.listener is not None:
-            self.stopped = not self.listener.step_taken(step)
+        """Tell listeners of a step; each may end the run."""
+        wishes = [one.step_taken(step) for one in self.listeners]
+        self.stopped = self.stopped or not all(wishes)
 
     def gathering_begins(self) -> None:
-        """Tell the listener that episodes follow, if none came before."""
-        if self.listener is not None and not self._gathering:
-            self.listener.gathering_begins()
+        """Tell listeners that episodes follow, if none came before."""
+        for one in () if self._gathering else self.listeners:
+            one.gathering_begins()
         self._gathering = True
 
     def gathering_ends(self) -> None:
-        """Tell the listener that an update follows, or that the race is over."""
-        if self.listener is not None and self._gathering:
-            self.listener.gathering_ends()
+        """Tell listeners that an update follows, or that the race is over."""
+        if self._gathering:
+            for one in self.listeners:
+                one.gathering_ends()
             self.note_what_was_recorded()
         self._gathering = False
 

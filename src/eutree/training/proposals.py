@@ -168,15 +168,12 @@ class Advantages:
             rival: What the rival does, shape [N].
         """
         differs = policy != rival
-        likes = self._gained(differs & (rival == self.actions))
-        own = self._gained(differs & (policy == self.actions))
+        likes = self.gains[differs & (rival == self.actions)]
+        own = self.gains[differs & (policy == self.actions)]
         if min(likes.size, own.size) < FEW:
             return 0.0
         error = np.sqrt(likes.var() / likes.size + own.var() / own.size)
         return float((likes.mean() - own.mean()) / max(error, 1e-9))
-
-    def _gained(self, steps: Booleans) -> Floats:
-        return self.gains[steps]
 
 
 @compiled

@@ -151,22 +151,19 @@ class ShortForms(TypedDict, total=False):
     starts: "Sequence[Certificate]"
 
 
+def _parts(same: str, **others: str) -> dict[str, str]:
+    """Return the parts of a value by their words: some have the same name, in words apart."""
+    return others | {name: name for name in same.split()}
+
+
 _PARTS = {
-    "budget": {name: name for name in ("episodes", "steps", "minutes", "race_steps")},
-    "evaluation": {"evaluate_every": "every", "evaluation_episodes": "episodes"},
-    "handover": {"judge_episodes": "episodes"}
-    | {
-        name: name
-        for name in (
-            "max_leaves",
-            "front_steps",
-            "keep_success",
-            "return_range",
-            "prefer_proven",
-            "against",
-        )
-    },
-    "folder": {"out": "path", "resume": "resume", "checkpoint_seconds": "checkpoint_seconds"},
+    "budget": _parts("episodes steps minutes race_steps"),
+    "evaluation": _parts("", evaluate_every="every", evaluation_episodes="episodes"),
+    "handover": _parts(
+        "max_leaves front_steps keep_success return_range prefer_proven against",
+        judge_episodes="episodes",
+    ),
+    "folder": _parts("resume checkpoint_seconds", out="path"),
 }
 _LISTENERS: dict[str, Callable[[Any], Listener]] = {
     "tensorboard": TensorBoard,
