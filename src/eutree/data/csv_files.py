@@ -91,18 +91,15 @@ class CsvReader:
             if numbers > MAX_NUMBERS:
                 raise FormatError(path, f"line {line}", f"more than {MAX_NUMBERS:,} numbers")
             self._add(group, line, row)
-        self._check_width(schema)
+        names = self._labels()
+        if schema is not None and schema.n_features != len(names):
+            reason = f"expected {schema.n_features} features, got columns {names}"
+            raise FormatError(path, "line 1", reason)
         self._texts = list(self._codes)
         self.schema = self._made_schema() if schema is None else schema
         indices = [self._index(code) for code in range(len(self._texts))]
         self._indices = np.array(indices, dtype=np.int64)
         self.episodes = tuple(self._episode(group) for group in groups.values())
-
-    def _check_width(self, schema: Schema | None) -> None:
-        names = self._labels()
-        if schema is not None and schema.n_features != len(names):
-            reason = f"expected {schema.n_features} features, got columns {names}"
-            raise FormatError(self._path, "line 1", reason)
 
     def _labels(self) -> list[str]:
         """Return the features, one for each category of a nominal column of more than two."""

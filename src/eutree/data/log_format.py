@@ -148,8 +148,14 @@ class CsvTable:
     ) -> None:
         self._path = path
         self._log = log
-        self._own_names = _checked_columns(columns)
-        self.delimiter = _checked_delimiter(delimiter)
+        for name in columns:
+            check_choice("columns", name, KNOWN)
+        if delimiter is not None and (len(delimiter) != 1 or delimiter in '"\r\n'):
+            raise InvalidArgumentError(
+                f"delimiter must be one character, no quote and no end of line, got {delimiter!r}"
+            )
+        self._own_names = columns
+        self.delimiter = delimiter
         self.features: list[str] = []
 
     def rows(self) -> Iterator[tuple[int, Row]]:
@@ -163,7 +169,8 @@ class CsvTable:
             reader: Any = None
             try:
                 if self.delimiter is None:
-                    self.delimiter = _delimiter_of(text.readline())
+                    # The mark that divides the first line into most parts.
+                    self.delimiter = max(_DELIMITERS, key=text.readline().count)
                     text.seek(0)
                 reader = csv.reader(text, strict=True, delimiter=self.delimiter)
                 yield from self._read(reader)
@@ -227,25 +234,6 @@ class CsvTable:
                 raise FormatError(self._path, "line 1", reason)
         if not 1 <= len(self.features) <= MAX_NAMES:
             raise FormatError(self._path, "line 1", "there is no column of a feature, or too many")
-
-
-def _checked_columns(columns: Mapping[str, str]) -> dict[str, str]:
-    for name in columns:
-        check_choice("columns", name, KNOWN)
-    return dict(columns)
-
-
-def _checked_delimiter(delimiter: str | None) -> str | None:
-    if delimiter is not None and (len(delimiter) != 1 or delimiter in '"\r\n'):
-        raise InvalidArgumentError(
-            f"delimiter must be one character, no quote and no end of line, got {delimiter!r}"
-        )
-    return delimiter
-
-
-def _delimiter_of(header: str) -> str:
-    """Return the mark that divides the first line into most parts; a comma where none does."""
-    return max(_DELIMITERS, key=header.count)
 
 
 class LogRows:

@@ -165,11 +165,6 @@ def _spelled(value: Any) -> Iterator[bytes]:
         yield b"]"
 
 
-def decode_document(data: bytes, kind: type[_Document], path: str | Path) -> _Document:
-    """Return the document that ``encode_document`` wrote; ``path`` is for the messages."""
-    return _decoded(data, kind, path)
-
-
 def read_plain(path: str | Path, kind: type[_Plain], *, limit: int = MAX_DOCUMENT) -> _Plain:
     """Read a file that people write, so without a header, with the same suspicion.
 
@@ -177,10 +172,10 @@ def read_plain(path: str | Path, kind: type[_Plain], *, limit: int = MAX_DOCUMEN
         FormatError: The file is not what ``kind`` declares.
         FileError: The file is missing or cannot be read.
     """
-    return _decoded(atomic.read_bytes(path, limit=limit), kind, path)
+    return decode_document(atomic.read_bytes(path, limit=limit), kind, path)
 
 
-def _decoded(data: bytes, kind: type[_Plain], path: str | Path) -> _Plain:
+def decode_document(data: bytes, kind: type[_Plain], path: str | Path) -> _Plain:
     """Return what the bytes declare, or blame the place where they do not."""
     try:
         if issubclass(kind, Document):

@@ -12,6 +12,7 @@ back by the class of the method that the run was resumed with.
 import inspect
 import re
 from collections.abc import Iterator, Mapping
+from copy import deepcopy
 from dataclasses import fields, is_dataclass, replace
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -207,7 +208,7 @@ def _without_deleted(kind: type[Method], choices: dict[str, Any]) -> dict[str, A
     Raises:
         InvalidArgumentError: One of them was not at the value that changes nothing.
     """
-    choices = _copied(choices)
+    choices = deepcopy(choices)
     for choice, usual in getattr(kind, "deleted", {}).items():
         *outer, last = choice.split(".")
         part: Any = choices
@@ -221,11 +222,6 @@ def _without_deleted(kind: type[Method], choices: dict[str, Any]) -> dict[str, A
                 "go on with the release that made the file, or begin a new run"
             )
     return choices
-
-
-def _copied(value: Any) -> Any:
-    """Return nested dicts as new ones."""
-    return {k: _copied(v) for k, v in value.items()} if isinstance(value, dict) else value
 
 
 def _filled(chosen: Any) -> Any:

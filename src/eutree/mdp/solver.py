@@ -108,11 +108,6 @@ class Model:
         """Number of actions A."""
         return int(self.visits.shape[1])
 
-    @property
-    def n_triples(self) -> int:
-        """Number of distinct triples (s, a, s') with s' not terminal."""
-        return int(self.successor.size)
-
     def dense(self) -> Floats:
         """Return Pr as an array [S, A, S]; its rows sum to 1 minus the termination."""
         shape = (self.n_states, self.n_actions, self.n_states)
@@ -208,7 +203,7 @@ class PlanningProblem:
         untouched = ~tried.any(axis=1) & (untried is None)
         worth[untouched, 0] = values[untouched]
         usable[untouched, 0] = True
-        size = model.n_triples
+        size = model.successor.size
         return cls(
             model,
             _kernels.Pairs(

@@ -42,15 +42,8 @@ class EnsembleRollouts(Rollouts):
         self._range = ensemble.returns
         self._horizon = ensemble.horizon
         self._starts, self._n_starts = ensemble.starts, n_starts
-        self._n_actions = ensemble.n_actions
         self.n_members = len(ensemble.weights)
-        d = ensemble.starts.shape[1]
-        super().__init__(n_starts * self.n_members, self._horizon, d, generator)
-
-    @property
-    def n_actions(self) -> int:
-        """Number of actions A."""
-        return self._n_actions
+        super().__init__(ensemble, n_starts * self.n_members, generator)
 
     @property
     def n_steps_taken(self) -> int:
@@ -96,20 +89,13 @@ class EnsembleRollouts(Rollouts):
 
     def deviations(self, steps: Integers) -> Floats:
         """Return the gain of one other action at each of the steps, shape [n, A]."""
-        out = np.zeros((steps.size, self._n_actions))
+        out = np.zeros((steps.size, self.n_actions))
         kernels.deviations(self._conditions, self._episodes, self.policy, steps, out)
         return out
 
     def _write_returns(self, rival: ActionTree, first: int, last: int, out: Floats) -> None:
-        kernels.rival_returns(
-            self._conditions,
-            self._episodes,
-            self._departs,
-            rival,
-            first,
-            last,
-            out,
-        )
+        here = self._conditions, self._episodes, self._departs
+        kernels.rival_returns(*here, rival, first, last, out)
 
     def _cut(self, returns: Floats) -> Floats:
         """Return returns no lower and no higher than nearly all real ones were."""
@@ -124,14 +110,8 @@ class EnsembleRollouts(Rollouts):
         _kernels.assign_starts(starts, self._episodes)
 
     def _record(self, policy: ActionTree) -> None:
-        kernels.record(
-            self._conditions,
-            self._episodes,
-            self._departs,
-            self._within,
-            policy,
-            self._spare,
-        )
+        here = self._conditions, self._episodes, self._departs
+        kernels.record(*here, self._within, policy, self._spare)
 
 
 # A tree that copies a teacher is cut to size one node at a time. A node gives way to one of its

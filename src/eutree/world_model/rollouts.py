@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -9,6 +10,9 @@ from eutree.arrays import Floats, Integers
 from eutree.world_model import _kernels, _kernels_lanes
 from eutree.world_model._kernels import ActionTree, Conditions, Episodes
 from eutree.world_model.dynamics import WorldModel
+
+if TYPE_CHECKING:
+    from eutree.world_model.ensemble import Ensemble
 
 # All chance comes from tables of draws, indexed by episode and step. So two policies differ in
 # their returns only by what they do, and only episodes in which they act differently are run
@@ -31,23 +35,25 @@ class Rollouts(ABC):
     """Rollouts of a policy in a world model, and of rivals with the same chance.
 
     Args:
+        model: The world model.
         n_episodes: Number of episodes E.
-        horizon: Most steps of one.
-        n_features: Number of features d.
         generator: Source of the random numbers of ``redraw``.
 
     Attributes:
         policy: The policy that was run last.
         generator: As given.
+        n_actions: Number of actions A.
     """
 
     policy: ActionTree
 
     def __init__(
-        self, n_episodes: int, horizon: int, n_features: int, generator: np.random.Generator
+        self, model: "WorldModel | Ensemble", n_episodes: int, generator: np.random.Generator
     ) -> None:
         self.generator = generator
-        self._n_features = n_features
+        self.n_actions = model.n_actions
+        self._n_features = n_features = model.starts.shape[1]
+        horizon = model.horizon
         room = n_episodes * horizon
         self._episodes, self._spare = (_empty(n_episodes, room, n_features) for _ in range(2))
         self._departs = np.empty(n_episodes, dtype=np.int64)
@@ -78,11 +84,6 @@ class Rollouts(ABC):
     def node(self) -> Integers:
         """Leaf node of the policy at each step, shape [K]; a view."""
         return self._episodes.node[: self.n_steps]
-
-    @property
-    @abstractmethod
-    def n_actions(self) -> int:
-        """Number of actions A."""
 
     @property
     @abstractmethod
@@ -137,15 +138,8 @@ class Rollouts(ABC):
         """Find the first step of each episode at which a rival acts differently."""
         self._within = np.zeros(self.policy.feature.size, dtype=np.int64)
         _kernels.overlay(self.policy, rival, self._n_features, self._within)
-        _kernels.departures(
-            self.policy,
-            rival,
-            self._within,
-            self._episodes,
-            self._begin,
-            self._steps,
-            self._departs,
-        )
+        steps = self._begin, self._steps, self._departs
+        _kernels.departures(self.policy, rival, self._within, self._episodes, *steps)
 
 
 def _empty(n_episodes: int, room: int, d: int) -> Episodes:
@@ -175,14 +169,8 @@ class PairedRollouts(Rollouts):
     ) -> None:
         self.model = model
         self._discount = discount
-        d = model.starts.shape[1]
-        self._trace = _empty(n_episodes, n_episodes * model.horizon, d)
-        super().__init__(n_episodes, model.horizon, d, generator)
-
-    @property
-    def n_actions(self) -> int:
-        """Number of actions A."""
-        return self.model.n_actions
+        self._trace = _empty(n_episodes, n_episodes * model.horizon, model.starts.shape[1])
+        super().__init__(model, n_episodes, generator)
 
     @property
     def n_steps_taken(self) -> int:
@@ -200,13 +188,8 @@ class PairedRollouts(Rollouts):
         A comparison that stopped early returns what it expects of a complete one.
         """
         self._compare(rival)
-        n, total, squares, complete = _kernels_lanes.difference(
-            self._conditions,
-            self._episodes,
-            self._departs,
-            rival,
-            hopeless,
-        )
+        here = self._conditions, self._episodes, self._departs
+        n, total, squares, complete = _kernels_lanes.difference(*here, rival, hopeless)
         if n == 0:
             return Gain(0.0, 0.0, complete)
         share = 1.0 if complete else np.count_nonzero(self._departs >= 0) / n
@@ -227,12 +210,5 @@ class PairedRollouts(Rollouts):
         _kernels.assign_starts(starts[self.generator.permutation(starts.shape[0])], self._episodes)
 
     def _record(self, policy: ActionTree) -> None:
-        _kernels_lanes.record(
-            self._conditions,
-            self._episodes,
-            self._departs,
-            self._within,
-            policy,
-            self._trace,
-            self._spare,
-        )
+        here = self._conditions, self._episodes, self._departs
+        _kernels_lanes.record(*here, self._within, policy, self._trace, self._spare)

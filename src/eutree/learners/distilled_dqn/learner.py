@@ -12,6 +12,7 @@ from eutree.learners.distilled_dqn.races import (
     Contender,
     ContenderRaces,
     ImaginedRivals,
+    packed_contenders,
     packed_trees,
     unpacked_trees,
 )
@@ -276,7 +277,7 @@ class DistilledDQNLearner:
         state: Arrays = {"numbers": np.array(numbers, dtype=np.int64)}
         state |= prefixed("history_", self.history.state())
         state |= prefixed("teacher_", self._teacher.state())
-        state |= races.contenders_state()
+        state |= prefixed("contender_", packed_contenders(races.contenders))
         state |= prefixed("student_", packed_trees([dagger.tree]))
         if ensemble is not None:
             state |= prefixed("model_", ensemble.state())

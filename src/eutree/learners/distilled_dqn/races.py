@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from eutree.contests import Ahead, Table, new_table, next_episode
 from eutree.contests.rules import Lead
 from eutree.contests.table import pairs
-from eutree.learners.declared import part, prefixed
+from eutree.learners.declared import part
 from eutree.learners.distilled_dqn.teaching import Experience, Students
 from eutree.learners.learner import Arrays, Figures
 from eutree.policy_search.model_trust import ModelTrust
@@ -346,10 +346,6 @@ class ContenderRaces:
     def _tell(self, heat: tuple[int, int], value: float) -> None:
         self.table[heat] = value
         self.contenders[self.entrants[heat[0]]].returns.append(value)
-
-    def contenders_state(self) -> Arrays:
-        """Return the contenders as arrays."""
-        return prefixed("contender_", packed_contenders(self.contenders))
 
     def race_state(self) -> Arrays:
         """Return the race under way as arrays; nothing between two."""
