@@ -93,14 +93,9 @@ def as_values(result: "LearningResult", out: Path) -> dict[str, Any]:
     steps, judgement = result.environment_steps, result.against_start
     return {
         "method": result.method.name,
-        "reason": result.reason,
-        "start": result.start,
-        "episodes": result.episodes,
-        "steps": result.steps,
-        "evaluation_episodes": result.evaluation_episodes,
+        **figures_of(result, "reason start episodes steps evaluation_episodes challengers"),
         "environment_steps": vars(steps) | {"total": steps.total},
         "n_leaves": result.policy.n_leaves,
-        "challengers": result.challengers,
         "handed_over": "learned" if judgement is None else judgement.handed_over,
         "why": "" if judgement is None else judgement.why,
         "against_start": None if judgement is None else judgement.facts(),
@@ -201,10 +196,8 @@ def many_results(learned: "LearningRuns", out: Path) -> "tuple[dict[str, Any], T
         "why": "" if judgement is None else judgement.why,
         "runs": [
             {
-                "seed": run.seed,
+                **figures_of(run, "seed n_leaves environment_steps"),
                 **figures_of(run.selection, _EARNED),
-                "n_leaves": run.n_leaves,
-                "environment_steps": run.environment_steps,
                 "path": str(run.path),
                 "winner": number == learned.winner,
             }

@@ -363,6 +363,14 @@ def _levels(text: str) -> list[float]:
         ) from None
 
 
+def number(text: str, wanted: str) -> float:
+    """Return the number that a text holds; ``wanted`` says where it is none."""
+    try:
+        return float(text)
+    except ValueError:
+        raise InvalidArgumentError(f"{wanted}, got {shown(text)}") from None
+
+
 def _use_names(context: click.Context, parameter: click.Parameter, path: Path | None) -> None:
     """Give the names in a file to every environment that the command makes."""
     if path is None or context.resilient_parsing:

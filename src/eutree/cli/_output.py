@@ -182,7 +182,9 @@ def kept_for_results() -> Iterator[None]:
         if own is not None:
             with suppress(OSError):  # a pipe that nobody reads any more has been reported
                 _results.flush()
-                _flush_c()
+                with suppress(OSError, AttributeError, TypeError):
+                    # What C libraries have printed: at the end of the process it would come late.
+                    ctypes.CDLL(None).fflush(None)
                 os.dup2(own, 1)
                 _results.close()
         _results = None
@@ -202,12 +204,6 @@ def _own_descriptor(stream: TextIO) -> int | None:
     except (OSError, ValueError, io.UnsupportedOperation):
         return None
     return own
-
-
-def _flush_c() -> None:
-    """Write out what C libraries have printed: at the end of the process it would come late."""
-    with suppress(OSError, AttributeError, TypeError):
-        ctypes.CDLL(None).fflush(None)
 
 
 class _Saying(logging.Handler):

@@ -69,17 +69,13 @@ if TYPE_CHECKING:
 def fit(
     demonstrations: Path,
     out: Path,
-    episodes: int,
-    practise: int,
-    history: int | None,
     release_8: bool,
     min_objects: int | None,
     confidence: float | None,
     no_pruning: bool,
-    monotone: tuple[str, ...],
     env_arguments: dict[str, Any],
-    seed: int,
     as_json: bool,
+    **options: Any,
 ) -> None:
     """Fit a tree to DEMONSTRATIONS with C4.5, play it, and say how good it is beside them.
 
@@ -98,18 +94,15 @@ def fit(
         report = fit_tree(
             demos,
             env if env_arguments else None,
-            episodes=episodes,
-            practise=practise,
             settings=_settings(release_8, min_objects, confidence, no_pruning),
-            history=history,
-            monotone=monotone,
             derive=option.AUTO if option.AUTO in click.get_current_context().meta else (),
-            seed=seed,
             on_progress=stages.show,
+            **options,
         )
     report.policy.save(out)
     hint = ""
-    if report.verdict and (report.verdict.is_worse or report.verdict.is_open) and not practise:
+    is_open = report.verdict and (report.verdict.is_worse or report.verdict.is_open)
+    if is_open and not options["practise"]:
         hint = f"\n{line_with('--practise', '100')} goes on with learning"
     output.result(_values(report, out), f"{report.policy}\n{report}\nwritten to {out}{hint}")
 
@@ -248,8 +241,7 @@ def _values(report: "FitReport", out: Path) -> dict[str, Any]:
     person, played, found = report.person, report.played, report.verdict
     return {
         "n_leaves": report.policy.n_leaves,
-        "n_transitions": report.n_transitions,
-        "training_accuracy": report.training_accuracy,
+        **figures_of(report, "n_transitions training_accuracy choice episodes_played"),
         "path": str(out),
         "person": {
             "interval": person.success_interval,
@@ -264,9 +256,7 @@ def _values(report: "FitReport", out: Path) -> dict[str, Any]:
         "verdict": found and found.word,
         "difference": found
         and {"of": found.measure, "mean": found.difference, "interval": found.interval},
-        "choice": report.choice,
         "candidates": report.n_candidates,
-        "episodes_played": report.episodes_played,
         "proposals": [asdict(one) for one in report.proposals],
         "warnings": list(report.warnings),
     }
@@ -333,18 +323,12 @@ def distill(
             n_jobs=n_jobs,
         )
     tree.save(out)
-    low, high = report.return_interval
-    chosen = report.rounds[report.best]
     output.result(
         {
-            "n_leaves": report.n_leaves,
-            "mean_return": report.mean_return,
-            "return_interval": [low, high],
-            "agreement": chosen.agreement,
-            "labels": report.labels,
+            **figures_of(report, "n_leaves mean_return return_interval labels best"),
+            "agreement": report.rounds[report.best].agreement,
             "environment_steps": report.environment_steps,
             "rounds": [vars(made) for made in report.rounds],
-            "best": report.best,
             "path": str(out),
         },
         f"{tree}\n{_distilled_in_words(report)}; written to {out}",

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from eutree.cli import _options as option
-from eutree.cli._output import Output
+from eutree.cli._output import Output, figures_of
 from eutree.errors import EutreeError
 from eutree.schema import EnvironmentSpec
 
@@ -39,14 +39,11 @@ if TYPE_CHECKING:
 @option.as_json
 def demo(
     environment: str,
-    expert: str | None,
     out: Path,
     episodes: int | None,
-    runs: int,
-    n_jobs: int,
     env_arguments: dict[str, Any],
-    seed: int,
     as_json: bool,
+    **choices: Any,
 ) -> None:
     """Show, fit, learn, judge, compress and export in ENVIRONMENT; write an HTML report.
 
@@ -59,18 +56,12 @@ def demo(
     from eutree.training.many import FinishedRun
 
     output = Output(as_json=as_json)
-    settings = settings_for(
-        EnvironmentSpec(environment, env_arguments),
-        expert=expert,
-        runs=runs,
-        n_jobs=n_jobs,
-        seed=seed,
-    )
+    settings = settings_for(EnvironmentSpec(environment, env_arguments), **choices)
     if episodes is not None:
         story = settings.story
         learning = dict(story.learning) | {"episodes": episodes}
         settings = replace(settings, story=replace(story, learning=learning))
-    with output.progress("runs", runs) as progress:
+    with output.progress("runs", settings.runs) as progress:
 
         def follow(count: int, run: FinishedRun) -> None:
             progress.update(count, f"run {run.seed}: {run.selection}")
@@ -86,12 +77,9 @@ def demo(
             "changed_steps": result.changes.visited,
             "runs": [
                 {
-                    "seed": run.seed,
+                    **figures_of(run, "seed n_leaves environment_steps"),
+                    **figures_of(run.selection, "mean_return success_rate"),
                     "path": str(run.path),
-                    "n_leaves": run.n_leaves,
-                    "environment_steps": run.environment_steps,
-                    "mean_return": run.selection.mean_return,
-                    "success_rate": run.selection.success_rate,
                     "winner": number == result.runs.winner,
                 }
                 for number, run in enumerate(result.runs.runs)

@@ -237,14 +237,19 @@ def edit(
         out = policy_file(policy)
     edited = change(
         before,
-        thresholds={node: _number(value) for node, value in _pairs("threshold", thresholds)},
+        thresholds={
+            node: option.number(value, "--set-threshold needs a number")
+            for node, value in _pairs("threshold", thresholds)
+        },
         actions=dict(_pairs("action", actions)),
         lock=lock,
         unlock=unlock,
     )
     if rename is not None:
         named = renamed(edited.policy, Names.load(rename))
-        edited = replace(edited, policy=named, changes=(*edited.changes, _names_of(named)))
+        features = map(labelled, named.schema.features[: named.observation_size])
+        words = f"named: {', '.join(features)}; {', '.join(named.schema.actions)}"
+        edited = replace(edited, policy=named, changes=(*edited.changes, words))
     if rules:
         ruled = enforce(edited.policy, rules)
         edited = replace(ruled, changes=edited.changes + ruled.changes, warnings=edited.warnings)
@@ -280,12 +285,6 @@ def edit(
     )
 
 
-def _names_of(policy: "TreePolicy") -> str:
-    """Return the names of the features of an observation and of the actions."""
-    features = policy.schema.features[: policy.observation_size]
-    return f"named: {', '.join(map(labelled, features))}; {', '.join(policy.schema.actions)}"
-
-
 def _pairs(what: str, texts: tuple[str, ...]) -> list[tuple[int, str]]:
     pairs = []
     for text in texts:
@@ -294,10 +293,3 @@ def _pairs(what: str, texts: tuple[str, ...]) -> list[tuple[int, str]]:
             raise InvalidArgumentError(f"--set-{what} must be NUMBER=VALUE, got {shown(text)}")
         pairs.append((int(number), value))
     return pairs
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise InvalidArgumentError(f"--set-threshold needs a number, got {shown(text)}") from None

@@ -5,8 +5,7 @@ import os
 import shlex
 import sys
 import webbrowser
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -207,11 +206,7 @@ def _record_expert(
 
 
 def _record_person(
-    output: Output,
-    spec: EnvironmentSpec,
-    recorder: "Recorder",
-    out: Path,
-    **page: Any,
+    output: Output, spec: EnvironmentSpec, recorder: "Recorder", out: Path, **page: Any
 ) -> None:
     if recorder.recovered:
         numbers = ", ".join(map(str, recorder.recovered))
@@ -278,7 +273,8 @@ def record_on_page(
     place = shlex.quote(str(out))
     steps = (f"demos stats {place} --html demos.html", f"fit {place} --out expert.json",
              "show expert.json")  # fmt: skip
-    with opened_by() as browser:
+    with TemporaryDirectory(prefix="eutree-") as folder:
+        browser = Opener(Path(folder))
         record_in_browser(
             recorder,
             host=host,
@@ -288,13 +284,6 @@ def record_on_page(
             guide=lead[1] if lead else None,
             on_ready=ready,
         )
-
-
-@contextmanager
-def opened_by() -> Iterator["Opener"]:
-    """Yield what opens pages; what it has written is deleted at the end."""
-    with TemporaryDirectory(prefix="eutree-") as folder:
-        yield Opener(Path(folder))
 
 
 class Opener:

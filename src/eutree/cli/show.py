@@ -229,7 +229,11 @@ def export(
     if name == "c" and out is not None:
         given.setdefault("name", function_name(out.stem))
     if header or self_test:
-        _check_c(name, out)
+        if name != "c" or out is None:
+            raise InvalidArgumentError(
+                "--header and --self-test need --format c and --out, because they are files beside "
+                "it"
+            )
         given["header"] = True
     content = make(loaded, name, **given)
     if certificate is not None:
@@ -285,27 +289,13 @@ def _format_of(out: Path | None) -> str:
     raise InvalidArgumentError(f"--format must be one of {', '.join(FORMATS)}, got none")
 
 
-def _check_c(name: str, out: Path | None) -> None:
-    """Raise unless a header and a test program can be written beside the source."""
-    if name != "c" or out is None:
-        raise InvalidArgumentError(
-            "--header and --self-test need --format c and --out, because they are files beside it"
-        )
-
-
 def _scale(texts: tuple[str, ...]) -> float | dict[str, float]:
     """Return one scale for all features, or one for each that is named."""
+    wanted = "--scale must be [FEATURE=]NUMBER"
     if len(texts) == 1 and "=" not in texts[0]:
-        return _number(texts[0])
-    return {name: _number(value) for name, _, value in (text.rpartition("=") for text in texts)}
-
-
-def _number(text: str) -> float:
-    """Return the number that a text holds, or raise InvalidArgumentError."""
-    try:
-        return float(text)
-    except ValueError:
-        raise InvalidArgumentError(f"--scale must be [FEATURE=]NUMBER, got {text!r}") from None
+        return option.number(texts[0], wanted)
+    pairs = (text.rpartition("=") for text in texts)
+    return {name: option.number(value, wanted) for name, _, value in pairs}
 
 
 def _print(output: Output, name: str, content: str | bytes) -> None:
