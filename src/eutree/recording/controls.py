@@ -47,11 +47,6 @@ class Pace:
         interval = 1.0 / (self.fps * self.speed)
         return min(interval, TURN_SECONDS) if self.turn_based else interval
 
-    @property
-    def is_smooth(self) -> bool:
-        """Whether there is time for pictures between two decisions."""
-        return self.interval > 2.0 * FRAME_SECONDS
-
     def begin(self, now: float) -> None:
         """Start the interval that follows a step; delays do not add up.
 
@@ -105,7 +100,7 @@ class Pace:
 
     def shown(self, now: float) -> float:
         """Return the share of the movement to show: all of it one picture before the end."""
-        if not self.is_smooth:
+        if self.interval <= 2.0 * FRAME_SECONDS:  # no time for pictures between two decisions
             return 1.0
         return min(self.elapsed(now) / (1.0 - FRAME_SECONDS / self.interval), 1.0)
 

@@ -13,7 +13,6 @@ from eutree.interaction import GuardedEnv, episode_seed
 from eutree.interaction.episode import Stream
 from eutree.interaction.first_look import look_at
 from eutree.recording.events import (
-    EpisodeAbandoned,
     EpisodeChanged,
     EpisodeEnded,
     EpisodeStarted,
@@ -119,22 +118,12 @@ class Recorder:
         elif isinstance(output, EpisodeChanged):
             self.folder.write(self._files[output.index], output.episode)
         elif self._running is not None:
-            self._store_running(self._running, output)
-
-    def _store_running(self, running: RunningEpisode, output: Output) -> None:
-        if isinstance(output, StepTaken):
-            running.journal.append(
-                output.action,
-                output.reward,
-                output.observation,
-                terminated=output.terminated,
-                truncated=output.truncated,
-                steps=output.steps,
-            )
-        elif isinstance(output, EpisodeEnded):
-            running.finish(output.episode)
-            self._files.append(running.number)
-            self._running = None
-        elif isinstance(output, EpisodeAbandoned):
-            running.discard()
+            if isinstance(output, StepTaken):
+                self._running.journal.append(**vars(output))
+                return
+            if isinstance(output, EpisodeEnded):
+                self._running.finish(output.episode)
+                self._files.append(self._running.number)
+            else:
+                self._running.discard()
             self._running = None

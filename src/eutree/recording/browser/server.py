@@ -34,7 +34,7 @@ from eutree.recording.browser.wire import (
     safe_headers,
     view_fields,
 )
-from eutree.recording.events import Away, Command, Event, Frame, KeyDown, KeyUp, Present, Seen
+from eutree.recording.events import Away, Command, Event, KeyDown, KeyUp, Present, Seen
 from eutree.recording.recorder import Recorder
 from eutree.recording.scenes import Programme
 from eutree.recording.tree_making import FAILED, FITTING, Guide, TreeMaker, TreeView
@@ -347,7 +347,8 @@ class PageServer:
         tick = self.recorder.tick(now, events)
         self._fields = view_fields(tick.view)
         if tick.frame is not None:
-            self._picture = self._encoded(tick.frame)
+            number, pixels = tick.frame.number, tick.frame.pixels
+            self._picture = number, encode_picture(number, self._sequence, pixels)
         for viewer in self._viewers:
             viewer.show(self._fields)
             if tick.frame is not None and self._picture is not None:
@@ -419,9 +420,6 @@ class PageServer:
         self._details["tree"] = msgspec.to_builtins(view)
         for viewer in self._viewers:
             viewer.show({"tree": self._details["tree"]})
-
-    def _encoded(self, frame: Frame) -> tuple[int, bytes]:
-        return frame.number, encode_picture(frame.number, self._sequence, frame.pixels)
 
     async def _say_goodbye(self) -> None:
         """Send the last view to every page and close its socket."""
