@@ -15,7 +15,7 @@ from eutree.data import Episode
 from eutree.envs.experts import EXPERTS, follow_the_fall
 from eutree.learners import DistilledDQN
 from eutree.schema import Schema
-from eutree.training.planned import Evidence, default_for
+from eutree.training.planned import default_for
 
 
 class Pushes:
@@ -60,28 +60,28 @@ def shown_with(n_features):
     ],
 )
 def test_the_more_features_the_fewer_steps_a_teacher_needs(n_features, steps, name):
-    choice = default_for(Evidence(shown_with(n_features), steps))
+    choice = default_for(shown_with(n_features), steps)
     assert choice.method.name == name
     assert {name, choice.alternative} == {"planning", "distilled-dqn"}
     assert choice.said().endswith(f"; the other is method {choice.alternative!r}")
 
 
 def test_many_features_and_many_steps_get_a_teacher(acrobot):
-    choice = default_for(Evidence(acrobot, 100_000))
+    choice = default_for(acrobot, 100_000)
     assert choice.method == DistilledDQN()
     assert choice.reason.startswith("distilled-dqn learns: 6 features")
 
 
 def test_everything_else_is_planned(cart, acrobot):
     for known, why, alternative in (
-        (Evidence(None, 500_000), "a network as teacher would need 5 demonstrations", ""),
-        (Evidence(cart, 500_000), "4 features are few enough for it", "distilled-dqn"),
-        (Evidence(cart, None), "4 features are few enough for it", ""),
-        (Evidence(acrobot, None), "a network as teacher needs a budget of steps", ""),
-        (Evidence(acrobot, 40_000), "of 6 features a network as teacher would need 90000 steps, "
+        ((None, 500_000), "a network as teacher would need 5 demonstrations", ""),
+        ((cart, 500_000), "4 features are few enough for it", "distilled-dqn"),
+        ((cart, None), "4 features are few enough for it", ""),
+        ((acrobot, None), "a network as teacher needs a budget of steps", ""),
+        ((acrobot, 40_000), "of 6 features a network as teacher would need 90000 steps, "
          "not 40000", "distilled-dqn"),
     ):  # fmt: skip
-        choice = default_for(known)
+        choice = default_for(*known)
         assert choice.method.name == "planning"
         assert choice.reason == f"planning learns: {why}"
         assert choice.alternative == alternative
@@ -148,7 +148,7 @@ def test_what_is_named_is_taken(acrobot):
 
 
 def test_who_names_a_teacher_wants_it_asked(cart):
-    assert default_for(Evidence(cart, None, teacher=True)).method.name == "distilled-dqn"
+    assert default_for(cart, None, teacher=True).method.name == "distilled-dqn"
 
 
 def test_a_policy_that_stays_is_evaluated_once(cart, monkeypatch):

@@ -235,18 +235,7 @@ def episodes_from_rows(
     terminated: ArrayLike | None = None,
     truncated: ArrayLike | None = None,
 ) -> tuple[Episode, ...]:
-    """Return the episodes in flat rows.
-
-    Args:
-        observations: What was sensed before each action, shape [N, d].
-        actions: The actions, shape [N].
-        starts: Whether each row is the first of an episode, shape [N]; the first must be.
-        rewards: What each action earned, shape [N]; if not known, the episodes have none.
-        next_observations: What was sensed after each action, shape [N, d]; if not known, the
-            last action of each episode is dropped.
-        terminated: Whether the task ended after each row, shape [N].
-        truncated: Whether a limit cut the episode short after each row, shape [N].
-    """
+    """Return the episodes in flat rows; see ``Demonstrations.from_arrays``."""
     before = check_observations("observations", observations)
     n = len(before)
     chosen = check_actions("actions", actions, size=n)

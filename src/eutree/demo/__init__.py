@@ -58,7 +58,9 @@ def run_demo(settings: DemoSettings, out: Path, *, say: Say, follow: Follow) -> 
         say: Takes a sentence before each step.
         follow: Takes the number of finished runs and the last of them.
     """
-    name = _expert_name(settings)
+    known = experts_for(settings.environment.id)
+    name = next(iter(known)) if settings.expert is None else settings.expert
+    check_choice("expert", name, known)
     for spec in (settings.environment, settings.changed):
         make(spec).close()  # a mistake must not cost an earlier report
     folder = _fresh_folder(out)
@@ -81,7 +83,9 @@ def run_demo(settings: DemoSettings, out: Path, *, say: Say, follow: Follow) -> 
         env=ground,
         seed=settings.seed,
     )
-    _export(small, folder)
+    small.save(folder / "small.json")
+    write_text(folder / "small.c", to_c(small))
+    write_text(folder / "small.svg", to_svg(small))
     policies = {EXPERT: expert, LEARNED: runs.policy, COMPRESSED: small}
     say(f"judging each tree on {settings.story.final_episodes} fresh episodes")
     evaluations = {
@@ -145,15 +149,6 @@ def _fresh_folder(path: Path) -> Path:
     return folder
 
 
-def _expert_name(settings: DemoSettings) -> str:
-    known = experts_for(settings.environment.id)
-    return (
-        next(iter(known))
-        if settings.expert is None
-        else check_choice("expert", settings.expert, known)
-    )
-
-
 def _demonstrate(settings: DemoSettings, name: str, folder: Path, say: Say) -> Demonstrations:
     """Record the demonstrations."""
     expert = experts_for(settings.environment.id)[name]
@@ -205,12 +200,6 @@ def _judge(
         seed=episode_seed(settings.seed, 0, Stream.WINNER),
         n_jobs=settings.n_jobs,
     )
-
-
-def _export(small: TreePolicy, folder: Path) -> None:
-    small.save(folder / "small.json")
-    write_text(folder / "small.c", to_c(small))
-    write_text(folder / "small.svg", to_svg(small))
 
 
 @contextmanager

@@ -157,7 +157,8 @@ def _backdrop(parameters: EvasionParameters) -> Any:
             brush.disc(crossing, end, 0.2, DOT)
     brush.disc(0.0, 0.0, 0.62, PAPER)
     brush.ring(0.0, 0.0, 0.62, DOT, 0.16)
-    _draw_goal(brush, length)
+    for radius, color in ((1.05, GOAL_COLOR), (0.78, PAPER), (0.5, GOAL_COLOR)):
+        brush.disc(length, 0.0, radius, color)  # the goal: a target of green rings
     return surface
 
 
@@ -168,12 +169,6 @@ def _draw_gate(brush: Brush, crossing: float, distance: float, length: float) ->
     brush.box((low, -wide), (high, wide), BAND, 110)
     if crossing - distance > 0.0:
         brush.box((low - 0.07, -1.25), (low + 0.07, 1.25), GATE)
-
-
-def _draw_goal(brush: Brush, length: float) -> None:
-    """Draw the goal: a target of green rings."""
-    for radius, color in ((1.05, GOAL_COLOR), (0.78, PAPER), (0.5, GOAL_COLOR)):
-        brush.disc(length, 0.0, radius, color)
 
 
 def _draw_trails(brush: Brush, parameters: EvasionParameters, state: EvasionState) -> None:

@@ -303,10 +303,7 @@ class _Fitting:
         return self.player.play(chosen.policy, self.episodes, JUDGING)
 
     def practise(
-        self,
-        chosen: Candidate,
-        known: tuple[Episode, ...],
-        episodes: int,
+        self, chosen: Candidate, known: tuple[Episode, ...], episodes: int
     ) -> tuple[Candidate, Played] | None:
         """Return what learning makes of the tree and its play; None if that is no better."""
 

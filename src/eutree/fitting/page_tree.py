@@ -345,7 +345,8 @@ class PageTree:
         may_gain = found.is_worse or played.successes is None or value(played) < ENOUGH
         parts = [note, "Practice may make it better." if may_gain else ""]
         if tree.n_leaves == 1:
-            parts.append(f"It has a single leaf: it always answers {_only_action(tree)}.")
+            only = tree.schema.actions[int(tree.actions[0])]
+            parts.append(f"It has a single leaf: it always answers {only}.")
         elif found.is_worse and self._fitted is not None and tree is self._fitted.policy:
             parts += self._fitted.warnings
         with closing(self._make()) as env:
@@ -425,7 +426,3 @@ def _scale(person: Person, played: Evaluation) -> dict[str, Any]:
 def _drawn(tree: TreePolicy) -> dict[str, Any]:
 
     return {"svg": to_svg(tree), "rules": str(tree), "n_leaves": tree.n_leaves}
-
-
-def _only_action(tree: TreePolicy) -> str:
-    return str(tree.schema.actions[int(tree.actions[0])])

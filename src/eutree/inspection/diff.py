@@ -10,7 +10,6 @@ from eutree.arrays import Floats, Integers
 from eutree.display import SAME, Displayed, counted
 from eutree.inspection.regions import Region, domain, finite_box, is_box
 from eutree.policies import TreePolicy
-from eutree.schema import Schema
 from eutree.trees.boxes import differing, possible, volumes
 from eutree.trees.text import Digits, asked, printable, question
 from eutree.validation import check_observations
@@ -35,12 +34,6 @@ class Disagreement:
     second: int
     words: str
     visited: float | None = None
-
-
-def _became(region: Region, actions: tuple[int, int], schema: Schema, digits: Digits) -> str:
-    """Return which action became which other one, and where."""
-    first, second = (printable(schema.actions[action]) for action in actions)
-    return f"{first} became {second} where {region.words(schema, domain(schema), digits=digits)}"
 
 
 @dataclass(frozen=True)
@@ -127,7 +120,8 @@ def diff(
     for number in order.tolist():
         region = Region(low[number], high[number])
         one, two = (int(action) for action in actions[number])
-        words = _became(region, (one, two), mine, digits)
+        became = f"{printable(mine.actions[one])} became {printable(mine.actions[two])}"
+        words = f"{became} where {region.words(mine, domain(mine), digits=digits)}"
         steps = None if visited is None else visited[number]
         boxes.append(Disagreement(region, float(shares[number]), one, two, words, steps))
     return PolicyDiff(

@@ -204,21 +204,21 @@ def _is_answer(value: Any) -> bool:
 
 def _wants_something(kind: type) -> bool:
     """Return whether a class is made of an argument, as far as its signature says."""
-    try:
-        parameters = inspect.signature(kind).parameters.values()
-    except (TypeError, ValueError):
-        return True
-    by_place = {inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD,
-                inspect.Parameter.VAR_POSITIONAL}  # fmt: skip
-    return any(one.kind in by_place for one in parameters)
+    parameters = _parameters(kind)
+    named_only = (inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.VAR_KEYWORD)
+    return parameters is None or any(one.kind not in named_only for one in parameters)
 
 
 def _taken(predict: Callable[..., Any]) -> frozenset[str]:
     """Return which of SB3's keywords a method takes; all where that cannot be known."""
-    try:
-        parameters = inspect.signature(predict).parameters.values()
-    except (TypeError, ValueError):
-        return _OF_SB3
-    if any(one.kind is one.VAR_KEYWORD for one in parameters):
+    parameters = _parameters(predict)
+    if parameters is None or any(one.kind is one.VAR_KEYWORD for one in parameters):
         return _OF_SB3
     return frozenset(_KEYWORDS) & {one.name for one in parameters}
+
+
+def _parameters(called: Callable[..., Any]) -> list[inspect.Parameter] | None:
+    try:
+        return list(inspect.signature(called).parameters.values())
+    except (TypeError, ValueError):
+        return None

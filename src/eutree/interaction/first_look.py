@@ -94,7 +94,8 @@ def _played(
         allowed = masks.now(info) if actions is None else None
         if allowed is not None:
             number = int(generator.choice(np.flatnonzero(allowed)))
-            action = _own_action(env, number)
+            inner = numbered(env)
+            action = number if inner is env else cast(GriddedAction, inner).action(number)
         observation, reward, terminated, truncated, info = env.step(action)
         taken.append(action)
         answers.append(
@@ -103,12 +104,6 @@ def _played(
         if terminated or truncated:
             break
     return answers, taken
-
-
-def _own_action(env: gymnasium.Env[Any, Any], number: int) -> Any:
-    """Return the action of a number as the environment takes it."""
-    inner = numbered(env)
-    return number if inner is env else cast(GriddedAction, inner).action(number)
 
 
 def _random_actions(env: gymnasium.Env[Any, Any], seed: int) -> Iterator[Any]:

@@ -224,7 +224,8 @@ def start_of(
         InvalidArgumentError: The start lacks what it needs.
     """
     if name is None:
-        name = _most(demonstrations, expert)
+        least = "nothing" if expert is None else "tree"
+        name = least if demonstrations is None else "tree+demos"
     check_choice("start", name, STARTS)
     if name == "nothing":
         return Start()
@@ -293,12 +294,6 @@ def _box(problem: Problem, demonstrations: Demonstrations | None) -> tuple[Float
             "must lie somewhere"
         )
     return low, high
-
-
-def _most(demonstrations: Demonstrations | None, expert: TreePolicy | None) -> str:
-    if demonstrations is not None:
-        return "tree+demos"
-    return "nothing" if expert is None else "tree"
 
 
 def _needed(demonstrations: Demonstrations | None, name: str) -> Demonstrations:

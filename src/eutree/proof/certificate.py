@@ -134,17 +134,11 @@ class Certificate(Displayed):
 
     def figures(self) -> dict[str, Any]:
         """Return all but the pieces, as ``eutree prove --json`` prints it."""
-        return {
-            "proven": self.proven,
-            "verdict": self.verdict,
-            "kind": self.kind,
-            "sentence": self.sentence,
-            "bounds": {name: list(ends) for name, ends in self.bounds.items()},
-            "undecided": self.undecided,
-            "worst_start": self.worst_start,
-            "counterexample": self.counterexample,
-            "work": dict(self.work),
-        }
+        names = ("proven", "verdict", "kind", "sentence", "undecided", "worst_start",
+                 "counterexample")  # fmt: skip
+        bounds = {name: list(ends) for name, ends in self.bounds.items()}
+        known = {name: getattr(self, name) for name in names}
+        return known | {"bounds": bounds, "work": dict(self.work)}
 
     def __str__(self) -> str:
         """Return the verdict and the sentence."""

@@ -173,10 +173,9 @@ _GATHERED = Part(
 def stored_observations(path: str | Path) -> Floats:
     """Return the observations of all transitions that a run folder's learner stored, [N, d]."""
     checkpoint, name = Path(path) / CHECKPOINT, "history_observations"
-    arrays = read_archive(checkpoint, CheckpointDocument, limit=MAX_CHECKPOINT)[1]
-    if name not in arrays:
+    stored = read_archive(checkpoint, CheckpointDocument, limit=MAX_CHECKPOINT)[1].get(name)
+    if stored is None:
         raise FormatError(checkpoint, name, "missing")
-    stored = arrays[name]
     if stored.dtype != np.float64 or stored.ndim != 2 or not np.isfinite(stored).all():
         raise FormatError(checkpoint, name, "must be finite numbers of shape [N, d]")
     return stored

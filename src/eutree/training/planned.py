@@ -9,6 +9,7 @@ other is.
 """
 
 import logging
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any, cast
@@ -60,26 +61,18 @@ class ChosenMethod:
         return f"{self.reason}; the other is method {self.alternative!r}"
 
 
-@dataclass(frozen=True)
-class Evidence:
-    """What is known before a run.
+def default_for(
+    shown: Demonstrations | None, steps: int | None, *, teacher: bool = False
+) -> ChosenMethod:
+    """Return the method that learns where none is named, and why.
 
-    Attributes:
-        demonstrations: What it starts from, if anything.
-        steps: The run's budget of environment steps; None where it is counted otherwise.
+    Args:
+        shown: Demonstrations that the run starts from, if any.
+        steps: Its budget of environment steps; None where it is counted otherwise.
         teacher: Whether there is a teacher to ask.
     """
-
-    demonstrations: Demonstrations | None
-    steps: int | None
-    teacher: bool = False
-
-
-def default_for(known: Evidence) -> ChosenMethod:
-    """Return the method that learns where none is named, and why."""
-    if known.teacher:
+    if teacher:
         return ChosenMethod(method_of(TEACHING), "distilled-dqn learns: it asks the teacher")
-    shown, steps = known.demonstrations, known.steps
     if shown is None or len(shown) < ENOUGH_SHOWN:
         return _planning(f"a network as teacher would need {ENOUGH_SHOWN} demonstrations")
     features = counted(shown.schema.n_features, "feature")
@@ -134,7 +127,7 @@ def planned(
     choice = _choice_of(
         None if method == "auto" else method,
         start,
-        Evidence(demonstrations, budget.steps, asked.teacher is not None),
+        lambda: default_for(demonstrations, budget.steps, teacher=asked.teacher is not None),
         offline=env is None,
         plans=bool(races or keeps or asked.history or asked.max_transitions),
     )
@@ -227,7 +220,7 @@ def _check_acts_nowhere(asked: Asked) -> None:
 def _choice_of(
     method: str | Method | None,
     start: str | None,
-    evidence: Evidence,
+    default: Callable[[], ChosenMethod],
     *,
     offline: bool,
     plans: bool,
@@ -241,7 +234,7 @@ def _choice_of(
         return ChosenMethod(own, "")
     if offline or plans or start not in (None, "demos", "tree+demos"):
         return ChosenMethod(method_of("corrected" if offline else "default"), "")
-    choice = default_for(evidence)
+    choice = default()
     if choice.alternative:
         say(choice.said())
     return choice

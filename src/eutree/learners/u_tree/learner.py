@@ -290,7 +290,13 @@ class UTree:
             raise InvalidArgumentError("update must be called between episodes, not within one")
         made = []
         for leaf in self._tests.due(self.history, self._locked):
-            sample = self._sample(leaf)
+            rows = self.history.leaving.of(leaf)  # what left it, T(s, a) of all actions
+            sample = LeafSample(
+                observations=self.history.observations[rows],
+                returns=self.targets(rows),
+                actions=self.history.actions[rows].astype(np.int64),
+                episodes=self.history.episodes[rows].astype(np.int64),
+            )
             split = self.method.cut(sample, generator)
             if split is not None:
                 made.append(self._split(leaf, split))
@@ -300,16 +306,6 @@ class UTree:
         halves = [leaf for split in made for leaf in (split.leaf, split.new_leaf)]
         self._solving.after_splits(self.mdp, self.history, halves)
         return Update(tuple(made))
-
-    def _sample(self, leaf: int) -> LeafSample:
-        """Return what left ``leaf``, T(s, a) of all actions."""
-        rows = self.history.leaving.of(leaf)
-        return LeafSample(
-            observations=self.history.observations[rows],
-            returns=self.targets(rows),
-            actions=self.history.actions[rows].astype(np.int64),
-            episodes=self.history.episodes[rows].astype(np.int64),
-        )
 
     def _split(self, leaf: int, split: Split) -> LeafSplit:
         """Split ``leaf`` in all but the tree; relabel its transitions and recount just those."""
