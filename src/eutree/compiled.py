@@ -96,11 +96,7 @@ if ENABLED:
         function = dispatcher.py_func
         world = _plain_world(function.__globals__)
         return FunctionType(
-            function.__code__,
-            world,
-            function.__name__,
-            function.__defaults__,
-            function.__closure__,
+            function.__code__, world, function.__name__, function.__defaults__, function.__closure__
         )
 
     def _is_kernel(value: object) -> bool:

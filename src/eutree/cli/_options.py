@@ -205,11 +205,7 @@ def count(
 ) -> Callable[[_Command], _Command]:
     """Return an option that takes a whole number from ``least`` to ``most``."""
     return click.option(
-        flag,
-        type=_Count(least, most),
-        default=default,
-        show_default=default is not None,
-        help=text,
+        flag, type=_Count(least, most), default=default, show_default=default is not None, help=text
     )
 
 

@@ -52,14 +52,10 @@ if TYPE_CHECKING:
 )
 @click.option("--release-8", is_flag=True, help="C4.5 of release 8 as it is; choose nothing.")
 @option.count(
-    "--min-objects",
-    None,
-    "C4.5's m, chosen by you: the fewest transitions on a side of a test.",
+    "--min-objects", None, "C4.5's m, chosen by you: the fewest transitions on a side of a test."
 )
 @click.option(
-    "--confidence",
-    type=float,
-    help="C4.5's CF, chosen by you: the smaller, the more is pruned.",
+    "--confidence", type=float, help="C4.5's CF, chosen by you: the smaller, the more is pruned."
 )
 @click.option("--no-pruning", is_flag=True, help="Keep C4.5's unpruned tree.")
 @option.monotone

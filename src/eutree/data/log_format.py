@@ -140,11 +140,7 @@ class CsvTable:
     """
 
     def __init__(
-        self,
-        path: str | Path,
-        columns: Mapping[str, str],
-        delimiter: str | None,
-        log: LogFormat,
+        self, path: str | Path, columns: Mapping[str, str], delimiter: str | None, log: LogFormat
     ) -> None:
         self._path = path
         self._log = log

@@ -123,11 +123,7 @@ class EvasionVectorEnv(VectorEnv[Floats, Integers, Any]):
         self._draw(chosen)
         self._waiting &= ~chosen
         observations = self._empty_observations()
-        kernels.begin_chosen(
-            chosen,
-            self._copies,
-            observations,
-        )
+        kernels.begin_chosen(chosen, self._copies, observations)
         return observations, {}
 
     def step(self, actions: Integers) -> tuple[Floats, Floats, Booleans, Booleans, dict[str, Any]]:
@@ -141,13 +137,7 @@ class EvasionVectorEnv(VectorEnv[Floats, Integers, Any]):
         rewards = np.empty(self.num_envs)
         endings = np.empty(self.num_envs, dtype=np.int32)
         n_ended = kernels.advance_all(
-            actions,
-            began,
-            self.parameters.max_steps,
-            self._copies,
-            observations,
-            rewards,
-            endings,
+            actions, began, self.parameters.max_steps, self._copies, observations, rewards, endings
         )
         self._waiting = endings != RUNNING
         info: dict[str, Any] = {"is_success": endings == GOAL, "_is_success": ~began}

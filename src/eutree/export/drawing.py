@@ -106,16 +106,7 @@ def answer_of(policy: TreePolicy, node: int, *, is_left: bool) -> str:
 
 
 # After Okabe and Ito, lightened until black text on each has a contrast of at least 7 to 1.
-FILLS = (
-    "#f6b26b",
-    "#8ecae6",
-    "#7fd1ae",
-    "#f3e27a",
-    "#d9a6e0",
-    "#a9b8f5",
-    "#f0a8a0",
-    "#c9cfd6",
-)
+FILLS = ("#f6b26b", "#8ecae6", "#7fd1ae", "#f3e27a", "#d9a6e0", "#a9b8f5", "#f0a8a0", "#c9cfd6")
 _BELOW, _MIDDLE, _ABOVE = (102, 178, 240), (214, 219, 224), (245, 160, 70)
 _TURN, _LIGHT, _STRONG = 0.618, 0.8, 0.55  # of the hues after the first eight
 

@@ -25,12 +25,7 @@ from numpy.typing import NDArray
 
 from eutree.errors import FileError, FormatError, InvalidArgumentError
 from eutree.files import atomic
-from eutree.files.documents import (
-    MAX_DOCUMENT,
-    Document,
-    decode_document,
-    encode_document,
-)
+from eutree.files.documents import MAX_DOCUMENT, Document, decode_document, encode_document
 
 MAX_ARCHIVE = 128 * 2**20  # bytes, of the file and of all its arrays together
 MAX_MEMBERS = 64

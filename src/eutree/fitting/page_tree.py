@@ -14,14 +14,7 @@ from eutree.display import counted
 from eutree.errors import EutreeError, InvalidArgumentError
 from eutree.evaluation import Evaluation, evaluate
 from eutree.export import to_svg
-from eutree.fitting.page_views import (
-    Way,
-    beside_each_other,
-    hurt_views,
-    said_of,
-    smaller,
-    value,
-)
+from eutree.fitting.page_views import Way, beside_each_other, hurt_views, said_of, smaller, value
 from eutree.fitting.report import FitReport, Person, result_in_words, verdict
 from eutree.interaction import GuardedEnv, episode_seed
 from eutree.policies import TreePolicy
@@ -384,12 +377,7 @@ class _NobodyWaits(Exception):  # noqa: N818 - no error: whoever pressed the but
 class _Curve:
     """What the practising tree reaches, shown after each episode."""
 
-    def __init__(
-        self,
-        env: "gymnasium.Env[Any, Any]",
-        view: TreeView,
-        show: Show,
-    ) -> None:
+    def __init__(self, env: "gymnasium.Env[Any, Any]", view: TreeView, show: Show) -> None:
         self._env, self._view, self._show = env, view, show
         self._finished = 0
         self.points: tuple[tuple[int, float], ...] = ()

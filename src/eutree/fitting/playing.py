@@ -212,10 +212,7 @@ def _cut(policy: TreePolicy, demonstrations: Demonstrations, leaf: int) -> TreeP
     observations, actions = lessons(demonstrations.with_history(policy.history))
     rows = policy.tree.leaf_index(observations) == leaf
     scion, labels = grow(
-        observations[rows],
-        actions[rows],
-        n_classes=policy.schema.n_actions,
-        settings=_FREE,
+        observations[rows], actions[rows], n_classes=policy.schema.n_actions, settings=_FREE
     ).to_decision_tree()
     kept = {n: action for n, action in enumerate(policy.actions.tolist()) if n != leaf}
     if kept:

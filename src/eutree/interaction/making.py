@@ -28,13 +28,7 @@ from eutree.errors import (
     shown,
 )
 from eutree.interaction.action_grid import ACTION_GRID, with_grid
-from eutree.interaction.decoding import (
-    DECODE,
-    ONE_HOT,
-    DecodedObservation,
-    decodes,
-    one_hot_around,
-)
+from eutree.interaction.decoding import DECODE, ONE_HOT, DecodedObservation, decodes, one_hot_around
 from eutree.interaction.names import Names, given_names, named
 from eutree.parallel import Workers
 from eutree.schema import EnvironmentSpec

@@ -247,10 +247,7 @@ def start_of(
 
 
 def random_tree(
-    problem: Problem,
-    low: Floats,
-    high: Floats,
-    generator: np.random.Generator,
+    problem: Problem, low: Floats, high: Floats, generator: np.random.Generator
 ) -> TreePolicy:
     """Return a tree of ``RANDOM_LEAVES`` random cuts, or fewer, with random actions.
 

@@ -7,12 +7,4 @@ from eutree.mdp.counts import TransitionCounts
 from eutree.mdp.solver import NO_ACTION, TERMINAL, Model, Solution, solve
 from eutree.mdp.tabular import TabularMDP
 
-__all__ = [
-    "NO_ACTION",
-    "TERMINAL",
-    "Model",
-    "Solution",
-    "TabularMDP",
-    "TransitionCounts",
-    "solve",
-]
+__all__ = ["NO_ACTION", "TERMINAL", "Model", "Solution", "TabularMDP", "TransitionCounts", "solve"]

@@ -364,11 +364,7 @@ def _starts(
 
 
 def _iterate(
-    problem: PlanningProblem,
-    values: Floats,
-    discounts: Floats,
-    longest: float,
-    tolerance: float,
+    problem: PlanningProblem, values: Floats, discounts: Floats, longest: float, tolerance: float
 ) -> Solution | None:
     """Improve a policy that ends; None if endless behaviour, or values out of reach, pay."""
     trapped = discounts < 1.0

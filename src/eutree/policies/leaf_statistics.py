@@ -49,12 +49,7 @@ Labels = NDArray[np.integer[Any]]
 
 
 def leaf_statistics(
-    leaves: Labels,
-    actions: Labels,
-    returns: Floats,
-    *,
-    visits: Integers,
-    values: Floats,
+    leaves: Labels, actions: Labels, returns: Floats, *, visits: Integers, values: Floats
 ) -> LeafStatistics:
     """Return the statistics of each leaf and action.
 

@@ -355,10 +355,7 @@ class TreePolicy(Displayed):
         return actions, state
 
     def predict_values(
-        self,
-        observation: Any,
-        state: Floats | None = None,
-        episode_start: ArrayLike | None = None,
+        self, observation: Any, state: Floats | None = None, episode_start: ArrayLike | None = None
     ) -> tuple[Floats, Floats | None]:
         """Return what the actions for observations set the schema's K controls to.
 

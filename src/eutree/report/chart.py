@@ -124,11 +124,7 @@ def curve_figures(curves: Mapping[str, Series]) -> list[str]:
 
 
 def scatter(
-    x_title: str,
-    y_title: str,
-    points: Sequence[tuple[float, float, str]],
-    *,
-    percent: bool = False,
+    x_title: str, y_title: str, points: Sequence[tuple[float, float, str]], *, percent: bool = False
 ) -> str:
     """Return a chart of single points.
 

@@ -137,12 +137,7 @@ def best_cut(
 
 @compiled
 def brute_force(
-    rank: Int32s,
-    legal: Booleans,
-    cumulative: Floats,
-    side: int,
-    distance: bool,
-    floor: float,
+    rank: Int32s, legal: Booleans, cumulative: Floats, side: int, distance: bool, floor: float
 ) -> tuple[int, float, float]:
     """Search by following W over all columns. For n <= 2^15: |W| + n < 2^31."""
     n, m = rank.size, cumulative.size
@@ -301,12 +296,7 @@ def search_strips(
                         before -= own[0]
                     cell = Cell(a, b, start, before, Cl[k], Ch[k], hc[k], mx[k])
                     (best, cut, weight), cell_work = search_cell(
-                        ordered,
-                        cell,
-                        own,
-                        columns,
-                        scratch[: end - start],
-                        Best(best, cut, weight),
+                        ordered, cell, own, columns, scratch[: end - start], Best(best, cut, weight)
                     )
                     work += cell_work
                 k += 1

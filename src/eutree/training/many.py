@@ -245,8 +245,7 @@ def _best_of(
     selected = np.stack([run.selection.returns for run in runs])
     chosen = SmallestWithin(sizes=sizes, episodes=selected.shape[1]).choice(selected)
     ranking = sorted(
-        range(len(runs)),
-        key=lambda k: (k != chosen, -runs[k].selection.mean_return, sizes[k], k),
+        range(len(runs)), key=lambda k: (k != chosen, -runs[k].selection.mean_return, sizes[k], k)
     )
     if proven is None:
         return ranking[0], None

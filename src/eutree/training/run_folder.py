@@ -29,13 +29,7 @@ from typing import Any, ClassVar
 from eutree.compression.episodes import FrontEntry
 from eutree.errors import FormatError, InvalidArgumentError, RunFolderError
 from eutree.evaluation import curve_to_csv
-from eutree.files import (
-    Document,
-    make_folder,
-    read_document,
-    write_document,
-    write_text,
-)
+from eutree.files import Document, make_folder, read_document, write_document, write_text
 from eutree.files.atomic import RUN, lock, remove_orphans, reported
 from eutree.learners import Method
 from eutree.learners.registry import from_document, to_document
@@ -139,12 +133,7 @@ class RunFolder:
     """
 
     def __init__(
-        self,
-        path: str | Path,
-        config: ConfigDocument,
-        kind: type[Method],
-        *,
-        resume: bool,
+        self, path: str | Path, config: ConfigDocument, kind: type[Method], *, resume: bool
     ) -> None:
         self.path = make_folder(path, of=RUN)
         self._lock = _lock(self.path)

@@ -11,13 +11,7 @@ if TYPE_CHECKING:
     from eutree.world_model.rollouts import PairedRollouts
     from eutree.world_model.transitions import Transitions
 
-__all__ = [
-    "ActionTree",
-    "PairedRollouts",
-    "Transitions",
-    "WorldModel",
-    "fit_world_models",
-]
+__all__ = ["ActionTree", "PairedRollouts", "Transitions", "WorldModel", "fit_world_models"]
 
 __getattr__ = lazily(
     __name__,

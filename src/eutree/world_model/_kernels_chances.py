@@ -70,13 +70,7 @@ def expected_step(world: World, action: int, states: Floats, move: Floats) -> tu
 
 
 @compiled
-def hold(
-    world: World,
-    boxes: Boxes,
-    discount: float,
-    longest: int,
-    out: Held,
-) -> None:
+def hold(world: World, boxes: Boxes, discount: float, longest: int, out: Held) -> None:
     """Hold each action until the trajectory leaves the box it first entered."""
     actions, places, weight, reward, entered = out
     d = places.shape[1]

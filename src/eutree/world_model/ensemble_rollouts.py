@@ -32,12 +32,7 @@ class EnsembleRollouts(Rollouts):
         n_members: Members M.
     """
 
-    def __init__(
-        self,
-        ensemble: Ensemble,
-        n_starts: int,
-        generator: np.random.Generator,
-    ) -> None:
+    def __init__(self, ensemble: Ensemble, n_starts: int, generator: np.random.Generator) -> None:
         self._world = ensemble.world
         self._range = ensemble.returns
         self._horizon = ensemble.horizon
@@ -125,10 +120,7 @@ BEST = 5  # cuts that are compared on all episodes
 
 
 def pruned_by_rollouts(
-    tree: ActionTree,
-    rollouts: EnsembleRollouts,
-    max_leaves: int,
-    generator: np.random.Generator,
+    tree: ActionTree, rollouts: EnsembleRollouts, max_leaves: int, generator: np.random.Generator
 ) -> tuple[ActionTree, float]:
     """Return the tree pruned to at most so many leaves, and its score in the rollouts.
 
