@@ -24,16 +24,9 @@ from eutree.cli._output import Output, ProgressLine
 from eutree.errors import InvalidArgumentError, MissingExtraError
 
 __all__ = [
-    "Output",
-    "ProgressLine",
-    "cluster",
-    "count_option",
-    "env_arg_option",
-    "json_option",
-    "output_option",
-    "seed_option",
-    "workers_options",
-]
+    "Output", "ProgressLine", "cluster", "count_option", "env_arg_option", "json_option",
+    "output_option", "seed_option", "workers_options",
+]  # fmt: skip
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 

@@ -25,22 +25,7 @@ from eutree.contests.table import (
 )
 
 __all__ = [
-    "Ahead",
-    "AheadApart",
-    "Better",
-    "Bounds",
-    "Halving",
-    "Heat",
-    "NotWorse",
-    "Rule",
-    "SmallestWithin",
-    "Table",
-    "Verdict",
-    "best",
-    "bounds_of_change",
-    "held",
-    "hold",
-    "missing",
-    "new_table",
-    "next_episode",
-]
+    "Ahead", "AheadApart", "Better", "Bounds", "Halving", "Heat", "NotWorse", "Rule",
+    "SmallestWithin", "Table", "Verdict", "best", "bounds_of_change", "held", "hold", "missing",
+    "new_table", "next_episode",
+]  # fmt: skip

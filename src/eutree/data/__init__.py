@@ -11,13 +11,8 @@ if TYPE_CHECKING:
     from eutree.data.log_format import LogFormat
 
 __all__ = [
-    "DemonstrationFolder",
-    "Demonstrations",
-    "Episode",
-    "LogFormat",
-    "RunningEpisode",
-    "check_rewards",
-    "derive",
-]
+    "DemonstrationFolder", "Demonstrations", "Episode", "LogFormat", "RunningEpisode",
+    "check_rewards", "derive",
+]  # fmt: skip
 
 __getattr__ = lazily(__name__, {"eutree.data.log_format": "LogFormat"})

@@ -34,31 +34,11 @@ from eutree.errors import InvalidArgumentError, UnknownNameError
 from eutree.validation import check_integer, check_number, check_seed
 
 __all__ = [
-    "EXPERTS",
-    "CarelessPolicy",
-    "Expert",
-    "GatePolicy",
-    "LatePolicy",
-    "LookAheadPolicy",
-    "RulePolicy",
-    "all_experts",
-    "balance",
-    "brake_upright",
-    "careless",
-    "experts_for",
-    "follow_the_fall",
-    "known_experts",
-    "late",
-    "look_ahead",
-    "push_along",
-    "rock",
-    "steer_home",
-    "swing_both",
-    "swing_elbow",
-    "swing_upright",
-    "wait_at_crossing",
-    "wait_for_the_end",
-]
+    "EXPERTS", "CarelessPolicy", "Expert", "GatePolicy", "LatePolicy", "LookAheadPolicy",
+    "RulePolicy", "all_experts", "balance", "brake_upright", "careless", "experts_for",
+    "follow_the_fall", "known_experts", "late", "look_ahead", "push_along", "rock", "steer_home",
+    "swing_both", "swing_elbow", "swing_upright", "wait_at_crossing", "wait_for_the_end",
+]  # fmt: skip
 
 Expert = Callable[[Any], Any]  # makes a policy (SB3's ``predict``) for an environment
 

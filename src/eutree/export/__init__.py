@@ -24,21 +24,9 @@ from eutree.trees.text import definitions, printable, rules
 from eutree.validation import check_choice
 
 __all__ = [
-    "FORMATS",
-    "ExportFormat",
-    "export",
-    "to_c",
-    "to_c_header",
-    "to_c_test",
-    "to_dot",
-    "to_json",
-    "to_latex",
-    "to_onnx",
-    "to_python",
-    "to_structured_text",
-    "to_svg",
-    "to_text",
-]
+    "FORMATS", "ExportFormat", "export", "to_c", "to_c_header", "to_c_test", "to_dot", "to_json",
+    "to_latex", "to_onnx", "to_python", "to_structured_text", "to_svg", "to_text",
+]  # fmt: skip
 
 
 def to_json(policy: TreePolicy) -> str:

@@ -10,16 +10,9 @@ if TYPE_CHECKING:
     from eutree.recording.tree_making import Segment
 
 __all__ = [
-    "FitReport",
-    "Hurt",
-    "Hurting",
-    "Person",
-    "Segment",
-    "Standing",
-    "accepted",
-    "find_hurting",
+    "FitReport", "Hurt", "Hurting", "Person", "Segment", "Standing", "accepted", "find_hurting",
     "restored",
-]
+]  # fmt: skip
 
 __getattr__ = lazily(
     __name__,

@@ -9,23 +9,7 @@ from eutree.inspection.verify import CounterExample, Verification, verify
 from eutree.inspection.why import Alternative, Explanation, PathTest, Support, why
 
 __all__ = [
-    "Alternative",
-    "CounterExample",
-    "Disagreement",
-    "Edited",
-    "Explanation",
-    "PathTest",
-    "PolicyDiff",
-    "Property",
-    "Region",
-    "Support",
-    "Verification",
-    "diff",
-    "edit",
-    "enforce",
-    "keep_monotone",
-    "monotone_rules",
-    "numbered",
-    "verify",
-    "why",
-]
+    "Alternative", "CounterExample", "Disagreement", "Edited", "Explanation", "PathTest",
+    "PolicyDiff", "Property", "Region", "Support", "Verification", "diff", "edit", "enforce",
+    "keep_monotone", "monotone_rules", "numbered", "verify", "why",
+]  # fmt: skip

@@ -8,11 +8,6 @@ from eutree.interaction.guard import GuardedEnv
 from eutree.interaction.spaces import describe
 
 __all__ = [
-    "DecodedObservation",
-    "DerivedObservation",
-    "GriddedAction",
-    "GuardedEnv",
-    "describe",
-    "episode_seed",
-    "run_episode",
-]
+    "DecodedObservation", "DerivedObservation", "GriddedAction", "GuardedEnv", "describe",
+    "episode_seed", "run_episode",
+]  # fmt: skip

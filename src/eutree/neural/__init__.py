@@ -4,13 +4,6 @@ from eutree.neural._kernels import Network, adam_step, add_rows, backward, forwa
 from eutree.neural.double_dqn import DoubleDQN, DoubleDQNSettings, Scaling
 
 __all__ = [
-    "DoubleDQN",
-    "DoubleDQNSettings",
-    "Network",
-    "Scaling",
-    "adam_step",
-    "add_rows",
-    "backward",
-    "forward",
-    "room",
-]
+    "DoubleDQN", "DoubleDQNSettings", "Network", "Scaling", "adam_step", "add_rows", "backward",
+    "forward", "room",
+]  # fmt: skip

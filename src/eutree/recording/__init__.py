@@ -12,14 +12,9 @@ if TYPE_CHECKING:
     from eutree.recording.session import Session
 
 __all__ = [
-    "KeyMap",
-    "Recorder",
-    "Session",
-    "SessionSettings",
-    "keys_of_environment",
-    "parse_keys",
+    "KeyMap", "Recorder", "Session", "SessionSettings", "keys_of_environment", "parse_keys",
     "record",
-]
+]  # fmt: skip
 
 __getattr__ = lazily(
     __name__,

@@ -11,17 +11,7 @@ from eutree.report.run_page import CHANGES_ID, Headline, RunReport, Table, Watch
 from eutree.report.watching import WatchedEpisode, watch
 
 __all__ = [
-    "CHANGES_ID",
-    "DemonstrationFigures",
-    "Headline",
-    "RunReport",
-    "Table",
-    "WatchedEpisode",
-    "WatchedTree",
-    "demonstration_figures",
-    "demonstrations_page",
-    "policy_page",
-    "report_of_run",
-    "run_page",
-    "watch",
-]
+    "CHANGES_ID", "DemonstrationFigures", "Headline", "RunReport", "Table", "WatchedEpisode",
+    "WatchedTree", "demonstration_figures", "demonstrations_page", "policy_page", "report_of_run",
+    "run_page", "watch",
+]  # fmt: skip

@@ -11,16 +11,6 @@ from eutree.splitting.significance import (
 )
 
 __all__ = [
-    "KolmogorovSmirnov",
-    "LeafSample",
-    "Maximal",
-    "Naive",
-    "Permutation",
-    "SignificanceTest",
-    "Split",
-    "best_split",
-    "critical_value",
-    "maximal_p",
-    "naive_p",
-    "permutation_p",
-]
+    "KolmogorovSmirnov", "LeafSample", "Maximal", "Naive", "Permutation", "SignificanceTest",
+    "Split", "best_split", "critical_value", "maximal_p", "naive_p", "permutation_p",
+]  # fmt: skip

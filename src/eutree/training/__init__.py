@@ -9,14 +9,6 @@ from eutree.training.run import Run
 from eutree.training.teaching import Teacher
 
 __all__ = [
-    "Judgement",
-    "LearningResult",
-    "Phase",
-    "Plan",
-    "Run",
-    "StepCounts",
-    "Teacher",
-    "learn",
-    "stored_observations",
-    "stored_transitions",
-]
+    "Judgement", "LearningResult", "Phase", "Plan", "Run", "StepCounts", "Teacher", "learn",
+    "stored_observations", "stored_transitions",
+]  # fmt: skip

@@ -37,13 +37,6 @@ CORRECTED = replace(
 
 
 __all__ = [
-    "CORRECTED",
-    "PAPER",
-    "PAPER_D",
-    "Discretizer",
-    "LambdaReturn",
-    "OneStep",
-    "Target",
-    "UTree",
+    "CORRECTED", "PAPER", "PAPER_D", "Discretizer", "LambdaReturn", "OneStep", "Target", "UTree",
     "UTreeMethod",
-]
+]  # fmt: skip
