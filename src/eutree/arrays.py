@@ -4,7 +4,7 @@ Letters used for shapes throughout: N transitions or rows, d features, A actions
 (states of the leaf MDP), M nodes of a tree, T steps of an episode, E episodes or environments.
 """
 
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,3 +29,9 @@ def frozen(array: NDArray[_Scalar]) -> NDArray[_Scalar]:
     copy = np.array(array, order="C", copy=True)
     copy.setflags(write=False)
     return copy
+
+
+def freeze(one: object, *names: str, dtype: Any = None) -> None:
+    """Make arrays of a frozen dataclass read-only, and of this type if one is named."""
+    for name in names:
+        object.__setattr__(one, name, frozen(np.asarray(getattr(one, name), dtype=dtype)))

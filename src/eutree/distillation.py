@@ -28,7 +28,7 @@ from eutree.interaction import GuardedEnv, episode_seed, run_episode
 from eutree.interaction.acting import Actor, Controller, as_policy, trained_steps
 from eutree.interaction.decoding import warn_of_codes
 from eutree.interaction.deriving import acting_as
-from eutree.interaction.episode import Stream
+from eutree.interaction.episode import RunPairs, Stream
 from eutree.interaction.making import Environment, Recipe, made
 from eutree.parallel import Workers
 from eutree.policies import Policy, TreePolicy
@@ -313,7 +313,9 @@ def distill(
         where, n = (env, None) if spec is None else (spec, n_jobs)
         n_episodes = settings.validation_episodes
         results.append(evaluate(tree, where, episodes=n_episodes, seed=validation, n_jobs=n))
-        rounds.append(_round(data, tree, results[-1]))
+        same = float((tree.predict(data.observations)[0] == data.actions).mean())
+        mean_return = results[-1].mean_return
+        rounds.append(Round(data.actions.size, tree.n_leaves, same, mean_return))
         if on_round is not None:
             on_round(number, rounds[-1])
     validated = np.stack([result.returns for result in results])
@@ -344,27 +346,10 @@ class _Team:
 
     def episodes(self, tree: TreePolicy, seeds: Sequence[int]) -> list[Episode]:
         """Return the episodes of these seeds."""
-        blocks = self.workers.blocks(len(seeds), len(seeds))
-        acting = _Acting(tree, self.recipe, self.strict, seeds)
-        return [episode for part in self.workers.map(acting, blocks) for episode in part]
-
-
-@dataclass(frozen=True)
-class _Acting:
-    """Some episodes of a tree, in whichever process."""
-
-    tree: TreePolicy
-    recipe: Recipe
-    strict: bool
-    seeds: Sequence[int]
-
-    def __call__(self, numbers: range) -> list[Episode]:
-        env = self.recipe.make()
-        try:
-            guarded = GuardedEnv(acting_as(env, self.tree), strict=self.strict)
-            return [run_episode(guarded, self.tree, self.seeds[k]) for k in numbers]
-        finally:
-            env.close()
+        pairs = [(tree, seed) for seed in seeds]
+        blocks = [pairs[b.start : b.stop] for b in self.workers.blocks(len(pairs), len(pairs))]
+        run = RunPairs(self.recipe, self.strict)
+        return [episode for part in self.workers.map(run, blocks) for episode in part]
 
 
 class _School:
@@ -420,11 +405,6 @@ def actions_on(teacher: Policy, episode: Episode, env: GuardedEnv) -> Integers:
     masks = [None] * len(episode) if episode.allowed is None else episode.allowed
     steps = zip(episode.observations[:-1], masks, strict=True)
     return np.array([actor.act(row, allowed) for row, allowed in steps], dtype=np.int64)
-
-
-def _round(data: Labelled, tree: TreePolicy, result: Evaluation) -> Round:
-    same = tree.predict(data.observations)[0] == data.actions
-    return Round(data.actions.size, tree.n_leaves, float(same.mean()), result.mean_return)
 
 
 def _check_shown(shown: Demonstrations, schema: Schema) -> None:

@@ -322,16 +322,9 @@ class C45Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # sk
         return f"{diagram}{framed(self.export_svg())}"
 
     def _settings(self) -> C45Settings:
-        return C45Settings(
-            min_objects=self.min_objects,
-            confidence=self.confidence,
-            prune=self.prune,
-            z=self.z,
-            collapse=self.collapse,
-            subtree_raising=self.subtree_raising,
-            grouped=self.grouped,
-            gap=self.gap,
-        )
+        names = ("min_objects", "confidence", "prune", "z", "collapse", "subtree_raising",
+                 "grouped", "gap")  # fmt: skip
+        return C45Settings(**{name: getattr(self, name) for name in names})
 
     def _tree(self) -> C45Tree:
         check_is_fitted(self)

@@ -15,7 +15,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from eutree.arrays import Floats, Int32s, Integers, frozen
+from eutree.arrays import Floats, Int32s, Integers, freeze, frozen
 from eutree.c45 import _kernels_pruning
 from eutree.c45._kernels_pruning import TreeTests
 from eutree.errors import InvalidArgumentError
@@ -128,8 +128,7 @@ class C45Tree:
     distribution: Floats  # [M, A]
 
     def __post_init__(self) -> None:
-        for column in fields(self):
-            object.__setattr__(self, column.name, frozen(getattr(self, column.name)))
+        freeze(self, *(column.name for column in fields(self)))
 
     @property
     def n_features(self) -> int:

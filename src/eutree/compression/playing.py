@@ -17,9 +17,8 @@ import numpy as np
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.evaluation import Interval, wilson_interval
 from eutree.evaluation.evaluate import run_batch, same_parameters, vector_form
-from eutree.interaction import GuardedEnv, episode_seed, run_episode
-from eutree.interaction.deriving import acting_as
-from eutree.interaction.episode import Stream
+from eutree.interaction import episode_seed
+from eutree.interaction.episode import RunPairs, Stream, run_pairs
 from eutree.interaction.making import Recipe
 from eutree.parallel import Workers
 from eutree.policies import TreePolicy
@@ -211,50 +210,27 @@ class Ground:
         """Run episodes one by one, in blocks of which each process runs some."""
         pairs = [(trees[one], seed) for one, seed in zip(which.tolist(), seeds, strict=True)]
         if self.recipe is None:
-            episodes = _run(self.env, pairs)
+            episodes = run_pairs(self.env, pairs)
         else:
             workers = Workers(self.n_jobs)
             blocks = [pairs[b.start : b.stop] for b in workers.blocks(len(pairs), 256)]
-            episodes = [one for found in workers.map(_Pairs(self.recipe), blocks) for one in found]
-        returns, successes, features, actions = zip(*episodes, strict=True)
-        lengths = [len(one) for one in actions]
+            episodes = [one for part in workers.map(RunPairs(self.recipe), blocks) for one in part]
+        successes = [one.is_success for one in episodes]
+        features = [
+            tree.features.of_episode(one.observations, one.actions)[:-1]
+            for (tree, _), one in zip(pairs, episodes, strict=True)
+        ]
         return (
             Outcome(
-                np.array(returns), None if None in successes else np.array(successes, dtype=bool)
+                np.array([one.undiscounted_return for one in episodes]),
+                None if None in successes else np.array(successes, dtype=bool),
             ),
             _Traces(
                 np.concatenate(features),
-                np.concatenate(actions),
-                np.repeat(first + np.arange(len(seeds)), lengths),
+                np.concatenate([one.actions for one in episodes]),
+                np.repeat(first + np.arange(len(seeds)), [len(one) for one in episodes]),
             ),
         )
-
-
-_Episode = tuple[float, bool | None, Floats, Integers]  # return, success, features, actions
-
-
-@dataclass(frozen=True)
-class _Pairs:
-    """Some episodes, in whichever process."""
-
-    recipe: Recipe
-
-    def __call__(self, pairs: list[tuple[TreePolicy, int]]) -> list[_Episode]:
-        env = self.recipe.make()
-        try:
-            return _run(env, pairs)
-        finally:
-            env.close()
-
-
-def _run(env: gymnasium.Env[Any, Any], pairs: Sequence[tuple[TreePolicy, int]]) -> list[_Episode]:
-    guarded = GuardedEnv(acting_as(env, pairs[0][0]))  # all trees know the same features
-    found: list[_Episode] = []
-    for policy, seed in pairs:
-        episode = run_episode(guarded, policy, seed)
-        features = policy.features.of_episode(episode.observations, episode.actions)[:-1]
-        found.append((episode.undiscounted_return, episode.is_success, features, episode.actions))
-    return found
 
 
 class CommonEpisodes:

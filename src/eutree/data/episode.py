@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from eutree.arrays import Booleans, Floats, Integers, frozen
+from eutree.arrays import Booleans, Floats, Integers, freeze, frozen
 from eutree.display import counted
 from eutree.errors import InvalidArgumentError
 from eutree.features import FeatureMap
@@ -90,9 +90,8 @@ class Episode:
     has_rewards: bool = True
 
     def __post_init__(self) -> None:
-        for name, dtype in (("observations", np.float64), ("rewards", np.float64)):
-            object.__setattr__(self, name, frozen(np.asarray(getattr(self, name), dtype=dtype)))
-        object.__setattr__(self, "actions", frozen(np.asarray(self.actions, dtype=np.int64)))
+        freeze(self, "observations", "rewards", dtype=np.float64)
+        freeze(self, "actions", dtype=np.int64)
         if self.observations.ndim != 2 or self.actions.ndim != 1 or self.rewards.ndim != 1:
             raise InvalidArgumentError(
                 "an episode must have observations [T + 1, d], actions [T] and rewards [T], got "

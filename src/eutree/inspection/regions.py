@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eutree.arrays import Booleans, Floats, frozen
+from eutree.arrays import Booleans, Floats, freeze
 from eutree.schema import Schema
 from eutree.trees.boxes import left_of_group, possible, whole_bounds
 from eutree.trees.text import Digits, choice, printable, whole
@@ -31,9 +31,7 @@ class Region:
     high: Floats  # [d]
 
     def __post_init__(self) -> None:
-        for name in ("low", "high"):
-            array = np.array(getattr(self, name), dtype=np.float64)
-            object.__setattr__(self, name, frozen(array))
+        freeze(self, "low", "high", dtype=np.float64)
 
     def contains(self, observation: Floats) -> bool:
         """Return whether an observation is inside."""

@@ -6,6 +6,7 @@ anything of those before. It has 31 bits: simulators written in C++ keep theirs 
 of 32.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum, unique
 from typing import Any
@@ -20,8 +21,8 @@ from eutree.errors import EnvironmentFault, InvalidArgumentError
 from eutree.interaction.acting import Actor
 from eutree.interaction.deriving import acting_as
 from eutree.interaction.guard import GuardedEnv
-from eutree.interaction.making import make
-from eutree.policies import Policy
+from eutree.interaction.making import Recipe, make
+from eutree.policies import Policy, TreePolicy
 from eutree.validation import check_integer, check_seed
 
 MAX_EPISODE_SEED = 2**31 - 1
@@ -78,6 +79,30 @@ def run_episode(env: GuardedEnv, policy: Policy, seed: int | None = None) -> Epi
     while not steps.is_over:
         steps.take(actor.act(steps.present, env.allowed))
     return steps.episode(seed)
+
+
+def run_pairs(
+    env: gymnasium.Env[Any, Any], pairs: Sequence[tuple[TreePolicy, int]], *, strict: bool = False
+) -> list[Episode]:
+    """Run each tree, all of the same features, from the seed beside it."""
+    guarded = GuardedEnv(acting_as(env, pairs[0][0]), strict=strict)
+    return [run_episode(guarded, tree, seed) for tree, seed in pairs]
+
+
+@dataclass(frozen=True)
+class RunPairs:
+    """``run_pairs`` in an environment of its own, in whichever process."""
+
+    recipe: Recipe
+    strict: bool = False
+
+    def __call__(self, pairs: Sequence[tuple[TreePolicy, int]]) -> list[Episode]:
+        """Make the environment, and run each tree from the seed beside it."""
+        env = self.recipe.make()
+        try:
+            return run_pairs(env, pairs, strict=self.strict)
+        finally:
+            env.close()
 
 
 class EpisodeSteps:

@@ -40,7 +40,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from eutree.arrays import Booleans, Floats, Int32s, Integers, frozen
+from eutree.arrays import Booleans, Floats, Int32s, Integers, freeze
 from eutree.errors import InvalidArgumentError
 from eutree.mdp import _kernels_planning as _kernels
 from eutree.validation import check_number, check_vector
@@ -87,10 +87,9 @@ class Model:
     visits: Integers  # [S, A]
 
     def __post_init__(self) -> None:
-        dtypes = {"indptr": np.int64, "successor": np.int32, "visits": np.int64}
-        for name in ("indptr", "successor", "probability", "termination", "reward", "visits"):
-            array = np.asarray(getattr(self, name), dtype=dtypes.get(name, np.float64))
-            object.__setattr__(self, name, frozen(array))
+        freeze(self, "indptr", "visits", dtype=np.int64)
+        freeze(self, "successor", dtype=np.int32)
+        freeze(self, "probability", "termination", "reward", dtype=np.float64)
         if self.visits.ndim != 2 or not self.visits.size:
             raise InvalidArgumentError(
                 f"visits must have shape (S, A) with S, A >= 1, got {self.visits.shape}"
@@ -174,8 +173,7 @@ class Solution:
     trapped: Integers  # [n]
 
     def __post_init__(self) -> None:
-        for name in ("values", "action_values", "policy", "trapped"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
+        freeze(self, "values", "action_values", "policy", "trapped")
 
 
 @dataclass(eq=False)

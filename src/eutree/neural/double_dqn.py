@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from eutree.arrays import Booleans, Float32s, Floats, Integers, frozen
+from eutree.arrays import Booleans, Float32s, Floats, Integers, freeze
 from eutree.errors import InvalidArgumentError
 from eutree.neural import _kernels
 from eutree.neural._kernels import Learning, Network, Rates, StretchRows
@@ -84,8 +84,7 @@ class Scaling:
     spread: Floats  # [d]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "mean", frozen(self.mean))
-        object.__setattr__(self, "spread", frozen(self.spread))
+        freeze(self, "mean", "spread")
 
     @classmethod
     def of(cls, observations: Floats) -> "Scaling":

@@ -10,7 +10,7 @@ import numpy as np
 from eutree.arrays import Floats, Integers
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.files import Document
-from eutree.files.documents import checksum_of, decode_document, encode_document
+from eutree.files.documents import checksum_of, encode_document
 from eutree.files.schema_document import (
     EnvironmentDocument,
     Index,
@@ -130,7 +130,7 @@ class PolicyDocument(Document, frozen=True, kw_only=True, omit_defaults=True):
     checksum: str = ""  # filled in on writing
 
 
-class PolicyParts(TypedDict):
+class PolicyParts(TypedDict, total=False):
     """The fields of a ``TreePolicy``."""
 
     tree: DecisionTree
@@ -157,11 +157,6 @@ def policy_to_bytes(parts: PolicyParts) -> bytes:
             masked=parts["masked"],
         )
     )
-
-
-def policy_document(data: bytes, path: str | Path) -> PolicyDocument:
-    """Return the document that the bytes hold; ``path`` is for the messages."""
-    return decode_document(data, PolicyDocument, path)
 
 
 def policy_parts(document: PolicyDocument, path: str | Path) -> PolicyParts:

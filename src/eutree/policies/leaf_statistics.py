@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from eutree.arrays import Booleans, Floats, Integers, frozen
+from eutree.arrays import Booleans, Floats, Integers, freeze
 from eutree.errors import InvalidArgumentError, shown
 from eutree.trees import DecisionTree
 
@@ -39,10 +39,8 @@ class LeafStatistics:
         return "a value is the mean return that followed; each leaf tried one action: no Q"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "visits", frozen(np.asarray(self.visits, dtype=np.int64)))
-        object.__setattr__(self, "values", frozen(np.asarray(self.values, dtype=np.float64)))
-        errors = frozen(np.asarray(self.deviations, dtype=np.float64))
-        object.__setattr__(self, "deviations", errors)
+        freeze(self, "visits", dtype=np.int64)
+        freeze(self, "values", "deviations", dtype=np.float64)
 
 
 Labels = NDArray[np.integer[Any]]

@@ -51,12 +51,7 @@ def parts_of(classifier: Any, schema: Schema | None) -> PolicyParts:
         tree=tree,
         actions=numbers[shares.argmax(axis=1)],
         schema=schema,
-        environment=None,
-        history=0,
-        past_actions=0,
         leaves=_statistics(grown, shares, leaves, numbers, schema.n_actions),
-        locked=(),
-        masked=False,
     )
 
 

@@ -5,24 +5,24 @@ names that ``eutree.interaction.describe`` gives them: ``"speed"``, ``"lidar.x0"
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from eutree.arrays import Booleans, Floats, Integers, frozen
+from eutree.arrays import Booleans, Floats, Integers, freeze, frozen
 from eutree.display import Displayed, counted
 from eutree.errors import FormatError, InvalidArgumentError, shown
 from eutree.features import Derivation, FeatureMap
 from eutree.files import read_bytes, write_bytes
-from eutree.files.documents import MAX_DOCUMENT
+from eutree.files.documents import MAX_DOCUMENT, decode_document
 from eutree.policies.document import (
+    PolicyDocument,
     PolicyParts,
     check_unchanged,
-    policy_document,
     policy_parts,
     policy_to_bytes,
 )
@@ -154,7 +154,7 @@ class TreePolicy(Displayed):
     masked: bool = False
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "actions", frozen(np.asarray(self.actions, dtype=np.int64)))
+        freeze(self, "actions", dtype=np.int64)
         if self.actions.shape != (self.tree.n_leaves,):
             raise InvalidArgumentError(
                 f"actions must have one entry for each of the {self.tree.n_leaves} leaves, "
@@ -253,26 +253,15 @@ class TreePolicy(Displayed):
 
     def to_bytes(self) -> bytes:
         """Return the content of the policy's file; the same policy gives the same bytes."""
-        return policy_to_bytes(
-            PolicyParts(
-                tree=self.tree,
-                actions=self.actions,
-                schema=self.schema,
-                environment=self.environment,
-                history=self.history,
-                past_actions=self.past_actions,
-                leaves=self.leaves,
-                locked=self.locked,
-                masked=self.masked,
-            )
-        )
+        parts = {one.name: getattr(self, one.name) for one in fields(self)}
+        return policy_to_bytes(cast(PolicyParts, parts))
 
     @classmethod
     def from_bytes(
         cls, data: bytes, path: str | Path = "policy", *, hand_edited: bool = False
     ) -> "TreePolicy":
         """Return the policy that ``to_bytes`` wrote; ``path`` is for the messages."""
-        document = policy_document(data, path)
+        document = decode_document(data, PolicyDocument, path)
         try:
             policy = cls(**policy_parts(document, path))
         except InvalidArgumentError as error:

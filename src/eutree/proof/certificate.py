@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import msgspec
 import numpy as np
 
-from eutree.arrays import Booleans, Floats, Integers, frozen
+from eutree.arrays import Booleans, Floats, Integers, freeze
 from eutree.display import Displayed
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.files import Document, read_document, write_document
@@ -40,8 +40,7 @@ class Pieces:
     last: Integers  # [N]
 
     def __post_init__(self) -> None:
-        for name in ("low", "high", "first", "last"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
+        freeze(self, "low", "high", "first", "last")
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +58,7 @@ class Starts:
     high: Floats  # [N, d]
 
     def __post_init__(self) -> None:
-        for name in ("low", "high"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
+        freeze(self, "low", "high")
 
     def draw(self, generator: np.random.Generator) -> Floats:
         """Return a state [d] of one of the boxes, all of them equally likely."""
@@ -92,8 +90,7 @@ class Picture:
     legend: str
 
     def __post_init__(self) -> None:
-        for name in ("values", "marks"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
+        freeze(self, "values", "marks")
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from eutree.arrays import Floats, Int32s, frozen
+from eutree.arrays import Floats, Int32s, freeze, frozen
 from eutree.errors import InvalidArgumentError
 from eutree.validation import check_integer, check_number
 
@@ -53,10 +53,8 @@ class DecisionTree:
     leaf: Int32s  # [M]
 
     def __post_init__(self) -> None:
-        for name in ("feature", "left", "right", "leaf"):
-            array = np.asarray(getattr(self, name), dtype=np.int32)
-            object.__setattr__(self, name, frozen(array))
-        object.__setattr__(self, "threshold", frozen(np.asarray(self.threshold, dtype=np.float64)))
+        freeze(self, "feature", "left", "right", "leaf", dtype=np.int32)
+        freeze(self, "threshold", dtype=np.float64)
         self._check()
 
     @classmethod
