@@ -5,7 +5,8 @@ import os
 import shlex
 import sys
 import webbrowser
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -273,8 +274,7 @@ def record_on_page(
     place = shlex.quote(str(out))
     steps = (f"demos stats {place} --html demos.html", f"fit {place} --out expert.json",
              "show expert.json")  # fmt: skip
-    with TemporaryDirectory(prefix="eutree-") as folder:
-        browser = Opener(Path(folder))
+    with opened_by() as browser:
         record_in_browser(
             recorder,
             host=host,
@@ -284,6 +284,13 @@ def record_on_page(
             guide=lead[1] if lead else None,
             on_ready=ready,
         )
+
+
+@contextmanager
+def opened_by() -> Iterator["Opener"]:
+    """Yield what opens pages; what it has written is deleted at the end."""
+    with TemporaryDirectory(prefix="eutree-") as folder:
+        yield Opener(Path(folder))
 
 
 class Opener:
