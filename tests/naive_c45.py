@@ -14,12 +14,12 @@ Case = tuple[tuple[float, ...], int, float]
 
 @dataclass
 class Node:
-    """A leaf (no children) or a test: by threshold, or by the branch of each nominal value."""
+    """A leaf (no children) or a test: by threshold, or with a branch for each nominal value."""
 
     classes: list[float]
     feature: int = -1
     threshold: float = math.nan
-    branches: dict[int, int] = field(default_factory=dict)
+    n_values: int = 0  # of a nominal attribute
     children: list["Node"] = field(default_factory=list)
 
     def branch(self, row: tuple[float, ...]) -> int | None:
@@ -27,8 +27,8 @@ class Node:
         value = row[self.feature]
         if math.isnan(value):
             return None
-        if self.branches:
-            return self.branches.get(int(value))
+        if self.n_values:
+            return int(value)
         return 0 if value <= self.threshold else 1
 
 
@@ -63,21 +63,21 @@ class Naive:
         test = self.best_test(cases)
         if test is None:
             return node
-        node.feature, node.threshold, node.branches = test
+        node.feature, node.threshold, node.n_values = test
         node.children = [self.grow(part, node) for part in divide(node, cases)]
         own, below = total - max(node.classes), sum(map(training_errors, node.children))
         if settings.collapse and below >= own - 1e-3:
             return Node(node.classes)
         return node
 
-    def best_test(self, cases: list[Case]) -> tuple[int, float, dict[int, int]] | None:
-        """Return attribute, threshold and branches of the test with the best gain ratio."""
+    def best_test(self, cases: list[Case]) -> tuple[int, float, int] | None:
+        """Return attribute, threshold and number of values of the test with the best gain ratio."""
         candidates = []
         for j, n in enumerate(self.n_values):
             found = self.nominal(cases, j, n) if n else self.continuous(cases, j)
             if found is not None:
                 candidates.append((j, *found))
-        gains = [gain for j, gain, _, _, _ in candidates if self.counted[j]]
+        gains = [gain for j, gain, _, _ in candidates if self.counted[j]]
         average = sum(gains) / len(gains) if gains else math.inf
         if not self.settings.use_average_filter:
             average = -math.inf
@@ -87,15 +87,13 @@ class Naive:
             best, least = 0.0, 1e-6
         if not needs_gain:
             best = least = -math.inf
-        for j, gain, split, threshold, branches in candidates:
+        for j, gain, split, threshold in candidates:
             allowed = gain >= average - 1e-3 and split > least
             if allowed and gain / split > best + self.settings.tolerance:
-                best, chosen = gain / split, (j, threshold, branches)
+                best, chosen = gain / split, (j, threshold, self.n_values[j])
         return chosen
 
-    def continuous(
-        self, cases: list[Case], j: int
-    ) -> tuple[float, float, float, dict[int, int]] | None:
+    def continuous(self, cases: list[Case], j: int) -> tuple[float, float, float] | None:
         """Return penalised gain, split information and threshold of the best cut of a number."""
         settings, tolerance = self.settings, self.settings.tolerance
         total = sum(w for _, _, w in cases)
@@ -129,7 +127,7 @@ class Naive:
             return None
         low, high, sizes = chosen
         split = bits([*sizes, total - known_weight]) / total
-        return best, split, self.threshold(j, low, high), {}
+        return best, split, self.threshold(j, low, high)
 
     def threshold(self, j: int, low: float, high: float) -> float:
         """Return the greatest value of the whole training set up to the midpoint."""
@@ -140,65 +138,21 @@ class Naive:
             middle += 1e-6
         return max(row[j] for row, _, _ in self.cases if row[j] <= middle)
 
-    def nominal(
-        self, cases: list[Case], j: int, n: int
-    ) -> tuple[float, float, float, dict[int, int]] | None:
-        """Return gain, split information and branches of the test of a nominal attribute."""
+    def nominal(self, cases: list[Case], j: int, n: int) -> tuple[float, float, float] | None:
+        """Return gain and split information of the test of a nominal attribute; no threshold."""
         known = [case for case in cases if not math.isnan(case[0][j])]
         if not known:
             return None
-        groups = [[v] for v in range(n)]
-        if self.settings.grouped and n > 2:
-            groups = self.group(cases, known, j, n)
-        reasonable, gain, split = self.worth(cases, known, j, groups)
-        if not reasonable:
-            return None
-        return gain, split, math.nan, {v: b for b, group in enumerate(groups) for v in group}
-
-    def worth(
-        self, cases: list[Case], known: list[Case], j: int, groups: list[list[int]]
-    ) -> tuple[bool, float, float]:
-        """Return (two groups are large enough, gain, split information)."""
         total = sum(w for _, _, w in cases)
-        parts = [[case for case in known if int(case[0][j]) in group] for group in groups]
+        parts = [[case for case in known if int(case[0][j]) == v] for v in range(n)]
         sizes = [sum(w for _, _, w in part) for part in parts]
         inside = sum(bits(self.classes(part)) for part in parts)
         unknown = total - sum(w for _, _, w in known)
         large = [size >= self.settings.min_objects - 1e-9 and size > 0 for size in sizes]
         gain = (bits(self.classes(known)) - inside) / total
-        return sum(large) >= 2, gain, bits([*sizes, unknown]) / total
-
-    def group(self, cases: list[Case], known: list[Case], j: int, n: int) -> list[list[int]]:
-        """Return the values that share a branch, joined greedily by gain ratio."""
-        tolerance = self.settings.tolerance
-        groups = [[v] for v in range(n) if any(int(row[j]) == v for row, _, _ in known)]
-
-        def pure(group: list[int]) -> bool:
-            counts = self.classes([case for case in known if int(case[0][j]) in group])
-            return sum(counts) - max(counts) <= tolerance
-
-        a = 0
-        while a < len(groups) - 1 and len(groups) > 2:
-            b = a + 1
-            while b < len(groups) and len(groups) > 2:
-                if pure(groups[a] + groups[b]):
-                    groups[a] += groups.pop(b)
-                else:
-                    b += 1
-            a += 1
-        while len(groups) > 2:
-            best, pair = -1.0, (0, 1)
-            for a in range(len(groups) - 1):
-                for b in range(a + 1, len(groups)):
-                    _, gain, split = self.worth(cases, known, j, joined(groups, a, b))
-                    ratio = gain / split if split > 0 else 0.0
-                    if ratio > best + tolerance:
-                        best, pair = ratio, (a, b)
-            reasonable, gain, split = self.worth(cases, known, j, groups)
-            if reasonable and (split <= 0 or best <= gain / split + tolerance):
-                break
-            groups = joined(groups, *pair)
-        return groups
+        if sum(large) < 2:
+            return None
+        return gain, bits([*sizes, unknown]) / total, math.nan
 
     def prune(self, node: Node, cases: list[Case]) -> Node:
         """Return the pruned subtree; it is counted anew with these cases."""
@@ -209,7 +163,7 @@ class Naive:
         children = [
             self.prune(child, part) for child, part in zip(node.children, parts, strict=True)
         ]
-        node = Node(classes, node.feature, node.threshold, node.branches, children)
+        node = Node(classes, node.feature, node.threshold, node.n_values, children)
         sizes = [sum(child.classes) for child in children]
         largest = max(i for i, size in enumerate(sizes) if size >= max(sizes) - 1e-9)
         leaf, tree = self.errors(classes), sum(map(self.estimate, children))
@@ -226,7 +180,7 @@ class Naive:
         """Return the same subtree with the classes of these cases."""
         parts = divide(node, cases) if node.children else []
         children = [self.recount(c, part) for c, part in zip(node.children, parts, strict=True)]
-        return Node(self.classes(cases), node.feature, node.threshold, node.branches, children)
+        return Node(self.classes(cases), node.feature, node.threshold, node.n_values, children)
 
     def estimate(self, node: Node) -> float:
         """Return the estimated errors of a subtree."""
@@ -260,7 +214,7 @@ class Naive:
 
 def divide(node: Node, cases: list[Case]) -> list[list[Case]]:
     """Return the cases of each branch; one with unknown value goes to all, in parts."""
-    n = max(node.branches.values()) + 1 if node.branches else 2
+    n = node.n_values or 2
     parts: list[list[Case]] = [[] for _ in range(n)]
     for case in cases:
         if (branch := node.branch(case[0])) is not None:
@@ -287,13 +241,6 @@ def bits(weights: list[float]) -> float:
     """Return the total weight times the entropy."""
     total = sum(weights)
     return sum(w * math.log2(total / w) for w in weights if w > 1e-9)
-
-
-def joined(groups: list[list[int]], a: int, b: int) -> list[list[int]]:
-    """Return the groups with group b added to group a."""
-    rest = [list(group) for i, group in enumerate(groups) if i != b]
-    rest[a] += groups[b]
-    return rest
 
 
 def predict(node: Node, row: tuple[float, ...], parent: Node | None = None) -> list[float]:

@@ -28,34 +28,23 @@ def test_converts_to_a_decision_tree_that_decides_the_same() -> None:
     assert np.array_equal(leaf_action[decision.leaf_index(observations)], actions)
 
 
-@pytest.mark.parametrize("grouped", [False, True])
 @pytest.mark.parametrize("seed", range(6))
-def test_tests_of_nominal_values_become_tests_of_their_codes(seed: int, grouped: bool) -> None:
+def test_tests_of_nominal_values_become_tests_of_their_codes(seed: int) -> None:
     rng = np.random.default_rng(seed)
     observations = np.column_stack(
         [rng.integers(0, 7, 600), rng.integers(0, 3, 600), rng.normal(size=600)]
     ).astype(float)
     wanted = np.isin(observations[:, 0], [1, 2, 5]) ^ (observations[:, 2] > 0.3)
     actions = wanted.astype(int) + (observations[:, 1] == 1)
-    settings = C45Settings(grouped=grouped, prune=bool(seed % 2))
+    settings = C45Settings(prune=bool(seed % 2))
     tree = grow(observations, actions, n_classes=3, n_values=[7, 3, 0], settings=settings)
-    assert (tree.value_start >= 0).any()
+    assert (tree.n_values[tree.feature[tree.feature >= 0]] > 0).any()
     decision, leaf_action = tree.to_decision_tree()
     codes = np.stack(np.meshgrid(np.arange(7), np.arange(3), rng.normal(size=40)), -1)
     rows = codes.reshape(-1, 3).astype(float)
     same = leaf_action[decision.leaf_index(rows)] == tree.predict(rows)
     assert same.all(), rows[~same][:3]
     assert leaf_action.size == decision.n_leaves
-
-
-def test_a_code_that_no_branch_stands_for_takes_the_largest_branch() -> None:
-    observations = np.array([[0.0]] * 4 + [[2.0]] * 2 + [[3.0]] * 6)
-    actions = [0] * 4 + [1] * 2 + [2] * 6
-    tree = grow(observations, actions, n_classes=3, n_values=[5],
-                settings=C45Settings(grouped=True))  # fmt: skip
-    decision, leaf_action = tree.to_decision_tree()
-    assert leaf_action[decision.leaf_index([[0.0], [2.0], [3.0]])].tolist() == [0, 1, 2]
-    assert leaf_action[decision.leaf_index([[1.0], [4.0]])].tolist() == [2, 2]
 
 
 def test_a_single_class_gives_a_single_leaf() -> None:

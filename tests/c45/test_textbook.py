@@ -1,14 +1,13 @@
 """Known answers: Quinlan's golf tree and error estimates, and cases small enough for paper."""
 
 import math
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
 from eutree.c45 import C45Settings, grow
 from eutree.c45._kernels_pruning import add_errors
-from eutree.c45.text import C45Names, to_svg, to_text
+from eutree.c45.text import C45Names, to_text
 
 # Quinlan (1993), C4.5: Programs for Machine Learning, the golf example of chapter 2:
 # outlook (0 sunny, 1 overcast, 2 rain), temperature, humidity, windy, and whether to play.
@@ -173,17 +172,6 @@ def test_a_branch_without_cases_predicts_the_class_above() -> None:
     tree = grow(rows, [0, 0, 1, 1, 1], n_classes=2, n_values=[3])
     assert tree.n_leaves == 3
     assert tree.predict_proba([[2.0]]).tolist() == [[0.4, 0.6]]
-
-
-def test_the_drawing_knows_names_and_quotes_them() -> None:
-    rows, classes = GOLF[:, :4], GOLF[:, 4].astype(int)
-    tree = grow(rows, classes, n_classes=2, n_values=[3, 0, 0, 2])
-    hostile = C45Names(("<script>", *NAMES.features[1:]), NAMES.classes, NAMES.values)
-    assert "<script" not in to_svg(tree, hostile)
-    drawing = ElementTree.fromstring(to_svg(tree, NAMES))
-    texts = [element.text for element in drawing.iter() if element.tag.endswith("}text")]
-    assert "outlook = overcast: play (4)" in texts
-    assert len(texts) == tree.n_nodes
 
 
 def test_the_tree_is_frozen() -> None:

@@ -111,7 +111,7 @@ def preorder(tree: C45Tree) -> list[str]:
         if feature < 0:
             nodes.append("leaf")
         else:
-            nominal = tree.value_start[node] >= 0
+            nominal = tree.n_values[tree.feature[node]] > 0
             # J48 leaves the largest double as the split point of a nominal test.
             point = 1.7976931348623157e308 if nominal else float(tree.threshold[node])
             nodes.append(f"{feature}:{point!r}:{int(tree.n_children[node])}")

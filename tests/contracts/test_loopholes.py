@@ -52,7 +52,6 @@ ASKS_WHAT_IS_LOADED = {"eutree.parallel": {"'joblib' not in sys.modules"}}
 # Middles of other things than two values of a feature; each is as it has to be, see there.
 MIDDLES = {
     "eutree.features": "the rule itself",
-    "eutree.c45.text": "places on paper",
     "eutree_lab.parti_game.cells": "boxes are halved, whatever lies in them",
     "eutree_lab.vrd.kuhn": "boxes are halved, whatever lies in them",
     "eutree_lab.tasks.puck": "a constant of the task",

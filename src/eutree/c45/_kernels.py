@@ -12,10 +12,17 @@ from typing import NamedTuple
 import numpy as np
 
 from eutree.arrays import Booleans, Floats, Int16s, Int32s
-from eutree.c45._kernels_entropy import count_values, merge_values, nominal_gain, xlogx
 from eutree.compiled import compiled_later
 
-KNOWN_NONE = -1  # branch of a case whose value no branch stands for
+
+class Nodes(NamedTuple):
+    """A tree while it grows and is pruned; the children of a node stand together, after it."""
+
+    feature: Int32s  # [M] attribute tested, -1 at a leaf
+    threshold: Floats  # [M] NaN at a leaf, and where a nominal attribute is tested
+    first_child: Int32s  # [M] -1 at a leaf
+    n_children: Int32s  # [M] 0 at a leaf; of a nominal test one for each value
+    distribution: Floats  # [M, A] weight of each class
 
 
 class Lists(NamedTuple):
@@ -63,18 +70,14 @@ class Chosen(NamedTuple):
 
     feature: Int32s  # [n] attribute tested, -1 for a leaf
     cut: Floats  # [n, 2] the values on both sides of the best cut
-    forks: Int32s  # [n] branches of a nominal test
-    blocks: Int32s  # [n, V] branch of each value; [0, V] if values are not grouped
 
 
 class Tests(NamedTuple):
     """The tests of a level as cases meet them."""
 
     feature: Int32s  # [n] -1 for a leaf
-    threshold: Floats  # [n]
+    threshold: Floats  # [n] NaN if nominal
     offset: Int32s  # [n] first child of each node, counted within the level
-    value_start: Int32s  # [n] where the branches of a nominal test begin, -1 if continuous
-    value_branch: Int32s  # [V]
 
 
 class Branches(NamedTuple):
@@ -95,6 +98,88 @@ class Children(NamedTuple):
     opened: Booleans  # [children] whether the child may be divided again
     shared: Booleans  # [children] whether it takes part of the cases with unknown value
     starts: Int32s  # [children] where each open child's segment begins
+
+
+@compiled_later
+def xlogx_table(size: int) -> Floats:
+    """Return x log2 x for x = 0, 1, ..., size - 1."""
+    table = np.zeros(size)
+    # The limit of x log x at 0 is 0, and so is 1 log 1: both stand there already.
+    for x in range(2, size):
+        table[x] = x * math.log2(x)
+    return table
+
+
+@compiled_later
+def xlogx(x: float, table: Floats) -> float:
+    """Return x log2 x, from the table if there is one (then x must be a whole number)."""
+    if table.size > 0:
+        return float(table[int(x + 0.5)])
+    # A weight from which all was subtracted again is 0 up to rounding, and may be negative.
+    if x <= 1e-9:
+        return 0.0
+    return x * math.log2(x)
+
+
+@compiled_later
+def count_values(
+    frequency: Floats,  # [V, A] out
+    codes: Floats,  # [N, d]
+    feature: int,
+    cases: Int32s,  # [E] of the node
+    row: Int32s,  # [cases]
+    label: Int16s,  # [cases]
+    weight: Floats,  # [cases]
+) -> float:
+    """Count the classes of each value of a nominal attribute; return the known weight."""
+    for v in range(frequency.shape[0]):
+        for c in range(frequency.shape[1]):
+            frequency[v, c] = 0.0
+    known = 0.0
+    for i in range(cases.size):
+        case = cases[i]
+        code = codes[row[case], feature]
+        if not math.isnan(code):
+            w = 1.0 if weight.size == 0 else weight[case]
+            frequency[int(code), label[case]] += w
+            known += w
+    return known
+
+
+@compiled_later
+def nominal_gain(
+    frequency: Floats,  # [V, A]
+    n_values: int,
+    known: float,
+    total: float,
+    min_objects: float,
+    table: Floats,
+) -> tuple[bool, float, float]:
+    """Return (whether two values are frequent enough, gain, split information)."""
+    # base becomes the node's weight times entropy, T(known) - sum over classes of T(class) with
+    # T(x) = x log2 x.
+    base = xlogx(known, table)
+    for c in range(frequency.shape[1]):
+        count = 0.0
+        for v in range(n_values):
+            count += frequency[v, c]
+        base -= xlogx(count, table)
+    info = 0.0
+    # Cases of unknown value are one more branch of the split information.
+    split = xlogx(total, table) - xlogx(total - known, table)
+    reasonable = 0
+    # info: weight times entropy within the values before v; split: T(total) less their T(size).
+    for v in range(n_values):
+        size = 0.0
+        for c in range(frequency.shape[1]):
+            size += frequency[v, c]
+            info -= xlogx(frequency[v, c], table)
+        info += xlogx(size, table)
+        split -= xlogx(size, table)
+        # C4.5 asks for two branches at least that are no exceptions.
+        if size >= min_objects - 1e-9 and size > 0.0:
+            reasonable += 1
+    return reasonable >= 2, (base - info) / total, split / total
 
 
 @compiled_later
@@ -200,7 +285,7 @@ def choose_tests(
     """Choose the test of each node: the best gain ratio among those of at least average gain."""
     starts, values, order = lists
     codes, n_values, counted, list_of = attributes
-    feature, cut, forks, blocks = out
+    feature, cut = out
     tolerance, greedy = rules.tolerance, rules.greedy
     d = n_values.size
     gain = np.empty(d)
@@ -209,8 +294,6 @@ def choose_tests(
     cuts = np.empty((d, 2))
     counts = np.empty((4, n_classes))
     frequency = np.empty((max(1, n_values.max()), n_classes))
-    block = np.empty((d, blocks.shape[1]), np.int32)
-    n_blocks = np.zeros(d, np.int32)
     for node in range(starts.size - 1):
         start, stop = starts[node], starts[node + 1]
         total = weights[node]
@@ -245,18 +328,9 @@ def choose_tests(
                 )
                 if known <= 0.0:
                     continue
-                if blocks.size > 0 and n_values[j] > 2:
-                    n_blocks[j], reasonable, gain[j], split[j] = merge_values(
-                        frequency, block[j], n_values[j], known, total, rules.min_objects, table,
-                        tolerance,
-                    )  # fmt: skip
-                else:
-                    for v in range(block.shape[1]):
-                        block[j, v] = v
-                    n_blocks[j] = n_values[j]
-                    reasonable, gain[j], split[j] = nominal_gain(
-                        frequency, n_values[j], known, total, rules.min_objects, table
-                    )
+                reasonable, gain[j], split[j] = nominal_gain(
+                    frequency, n_values[j], known, total, rules.min_objects, table
+                )
                 if not reasonable:
                     continue
             valid[j] = True
@@ -278,10 +352,6 @@ def choose_tests(
                     best = ratio
                     feature[node] = j
                     cut[node, 0], cut[node, 1] = cuts[j, 0], cuts[j, 1]
-                    forks[node] = n_blocks[j]
-                    if blocks.shape[0] > 0:
-                        for v in range(block.shape[1]):
-                            blocks[node, v] = block[j, v]
 
 
 @compiled_later
@@ -290,7 +360,7 @@ def assign_branches(
 ) -> None:
     """Find the branch of each case, and count the cases and classes of each branch."""
     starts, values, order = lists
-    feature, threshold, offset, value_start, value_branch = tests
+    feature, threshold, offset = tests
     for node in range(starts.size - 1):
         j = feature[node]
         if j < 0:
@@ -301,9 +371,9 @@ def assign_branches(
             case = order[at, i]
             w = 1.0 if cases.weight.size == 0 else cases.weight[case]
             value = values[at, i]
-            if value_start[node] >= 0:
+            if attributes.n_values[j] > 0:
                 value = attributes.codes[cases.row[case], j]
-            b = branch_of(value, threshold[node], value_start[node], value_branch)
+            b = branch_of(value, threshold[node])
             out.branch[case] = b
             if b < 0:
                 out.unknown_sizes[node] += 1
@@ -314,13 +384,13 @@ def assign_branches(
 
 
 @compiled_later
-def branch_of(value: float, threshold: float, value_start: int, value_branch: Int32s) -> int:
-    """Return the branch that a value takes, -1 if it is unknown or no branch stands for it."""
+def branch_of(value: float, threshold: float) -> int:
+    """Return the branch that a value takes, -1 if it is unknown; a code is its own branch."""
     if math.isnan(value):
-        return KNOWN_NONE
-    if value_start < 0:
-        return 0 if value <= threshold else 1
-    return int(value_branch[value_start + int(value)])
+        return -1
+    if math.isnan(threshold):
+        return int(value)
+    return 0 if value <= threshold else 1
 
 
 @compiled_later

@@ -11,30 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eutree.arrays import Floats, Int16s, Int32s, Integers
-from eutree.c45._kernels import branch_of
+from eutree.c45._kernels import Nodes, branch_of
 from eutree.compiled import compiled_later
-
-
-class TreeTests(NamedTuple):
-    """The tests of a tree and where their branches lead; see ``C45Tree``."""
-
-    feature: Int32s  # [M]
-    threshold: Floats  # [M]
-    first_child: Int32s  # [M]
-    n_children: Int32s  # [M]
-    value_start: Int32s  # [M]
-    value_branch: Int32s  # [V]
 
 
 @compiled_later
 def find_leaves(
-    tree: TreeTests,
+    tree: Nodes,
     observations: Floats,  # [N, d]
     out: Int32s,  # [N]
 ) -> int:
     """Write the leaf (its node) of each row, -1 if a tested value is unknown; count those."""
     feature, threshold, first_child = tree.feature, tree.threshold, tree.first_child
-    value_start, value_branch = tree.value_start, tree.value_branch
     unknown = 0
     # Until a leaf is reached, ``node`` is a test and ``j`` its attribute; -1 is an unknown value.
     for i in range(observations.shape[0]):
@@ -42,21 +30,17 @@ def find_leaves(
         j = feature[0]
         while j >= 0:
             value = observations[i, j]
-            if value_start[node] < 0:
-                # Both comparisons are false for NaN, so an unknown value needs no test of its own.
-                if value <= threshold[node]:
-                    node = first_child[node]
-                elif value > threshold[node]:
-                    node = first_child[node] + 1
-                else:
-                    node = -1
-                    break
+            # Both comparisons are false for NaN: an unknown value, or the threshold of a nominal
+            # test.
+            if value <= threshold[node]:
+                node = first_child[node]
+            elif value > threshold[node]:
+                node = first_child[node] + 1
+            elif math.isnan(value):
+                node = -1
+                break
             else:
-                b = branch_of(value, 0.0, value_start[node], value_branch)
-                if b < 0:
-                    node = -1
-                    break
-                node = first_child[node] + b
+                node = first_child[node] + int(value)
             j = feature[node]
         out[i] = node
         if node < 0:
@@ -66,7 +50,7 @@ def find_leaves(
 
 @compiled_later
 def share_out(
-    tree: TreeTests,
+    tree: Nodes,
     size: Floats,  # [M] training weight of each node
     probability: Floats,  # [M, A]
     observations: Floats,  # [N, d]
@@ -76,7 +60,6 @@ def share_out(
 ) -> None:
     """Predict fractional cases: a row goes down all branches of a test whose value is unknown."""
     feature, threshold, first_child = tree.feature, tree.threshold, tree.first_child
-    value_start, value_branch = tree.value_start, tree.value_branch
     # The stack holds what is left to visit: its parts and those of the leaves seen add up to 1.
     # A row meets a node once at most, so M places are enough.
     stack = np.empty(feature.size, np.int32)
@@ -99,7 +82,7 @@ def share_out(
                     leaf[k] = node
                 continue
             value = observations[i, feature[node]]
-            b = branch_of(value, threshold[node], value_start[node], value_branch)
+            b = branch_of(value, threshold[node])
             first = first_child[node]
             if b >= 0:
                 stack[depth] = first + b
@@ -119,17 +102,6 @@ def share_out(
 
 
 _Number = TypeVar("_Number", np.int32, np.float64)
-
-
-class TreeArrays(NamedTuple):
-    """The nodes of a tree; they are changed in place."""
-
-    feature: Int32s  # [M] -1 at a leaf
-    threshold: Floats  # [M]
-    first_child: Int32s  # [M]
-    n_children: Int32s  # [M]
-    value_start: Int32s  # [M]
-    value_branch: Int32s  # [V]
 
 
 class TrainingCases(NamedTuple):
@@ -246,7 +218,7 @@ def hand_down(
     node: int,
     place: Place,
     arena: CaseRoom,
-    tree: TreeArrays,
+    tree: Nodes,
     observations: Floats,  # [N, d]
     bounds: Int32s,  # [forks + 1] out, relative to the returned place
 ) -> tuple[int, int]:
@@ -257,14 +229,13 @@ def hand_down(
     """
     start, stop, top = place
     rows, weights, scratch_rows, scratch_weights = arena
-    forks, j, value_branch = tree.n_children[node], tree.feature[node], tree.value_branch
-    t, at = tree.threshold[node], tree.value_start[node]
+    forks, j, t = tree.n_children[node], tree.feature[node], tree.threshold[node]
     bounds[: forks + 1] = 0
     unknown = 0
     known_weight = 0.0
     # bounds[b + 1] counts the known cases of branch b; summed up, bounds[b] is where b begins.
     for i in range(start, stop):
-        b = branch_of(observations[rows[i], j], t, at, value_branch)
+        b = branch_of(observations[rows[i], j], t)
         if b < 0:
             unknown += 1
         else:
@@ -275,7 +246,7 @@ def hand_down(
             bounds[b + 1] += bounds[b]
         cursor = bounds[:forks].copy()  # where the next case of each branch goes
         for i in range(start, stop):
-            b = branch_of(observations[rows[i], j], t, at, value_branch)
+            b = branch_of(observations[rows[i], j], t)
             scratch_rows[cursor[b]] = rows[i]
             scratch_weights[cursor[b]] = weights[i]
             cursor[b] += 1
@@ -286,7 +257,7 @@ def hand_down(
         return start, top
     share = np.zeros(forks)
     for i in range(start, stop):
-        b = branch_of(observations[rows[i], j], t, at, value_branch)
+        b = branch_of(observations[rows[i], j], t)
         if b >= 0:
             share[b] += weights[i]
     # Cases of unknown value are shared out as the known weight is; evenly if nothing is known.
@@ -298,7 +269,7 @@ def hand_down(
     for b in range(forks):  # the cases of the branches before stand from top to out
         bounds[b] = out - top
         for i in range(start, stop):
-            where = branch_of(observations[rows[i], j], t, at, value_branch)
+            where = branch_of(observations[rows[i], j], t)
             if where == b or (where < 0 and share[b] > 0.0):
                 rows[out] = rows[i]
                 weights[out] = weights[i] if where == b else weights[i] * share[b]
@@ -309,8 +280,7 @@ def hand_down(
 
 @compiled_later
 def prune(
-    tree: TreeArrays,
-    distribution: Floats,  # [M, A] out: classes of the cases of each node
+    tree: Nodes,  # changed in place
     training: TrainingCases,
     estimate: ErrorEstimate,
     raising: bool,
@@ -322,7 +292,7 @@ def prune(
     branch is counted and pruned again with all cases of the node.
     """
     feature, threshold, first_child = tree.feature, tree.threshold, tree.first_child
-    n_children, value_start = tree.n_children, tree.value_start
+    n_children, distribution = tree.n_children, tree.distribution
     label = training.label
     n_rows, n_nodes = training.observations.shape[0], feature.size
     rows = np.arange(n_rows).astype(np.int32)
@@ -394,7 +364,6 @@ def prune(
             threshold[node] = threshold[largest]
             first_child[node] = first_child[largest]
             n_children[node] = n_children[largest]
-            value_start[node] = value_start[largest]
             stack[depth, 3] = 0
             depth += 1
         else:
@@ -407,7 +376,7 @@ def errors_of_branch(
     place: Place,
     limit: float,
     arena: CaseRoom,
-    tree: TreeArrays,
+    tree: Nodes,
     training: TrainingCases,
     estimate: ErrorEstimate,
     scratch: WalkRoom,

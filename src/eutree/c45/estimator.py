@@ -1,6 +1,7 @@
 """C4.5 as a scikit-learn estimator; needs the extra ``sklearn``."""
 
 from collections.abc import Iterable, Sequence
+from html import escape
 from typing import Any, Literal
 
 import numpy as np
@@ -173,8 +174,6 @@ class C45Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # sk
         subtree_raising: Whether pruning may replace a node by its largest branch.
         nominal_features: Which columns hold names, not numbers: indices, column names or a mask;
             ``"auto"`` takes the columns of dtype ``category`` of a data frame; None takes none.
-        grouped: Whether values of a nominal attribute may share a branch (``-s``); if not, each
-            value has its own.
         handle_unknown: What to do with a nominal value that training did not have: ``"error"``,
             or ``"missing"`` to treat it as unknown.
         gap: A cut needs neighbours further apart than this. 0 tells any two numbers apart;
@@ -207,7 +206,6 @@ class C45Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # sk
         collapse: bool = True,
         subtree_raising: bool = True,
         nominal_features: Any = "auto",
-        grouped: bool = False,
         handle_unknown: Literal["error", "missing"] = "error",
         gap: float = 0.0,
         class_weight: Any = None,
@@ -219,7 +217,6 @@ class C45Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # sk
         self.collapse = collapse
         self.subtree_raising = subtree_raising
         self.nominal_features = nominal_features
-        self.grouped = grouped
         self.handle_unknown = handle_unknown
         self.gap = gap
         self.class_weight = class_weight
@@ -308,40 +305,34 @@ class C45Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # sk
 
     def export_text(self) -> str:
         """Return the tree in C4.5's own format: one line a branch, (cases/errors) at leaves."""
-        return text.to_text(self._tree(), self._names())
-
-    def export_svg(self) -> str:
-        """Return a drawing of the tree."""
-        return text.to_svg(self._tree(), self._names())
-
-    def _html_repr(self) -> str:
-        """Return what notebooks show: scikit-learn's diagram, and below it the fitted tree."""
-        diagram = str(super()._html_repr())
-        if not hasattr(self, "tree_"):
-            return diagram
-        return f"{diagram}{framed(self.export_svg())}"
-
-    def _settings(self) -> C45Settings:
-        names = ("min_objects", "confidence", "prune", "z", "collapse", "subtree_raising",
-                 "grouped", "gap")  # fmt: skip
-        return C45Settings(**{name: getattr(self, name) for name in names})
-
-    def _tree(self) -> C45Tree:
-        check_is_fitted(self)
-        tree: C45Tree = self.tree_
-        return tree
-
-    def _names(self) -> text.C45Names:
         columns: Iterable[object] = getattr(
             self, "feature_names_in_", [f"x{i}" for i in range(self.n_features_in_)]
         )
-        return text.C45Names(
+        names = text.C45Names(
             features=tuple(map(str, columns)),
             classes=tuple(map(str, self.classes_)),
             values=tuple(
                 () if values is None else tuple(map(str, values)) for values in self.categories_
             ),
         )
+        return text.to_text(self._tree(), names)
+
+    def _html_repr(self) -> str:
+        """Return what notebooks show: scikit-learn's diagram, and below it the fitted tree."""
+        diagram = str(super()._html_repr())
+        if not hasattr(self, "tree_"):
+            return diagram
+        return f"{diagram}{framed(f'<pre>{escape(self.export_text())}</pre>')}"
+
+    def _settings(self) -> C45Settings:
+        names = ("min_objects", "confidence", "prune", "z", "collapse", "subtree_raising",
+                 "gap")  # fmt: skip
+        return C45Settings(**{name: getattr(self, name) for name in names})
+
+    def _tree(self) -> C45Tree:
+        check_is_fitted(self)
+        tree: C45Tree = self.tree_
+        return tree
 
     def _rows(self, X: ArrayLike) -> Floats:
         check_is_fitted(self)

@@ -3,14 +3,15 @@
 Each attribute is sorted once; a level costs O(d n) however many nodes it has.
 """
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from statistics import NormalDist
 from typing import Literal
 
 import numpy as np
 
 from eutree.arrays import Booleans, Floats, Int16s, Int32s, Integers
-from eutree.c45 import _kernels, _kernels_entropy
+from eutree.c45 import _kernels
+from eutree.c45._kernels import Nodes
 from eutree.features import threshold_between
 from eutree.validation import check_choice, check_number
 
@@ -32,7 +33,6 @@ class C45Settings:
         collapse: Whether a subtree that does not lower the training error becomes a leaf.
         subtree_raising: Whether pruning may replace a node by its largest branch.
         z: ``"table"`` for release 8; ``"normal"`` for Weka's J48 (see docs/c45.md).
-        grouped: Whether values of a nominal attribute may share a branch (release 8's ``-s``).
         gap: A cut needs neighbours further apart than this; release 8 and J48 have 1e-5.
         use_min_split: Whether each side of a cut needs a tenth of the average class (2 to 25).
         use_penalty: Whether log2(tries) / N is taken off the gain of a continuous attribute.
@@ -46,7 +46,6 @@ class C45Settings:
     collapse: bool = True
     subtree_raising: bool = True
     z: Dialect = "table"
-    grouped: bool = False
     gap: float = 0.0
     use_min_split: bool = True
     use_penalty: bool = True
@@ -93,41 +92,6 @@ EPSILON = 1e-3  # release 8's tolerance: average filter, split information, coll
 
 
 @dataclass
-class Nodes:
-    """A tree while it grows and is pruned; children of a node stand together, after it."""
-
-    feature: Int32s  # [M] attribute tested, -1 at a leaf
-    threshold: Floats  # [M] NaN unless a continuous attribute is tested
-    first_child: Int32s  # [M]
-    n_children: Int32s  # [M] 0 at a leaf
-    value_start: Int32s  # [M] where the branches of a nominal test begin, -1 if there are none
-    value_branch: Int32s  # [V] branch of each value, -1 where no branch stands for it
-    distribution: Floats  # [M, A] weight of each class
-
-
-@dataclass
-class _Cases:
-    """The cases of a level: those of one node stand together in every list."""
-
-    starts: Int32s  # [n + 1]
-    values: Floats  # [lists, E] sorted within each node; NaN last
-    order: Int32s  # [lists, E]
-    row: Int32s  # [cases]
-    label: Int16s  # [cases]
-    weight: Floats  # [cases]; empty if every weight is 1
-
-    @property
-    def lists(self) -> _kernels.Lists:
-        """The sorted lists, as the kernels take them."""
-        return _kernels.Lists(self.starts, self.values, self.order)
-
-    @property
-    def parts(self) -> _kernels.Cases:
-        """Rows, classes and weights, as the kernels take them."""
-        return _kernels.Cases(self.row, self.label, self.weight)
-
-
-@dataclass
 class Training:
     """What is known of the training set before the first test.
 
@@ -151,7 +115,7 @@ class Training:
         total = self.weights.sum()
         small = whole and total <= 4 * len(self.weights) + 1000
         complete = not np.isnan(self.observations).any()
-        self.table = _kernels_entropy.xlogx_table(int(total) + 2 if small and complete else 0)
+        self.table = _kernels.xlogx_table(int(total) + 2 if small and complete else 0)
 
     @property
     def counted(self) -> Booleans:
@@ -182,11 +146,11 @@ def best_reductions(observations: Floats, actions: Integers, weights: Floats) ->
         np.ascontiguousarray(observations), actions.astype(np.int16), weights, n_values, n_classes
     )
     grower = _Grower(training, C45Settings())
-    values, order = grower.cases.values, grower.cases.order
+    _, values, order = grower.lists
     found = np.zeros(n_features)
     for j in range(n_features):
         _, found[j], _, _, _ = _kernels.best_cut(
-            values[j], order[j], grower.cases.parts, training.table, np.empty((4, n_classes)),
+            values[j], order[j], grower.cases, training.table, np.empty((4, n_classes)),
             float(weights.sum()), grower.rules,
         )  # fmt: skip
     return found
@@ -202,7 +166,10 @@ def is_closed(distribution: Floats, settings: C45Settings) -> Booleans:
 
 
 class _Grower:
-    """One growing tree: its finished levels, and the cases of the present one."""
+    """One growing tree: its finished levels, and the cases of the present one.
+
+    In ``lists`` the cases of one node stand together, sorted within it.
+    """
 
     def __init__(self, training: Training, settings: C45Settings) -> None:
         self.training, self.settings = training, settings
@@ -213,95 +180,69 @@ class _Grower:
             training.observations, training.n_values, training.counted, self.list_of
         )
         self.rules = _rules(settings)
-        self.cases = self._sort()
-        self.sorted_values = self.cases.values.copy()  # [lists, N]
-        self.spare = (np.empty_like(self.cases.values), np.empty_like(self.cases.order))
-        self.levels: list[Nodes] = []
-        self.n_value_branches = 0
-
-    def _sort(self) -> _Cases:
-        training = self.training
-        n_rows, n_features = training.observations.shape
-        columns = [j for j in range(n_features) if training.n_values[j] == 0]
-        n_lists = len(columns) + (len(columns) < n_features)
-        order = np.empty((n_lists, n_rows), dtype=np.int32)
-        values = np.zeros((n_lists, n_rows))
-        order[-1] = np.arange(n_rows)
-        for at, j in enumerate(columns):
-            column = np.ascontiguousarray(training.observations[:, j])
-            order[at] = np.argsort(column, kind="stable")
-            values[at] = column[order[at]]
+        n_rows = len(training.actions)
         unit = bool((training.weights == 1).all())
-        return _Cases(
-            starts=np.array([0, n_rows], dtype=np.int32),
-            values=values,
-            order=order,
+        self.lists = self._sorted(np.flatnonzero(~nominal))
+        self.cases = _kernels.Cases(
             row=np.arange(n_rows, dtype=np.int32),
             label=training.actions,
             weight=np.empty(0) if unit else training.weights.copy(),
         )
+        self.sorted_values = self.lists.values.copy()  # [lists, N]
+        self.spare = (np.empty_like(self.lists.values), np.empty_like(self.lists.order))
+
+    def _sorted(self, continuous: Integers) -> _kernels.Lists:
+        """Return all cases as those of one node."""
+        n_rows, n_features = self.training.observations.shape
+        n_lists = len(continuous) + (len(continuous) < n_features)
+        order = np.empty((n_lists, n_rows), dtype=np.int32)
+        values = np.zeros((n_lists, n_rows))
+        order[-1] = np.arange(n_rows)
+        for at, j in enumerate(continuous):
+            column = np.ascontiguousarray(self.training.observations[:, j])
+            order[at] = np.argsort(column, kind="stable")
+            values[at] = column[order[at]]
+        return _kernels.Lists(np.array([0, n_rows], dtype=np.int32), values, order)
 
     def grow(self) -> Nodes:
         """Grow level by level until every node is a leaf; return all nodes."""
         training = self.training
         root = np.bincount(training.actions, training.weights, minlength=training.n_classes)
         distribution = root[np.newaxis].astype(np.float64)
-        closed = is_closed(distribution, self.settings)
-        n_nodes = 1
-        while True:
-            level, children = self._level(distribution, ~closed, n_nodes)
-            self.levels.append(level)
-            if not len(children):
-                return _join(self.levels)
-            n_nodes += len(children)
-            distribution, closed = children, is_closed(children, self.settings)
+        levels: list[Nodes] = []
+        n_nodes = 0
+        while len(distribution):
+            n_nodes += len(distribution)
+            level, distribution = self._level(distribution, n_nodes)
+            levels.append(level)
+        return Nodes(*(np.concatenate(columns) for columns in zip(*levels, strict=True)))
 
-    def _level(self, distribution: Floats, opened: Booleans, n_nodes: int) -> tuple[Nodes, Floats]:
+    def _level(self, distribution: Floats, n_nodes: int) -> tuple[Nodes, Floats]:
         """Return the nodes of a level, tested where they are open, and their children's classes."""
         level = _leaves(distribution)
-        where = np.flatnonzero(opened)
+        where = np.flatnonzero(~is_closed(distribution, self.settings))
         if not len(where):
             return level, np.empty((0, distribution.shape[1]))
-        feature, cut, n_blocks, blocks = self._choose(distribution[where])
-        split = feature >= 0
+        feature, cut = self._choose(distribution[where])
+        split, n_values = feature >= 0, self.training.n_values[feature]
         threshold = np.full(len(where), np.nan)
-        forks = np.zeros(len(where), dtype=np.int32)
-        value_start = np.full(len(where), -1, dtype=np.int32)
-        maps: list[Int32s] = []
-        nominal = split & (self.training.n_values[feature] > 0)
-        forks[split] = 2
-        for j in np.unique(feature[split & ~nominal]):
+        for j in np.unique(feature[split & (n_values == 0)]):
             threshold[feature == j] = self._thresholds(j, cut[feature == j])
-        n_mapped = 0
-        for k in np.flatnonzero(nominal):
-            n_values = int(self.training.n_values[feature[k]])
-            forks[k], value_start[k] = n_blocks[k], n_mapped
-            every = np.arange(n_values, dtype=np.int32)
-            maps.append(blocks[k, :n_values] if self.settings.grouped else every)
-            n_mapped += n_values
-        value_branch = np.concatenate([np.empty(0, np.int32), *maps])
+        forks = np.where(split, np.where(n_values > 0, n_values, 2), 0).astype(np.int32)
         offset = (np.cumsum(forks) - forks).astype(np.int32)
-        tests = _kernels.Tests(feature, threshold, offset, value_start, value_branch)
+        tests = _kernels.Tests(feature, threshold, offset)
         children = self._divide(tests, forks, distribution[where])
         level.feature[where], level.threshold[where] = feature, threshold
         level.n_children[where] = forks
         level.first_child[where] = np.where(split, n_nodes + offset, -1)
-        level.value_start[where[nominal]] = value_start[nominal] + self.n_value_branches
-        level.value_branch = value_branch
-        self.n_value_branches += len(value_branch)
         return level, children
 
     def _choose(self, distribution: Floats) -> _kernels.Chosen:
         """Return the test of each node."""
-        cases, training = self.cases, self.training
-        feature = np.empty(len(distribution), dtype=np.int32)
-        cut = np.full((len(distribution), 2), np.nan)
-        forks = np.zeros(len(distribution), dtype=np.int32)
-        n_maps = len(distribution) if self.settings.grouped else 0
-        blocks = np.empty((n_maps, max(1, int(training.n_values.max()))), dtype=np.int32)
-        chosen = _kernels.Chosen(feature, cut, forks, blocks)
+        training, n = self.training, len(distribution)
+        chosen = _kernels.Chosen(np.empty(n, dtype=np.int32), np.full((n, 2), np.nan))
         _kernels.choose_tests(
-            cases.lists, distribution.sum(axis=1), self.attributes, cases.parts, training.table,
+            self.lists, distribution.sum(axis=1), self.attributes, self.cases, training.table,
             training.n_classes, self.rules, chosen,
         )  # fmt: skip
         return chosen
@@ -327,22 +268,21 @@ class _Grower:
         parents: Floats,  # [n, A]
     ) -> Floats:
         """Make the cases of the next level; return the classes of all children [children, A]."""
-        cases, training = self.cases, self.training
+        old, n_classes = self.lists, self.training.n_classes
         n_children = int(forks.sum())
-        branch = np.empty(len(cases.row), dtype=np.int32)
+        branch = np.empty(len(self.cases.row), dtype=np.int32)
         sizes = np.zeros(n_children, dtype=np.int32)
-        children = np.zeros((n_children, training.n_classes))
+        children = np.zeros((n_children, n_classes))
         unknown_sizes = np.zeros(len(forks), dtype=np.int32)
-        unknown = np.zeros((len(forks), training.n_classes))
+        unknown = np.zeros((len(forks), n_classes))
         branches = _kernels.Branches(branch, sizes, children, unknown_sizes, unknown)
-        _kernels.assign_branches(cases.lists, tests, self.attributes, cases.parts, branches)
+        _kernels.assign_branches(old, tests, self.attributes, self.cases, branches)
         parent = np.repeat(np.arange(len(forks)), forks)
         known = (parents - unknown).sum(axis=1)
         share = children.sum(axis=1) / known[parent]
         children += share[:, np.newaxis] * unknown[parent]
         shared = share > 0
-        old = cases.lists
-        copy = self._copy_unknown(branch, tests.feature, forks, share, tests.offset)
+        copy = self._copy_unknown(branch, tests, forks, share)
         sizes += np.where(shared, unknown_sizes[parent], 0).astype(np.int32)
         opened = ~is_closed(children, self.settings)
         ends = np.cumsum(np.where(opened, sizes, 0))
@@ -351,9 +291,9 @@ class _Grower:
         new_values, new_order = self._room(n_cases)
         into = _kernels.Children(forks, copy, opened, shared, child_starts)
         _kernels.divide(old, tests, branch, into, new_values, new_order)
-        self.spare = (cases.values, cases.order)
-        cases.values, cases.order = new_values, new_order
-        cases.starts = np.append(child_starts[opened], n_cases).astype(np.int32)
+        self.spare = (old.values, old.order)
+        starts = np.append(child_starts[opened], n_cases).astype(np.int32)
+        self.lists = _kernels.Lists(starts, new_values, new_order)
         return children
 
     def _room(self, n_cases: int) -> tuple[Floats, Int32s]:
@@ -369,30 +309,31 @@ class _Grower:
         )
 
     def _copy_unknown(
-        self, branch: Int32s, feature: Int32s, forks: Int32s, share: Floats, offset: Int32s
+        self, branch: Int32s, tests: _kernels.Tests, forks: Int32s, share: Floats
     ) -> Int32s:
         """Append one case per branch for each case with unknown value; return the first of each."""
-        cases = self.cases
+        (starts, _, order), (row, label, weight) = self.lists, self.cases
         copy = np.empty(len(branch), dtype=np.int32)
-        n_cases = len(cases.row)
+        n_cases = len(row)
+        weight = weight if len(weight) else np.ones(n_cases)
         sources: list[Int32s] = []
         weights: list[Floats] = []
-        for k in np.flatnonzero(feature >= 0):
-            members = cases.order[self.list_of[feature[k]], cases.starts[k] : cases.starts[k + 1]]
+        for k in np.flatnonzero(tests.feature >= 0):
+            members = order[self.list_of[tests.feature[k]], starts[k] : starts[k + 1]]
             members = members[branch[members] < 0]
             if len(members):
                 copy[members] = n_cases + forks[k] * np.arange(len(members))
                 n_cases += int(forks[k]) * len(members)
                 sources.append(np.repeat(members, forks[k]))
-                old = cases.weight[members] if len(cases.weight) else np.ones(len(members))
-                parts = share[offset[k] : offset[k] + forks[k]]
-                weights.append((old[:, np.newaxis] * parts).ravel())
+                parts = share[tests.offset[k] : tests.offset[k] + forks[k]]
+                weights.append((weight[members][:, np.newaxis] * parts).ravel())
         if sources:
             source = np.concatenate(sources)
-            old = cases.weight if len(cases.weight) else np.ones(len(cases.row))
-            cases.weight = np.concatenate([old, *weights])
-            cases.row = np.concatenate([cases.row, cases.row[source]])
-            cases.label = np.concatenate([cases.label, cases.label[source]])
+            self.cases = _kernels.Cases(
+                np.concatenate([row, row[source]]),
+                np.concatenate([label, label[source]]),
+                np.concatenate([weight, *weights]),
+            )
         return copy
 
 
@@ -417,22 +358,10 @@ def _rules(settings: C45Settings) -> _kernels.Rules:
 
 def _leaves(distribution: Floats) -> Nodes:
     """Return nodes with the given classes that are all leaves."""
-    none = np.full(len(distribution), -1, dtype=np.int32)
-    return Nodes(
-        feature=none.copy(),
-        threshold=np.full(len(distribution), np.nan),
-        first_child=none.copy(),
-        n_children=np.zeros(len(distribution), dtype=np.int32),
-        value_start=none.copy(),
-        value_branch=np.empty(0, dtype=np.int32),
-        distribution=distribution,
-    )
-
-
-def _join(levels: list[Nodes]) -> Nodes:
-    """Return the nodes of all levels in one."""
-    names = [column.name for column in fields(Nodes)]
-    return Nodes(**{n: np.concatenate([getattr(level, n) for level in levels]) for n in names})
+    n = len(distribution)
+    feature, first_child = (np.full(n, -1, dtype=np.int32) for _ in range(2))
+    n_children = np.zeros(n, dtype=np.int32)
+    return Nodes(feature, np.full(n, np.nan), first_child, n_children, distribution)
 
 
 def _collapse(nodes: Nodes) -> None:
@@ -444,6 +373,6 @@ def _collapse(nodes: Nodes) -> None:
         below = errors[first : first + nodes.n_children[node]].sum()
         if below >= own[node] - EPSILON:
             nodes.feature[node], nodes.threshold[node] = -1, np.nan
-            nodes.n_children[node], nodes.first_child[node], nodes.value_start[node] = 0, -1, -1
+            nodes.n_children[node], nodes.first_child[node] = 0, -1
         else:
             errors[node] = below

@@ -5,27 +5,11 @@ from numpy.typing import ArrayLike
 
 from eutree.arrays import Floats
 from eutree.c45 import _kernels_pruning as _kernels
-from eutree.c45.growing import C45Settings, Nodes, Training, grow_nodes
+from eutree.c45._kernels import Nodes
+from eutree.c45.growing import C45Settings, Training, grow_nodes
 from eutree.c45.tree import C45Tree, read_only
 from eutree.errors import InvalidArgumentError
 from eutree.validation import check_actions, check_integer, check_vector
-
-
-def prune_nodes(nodes: Nodes, training: Training, settings: C45Settings) -> None:
-    """Prune the tree in place; nodes that are no longer reached stay until ``compact``."""
-    tree = _kernels.TreeArrays(
-        nodes.feature,
-        nodes.threshold,
-        nodes.first_child,
-        nodes.n_children,
-        nodes.value_start,
-        nodes.value_branch,
-    )
-    rows = _kernels.TrainingCases(training.observations, training.actions, training.weights)
-    estimate = _kernels.ErrorEstimate(
-        float(settings.confidence), settings.deviate, settings.z == "normal"
-    )
-    _kernels.prune(tree, nodes.distribution, rows, estimate, settings.subtree_raising)
 
 
 def compact(nodes: Nodes) -> Nodes:
@@ -40,14 +24,11 @@ def compact(nodes: Nodes) -> Nodes:
     new = np.full(len(nodes.feature), -1, dtype=np.int32)
     new[old] = np.arange(len(old), dtype=np.int32)
     tested = nodes.feature[old] >= 0
-    nominal = tested & (nodes.value_start[old] >= 0)
     return Nodes(
         feature=nodes.feature[old],
         threshold=np.where(tested, nodes.threshold[old], np.nan),
         first_child=np.where(tested, new[nodes.first_child[old]], -1).astype(np.int32),
         n_children=np.where(tested, nodes.n_children[old], 0).astype(np.int32),
-        value_start=np.where(nominal, nodes.value_start[old], -1).astype(np.int32),
-        value_branch=nodes.value_branch,
         distribution=nodes.distribution[old],
     )
 
@@ -107,9 +88,12 @@ def grow(
     )
     nodes = grow_nodes(training, settings)
     if settings.prune:
-        prune_nodes(nodes, training, settings)
-    kept = compact(nodes)
-    return C45Tree(n_values=training.n_values, **vars(kept))
+        cases = _kernels.TrainingCases(training.observations, training.actions, training.weights)
+        estimate = _kernels.ErrorEstimate(
+            float(settings.confidence), settings.deviate, settings.z == "normal"
+        )
+        _kernels.prune(nodes, cases, estimate, settings.subtree_raising)
+    return C45Tree(training.n_values, *compact(nodes))
 
 
 def _matrix(observations: ArrayLike) -> Floats:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from eutree.arrays import Floats, Int32s, freeze, frozen
+from eutree.arrays import Floats, Int32s, Integers, freeze, frozen
 from eutree.errors import InvalidArgumentError
 from eutree.validation import check_integer, check_number
 
@@ -98,7 +98,7 @@ class DecisionTree:
     @cached_property
     def depth(self) -> int:
         """Number of tests on the longest path."""
-        return longest_path(self.parent)
+        return int(depths(self.parent).max())
 
     @cached_property
     def _walk(self) -> tuple[list[int], list[float], list[int], list[int], list[int]]:
@@ -173,6 +173,14 @@ class DecisionTree:
             node = int(self.parent[node])
             nodes.append(node)
         return tuple(reversed(nodes))
+
+    def totals(self, of_leaves: NDArray[_Scalar]) -> NDArray[_Scalar]:
+        """Return the sums over the leaves below each node, shape [M, ...], of values [L, ...]."""
+        total = np.zeros((self.n_nodes, *of_leaves.shape[1:]), dtype=of_leaves.dtype)
+        total[self.node_of_leaf] = of_leaves
+        for node in range(self.n_nodes - 1, 0, -1):  # children have larger numbers
+            total[self.parent[node]] += total[node]
+        return total
 
     def preorder(self) -> Iterator[int]:
         """Yield all nodes, parent before left subtree before right subtree."""
@@ -284,13 +292,13 @@ def _first_problem(tree: DecisionTree) -> str:
     return ""
 
 
-def longest_path(parent: Int32s) -> int:
-    """Return the number of tests above the deepest node; children have larger numbers.
+def depths(parent: Int32s) -> Integers:
+    """Return the number of tests above each node, shape [M]; children have larger numbers.
 
     Args:
         parent: Parent of each node, shape [M]; not read at the root, node 0.
     """
-    depths = np.zeros(parent.size, dtype=np.int64)
+    found = np.zeros(parent.size, dtype=np.int64)
     for node in range(1, parent.size):
-        depths[node] = depths[parent[node]] + 1
-    return int(depths.max())
+        found[node] = found[parent[node]] + 1
+    return found
