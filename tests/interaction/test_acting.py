@@ -12,7 +12,6 @@ import eutree
 from eutree.distillation import DistillationSettings
 from eutree.envs import experts
 from eutree.errors import InvalidArgumentError
-from eutree.evaluation import evaluate_policy
 from eutree.interaction import GuardedEnv
 from eutree.interaction.acting import Actor, as_policy
 from eutree.interaction.spaces import decoder, encoder
@@ -106,7 +105,6 @@ def test_record_evaluate_and_distill_give_the_environments_own_observation(name:
     assert all(same(a, b) for a, b in zip(model.seen, decisions, strict=True))
     assert demonstrations.actions.tolist() == [0, 1, 0, 1, 0] * 2
     assert eutree.evaluate(model, env, episodes=2).mean_return == 5.0
-    assert evaluate_policy(model, env, 2) == (5.0, 0.0)  # type: ignore[arg-type]
     tree, _ = eutree.distill(
         model, env, DistillationSettings(iterations=2, episodes=1, validation_episodes=2)
     )
@@ -185,7 +183,6 @@ def test_a_function_or_a_plain_predict_will_do(controller: Any) -> None:
     assert demonstrations.actions.tolist() == wanted
     assert eutree.evaluate(controller, env, episodes=2).mean_return == 5.0
     assert eutree.play(controller, env).undiscounted_return == 5.0
-    assert evaluate_policy(controller, env, 2) == (5.0, 0.0)  # type: ignore[arg-type]
     short = DistillationSettings(iterations=2, episodes=1, validation_episodes=2)
     eutree.distill(controller, env, short)
     teacher = AskedTeacher(eutree.Teacher(controller, steps=0), GuardedEnv(env))

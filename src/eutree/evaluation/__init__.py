@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from eutree.evaluation.evaluate import evaluate, evaluate_policy
+from eutree.evaluation.evaluate import evaluate
 from eutree.evaluation.evaluation import (
     Against,
     Estimate,
@@ -27,7 +27,6 @@ __all__ = [
     "curve_from_csv",
     "curve_to_csv",
     "evaluate",
-    "evaluate_policy",
     "mean_interval",
     "wilson_interval",
 ]
