@@ -10,7 +10,7 @@ import pytest
 
 import eutree
 from eutree.compression.episodes import Demand
-from eutree.compression.front import Pick, front_among
+from eutree.compression.front import front_among
 from eutree.compression.playing import CommonEpisodes, Ground
 from eutree.contests import SmallestWithin, new_table
 from eutree.policies import TreePolicy
@@ -199,9 +199,8 @@ def test_a_start_that_was_lucky_leaves_more_than_the_luckiest_tree(margin, actio
     start, poor = (TreePolicy(one, np.array([a]), Schema.anonymous(1, 3)) for a in (0, 1))
     rich = TreePolicy(one.split(0, 0, 0.5), np.array([2, 2]), Schema.anonymous(1, 3))
     common = CommonEpisodes(Ground(Lottery(), 1), 400)
-    demand = Demand(margin=0.0, error=0.05, episodes=400)
-    pick = Pick(demand, floor=start, success_margin=margin)
-    found = front_among(rich, [rich, poor], common, pick)
+    demand = Demand(episodes=400, floor=start, success_margin=margin)
+    found = front_among(rich, [rich, poor], common, demand)
     assert found.picked.actions[0] == action
     assert 0.99 < common.outcome.success_rate < 1.0
 
@@ -214,10 +213,9 @@ def test_success_counts_too_where_a_number_of_leaves_is_asked_for(floored):
     poor = TreePolicy(one, np.array([1]), Schema.anonymous(1, 3))
     rich = TreePolicy(one.split(0, 0, 0.5), np.array([2, 2]), Schema.anonymous(1, 3))
     common = CommonEpisodes(Ground(Lottery(), 1), 400)
-    demand = Demand(margin=0.0, error=0.05, episodes=400)
     floor = start if floored else None
-    pick = Pick(demand, max_leaves=2, floor=floor, success_margin=0.0)
-    found = front_among(start, [rich, poor], common, pick)
+    demand = Demand(episodes=400, max_leaves=2, floor=floor, success_margin=0.0)
+    found = front_among(start, [rich, poor], common, demand)
     assert found.picked.actions[0] == 1
-    loose = Pick(demand, max_leaves=2, floor=floor, success_margin=0.01)
+    loose = replace(demand, success_margin=0.01)
     assert front_among(start, [rich, poor], common, loose).picked.actions[0] == 2

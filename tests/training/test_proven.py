@@ -104,7 +104,7 @@ def of_one_run(tmp_path, monkeypatch, start, **options):
 
     def front(*_, **__):
         entries = (entry(refuted, -98.0), entry(proven, -99.0), entry(refuted, -98.0))
-        return Front(refuted, entries, None, 0)
+        return Front(refuted, entries, None)
 
     monkeypatch.setattr(front_of_runs, "front_of_run", front)
     return eutree.learn(

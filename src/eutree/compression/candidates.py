@@ -7,7 +7,7 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
 
 import numpy as np
 
-from eutree.arrays import Booleans, Floats, Integers
+from eutree.arrays import Floats, Integers
 from eutree.c45 import C45Settings
 from eutree.errors import InvalidArgumentError, UnknownNameError
 from eutree.policies import TreePolicy
@@ -103,7 +103,7 @@ class Prunings:
     def __init__(self, policy: TreePolicy, costs: Costs) -> None:
         tree = policy.tree
         self.policy = policy
-        self._total = node_totals(tree, costs.of_leaves(tree))  # [M, A]
+        self._total = tree.totals(costs.of_leaves(tree))  # [M, A]
         self._best: list[Floats] = [np.empty(0)] * tree.n_nodes
         for node in range(tree.n_nodes - 1, -1, -1):  # children have larger numbers
             alone = np.array([self._total[node].min()])
@@ -136,24 +136,9 @@ class Prunings:
 
 def without_unreached(policy: TreePolicy, rows: Floats) -> TreePolicy:
     """Return the policy without the tests that all recorded observations answer alike."""
-    tree, leaves = reachable(policy.tree, _reached(policy.tree, rows))
+    counts = np.bincount(policy.tree.leaf_index(rows), minlength=policy.n_leaves)
+    tree, leaves = reachable(policy.tree, policy.tree.totals(counts) > 0)
     return with_tree(policy, tree, policy.actions[leaves])
-
-
-def node_totals(tree: DecisionTree, of_leaves: Floats) -> Floats:
-    """Return the sums over the leaves below each node, shape [M, ...], of values [L, ...]."""
-    total = np.zeros((tree.n_nodes, *of_leaves.shape[1:]))
-    total[tree.node_of_leaf] = of_leaves
-    for node in range(tree.n_nodes - 1, 0, -1):
-        total[tree.parent[node]] += total[node]
-    return total
-
-
-def _reached(tree: DecisionTree, rows: Floats) -> Booleans:
-    """Return which nodes some row reaches, shape [M]."""
-    counts = np.bincount(tree.leaf_index(rows), minlength=tree.n_leaves)
-    reached: Booleans = node_totals(tree, counts.astype(np.float64)) > 0
-    return reached
 
 
 def _combined(left: Floats, right: Floats) -> Floats:
@@ -240,11 +225,7 @@ class Ladder:
 
     def of_size(self, n_leaves: int) -> TreePolicy:
         """Return the cheapest tree of at most so many leaves."""
-        found = [
-            (float(prunings.costs[min(n_leaves, prunings.costs.size) - 1]), number)
-            for number, prunings in enumerate(self._prunings)
-        ]
-        prunings = self._prunings[min(found)[1]]
+        prunings = self._cheapest(n_leaves)[1]
         return prunings.of_size(min(n_leaves, prunings.costs.size))
 
     def rungs(self) -> list[TreePolicy]:
@@ -252,18 +233,18 @@ class Ladder:
         rungs: list[TreePolicy] = []
         least = float("inf")
         for size in range(1, max(p.costs.size for p in self._prunings) + 1):
-            found = [
-                (float(prunings.costs[min(size, prunings.costs.size) - 1]), number)
-                for number, prunings in enumerate(self._prunings)
-            ]
-            cost, number = min(found)
+            cost = self._cheapest(size)[0]
             if cost < least:
-                prunings = self._prunings[number]
-                rungs.append(prunings.of_size(min(size, prunings.costs.size)))
+                rungs.append(self.of_size(size))
                 least = cost
             if cost <= 0.0:
                 break
         return rungs
+
+    def _cheapest(self, n_leaves: int) -> tuple[float, Prunings]:
+        """Return the least cost with at most so many leaves, and whose it is."""
+        costs = [float(p.costs[min(n_leaves, p.costs.size) - 1]) for p in self._prunings]
+        return min(costs), self._prunings[costs.index(min(costs))]
 
 
 # Between the recorded values on both sides of a test, any threshold decides them alike. Of all
@@ -316,9 +297,7 @@ def rounded(
     steps = steps or {}
     tree = policy.tree
     threshold = np.array(tree.threshold)
-    held = (
-        node_totals(tree, np.isin(np.arange(tree.n_leaves), policy.locked).astype(np.float64)) > 0
-    )
+    held = holding(tree, policy.locked)
     members: dict[int, Integers] = {0: np.arange(len(rows))}
     for node in np.flatnonzero(tree.feature != tree.NO_FEATURE).tolist():  # parents first
         feature, cut = int(tree.feature[node]), float(tree.threshold[node])

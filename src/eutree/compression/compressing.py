@@ -37,7 +37,6 @@ from eutree.compression.episodes import (
     Demand,
     FrontEntry,
     RealEpisodes,
-    as_real,
     ground_of,
     meet,
     met_by,
@@ -61,7 +60,6 @@ from eutree.validation import (
 )
 
 if TYPE_CHECKING:
-    from eutree.compression.front import Pick
     from eutree.compression.imagined import ImaginedEpisodes, Pruned
 
 IMAGINED_STREAM = 41
@@ -69,6 +67,8 @@ ASKED = 60  # episodes of each tree that a world model is held against
 _ASKED_BLOCK = 2_000_000
 
 MODES = ("auto", "merge", "paper", "lossless")
+
+_Scores = tuple[float, float]
 
 
 def compress(
@@ -119,63 +119,63 @@ def compress(
     check_choice("mode", mode, MODES)
     check_choice("weights", weights, WEIGHTS)
     check_seed(seed)
-    real = as_real(env)
+    real = env if env is None or isinstance(env, RealEpisodes) else RealEpisodes(env, searches=True)
     margin = None if real is None else real.margin
-    _check_gates(mode, max_disagreement, margin)
-    _check_size(policy, mode, max_leaves, imagined, others=(max_disagreement, margin))
+    _check_demands(policy, mode, max_disagreement, margin, max_leaves, imagined)
     rows = check_observations("observations", observations, n_features=policy.tree.n_features)
     steps = steps_of(round_thresholds, policy.schema)
     shortened = round_thresholds is not False
-    ground = demand = verdict = scores = None
-    front: tuple[FrontEntry, ...] = ()
-    if real is not None:
-        ground = ground_of(real.env, policy, seed, real.n_jobs)
-        demand = real.demand(ground.env)
-    searches = real is not None and (real.searches or margin is not None)
-    searches &= mode == "auto" and max_disagreement is None and imagined is None
-    if ground is not None and searches and not rows.size:
-        rows = met_by(policy, ground)
-    costs = Costs.of(policy, rows, weights)
-    if ground is not None and demand is not None and searches:
-        from eutree.compression.front import Pick
 
-        pick = Pick(demand, margin is not None, max_leaves)
-        found = _by_playing(policy, rows, ground, pick, steps if shortened else None)
+    def by_labels(costs: Costs, ground: Ground | None) -> tuple[TreePolicy, str, _Scores | None]:
+        if max_leaves is not None:
+            imagine = None
+            if imagined is not None:
+                generator = np.random.default_rng((seed, IMAGINED_STREAM))
+                known = imagined.transitions(policy)
+                imagine = partial(imagined.pruned, known, generator=generator)
+            return _of_size(policy, costs, max_leaves, imagine, ground)
+        if max_disagreement is not None:
+            return *_within(policy, costs, max_disagreement), None
+        return *_smallest(policy, rows, mode), None
+
+    if real is None:
+        costs = Costs.of(policy, rows, weights)
+        result, method, scores = by_labels(costs, None)
+        result = rounded(result, rows, steps) if shortened else result
+        by = "labels" if scores is None else "model"
+        return result, report_on(policy, result, method, costs, imagined=scores, by=by)
+    ground = ground_of(real.env, policy, seed, real.n_jobs)
+    demand = real.demand(ground.env, max_leaves)
+    searches = (real.searches or margin is not None) and mode == "auto"
+    searches &= max_disagreement is None and imagined is None
+    rows = met_by(policy, ground) if searches and not rows.size else rows
+    costs = Costs.of(policy, rows, weights)
+    verdict = scores = played = too_few = None
+    front: tuple[FrontEntry, ...] = ()
+    if searches:
+        found = _by_playing(policy, rows, ground, demand, steps if shortened else None)
         result, method, verdict, front = found
-    elif max_leaves is not None:
-        imagine = None
-        if imagined is not None:
-            generator = np.random.default_rng((seed, IMAGINED_STREAM))
-            known = imagined.transitions(policy)
-            imagine = partial(imagined.pruned, known, generator=generator)
-        result, method, scores = _of_size(policy, costs, max_leaves, imagine, ground)
-    elif max_disagreement is not None:
-        result, method = _within(policy, costs, max_disagreement)
     else:
-        result, method = _smallest(policy, rows, mode)
-    exact, played = result, None
+        result, method, scores = by_labels(costs, ground)
     if shortened and verdict is None:
-        result = rounded(exact, rows, steps)
-        if ground is not None and demand is not None:
-            played = play_rounded(exact, result, ground, demand.episodes, margin)
-            result = result if played.kept else exact
-    too_few = None
-    if real is not None and real.evaluates and ground and demand and verdict is None:
+        exact, result = result, rounded(result, rows, steps)
+        played = play_rounded(exact, result, ground, demand.episodes, margin)
+        result = result if played.kept else exact
+    if real.evaluates and verdict is None:
         verdict = meet(policy, result, ground, demand)
-        too_few = _episodes_needed(demand, verdict) if margin else None
-    if ground is not None and real is not None and not isinstance(real.env, gymnasium.Env):
+        too_few = _episodes_needed(margin, demand, verdict) if margin else None
+    if not isinstance(real.env, gymnasium.Env):
         ground.env.close()
-    report = report_on(policy, result, method, costs, verdict)
-    return result, replace(
-        report,
-        environment_steps=0 if ground is None else ground.steps,
-        range_known=demand is not None and demand.known_range is not None,
+    return result, report_on(
+        policy, result, method, costs, verdict,
+        environment_steps=ground.steps,
+        range_known=demand.known_range is not None,
         episodes_needed=too_few,
         imagined=scores,
         rounding=played,
         by="episodes" if searches else "labels" if scores is None else "model",
         front=front,
-    )
+    )  # fmt: skip
 
 
 def observation_box(schema: Schema, rows: Floats) -> tuple[Floats, Floats]:
@@ -220,7 +220,7 @@ def _of_size(
     max_leaves: int,
     imagine: "Callable[..., Pruned] | None",
     ground: Ground | None,
-) -> tuple[TreePolicy, str, tuple[float, float] | None]:
+) -> tuple[TreePolicy, str, _Scores | None]:
     """Return a tree of at most so many leaves, what made it, and its score with the input's."""
     exact = merged(policy)
     if exact.n_leaves <= max_leaves or not costs.rows.size:
@@ -238,21 +238,30 @@ def _of_size(
     return found.policy, found.method, (found.before, found.after)
 
 
-def _check_size(
+def _check_demands(
     policy: TreePolicy,
     mode: str,
+    max_disagreement: float | None,
+    margin: float | None,
     max_leaves: int | None,
     imagined: "ImaginedEpisodes | None",
-    *,
-    others: tuple[float | None, float | None],
 ) -> None:
-    """Raise InvalidArgumentError unless a limit of leaves can be asked for."""
+    """Raise InvalidArgumentError unless the demands can be met together."""
+    if max_disagreement is not None:
+        check_number("max_disagreement", max_disagreement, low=0, high=1)
+    if max_disagreement is not None and margin is not None:
+        raise InvalidArgumentError("give either max_disagreement or margin, got both")
+    gives_up = max_disagreement is not None or margin is not None
+    if mode != "auto" and gives_up:
+        raise InvalidArgumentError(
+            f'mode must be "auto" with max_disagreement or margin, got {mode!r}'
+        )
     if max_leaves is None:
         if imagined is not None:
             raise InvalidArgumentError("imagined needs max_leaves, to prune a tree to")
         return
     check_integer("max_leaves", max_leaves, low=2)
-    if mode != "auto" or others != (None, None):
+    if mode != "auto" or gives_up:
         raise InvalidArgumentError(
             'max_leaves needs mode="auto", and neither max_disagreement nor margin'
         )
@@ -266,7 +275,7 @@ def _by_playing(
     policy: TreePolicy,
     rows: Floats,
     ground: Ground,
-    pick: "Pick",
+    demand: Demand,
     steps: Mapping[int, float] | None,
 ) -> tuple[TreePolicy, str, Comparison | None, tuple[FrontEntry, ...]]:
     """Return the pick of the front, which way made it, its verdict, and the front.
@@ -282,7 +291,7 @@ def _by_playing(
     from eutree.compression.front import front_of
 
     exact = with_locks(merged(policy), policy)
-    front = front_of(policy, exact, ground, pick, finish)
+    front = front_of(policy, exact, ground, demand, finish)
     if front.picked is None:
         return exact, "merge", None, front.entries
     return front.picked, "return", front.verdict, front.entries
@@ -294,8 +303,9 @@ def report_on(
     method: str,
     costs: Costs,
     verdict: Comparison | None = None,
+    **more: Any,
 ) -> CompressionReport:
-    """Return what changed from a policy to a smaller one."""
+    """Return what changed from a policy to a smaller one; ``more`` are fields of the report."""
     rows = costs.rows
     schema = policy.schema
     return CompressionReport(
@@ -312,17 +322,15 @@ def report_on(
         ),
         method=method,
         weighted_disagreement=costs.share(result.tree, result.actions),
-        mean_return_before=None if verdict is None else verdict.before,
-        mean_return_after=None if verdict is None else verdict.after,
-        return_change=None if verdict is None else verdict.change,
-        return_range=None if verdict is None else verdict.return_range,
+        **({} if verdict is None else vars(verdict)),
+        **more,
     )
 
 
-def _episodes_needed(demand: Demand, verdict: Comparison) -> int | None:
+def _episodes_needed(margin: float, demand: Demand, verdict: Comparison) -> int | None:
     """Return how many episodes could confirm the margin at best, if that is more than allowed."""
     low, high = verdict.return_range
-    needed = episodes_needed(demand.margin, low - high, ATTEMPTS[0] * demand.error)
+    needed = episodes_needed(margin, low - high, ATTEMPTS[0] * demand.error)
     return needed if needed > demand.episodes else None
 
 
@@ -331,18 +339,6 @@ def _agreement(policy: TreePolicy, rows: Floats, wanted: ArrayLike) -> float:
     if not rows.size:
         return 1.0
     return float((policy.actions[policy.tree.leaf_index(rows)] == wanted).mean())
-
-
-def _check_gates(mode: str, max_disagreement: float | None, margin: float | None) -> None:
-    """Raise InvalidArgumentError unless the demands can be met together."""
-    if max_disagreement is not None:
-        check_number("max_disagreement", max_disagreement, low=0, high=1)
-    if max_disagreement is not None and margin is not None:
-        raise InvalidArgumentError("give either max_disagreement or margin, got both")
-    if mode != "auto" and (max_disagreement is not None or margin is not None):
-        raise InvalidArgumentError(
-            f'mode must be "auto" with max_disagreement or margin, got {mode!r}'
-        )
 
 
 # Compression of a tree that keeps monotone rules, into one that keeps them.
@@ -389,8 +385,10 @@ def compress_monotone(
     if kept:
         best = max(kept, key=lambda one: (one.mean_return, -one.policy.n_leaves))
         rows = check_observations("observations", observations, n_features=policy.tree.n_features)
-        changed = report_on(policy, best.policy, "monotone", Costs.of(policy, rows, "visits"))
-        return best.policy, replace(changed, front=report.front, by=report.by)
+        costs = Costs.of(policy, rows, "visits")
+        return best.policy, report_on(
+            policy, best.policy, "monotone", costs, front=report.front, by=report.by
+        )
     exact, merged = compress(policy, observations, mode="merge")
     if most is not None and exact.n_leaves > most:
         raise InvalidArgumentError(

@@ -16,7 +16,7 @@ from eutree.compression.playing import Ground, Outcome
 from eutree.contests import bounds_of_change
 from eutree.contests.betting import TUNED
 from eutree.contests.smallest import ATTEMPTS
-from eutree.evaluation import Estimate, Interval, evaluate, mean_interval
+from eutree.evaluation import Estimate, Interval, evaluate
 from eutree.interaction import episode_seed
 from eutree.interaction.deriving import acting_as
 from eutree.interaction.episode import Stream
@@ -27,6 +27,7 @@ from eutree.schema import EnvironmentSpec
 from eutree.validation import check_integer, check_number, check_range
 
 ROUNDED_EPISODES = 200  # that show what rounding changed, at most
+SUCCESS = 0.005  # that a tree may succeed less often
 
 
 @dataclass(frozen=True)
@@ -77,13 +78,7 @@ class FrontEntry:
     @classmethod
     def of(cls, policy: TreePolicy, outcome: Outcome) -> "FrontEntry":
         """Return the entry of a tree that earned this."""
-        return cls(
-            policy,
-            outcome.mean_return,
-            mean_interval(outcome.returns),
-            outcome.success_rate,
-            outcome.success_interval,
-        )
+        return cls(policy, **{name: getattr(outcome, name) for name in _EARNED})
 
     def facts(self, path: str | None = None) -> dict[str, Any]:
         """Return the entry in JSON's types; ``path`` is where its tree was written, if it was."""
@@ -153,21 +148,30 @@ class CompressionReport:
 
 @dataclass(frozen=True, kw_only=True)
 class Demand:
-    """How sure one wants to be of what.
+    """Which tree of a front is handed back, and how sure one wants to be of it.
 
     Attributes:
-        margin: How much lower than the input's the mean return may be.
-        error: Chance that it is lower than that nevertheless.
         episodes: Most episodes of a tree in the choice, and in a confirmation.
+        margin: How much lower than the input's the mean return may be: the smallest that is shown
+            to keep that is handed back. None for the smallest within one standard error of the
+            best.
+        error: Chance that it is lower than that nevertheless.
         known_range: Lowest and highest return of an episode there can be; None takes the range of
             all returns seen, or ``blind_width`` if that is more, and then what is promised holds
             for losses within it.
+        max_leaves: Most leaves: the best of at most so many instead; None for no limit.
+        floor: A tree than which the pick may not succeed less often, as long as any tree of the
+            front, of so many leaves, does not; None for the input.
+        success_margin: By how much it may, all the same: that much is no difference.
     """
 
-    margin: float
-    error: float
     episodes: int
+    margin: float | None = None
+    error: float = 0.05
     known_range: tuple[float, float] | None = None
+    max_leaves: int | None = None
+    floor: TreePolicy | None = None
+    success_margin: float = SUCCESS
 
     @property
     def blind_width(self) -> float:
@@ -175,7 +179,8 @@ class Demand:
 
         Losses that were not seen may be as large as this: the rule of three, read backwards.
         """
-        return self.margin * self.episodes / (2 * -math.log(ATTEMPTS[0] * self.error * TUNED))
+        confirmed = self.episodes / (2 * -math.log(ATTEMPTS[0] * self.error * TUNED))
+        return (self.margin or 0.0) * confirmed
 
 
 @dataclass(frozen=True)
@@ -218,21 +223,15 @@ class RealEpisodes:
             known = check_range("return_range", self.return_range)
             object.__setattr__(self, "return_range", known)
 
-    def demand(self, env: gymnasium.Env[Any, Any]) -> Demand:
-        """Return what a tree has to keep in the environment, which has been made."""
+    def demand(self, env: gymnasium.Env[Any, Any], max_leaves: int | None) -> Demand:
+        """Return which tree is wanted of those that play in the environment, once it is made."""
         return Demand(
-            margin=self.margin or 0.0,
-            error=1.0 - self.confidence,
             episodes=self.episodes,
+            margin=self.margin,
+            error=1.0 - self.confidence,
             known_range=self.return_range or known_range(env),
+            max_leaves=max_leaves,
         )
-
-
-def as_real(env: "RealEpisodes | Environment | None") -> RealEpisodes | None:
-    """Return the episodes that are meant: in an environment alone, smaller trees are searched."""
-    if env is None or isinstance(env, RealEpisodes):
-        return env
-    return RealEpisodes(env, searches=True)
 
 
 SEEN, OBSERVED = 2**42, 100  # the first start, and how many, where nothing was recorded
@@ -269,15 +268,16 @@ class Comparison:
     """Two policies on the same fresh episodes.
 
     Attributes:
-        before: Mean return of the input.
-        after: Mean return of the other policy.
-        change: Mean of after minus before, with bounds that hold for all returns within the range.
+        mean_return_before: Mean return of the input.
+        mean_return_after: Mean return of the other policy.
+        return_change: Mean of after minus before, with bounds that hold for all returns within the
+            range.
         return_range: Lowest and highest return of an episode, as known or as seen.
     """
 
-    before: float
-    after: float
-    change: Estimate
+    mean_return_before: float
+    mean_return_after: float
+    return_change: Estimate
     return_range: tuple[float, float]
 
     @classmethod
@@ -296,7 +296,7 @@ class Comparison:
 def meet(policy: TreePolicy, other: TreePolicy, ground: Ground, demand: Demand) -> Comparison:
     """Return how two policies do on the same fresh episodes; the margin plays no part."""
     before, after = (returns_of(tree, ground, 0, demand.episodes) for tree in (policy, other))
-    return Comparison.of(before, after, replace(demand, margin=0.0))
+    return Comparison.of(before, after, replace(demand, margin=None))
 
 
 def play_rounded(

@@ -5,7 +5,7 @@ best tree of each size, those of the contest pick one, and those of the report s
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from eutree.compression.episodes import Comparison, Demand, FrontEntry
 from eutree.compression.playing import CommonEpisodes, Ground, Outcome
 from eutree.compression.searching import FrontSearch
 from eutree.contests import SmallestWithin, hold, new_table
-from eutree.evaluation import Estimate, Interval
+from eutree.evaluation import Interval
 from eutree.policies import TreePolicy
 
 STARTS, STEPS = 1000, 60_000_000  # of each size, and steps of all, where episodes run side by side
@@ -23,7 +23,6 @@ FEW_STARTS, FEW_STEPS = 60, 1_500_000  # where they run one by one
 PER_START = 800  # episodes of a search for each start, about
 LOSES = 0.1  # of the range of returns: a size that loses more ends the search
 SLACK = 0.01  # of the range of returns: what is not more is no difference
-SUCCESS = 0.005  # that a tree may succeed less often
 CONTEST, REPORT = 2**40, 2**41  # first starts
 
 Finish = Callable[[TreePolicy], TreePolicy]
@@ -38,38 +37,15 @@ class Front:
         entries: The trees, the largest first, after the input; one that earned no more than a
             smaller one is left out.
         verdict: The pick beside the input; None without one.
-        steps: Environment steps of all of it.
     """
 
     picked: TreePolicy | None
     entries: tuple[FrontEntry, ...]
     verdict: Comparison | None
-    steps: int
-
-
-@dataclass(frozen=True, eq=False)
-class Pick:
-    """Which tree of a front is handed back.
-
-    Attributes:
-        demand: What it has to keep, with the margin that counts if ``keeps_margin``.
-        keeps_margin: Whether it is the smallest that is shown to keep the margin; else the smallest
-            within one standard error of the best.
-        max_leaves: Most leaves: the best of at most so many instead; None for no limit.
-        floor: A tree than which the pick may not succeed less often, as long as any tree of the
-            front, of so many leaves, does not; None for the input.
-        success_margin: By how much it may, all the same: that much is no difference.
-    """
-
-    demand: Demand
-    keeps_margin: bool = False
-    max_leaves: int | None = None
-    floor: TreePolicy | None = None
-    success_margin: float = SUCCESS
 
 
 def front_of(
-    policy: TreePolicy, exact: TreePolicy, ground: Ground, pick: Pick, finish: Finish
+    policy: TreePolicy, exact: TreePolicy, ground: Ground, demand: Demand, finish: Finish
 ) -> Front:
     """Return the front of a tree.
 
@@ -77,19 +53,19 @@ def front_of(
         policy: The tree.
         exact: The same decisions in no more leaves: handed back where no other tree deserves it.
         ground: Where trees play.
-        pick: Which is handed back.
+        demand: Which is handed back.
         finish: What becomes of a tree that was found before it is chosen: it is rounded, say.
     """
-    common, steps = _extent(policy, ground, pick.demand.episodes)
+    common, steps = _extent(policy, ground, demand.episodes)
     search = FrontSearch([exact], common, steps, lambda one: with_locks(merged(one), policy))
     search.run(2, loses=LOSES)
     found = [finish(one) for trees in search.found.values() for one in trees]
     found = [one for one in found if one.n_leaves <= exact.n_leaves]
-    return front_among(policy, [finish(exact), *found], common, pick)
+    return front_among(policy, [finish(exact), *found], common, demand)
 
 
 def front_among(
-    policy: TreePolicy, trees: Sequence[TreePolicy], common: CommonEpisodes, pick: Pick
+    policy: TreePolicy, trees: Sequence[TreePolicy], common: CommonEpisodes, demand: Demand
 ) -> Front:
     """Return the front of some trees, and the pick among them.
 
@@ -97,28 +73,28 @@ def front_among(
         policy: The input, beside which all are shown.
         trees: The trees.
         common: Where they run; the starts of its next draw make the front.
-        pick: Which is handed back.
+        demand: Which is handed back.
     """
     ground = common.ground
     common.redraw(policy)
     best = _best_of_each_size(trees, common)
     verdict = None
-    allowed = _allowed(best, common, pick)
-    if pick.max_leaves is not None:
+    allowed = _allowed(best, common, demand)
+    if demand.max_leaves is not None:
         picked = allowed[0] if allowed else None  # of a front the largest is the best
-    elif pick.floor is not None:
-        picked = _near_best(allowed, ground, pick)
+    elif demand.floor is not None:
+        picked = _near_best(allowed, ground, demand)
     else:
-        picked, verdict = _contest(policy, allowed, ground, pick)
-    report = CommonEpisodes(ground, pick.demand.episodes, REPORT)
+        picked, verdict = _contest(policy, allowed, ground, demand)
+    report = CommonEpisodes(ground, demand.episodes, REPORT)
     report.redraw(policy)
     trees = [one for one, _ in best]
     outcomes = report.outcomes([picked or policy, *trees])
     entries = [FrontEntry.of(policy, report.outcome)]
     entries += [FrontEntry.of(one, o) for one, o in zip(trees, outcomes[1:], strict=True)]
     if picked is not None and verdict is None:
-        verdict = Comparison.of(report.outcome.returns, outcomes[0].returns, pick.demand)
-    return Front(picked, tuple(entries), verdict, ground.steps)
+        verdict = Comparison.of(report.outcome.returns, outcomes[0].returns, demand)
+    return Front(picked, tuple(entries), verdict)
 
 
 def _extent(policy: TreePolicy, ground: Ground, episodes: int) -> tuple[CommonEpisodes, int]:
@@ -157,7 +133,7 @@ def _best_of_each_size(
 
 
 def _allowed(
-    best: Sequence[tuple[TreePolicy, Outcome]], common: CommonEpisodes, pick: Pick
+    best: Sequence[tuple[TreePolicy, Outcome]], common: CommonEpisodes, demand: Demand
 ) -> list[TreePolicy]:
     """Return the trees that are small enough and succeed as often as the floor, or the input.
 
@@ -165,39 +141,38 @@ def _allowed(
     have been lucky, and the most successful of many trees was. Without the margin that one alone
     would be left, be it small and earn little.
     """
-    least, most = common.outcome.success_rate, pick.max_leaves
-    if pick.floor is not None:
-        least = common.outcomes([pick.floor])[0].success_rate
+    least, most = common.outcome.success_rate, demand.max_leaves
+    if demand.floor is not None:
+        least = common.outcomes([demand.floor])[0].success_rate
     small = [(one, o.success_rate) for one, o in best if most is None or one.n_leaves <= most]
     if least is None:
         return [tree for tree, _ in small]
-    if pick.floor is not None or most is not None:
+    if demand.floor is not None or most is not None:
         least = min(least, max((rate for _, rate in small if rate is not None), default=least))
-    return [tree for tree, rate in small if rate is None or rate >= least - pick.success_margin]
+    return [tree for tree, rate in small if rate is None or rate >= least - demand.success_margin]
 
 
-def _near_best(trees: Sequence[TreePolicy], ground: Ground, pick: Pick) -> TreePolicy:
+def _near_best(trees: Sequence[TreePolicy], ground: Ground, demand: Demand) -> TreePolicy:
     """Return the smallest tree within one standard error of the best."""
     if len(trees) == 1:
         return trees[0]
     sizes = tuple(one.n_leaves for one in trees)
-    rule = SmallestWithin(sizes=sizes, episodes=pick.demand.episodes, slack=SLACK)
+    rule = SmallestWithin(sizes=sizes, episodes=demand.episodes, slack=SLACK)
     return trees[hold(rule, new_table(len(trees), rule.most), _runs(trees, ground)).winner]
 
 
 def _contest(
-    policy: TreePolicy, trees: Sequence[TreePolicy], ground: Ground, pick: Pick
+    policy: TreePolicy, trees: Sequence[TreePolicy], ground: Ground, demand: Demand
 ) -> tuple[TreePolicy | None, Comparison | None]:
     """Return the tree that wins, and how it did beside the input where that was shown."""
-    demand, rivals = pick.demand, [policy, *trees]
+    rivals = [policy, *trees]
     rule = SmallestWithin(
         sizes=tuple(one.n_leaves for one in rivals),
-        margin=demand.margin if pick.keeps_margin else None,
+        margin=demand.margin,
         error=demand.error,
         episodes=demand.episodes,
         known=demand.known_range,
     )
-
     table = new_table(len(rivals), rule.most)
     found = hold(rule, table, _runs(rivals, ground))
     if not found.winner:
@@ -205,13 +180,10 @@ def _contest(
     if not found.shown:
         return rivals[found.winner], None
     verdict = Comparison.of(table[0, found.starts], table[found.winner, found.starts], demand)
-    low = max(verdict.change.interval.low, -demand.margin)  # the bisection stops near it
-    change = Estimate(
-        verdict.change.value, Interval(low, verdict.change.interval.high), verdict.change.n
-    )
-    return rivals[found.winner], Comparison(
-        verdict.before, verdict.after, change, verdict.return_range
-    )
+    change = verdict.return_change
+    low = max(change.interval.low, -(demand.margin or 0.0))  # the bisection stops near it
+    change = replace(change, interval=Interval(low, change.interval.high))
+    return rivals[found.winner], replace(verdict, return_change=change)
 
 
 def _runs(trees: Sequence[TreePolicy], ground: Ground) -> Callable[[int, Sequence[int]], Floats]:

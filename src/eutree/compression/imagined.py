@@ -12,7 +12,7 @@ import numpy as np
 
 from eutree.arrays import Floats
 from eutree.compression.candidates import Costs, Ladder, merged, with_tree
-from eutree.compression.playing import Move, moved
+from eutree.compression.playing import Move, PairedEpisodes, moved
 from eutree.data import Demonstrations
 from eutree.errors import InvalidArgumentError
 from eutree.learners import History
@@ -29,67 +29,35 @@ from eutree.world_model.rollouts import Gain, Rollouts
 ROWS = 2000  # that thresholds are placed by, and parts fitted to
 
 
-class ImaginedCommonEpisodes:
-    """Imagined episodes of a present tree from common starts, and those of rivals beside it.
+class ImaginedCommonEpisodes(PairedEpisodes):
+    """Imagined episodes; a rival's are given up as soon as it is hopeless, so few are not less.
 
     Args:
         rollouts: Imagines them; their steps are none of the environment's.
-
-    Attributes:
-        present: The tree that ran last.
     """
-
-    present: TreePolicy
 
     def __init__(self, rollouts: Rollouts) -> None:
         self._rollouts = rollouts
-        self._scale: float | None = None
         self._known: dict[bytes, Gain] = {}  # of trees beside the present one
-
-    @property
-    def features(self) -> Floats:
-        """Features at steps of the present tree's episodes, spread evenly, shape [n, d]."""
-        features = self._rollouts.observations
-        return features[:: len(features) // ROWS + 1]
-
-    @property
-    def mean_return(self) -> float:
-        """Mean imagined return of the present tree."""
-        return float(self._rollouts.returns.mean())
-
-    @property
-    def scale(self) -> float:
-        """Width of the range of the first tree's imagined returns."""
-        return self._scale or 0.0
 
     @property
     def steps(self) -> int:
         """Steps imagined so far."""
         return self._rollouts.n_steps_taken
 
-    def redraw(self, tree: TreePolicy) -> None:
-        """Let a tree run from other starts, with other chance."""
+    def _draw(self) -> None:
         self._rollouts.redraw()
-        self.run(tree)
 
-    def run(self, tree: TreePolicy) -> None:
-        """Let a tree run from the present starts."""
-        self.present = tree
+    def _play(self, tree: TreePolicy) -> None:
         self._known.clear()
         self._rollouts.run(acting(tree))
-        if self._scale is None:
-            self._scale = float(np.ptp(self._rollouts.returns))
+        self.returns, seen = self._rollouts.returns, self._rollouts.observations
+        self.features = seen[:: len(seen) // ROWS + 1]  # spread evenly
 
     def gains(
         self, rivals: Sequence[TreePolicy], *, few: bool = False, above: float = -np.inf
     ) -> list[Gain]:
-        """Return what rivals are imagined to earn more than the present tree.
-
-        Args:
-            rivals: The trees.
-            few: Not used: an episode is given up as soon as its tree is hopeless.
-            above: Hopeless is what comes to less.
-        """
+        """Return what rivals are imagined to earn more than the present tree."""
         return [self._gain(one, above) for one in rivals]
 
     def gains_of_moves(self, moves: Sequence[Move], *, few: bool = False) -> list[Gain]:
@@ -233,9 +201,8 @@ class ImaginedEpisodes:
         """
         ladder = Ladder(policy, costs)
         whole = merged(policy)
-        large = (
-            whole if whole.n_leaves <= TIMES * max_leaves else ladder.of_size(TIMES * max_leaves)
-        )
+        fits = whole.n_leaves <= TIMES * max_leaves
+        large = whole if fits else ladder.of_size(TIMES * max_leaves)
         ensemble = fit_ensemble(known, self.world_model, generator)
         rivals = [("budget", ladder.of_size(max_leaves))]
         for _ in range(TRIES):

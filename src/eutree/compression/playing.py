@@ -7,16 +7,17 @@ Where the environment has a vector form, episodes of many trees run side by side
 are divided among processes.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import gymnasium
 import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
-from eutree.evaluation import Interval, wilson_interval
 from eutree.evaluation.evaluate import run_batch, same_parameters, vector_form
+from eutree.evaluation.evaluation import Earned
 from eutree.interaction import episode_seed
 from eutree.interaction.episode import RunPairs, Stream, run_pairs
 from eutree.interaction.making import Recipe
@@ -34,37 +35,14 @@ FAILURE = 0.2  # of the range of returns, that a failed episode costs beside its
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
-    """What a tree earned from common starts.
-
-    Attributes:
-        returns: Undiscounted return of each episode.
-        successes: Whether each was a success; None where the environment reports none.
-    """
+class Outcome(Earned):
+    """What a tree earned from common starts."""
 
     returns: Floats  # [E]
     successes: Booleans | None  # [E]
 
-    @property
-    def mean_return(self) -> float:
-        """Mean undiscounted return."""
-        return float(self.returns.mean())
 
-    @property
-    def success_rate(self) -> float | None:
-        """Share of successful episodes; None where none are reported."""
-        return None if self.successes is None else float(self.successes.mean())
-
-    @property
-    def success_interval(self) -> Interval | None:
-        """95 % interval of that share, by Wilson's formula."""
-        if self.successes is None:
-            return None
-        return wilson_interval(int(self.successes.sum()), self.successes.size)
-
-
-@dataclass(frozen=True, eq=False)
-class _Traces:
+class _Traces(NamedTuple):
     """Each step of the present tree's episodes, in any order."""
 
     features: Floats  # [N, d]
@@ -166,21 +144,12 @@ class Ground:
             pairs = slice(first, first + COPIES)
             parts.append(self._batch(trees, which[pairs], seeds[pairs], first))
         outcomes, traces = zip(*parts, strict=True)
-        known = [one.successes for one in outcomes if one.successes is not None]
         self.steps += sum(len(one.actions) for one in traces)
         self.episodes += len(seeds)
-        return (
-            Outcome(
-                np.concatenate([one.returns for one in outcomes]),
-                np.concatenate(known) if len(known) == len(outcomes) else None,
-            ),
-            _Traces(
-                *(
-                    np.concatenate([getattr(one, name) for one in traces])
-                    for name in ("features", "actions", "episode")
-                )
-            ),
-        )
+        known = [one.successes for one in outcomes if one.successes is not None]
+        successes = np.concatenate(known) if len(known) == len(outcomes) else None
+        outcome = Outcome(np.concatenate([one.returns for one in outcomes]), successes)
+        return outcome, _Traces(*map(np.concatenate, zip(*traces, strict=True)))
 
     def _seed_of(self, start: int) -> int:
         seed = self._seeds.get(start)
@@ -192,10 +161,8 @@ class Ground:
         self, trees: Sequence[TreePolicy], which: Integers, seeds: list[int], first: int
     ) -> tuple[Outcome, _Traces]:
         make = vector_form(self.env)
-        if make is None:
-            return self._divided(trees, which, seeds, first)
-        vector = make(len(seeds))
-        if not same_parameters(vector, self.env):
+        vector = None if make is None else make(len(seeds))
+        if vector is None or not same_parameters(vector, self.env):
             return self._divided(trees, which, seeds, first)
         forest = _Forest(trees, which)
         found = run_batch(forest, vector, seeds)
@@ -233,8 +200,70 @@ class Ground:
         )
 
 
-class CommonEpisodes:
+class PairedEpisodes(ABC):
     """Episodes of a present tree from common starts, and those of rivals beside it.
+
+    Attributes:
+        present: The tree that ran last.
+        returns: Its returns.
+        features: What it saw at steps of its episodes.
+        scale: Width of the range of the first tree's returns.
+    """
+
+    present: TreePolicy
+    returns: Floats  # [E]
+    features: Floats  # [N, d]
+    scale: float | None = None
+
+    @property
+    @abstractmethod
+    def steps(self) -> int:
+        """Steps so far."""
+
+    @property
+    def mean_return(self) -> float:
+        """Mean return of the present tree."""
+        return float(self.returns.mean())
+
+    def redraw(self, tree: TreePolicy) -> None:
+        """Let a tree run from starts that no tree has seen."""
+        self._draw()
+        self.run(tree)
+
+    def run(self, tree: TreePolicy) -> None:
+        """Let a tree run from the present starts."""
+        self.present = tree
+        self._play(tree)
+        if self.scale is None:
+            self.scale = float(np.ptp(self.returns))
+
+    @abstractmethod
+    def _draw(self) -> None:
+        """Take other starts."""
+
+    @abstractmethod
+    def _play(self, tree: TreePolicy) -> None:
+        """Set returns and features to those of a tree."""
+
+    @abstractmethod
+    def gains(
+        self, rivals: Sequence[TreePolicy], *, few: bool = False, above: float = -np.inf
+    ) -> "list[Gain]":
+        """Return what rivals are worth more than the present tree.
+
+        Args:
+            rivals: The trees.
+            few: Whether some of the starts are enough to see that a change does harm.
+            above: What comes to less is hopeless, and may be given up early.
+        """
+
+    def gains_of_moves(self, moves: Sequence[Move], *, few: bool = False) -> "list[Gain]":
+        """Return what moved thresholds, each alone, are worth more than the present tree."""
+        return self.gains([moved(self.present, *one) for one in moves], few=few)
+
+
+class CommonEpisodes(PairedEpisodes):
+    """Episodes in an environment; none is given up, and few are a quarter of the starts.
 
     Args:
         ground: Where they play.
@@ -244,11 +273,10 @@ class CommonEpisodes:
     Attributes:
         ground: As given.
         n: As given.
-        present: The tree that ran last.
-        outcome: What it earned.
+        outcome: What the present tree earned.
+        traces: Each step of its episodes.
     """
 
-    present: TreePolicy
     outcome: Outcome
     traces: _Traces
 
@@ -256,57 +284,30 @@ class CommonEpisodes:
         self.ground = ground
         self.n = n
         self._begin = first - n
-        self._scale: float | None = None
-
-    @property
-    def features(self) -> Floats:
-        """Features at each step of the present tree's episodes, shape [N, d]."""
-        return self.traces.features
-
-    @property
-    def mean_return(self) -> float:
-        """Mean return of the present tree."""
-        return self.outcome.mean_return
-
-    @property
-    def scale(self) -> float:
-        """Width of the range of the first tree's returns."""
-        return self._scale or 0.0
 
     @property
     def steps(self) -> int:
         """Environment steps so far."""
         return self.ground.steps
 
-    def redraw(self, tree: TreePolicy) -> None:
-        """Let a tree run from starts that no tree has seen."""
+    def _draw(self) -> None:
         self._begin += self.n
-        self.run(tree)
 
-    def run(self, tree: TreePolicy) -> None:
-        """Let a tree run from the present starts."""
+    def _play(self, tree: TreePolicy) -> None:
         starts = self._begin + np.arange(self.n)
-        self.present = tree
         self.outcome, self.traces = self.ground.play([tree], np.zeros(self.n, np.intp), starts)
-        if self._scale is None:
-            self._scale = float(np.ptp(self.outcome.returns))
+        self.returns, self.features = self.outcome.returns, self.traces.features
 
     def worth(self, outcome: Outcome) -> Floats:
         """Return what each episode is worth: its return, less a price where it failed, [E]."""
         if outcome.successes is None:
             return outcome.returns
-        return outcome.returns - FAILURE * self.scale * ~outcome.successes
+        return outcome.returns - FAILURE * (self.scale or 0.0) * ~outcome.successes
 
     def gains(
         self, rivals: Sequence[TreePolicy], *, few: bool = False, above: float = -np.inf
     ) -> "list[Gain]":
-        """Return what rivals are worth more than the present tree.
-
-        Args:
-            rivals: The trees.
-            few: A quarter of the starts is enough to see that a change does harm.
-            above: Not used: no episode is given up.
-        """
+        """Return what rivals are worth more than the present tree."""
         n = self.n // SCREENED if few else self.n
         own = self.worth(self.outcome)[:n]
         found = (self.worth(one) - own for one in self.outcomes(rivals, n))
@@ -314,27 +315,25 @@ class CommonEpisodes:
 
         return [Gain(float(g.mean()), float(g.std() / np.sqrt(n)), True) for g in found]
 
-    def gains_of_moves(self, moves: Sequence[Move], *, few: bool = False) -> "list[Gain]":
-        """Return what moved thresholds, each alone, are worth more than the present tree."""
-        return self.gains([moved(self.present, *one) for one in moves], few=few)
-
     def outcomes(self, rivals: Sequence[TreePolicy], n: int | None = None) -> list[Outcome]:
         """Return what rivals earn from the first ``n`` of the present starts."""
         n = n or self.n
         touched = [self._departs(rival, n) for rival in rivals]
         which = np.repeat(np.arange(len(rivals)), [one.size for one in touched])
+        own = self.outcome.successes
         found = [
-            (self.outcome.returns[:n].copy(), _copy(self.outcome.successes, n)) for _ in rivals
+            Outcome(self.returns[:n].copy(), None if own is None else own[:n].copy())
+            for _ in rivals
         ]
         if which.size:
             episodes = np.concatenate(touched)
             played, _ = self.ground.play(rivals, which, self._begin + episodes)
-            for number, (returns, successes) in enumerate(found):
+            for number, one in enumerate(found):
                 mine = which == number
-                returns[episodes[mine]] = played.returns[mine]
-                if successes is not None and played.successes is not None:
-                    successes[episodes[mine]] = played.successes[mine]
-        return [Outcome(*one) for one in found]
+                one.returns[episodes[mine]] = played.returns[mine]
+                if one.successes is not None and played.successes is not None:
+                    one.successes[episodes[mine]] = played.successes[mine]
+        return found
 
     def _departs(self, rival: TreePolicy, n: int) -> Integers:
         """Return the episodes in which a rival does not do the same throughout."""
@@ -352,7 +351,3 @@ def moved(policy: TreePolicy, node: int, at: float) -> TreePolicy:
     threshold[node] = at
     tree = replace(policy.tree, threshold=threshold)
     return replace(policy, tree=tree, leaves=None, locked=())
-
-
-def _copy(successes: Booleans | None, n: int) -> Booleans | None:
-    return None if successes is None else successes[:n].copy()

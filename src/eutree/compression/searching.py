@@ -8,26 +8,17 @@ at one size has to prove itself at the next.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from eutree.arrays import Booleans, Integers
 from eutree.c45 import C45Settings
 from eutree.compression.candidates import Costs, Prunings, by_c45, merged, with_tree
-from eutree.compression.playing import moved
+from eutree.compression.playing import PairedEpisodes, moved
 from eutree.features import threshold_between
 from eutree.policies import TreePolicy
 from eutree.trees import DecisionTree
 from eutree.trees.edit import INNER, TreeBuilder, rebuild
-
-if TYPE_CHECKING:
-    from eutree.compression.imagined import ImaginedCommonEpisodes
-    from eutree.compression.playing import CommonEpisodes
-
-    PairedEpisodes: TypeAlias = (
-        CommonEpisodes | ImaginedCommonEpisodes
-    )  # what the search asks of trees
 
 SHIFTS = (0.02, 0.06, 0.15, 0.35, 0.7)  # of the smaller side's rows
 FEW = 20  # rows
@@ -57,7 +48,7 @@ class FrontSearch:
     def __init__(
         self,
         policies: Sequence[TreePolicy],
-        episodes: "PairedEpisodes",
+        episodes: PairedEpisodes,
         budget: int,
         checked: Check = merged,
     ) -> None:
@@ -79,7 +70,7 @@ class FrontSearch:
             loses: Share of the range of returns: a size at which more is lost is the last one.
         """
         size, lost = max(self._pool), 0.0
-        scale = max(self.episodes.scale, 1e-12)
+        scale = max(self.episodes.scale or 0.0, 1e-12)
         while size >= least and self.episodes.steps < self._budget and lost <= loses:
             waiting = [one for _, one in self._pool.pop(size, [])]
             if waiting:
@@ -150,7 +141,7 @@ def _inner(tree: DecisionTree) -> list[int]:
     return nodes
 
 
-def _places(episodes: "PairedEpisodes") -> Iterator[tuple[int, list[float]]]:
+def _places(episodes: PairedEpisodes) -> Iterator[tuple[int, list[float]]]:
     """Yield inner nodes with thresholds a share of the smaller side's rows away, on both sides."""
     tree, features = episodes.present.tree, episodes.features
     leaves = tree.leaf_index(features)
@@ -192,7 +183,7 @@ def _cuts(policy: TreePolicy) -> Iterator[TreePolicy]:
             yield with_tree(policy, *rebuild(tree, own, instead))
 
 
-def _refitted(episodes: "PairedEpisodes") -> Iterator[TreePolicy]:
+def _refitted(episodes: PairedEpisodes) -> Iterator[TreePolicy]:
     """Yield the tree with a part fitted again to what it decided, in fewer leaves."""
     policy, features = episodes.present, episodes.features
     tree = policy.tree

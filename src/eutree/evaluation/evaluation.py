@@ -116,8 +116,42 @@ def _student_cdf(angle: float, freedom: int) -> float:
 COCHRAN = 25
 
 
+class Earned:
+    """Some episodes by what they earned.
+
+    Attributes:
+        returns: Undiscounted return of each episode.
+        successes: Whether each was a success; None where the environment reports none.
+    """
+
+    returns: Floats  # [E]
+    successes: Booleans | None  # [E]
+
+    @property
+    def mean_return(self) -> float:
+        """Mean undiscounted return."""
+        return float(self.returns.mean())
+
+    @property
+    def return_interval(self) -> Interval:
+        """95 % interval of the mean return, by Student's t; one episode shows no spread."""
+        return mean_interval(self.returns)
+
+    @property
+    def success_rate(self) -> float | None:
+        """Share of successful episodes; None where the environment reports none."""
+        return None if self.successes is None else float(self.successes.mean())
+
+    @property
+    def success_interval(self) -> Interval | None:
+        """95 % interval of the success rate, by Wilson's formula; None without successes."""
+        if self.successes is None:
+            return None
+        return wilson_interval(int(self.successes.sum()), self.successes.size)
+
+
 @dataclass(frozen=True, eq=False)
-class Evaluation(Displayed):
+class Evaluation(Earned, Displayed):
     """What an evaluation measured, episode by episode.
 
     Attributes:
@@ -183,11 +217,6 @@ class Evaluation(Displayed):
         return int(self.lengths.sum())
 
     @property
-    def mean_return(self) -> float:
-        """Mean undiscounted return."""
-        return float(self.returns.mean())
-
-    @property
     def worst_return(self) -> float:
         """The lowest return of an episode."""
         return float(self.returns.min())
@@ -201,16 +230,6 @@ class Evaluation(Displayed):
     def mean_length(self) -> float:
         """Mean number of steps."""
         return float(self.lengths.mean())
-
-    @property
-    def success_rate(self) -> float | None:
-        """Share of successful episodes; None where the environment reports none."""
-        return None if self.successes is None else float(self.successes.mean())
-
-    @property
-    def return_interval(self) -> Interval:
-        """95 % interval of the mean return, by Student's t; one episode shows no spread."""
-        return mean_interval(self.returns)
 
     @property
     def warning(self) -> str:
@@ -239,13 +258,6 @@ class Evaluation(Displayed):
             f"worst episode {self.worst_return:.4g}, one in twenty at most "
             f"{self.return_quantile_05:.4g}"
         )
-
-    @property
-    def success_interval(self) -> Interval | None:
-        """95 % interval of the success rate, by Wilson's formula; None without successes."""
-        if self.successes is None:
-            return None
-        return wilson_interval(int(self.successes.sum()), self.episodes)
 
     def of_episodes(self, numbers: Sequence[int]) -> "Evaluation":
         """Return the evaluation of some of the episodes, by their numbers."""

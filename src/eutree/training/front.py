@@ -13,7 +13,7 @@ import numpy as np
 
 from eutree.compression.candidates import Costs, Ladder, merged, with_locks
 from eutree.compression.episodes import Demand
-from eutree.compression.front import Front, Pick, front_among
+from eutree.compression.front import Front, front_among
 from eutree.compression.imagined import ImaginedCommonEpisodes
 from eutree.compression.playing import CommonEpisodes, Ground
 from eutree.compression.searching import FrontSearch
@@ -104,10 +104,11 @@ def front_of_run(
         found = _imagined(trees, rollouts, checked, extent.imagined, least)
     else:
         found = _by_labels(learned, learner, checked)
-    demand = Demand(margin=0.0, error=0.05, episodes=extent.starts)
-    pick = Pick(demand, max_leaves=max_leaves, floor=start, success_margin=success_margin)
+    demand = Demand(
+        episodes=extent.starts, max_leaves=max_leaves, floor=start, success_margin=success_margin
+    )
     common = CommonEpisodes(ground, extent.starts)
-    return front_among(learned, _few([checked(learned), *found], extent.trees), common, pick)
+    return front_among(learned, _few([checked(learned), *found], extent.trees), common, demand)
 
 
 def _imagined(
