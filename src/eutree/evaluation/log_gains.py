@@ -29,7 +29,6 @@ from eutree.arrays import Floats, Integers
 from eutree.c45 import C45Settings, grow
 from eutree.data import Episode
 from eutree.policies import TreePolicy
-from eutree.trees import DecisionTree
 from eutree.trees.edit import INNER, merge, rebuild
 from eutree.world_model.dynamics import ModelTree, fit_model_tree
 
@@ -309,17 +308,9 @@ class _Pruning:
 def _worth(policy: TreePolicy, log: FittedLog) -> Floats:
     """Return the gains of single deviations to each action in each node, shape [M, A]."""
     tree = policy.tree
-    worth = np.zeros((tree.n_nodes, log.n_actions))
+    worth = np.zeros((tree.n_leaves, log.n_actions))
     for episode in log.episodes:
         steps, actions = np.arange(len(episode)), episode.actions
         gained = log.advantages(episode) / log.chances(episode)[steps, actions]
-        leaves = tree.leaf_index(rows_of(policy, episode))
-        np.add.at(worth, (tree.node_of_leaf[leaves], actions), gained)
-    return _summed(tree, worth)
-
-
-def _summed(tree: DecisionTree, worth: Floats) -> Floats:
-    """Return the sums over the leaves below each node."""
-    for node in range(tree.n_nodes - 1, 0, -1):
-        worth[tree.parent[node]] += worth[node]
-    return worth
+        np.add.at(worth, (tree.leaf_index(rows_of(policy, episode)), actions), gained)
+    return tree.totals(worth)

@@ -23,6 +23,7 @@ from eutree.policies import TreePolicy
 from eutree.schema import Schema
 from eutree.trees import DecisionTree
 from eutree.trees.text import derived_features
+from eutree.trees.tree import depths
 
 # Identifiers longer than this are cut: C99 promises 31 significant characters to the linker.
 _LENGTH = 31
@@ -91,11 +92,8 @@ def block_roots(tree: DecisionTree) -> list[int]:
     A block calls only blocks that come before it in the list, so functions written in this order
     need no declarations.
     """
-    depth = np.zeros(tree.n_nodes, dtype=np.int64)
-    for node in range(1, tree.n_nodes):
-        depth[node] = depth[tree.parent[node]] + 1
     is_inner = tree.feature != tree.NO_FEATURE
-    roots = set(np.flatnonzero(is_inner & (depth % DEPTH == 0)).tolist()) | {0}
+    roots = set(np.flatnonzero(is_inner & (depths(tree.parent) % DEPTH == 0)).tolist()) | {0}
     return sorted(roots, reverse=True)
 
 

@@ -16,6 +16,7 @@ from eutree.policies import TreePolicy
 from eutree.schema import Schema
 from eutree.trees import DecisionTree
 from eutree.trees.text import asked, is_reversed, printable, question
+from eutree.trees.tree import depths
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,17 +36,14 @@ class Layout:
 
 def layout(tree: DecisionTree) -> Layout:
     """Return the places of all nodes, the "yes" branch above the "no" branch."""
-    row, column = np.zeros(tree.n_nodes), np.zeros(tree.n_nodes, dtype=np.int64)
-    next_row = 0
+    row, next_row = np.zeros(tree.n_nodes), 0
     for node in tree.preorder():
-        if node != 0:
-            column[node] = column[tree.parent[node]] + 1
         if tree.feature[node] == tree.NO_FEATURE:
             row[node], next_row = next_row, next_row + 1
     for node in reversed(range(tree.n_nodes)):  # children come after their parents
         if tree.feature[node] != tree.NO_FEATURE:
             row[node] = (row[tree.left[node]] + row[tree.right[node]]) / 2
-    return Layout(row, column, next_row)
+    return Layout(row, depths(tree.parent), next_row)
 
 
 def column_lefts(

@@ -4,7 +4,6 @@ from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
-from eutree.arrays import Floats
 from eutree.display import counted
 from eutree.export._code import ASSUMPTION
 from eutree.export.drawing import (
@@ -54,8 +53,10 @@ def to_svg(policy: TreePolicy, *, standalone: bool = True) -> str:
     labels = [_label(policy, node, digits) for node in range(tree.n_nodes)]
     widths = [text_width(label) + 2 * _PADDING for label in labels]
     lefts = column_lefts(places, widths, gap=_GAP, margin=_MARGIN)
-    visits = None if policy.leaves is None else _node_visits(policy)
-    notes = 70.0 if visits is not None else 0.0
+    shares, notes = np.zeros(tree.n_nodes), 0.0  # of all visits that passed through each node
+    if policy.leaves is not None:
+        visits = tree.totals(policy.leaves.visits.sum(axis=1))
+        shares, notes = visits / max(visits[0], 1.0), 70.0
     width = max(left + wide for left, wide in zip(lefts, widths, strict=True)) + notes + _MARGIN
     height = places.n_rows * _ROW + 2 * _MARGIN
     title = f"Decision tree with {counted(policy.n_leaves, 'leaf')}"
@@ -74,12 +75,12 @@ def to_svg(policy: TreePolicy, *, standalone: bool = True) -> str:
         start, end = lefts[parent] + widths[parent], lefts[child]
         is_upper = bool(tree.left[parent] == child)
         place = (end, middles[child], is_upper)
-        lines += _branch((start, middles[parent]), place, answer, _share(visits, child))
+        lines += _branch((start, middles[parent]), place, answer, shares[child])
     for node in tree.preorder():
         box = lefts[node], middles[node], widths[node]
         lines += _node(policy, node, labels[node], box, colours)
-        if visits is not None and tree.leaf[node] != tree.NO_LEAF:
-            x, share = lefts[node] + widths[node] + 6, 100 * _share(visits, node)
+        if notes and tree.leaf[node] != tree.NO_LEAF:
+            x, share = lefts[node] + widths[node] + 6, 100 * shares[node]
             note = f"{share:.0f} %" if share >= 1 or share == 0 else f"{share:.1g} %"
             lines.append(
                 f'<text class="eutree-note" x="{x:.1f}" y="{middles[node] + 4:.1f}">{note}</text>'
@@ -105,23 +106,6 @@ def _label(policy: TreePolicy, node: int, digits: Digits) -> str:
 def _shortened(text: str) -> str:
     """Return ``text``, cut where it would be too long to draw."""
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"
-
-
-def _node_visits(policy: TreePolicy) -> Floats:
-    """Return the share of all visits that passed through each node, shape [M]."""
-    tree = policy.tree
-    visits = np.zeros(tree.n_nodes)
-    if policy.leaves is not None:
-        visits[tree.node_of_leaf] = policy.leaves.visits.sum(axis=1)
-    for node in range(tree.n_nodes - 1, 0, -1):  # children come after their parents
-        visits[tree.parent[node]] += visits[node]
-    shares: Floats = visits / max(visits[0], 1.0)
-    return shares
-
-
-def _share(visits: Floats | None, node: int) -> float:
-    """Return the share of visits through a node; 0 where unknown."""
-    return 0.0 if visits is None else float(visits[node])
 
 
 def _branch(

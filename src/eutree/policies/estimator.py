@@ -139,14 +139,11 @@ class TreePolicyClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc
         policy = self._policy()
         tree, schema = policy.tree, policy.schema
         order = self._sorted()[1]
-        counts = np.zeros((tree.n_nodes, schema.n_actions))
         one_hot = np.equal.outer(policy.actions, np.arange(schema.n_actions)).astype(np.float64)
         known = None if policy.leaves is None else policy.leaves.visits.sum(axis=1)
         # scikit-learn's class is the most frequent: the action gets all visits of its leaf.
         sizes = np.ones(policy.n_leaves) if known is None else np.maximum(known, 1)
-        counts[tree.node_of_leaf] = one_hot * sizes[:, np.newaxis]
-        for node in range(tree.n_nodes - 1, 0, -1):  # children come after their parents
-            counts[tree.parent[node]] += counts[node]
+        counts = tree.totals(one_hot * sizes[:, np.newaxis])
         shares = (counts / counts.sum(axis=1, keepdims=True))[:, np.newaxis, order]
         grown = Tree(tree.n_features, np.array([schema.n_actions], dtype=np.intp), 1)
         grown.__setstate__(

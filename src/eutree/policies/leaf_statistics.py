@@ -105,10 +105,7 @@ def orders_of(
         n_actions: Number of actions A.
         leaves: What is known of the leaves.
     """
-    counts = np.zeros((tree.n_nodes, n_actions), dtype=np.int64)
-    counts[tree.node_of_leaf, actions] = 1
-    for node in range(tree.n_nodes - 1, 0, -1):  # children come after their parents
-        counts[tree.parent[node]] += counts[node]
+    counts = tree.totals(np.eye(n_actions, dtype=np.int64)[actions])  # leaves of each action
     orders = np.empty((tree.n_leaves, n_actions), dtype=np.int64)
     for leaf in range(tree.n_leaves):
         path = np.array(tree.path(leaf)[::-1])

@@ -127,11 +127,7 @@ def reachable(tree: DecisionTree, reached: Booleans) -> tuple[DecisionTree, Inte
 
 def holding(tree: DecisionTree, leaves: Iterable[int]) -> Booleans:
     """Return which nodes have one of some leaves below them or are one, shape [M]."""
-    holds: Booleans = np.zeros(tree.n_nodes, dtype=np.bool_)
-    holds[tree.node_of_leaf[list(leaves)]] = True
-    for node in range(tree.n_nodes - 1, 0, -1):
-        holds[tree.parent[node]] |= holds[node]
-    return holds
+    return tree.totals(np.isin(np.arange(tree.n_leaves), list(leaves)))
 
 
 def rebuild(tree: DecisionTree, source: Integers, label: Integers) -> tuple[DecisionTree, Integers]:
