@@ -1,10 +1,10 @@
 """What is certified of a policy, in a sentence that a reviewer can sign, and in pictures."""
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
 import msgspec
 import numpy as np
@@ -19,28 +19,6 @@ PROVEN, REFUTED, UNDECIDED = "proven", "refuted", "undecided"
 PROOF, STATISTICAL = "proof", "statistical"
 KNOWN, OPEN, FAILS, EMPTY = range(4)  # of a picture's cells
 NEVER = 2**31 - 1  # number of steps after which nothing has happened
-
-
-@dataclass(frozen=True, eq=False)
-class Pieces:
-    """The boxes of starts that a proof has cut, and when each ends.
-
-    Attributes:
-        names: Names of the numbers of a state.
-        low: Lower bounds.
-        high: Upper bounds.
-        first: No state of the piece ends before so many steps; ``NEVER`` where none does.
-        last: All states of the piece end within so many; ``NEVER`` where that is not known.
-    """
-
-    names: tuple[str, ...]
-    low: Floats  # [N, d]
-    high: Floats  # [N, d]
-    first: Integers  # [N]
-    last: Integers  # [N]
-
-    def __post_init__(self) -> None:
-        freeze(self, "low", "high", "first", "last")
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +43,22 @@ class Starts:
         box = int(generator.integers(len(self.low)))
         state: Floats = generator.uniform(self.low[box], self.high[box])
         return state
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces(Starts):
+    """The boxes of starts that a proof has cut, and when each ends.
+
+    Attributes:
+        first: No state of the piece ends before so many steps; ``NEVER`` where none does.
+        last: All states of the piece end within so many; ``NEVER`` where that is not known.
+    """
+
+    first: Integers  # [N]
+    last: Integers  # [N]
+
+    def __post_init__(self) -> None:
+        freeze(self, "low", "high", "first", "last")
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,7 +155,7 @@ class PictureDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     low: list[float]
     high: list[float]
     values: list[list[float]]
-    marks: list[list[int]]
+    marks: list[list[Annotated[int, msgspec.Meta(ge=KNOWN, le=EMPTY)]]]
     legend: str
 
 
@@ -171,8 +165,8 @@ class CertificateDocument(Document, frozen=True, kw_only=True):
     FORMAT: ClassVar[str] = "eutree/certificate"
 
     policy: str
-    verdict: str
-    kind: str
+    verdict: Literal["proven", "refuted", "undecided"]
+    kind: Literal["proof", "statistical"]
     sentence: str
     bounds: dict[str, tuple[float, float]]
     undecided: float
@@ -219,12 +213,6 @@ def load_certificate(path: str | Path, policy: TreePolicy | None = None) -> Cert
     document = read_document(path, CertificateDocument)
     if policy is not None and document.policy != _mark(policy):
         raise InvalidArgumentError(f"{path} must be a certificate of this policy, got another's")
-    for name, value, known in (
-        ("verdict", document.verdict, (PROVEN, REFUTED, UNDECIDED)),
-        ("kind", document.kind, (PROOF, STATISTICAL)),
-    ):
-        if value not in known:
-            raise FormatError(path, name, f"must be one of {', '.join(known)}, got {value!r}")
     kept = {name: getattr(document, name) for name in _KEPT}
     kept["starts"] = document.starts and _starts(document.starts, path)
     pictures = enumerate(document.pictures)
@@ -233,48 +221,38 @@ def load_certificate(path: str | Path, policy: TreePolicy | None = None) -> Cert
 
 
 def _starts(document: StartsDocument, path: str | Path) -> Starts:
-    columns = len(document.names)
-    low, high = (
-        _table(getattr(document, name), f"starts.{name}", path, columns) for name in ("low", "high")
-    )
-    if len(low) == 0 or low.shape != high.shape or not (low <= high).all():
+    low, high = (_table(rows, "starts", path) for rows in (document.low, document.high))
+    shape = len(document.low), len(document.names)
+    if not (low.shape == high.shape == shape and low.size and (low <= high).all()):
         raise FormatError(path, "starts", "must be boxes, each with a lower and an upper bound")
     return Starts(tuple(document.names), low, high)
 
 
 def _picture(document: PictureDocument, place: str, path: str | Path) -> Picture:
-    values = _table(document.values, f"{place}.values", path)
-    marks = _table(document.marks, f"{place}.marks", path).astype(np.int64)
-    ends = np.array([document.low, document.high]) if _pairs(document) else np.empty((0, 0))
+    values, marks = (_table(rows, place, path) for rows in (document.values, document.marks))
+    ends, n = _table([document.low, document.high], place, path), len(document.names)
     if not (
-        ends.size
+        n in (1, 2)
+        and ends.shape == (2, n)
         and (ends[0] < ends[1]).all()
+        and values.ndim == 2
         and values.shape == marks.shape
         and 0 < values.size <= _MOST_CELLS
-        and (len(document.names) == 2 or values.shape[1] == 1)
-        and ((marks >= 0) & (marks <= EMPTY)).all()
+        and (n == 2 or values.shape[1] == 1)
     ):
         raise FormatError(path, place, "must be cells along one number or two, each with a mark")
     kept = {name: tuple(getattr(document, name)) for name in ("names", "low", "high")}
-    return Picture(document.title, **kept, values=values, marks=marks, legend=document.legend)
+    return Picture(
+        document.title, **kept, values=values, marks=marks.astype(np.int64), legend=document.legend
+    )
 
 
-def _pairs(document: PictureDocument) -> bool:
-    """Return whether one or two numbers have a name and both ends each."""
-    return len(document.names) == len(document.low) == len(document.high) in (1, 2)
-
-
-def _table(
-    rows: list[list[float]] | list[list[int]],
-    place: str,
-    path: str | Path,
-    columns: int | None = None,
-) -> Floats:
+def _table(rows: Sequence[Sequence[float]], place: str, path: str | Path) -> Floats:
     """Return rows of one length as an array."""
-    lengths = {len(row) for row in rows}
-    if len(lengths) > 1 or (columns is not None and lengths - {columns}):
-        raise FormatError(path, place, "must be rows of one length")
-    return np.array(rows, dtype=np.float64)
+    try:
+        return np.array(rows, dtype=np.float64)
+    except ValueError:
+        raise FormatError(path, place, "must be rows of one length") from None
 
 
 def _mark(policy: TreePolicy) -> str:

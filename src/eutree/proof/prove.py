@@ -1,7 +1,8 @@
 """``prove``: a policy, a plant and a property make a certificate."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -88,14 +89,18 @@ def _of_return(found: Certificate, asked: EpisodeProperty, plant: Plant) -> Cert
     low, high = found.bounds["mean_return"]
     least = asked.least or 0.0
     verdict = PROVEN if low >= least else REFUTED if high < least else UNDECIDED
-    said = {
-        PROVEN: f"it {asked.text}",
-        REFUTED: f"it is not true that it {asked.text}",
-        UNDECIDED: f"whether it {asked.text} is open",
-    }
-    words = f"over all starts of {plant.environment} {said[verdict]}: "
+    words = f"over all starts of {plant.environment} {_said(verdict, f'it {asked.text}')}: "
     words += f"its mean return is in [{low:.6g}, {high:.6g}]"
     return replace(found, sentence=words, verdict=verdict, counterexample=None)
+
+
+def _said(verdict: str, statement: str) -> str:
+    """Return a statement as it was found to be."""
+    if verdict == PROVEN:
+        return statement
+    return (
+        f"it is not true that {statement}" if verdict == REFUTED else f"whether {statement} is open"
+    )
 
 
 class _Proof:
@@ -125,32 +130,45 @@ class _Proof:
         shares = _shares(pieces, plant)
         fails, open_ = self._failing(pieces)
         start = self._counterexample(pieces, fails, open_)
-        verdict = PROVEN if not (fails | open_).any() else UNDECIDED
-        if start is not None:
-            verdict = REFUTED
+        verdict = REFUTED if start else UNDECIDED if (fails | open_).any() else PROVEN
         undecided = min(float(shares[open_].sum()), 1.0)
         bounds = self._bounds(pieces, shares)
-        worst = self._worst(pieces) if self._arriving else None
-        return Certificate(
-            sentence=self._sentence(verdict, undecided, float(shares[fails].sum()), bounds),
-            kind=PROOF,
-            verdict=verdict,
+        more, said = "", None
+        if verdict == PROVEN and self._arriving:
+            said = f"arrives within {bounds['steps'][1]} steps" if "steps" in bounds else "arrives"
+        elif verdict == REFUTED and fails.any():
+            more = f": not from {float(shares[fails].sum()):.3g} of all starts"
+        elif verdict == UNDECIDED:
+            more = f" for a share of {undecided:.3g} of them"
+        if "mean_return" in bounds:
+            low, high = bounds["mean_return"]
+            more += f"; the mean return over all starts is in [{low:.6g}, {high:.6g}]"
+        return self._certificate(
+            verdict,
+            more,
+            said=said,
             bounds=bounds,
             undecided=undecided,
-            worst_start=None if worst is None else self._named(*worst),
-            counterexample=None if start is None else self._named(*start),
+            worst_start=self._worst(pieces) if self._arriving else None,
+            counterexample=start,
             starts=starts_among(pieces, fails | open_),
             pieces=pieces,
             pictures=pictures_of_pieces(pieces, fails, open_),
             work={"pieces": len(pieces.first), "box_steps": reach.box_steps},
         )
 
+    def _certificate(
+        self, verdict: str, more: str = "", *, said: str | None = None, **fields: Any
+    ) -> Certificate:
+        """Return a certificate whose sentence ends with what more there is to say."""
+        every = f"from every start of {self._plant.environment} it {said or self._asked.text}"
+        return Certificate(_said(verdict, every) + more, PROOF, verdict, **fields)
+
     def by_layers(self) -> Certificate:
         """Return whether the conditions hold for some steps, from boxes along the plant's axes.
 
         Cells are halved while a next time, four times the work, is within the effort.
         """
-        every = f"from every start of {self._plant.environment} it {self._asked.text}"
         self._check_start()
         steps = refine = spent = 0
         while 5 * spent <= self._effort.box_steps:
@@ -161,22 +179,16 @@ class _Proof:
             spent += layers.box_steps
             work = {"boxes": layers.most, "box_steps": spent, "steps": steps, "refined": refine}
             if steps == self._horizon:
-                return Certificate(every, PROOF, PROVEN, work=work)
-            found = self._played() if refine == 1 else None
+                return self._certificate(PROVEN, work=work)
+            found = self._broken_from(self._worst_starts()) if refine == 1 else None
             if found is not None:
-                words = f"it is not true that {every}"
-                return Certificate(words, PROOF, REFUTED, counterexample=found, work=work)
-        words = f"whether {every} is open; it is proven for the first {steps} steps"
-        return Certificate(words, PROOF, UNDECIDED, undecided=1.0, work=work)
+                return self._certificate(REFUTED, counterexample=found, work=work)
+        more = f"; it is proven for the first {steps} steps"
+        return self._certificate(UNDECIDED, more, undecided=1.0, work=work)
 
-    def _played(self) -> dict[str, float] | None:
-        """Return one of the worst starts there are, if Gymnasium breaks the property from it."""
+    def _worst_starts(self) -> Floats:
         acting = Acting(self._policy, self._plant)
-        for start in worst_starts(acting, self._plant, self._harm, self._horizon):
-            steps = self._breaks(start)
-            if steps is not None:
-                return self._named(start, steps)
-        return None
+        return worst_starts(acting, self._plant, self._harm, self._horizon)
 
     def for_ever(self) -> Certificate:
         """Return whether the conditions hold at every step of an episode without an end."""
@@ -193,28 +205,22 @@ class _Proof:
         work = {"cells": grid.n_cells, "safe_cells": int(found.safe.sum()), "sweeps": found.sweeps}
         pictures = pictures_of_grid(plant, found)
         if not found.undecided:
-            words = f"from every start of {plant.environment} it {self._asked.text}"
-            return Certificate(words, PROOF, PROVEN, pictures=pictures, work=work)
+            return self._certificate(PROVEN, pictures=pictures, work=work)
         box = [(one.low, one.high) for one in grid.boxes(np.flatnonzero(found.open_cells))]
-        starts = Starts(plant.state, *np.array(box).transpose(1, 2, 0)[:, :MOST_BOXES])
         seed = breaking_seed(plant, self._policy, self._broken)
+        verdict = UNDECIDED if seed is None else REFUTED
+        more = f" for a share of {found.undecided:.3g} of the cells with starts"
         if seed is not None:
-            words = (
-                f"it is not true that from every start of {plant.environment} it "
-                f"{self._asked.text}: the episode of seed {seed['seed']} does not"
-            )
-            return Certificate(
-                words, PROOF, REFUTED, undecided=found.undecided, counterexample=seed,
-                starts=starts, pictures=pictures, work=work,
-            )  # fmt: skip
-        words = (
-            f"whether from every start of {plant.environment} it {self._asked.text} is open for a "
-            f"share of {found.undecided:.3g} of the cells with starts"
-        )
-        return Certificate(
-            words, PROOF, UNDECIDED, undecided=found.undecided, starts=starts, pictures=pictures,
+            more = f": the episode of seed {seed['seed']} does not"
+        return self._certificate(
+            verdict,
+            more,
+            undecided=found.undecided,
+            counterexample=seed,
+            starts=Starts(plant.state, *np.array(box).transpose(1, 2, 0)[:, :MOST_BOXES]),
+            pictures=pictures,
             work=work,
-        )  # fmt: skip
+        )
 
     def _failing(self, pieces: Pieces) -> tuple[Booleans, Booleans]:
         """Return which pieces break the property surely, and which perhaps."""
@@ -251,21 +257,22 @@ class _Proof:
 
     def _counterexample(
         self, pieces: Pieces, fails: Booleans, open_: Booleans
-    ) -> tuple[Floats, int] | None:
+    ) -> dict[str, float] | None:
         """Return a start from which the real environment breaks the property, and when."""
-        if fails.any():
-            for start in _middles(pieces, fails):
-                steps = self._breaks(start)
-                if steps is not None:
-                    return start, steps
+        found = self._broken_from(_middles(pieces, fails))
+        if fails.any() and found is None:
             raise InvalidArgumentError(
                 f"plant must move as {self._plant.environment} does, but it refutes "
                 f"{self._asked.text!r} where the environment keeps it; see check_plant"
             )
-        for start in _middles(pieces, open_):
+        return found or self._broken_from(_middles(pieces, open_))
+
+    def _broken_from(self, starts: Iterable[Floats]) -> dict[str, float] | None:
+        """Return the first start from which Gymnasium breaks the property, and when."""
+        for start in starts:
             steps = self._breaks(start)
             if steps is not None:
-                return start, steps
+                return self._named(start, steps)
         return None
 
     def _breaks(self, start: Floats) -> int | None:
@@ -278,15 +285,15 @@ class _Proof:
         broken = np.flatnonzero(self._broken(state).surely)
         return int(broken[0]) if broken.size else None
 
-    def _worst(self, pieces: Pieces) -> tuple[Floats, int] | None:
+    def _worst(self, pieces: Pieces) -> dict[str, float] | None:
         """Return a start that takes longest of those that arrive, and its steps when replayed."""
         arrives = pieces.last != NEVER
         if not arrives.any():
             return None
         slowest = np.where(arrives, pieces.first, -1).argmax()
-        chosen = np.arange(len(pieces.first)) == slowest
-        start = next(_middles(pieces, chosen))
-        return start, len(replay(self._plant, self._policy, start, self._horizon).states) - 1
+        start = next(_middles(pieces, np.arange(len(pieces.first)) == slowest))
+        path = replay(self._plant, self._policy, start, self._horizon)
+        return self._named(start, len(path.states) - 1)
 
     def _bounds(self, pieces: Pieces, shares: Floats) -> dict[str, tuple[float, float]]:
         if not self._arriving:
@@ -304,28 +311,6 @@ class _Proof:
             low, high = sorted((reward * least, reward * most))
             bounds["mean_return"] = (low, high)
         return bounds
-
-    def _sentence(
-        self, verdict: str, undecided: float, failing: float, bounds: dict[str, tuple[float, float]]
-    ) -> str:
-        name, asked = self._plant.environment, self._asked.text
-        parts = []
-        if verdict == PROVEN:
-            steps = f" within {bounds['steps'][1]} steps" if "steps" in bounds else ""
-            said = f"arrives{steps}" if self._arriving else asked
-            parts.append(f"from every start of {name} it {said}")
-        elif verdict == REFUTED:
-            share = f": not from {failing:.3g} of all starts" if failing else ""
-            parts.append(f"it is not true that from every start of {name} it {asked}{share}")
-        else:
-            parts.append(
-                f"whether from every start of {name} it {asked} is open for a share of "
-                f"{undecided:.3g} of them"
-            )
-        if "mean_return" in bounds:
-            low, high = bounds["mean_return"]
-            parts.append(f"the mean return over all starts is in [{low:.6g}, {high:.6g}]")
-        return "; ".join(parts)
 
     def _named(self, start: Floats, steps: int) -> dict[str, float]:
         return {**dict(zip(self._plant.state, start.tolist(), strict=True)), "steps": steps}
