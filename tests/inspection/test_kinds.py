@@ -16,7 +16,7 @@ from eutree.policies import TreePolicy
 from eutree.schema import Control, Feature, Schema, combined_actions
 from eutree.trees import DecisionTree
 from eutree.trees.boxes import leaf_boxes, possible
-from eutree.trees.text import asked, is_reversed, question
+from eutree.trees.text import asked
 from tests import naive_trees
 
 PHASES = tuple(
@@ -100,14 +100,13 @@ def test_a_question_is_answered_as_its_words_say(seed):
     tree = policy.tree
     for row in ROWS[:: len(ROWS) // 40]:
         for node in tree.path(tree.leaf_of(row.tolist()))[:-1]:
-            feature, cut = int(tree.feature[node]), float(tree.threshold[node])
-            known = asked(SCHEMA, tree, node)
-            words = question(known, feature, cut)
+            feature, _, cut = test = asked(SCHEMA, tree, node)
+            words = test.question()
             if feature != SETTING or " is " not in words:
                 continue
             named = words.split(" is ")[1].removeprefix("not ").split(",")
             is_named = MODE.categories[int(row[SETTING]) - 1] in named
-            is_yes = (row[feature] <= cut) != is_reversed(known.features[feature], cut)
+            is_yes = test.answer(is_left=row[feature] <= cut) == "yes"
             assert is_yes == (is_named != (" is not " in words))
 
 

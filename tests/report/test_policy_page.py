@@ -22,7 +22,7 @@ from eutree.report.tree_data import policy_features
 from eutree.schema import Control, EnvironmentSpec, Feature, Schema, combined_actions
 from eutree.trees import DecisionTree
 from eutree.trees.boxes import leaf_boxes
-from eutree.trees.text import asked, question
+from eutree.trees.text import asked
 from tests.export.policies import EVASION, NASTY, policy_of, tree
 from tests.export.tools import need
 from tests.report.browser import ENOUGH, Opened, grave_violations, open_page
@@ -470,9 +470,7 @@ def test_a_page_speaks_of_kinds_as_rules_do(chromium: Any, tmp_path: Path) -> No
     low, high = leaf_boxes(grown)
     for node, (words, conditions) in enumerate(told):
         if grown.leaf[node] < 0:
-            known = asked(schema, grown, node)
-            test = question(known, int(grown.feature[node]), float(grown.threshold[node]))
-            assert words == test.replace("<=", "≤")
+            assert words == asked(schema, grown, node).question().replace("<=", "≤")
         else:
             leaf = grown.leaf[node]
             wanted = Region(low[leaf], high[leaf]).words(schema, domain(schema))

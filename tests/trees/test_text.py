@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from eutree.schema import Feature, Schema
 from eutree.trees import DecisionTree
-from eutree.trees.text import at_most, condition, printable, quoted, rules
+from eutree.trees.text import AskedTest, at_most, printable, quoted, rules
 from tests.export.policies import NASTY
 
 # Whatever opens, closes or continues something in a language that exports write.
@@ -37,9 +37,9 @@ def test_ordinary_names_are_left_alone(name: str) -> None:
 
 
 def test_conditions_are_exact_and_have_units() -> None:
-    schema = Schema((Feature("speed", "m/s"), Feature("a <= b")), ("go",))
-    assert condition(schema, 0, 0.1 + 0.2) == "speed <= 0.30000000000000004 m/s"
-    assert condition(schema, 1, -0.0) == r'"a \u003c= b" <= -0.0'
+    exact = AskedTest(0, Feature("speed", "m/s"), 0.1 + 0.2)
+    assert exact.condition() == "speed <= 0.30000000000000004 m/s"
+    assert AskedTest(1, Feature("a <= b"), -0.0).condition() == r'"a \u003c= b" <= -0.0'
 
 
 def test_right_branches_continue_the_chain() -> None:

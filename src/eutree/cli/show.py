@@ -20,7 +20,7 @@ from eutree.export import FORMATS, to_c_header, to_c_test
 from eutree.export import export as make
 from eutree.export.c import function_name
 from eutree.files import check_writable, write_bytes, write_text
-from eutree.trees.text import asked, definitions, is_reversed, printable, question
+from eutree.trees.text import asked, definitions, printable
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -150,10 +150,8 @@ def drawn(policy: "TreePolicy") -> "Text":
         line, parent = Text(), int(tree.parent[node])
         if parent != tree.NO_NODE:
             is_left = tree.left[parent] == node
-            schema = asked(policy.schema, tree, parent)
-            tested = schema.features[tree.feature[parent]]
-            is_yes = is_left != is_reversed(tested, float(tree.threshold[parent]))
-            branch = ("├─ " if is_left else "└─ ") + ("yes  " if is_yes else "no   ")
+            answer = asked(policy.schema, tree, parent).answer(is_left=is_left)
+            branch = f"{'├─' if is_left else '└─'} {answer:<5}"
             line.append(guides[parent] + branch, style="dim")
             guides[node] = guides[parent] + ("│  " if is_left else "   ")
         lines.append(line + _words(policy, node, digits))
@@ -167,9 +165,7 @@ def _words(policy: "TreePolicy", node: int, digits: "Digits") -> "Text":
 
     tree = policy.tree
     if tree.leaf[node] == tree.NO_LEAF:
-        feature, cut = int(tree.feature[node]), float(tree.threshold[node])
-        words = question(asked(policy.schema, tree, node), feature, cut, digits)
-        return Text(f"{words} ?")
+        return Text(f"{asked(policy.schema, tree, node).question(digits)} ?")
     leaf = int(tree.leaf[node])
     action = int(policy.actions[leaf])
     colour = _COLOURS[action % len(_COLOURS)]

@@ -48,7 +48,6 @@ from eutree.trees.boxes import node_boxes
 from eutree.trees.text import (
     Syntax,
     asked,
-    condition,
     definitions,
     derived_features,
     labelled,
@@ -206,9 +205,7 @@ def _function(
     def test(node: int) -> str:
         remark = ""
         if kind.number != "int32":
-            known = asked(policy.schema, tree, node)
-            words = condition(known, int(tree.feature[node]), float(tree.threshold[node]))
-            remark = f" /* {words} */"
+            remark = f" /* {asked(policy.schema, tree, node).condition()} */"
         return f"if ({kind.test(tree, node)}) {{{remark}"
 
     def leaf(node: int) -> str:

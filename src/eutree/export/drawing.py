@@ -15,7 +15,7 @@ from eutree.export._code import ASSUMPTION
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
 from eutree.trees import DecisionTree
-from eutree.trees.text import asked, is_reversed, printable, question
+from eutree.trees.text import asked, printable
 from eutree.trees.tree import depths
 
 
@@ -72,9 +72,7 @@ def text_width(text: str) -> float:
 
 def words_of_test(policy: TreePolicy, node: int) -> str:
     """Return the test of an inner node with its exact threshold."""
-    tree = policy.tree
-    known = asked(policy.schema, tree, node)
-    return question(known, int(tree.feature[node]), float(tree.threshold[node]))
+    return asked(policy.schema, policy.tree, node).question()
 
 
 def words_of_leaf(policy: TreePolicy, node: int) -> str:
@@ -87,16 +85,9 @@ def branches(policy: TreePolicy) -> Iterator[tuple[int, int, str]]:
     tree = policy.tree
     for node in tree.preorder():
         if tree.feature[node] != tree.NO_FEATURE:
-            yield node, int(tree.left[node]), answer_of(policy, node, is_left=True)
-            yield node, int(tree.right[node]), answer_of(policy, node, is_left=False)
-
-
-def answer_of(policy: TreePolicy, node: int, *, is_left: bool) -> str:
-    """Return which answer to the test of an inner node leads to one of its branches."""
-    known = asked(policy.schema, policy.tree, node)
-    feature = known.features[policy.tree.feature[node]]
-    reverse = is_reversed(feature, float(policy.tree.threshold[node]))
-    return "yes" if is_left != reverse else "no"
+            test = asked(policy.schema, tree, node)
+            yield node, int(tree.left[node]), test.answer(is_left=True)
+            yield node, int(tree.right[node]), test.answer(is_left=False)
 
 
 # Levels of one quantity are an order, so theirs are one scale: from blue below 0 over grey to

@@ -16,7 +16,6 @@ from eutree.policies import TreePolicy
 from eutree.trees.text import (
     Syntax,
     asked,
-    condition,
     definitions,
     derived_features,
     labelled,
@@ -83,11 +82,9 @@ def _function(policy: TreePolicy, name: str, root: int, cut: frozenset[int]) -> 
     tree, schema = policy.tree, policy.schema
 
     def test(node: int) -> str:
-        feature, threshold = int(tree.feature[node]), float(tree.threshold[node])
-        one = schema.features[feature]
-        known = asked(schema, tree, node)
-        words = condition(known, feature, threshold) if one.is_integer else labelled(one)
-        return f"observation[{feature}] <= {threshold!r}:  # {words}"
+        number, feature, threshold = test = asked(schema, tree, node)
+        words = test.condition() if feature.is_integer else labelled(feature)
+        return f"observation[{number}] <= {threshold!r}:  # {words}"
 
     def leaf(node: int) -> str:
         if tree.leaf[node] == tree.NO_LEAF:

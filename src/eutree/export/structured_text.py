@@ -19,7 +19,6 @@ from eutree.policies import TreePolicy
 from eutree.trees.text import (
     Syntax,
     asked,
-    condition,
     definitions,
     derived_features,
     labelled,
@@ -86,11 +85,9 @@ def _function(
         title = f"{name}_tree"
 
     def test(node: int) -> str:
-        feature, threshold = int(tree.feature[node]), float(tree.threshold[node])
-        remark = ""
-        if schema.features[feature].is_integer:
-            remark = f" (* {condition(asked(schema, tree, node), feature, threshold)} *)"
-        return f"IF {inputs[feature]} <= {literal(threshold)} THEN{remark}"
+        test = asked(schema, tree, node)
+        remark = f" (* {test.condition()} *)" if test.feature.is_integer else ""
+        return f"IF {inputs[test.number]} <= {literal(test.threshold)} THEN{remark}"
 
     def leaf(node: int) -> str:
         if tree.leaf[node] == tree.NO_LEAF:

@@ -16,7 +16,7 @@ from eutree.export.drawing import (
     words_of_test,
 )
 from eutree.policies import TreePolicy
-from eutree.trees.text import Digits, asked, printable, question
+from eutree.trees.text import Digits, asked, printable
 
 STYLE = """\
 .eutree { font: 12px system-ui, "Segoe UI", Helvetica, Arial, sans-serif; }
@@ -93,11 +93,9 @@ def _label(policy: TreePolicy, node: int, digits: Digits) -> str:
     tree = policy.tree
     if tree.feature[node] == tree.NO_FEATURE:
         return _shortened(words_of_leaf(policy, node))
-    number, threshold = int(tree.feature[node]), float(tree.threshold[node])
-    feature = policy.schema.features[number]
+    number, feature, threshold = known = asked(policy.schema, tree, node)
     if feature.is_integer:
-        known = asked(policy.schema, tree, node)
-        return _shortened(question(known, number, threshold, digits).replace("<=", "≤"))
+        return _shortened(known.question(digits).replace("<=", "≤"))
     unit = f" {_shortened(printable(feature.unit))}" if feature.unit else ""
     test = digits.at_most(number, threshold).replace("<=", "≤")
     return f"{_shortened(printable(feature.name))} {test}{unit}"

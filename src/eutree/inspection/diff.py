@@ -11,7 +11,7 @@ from eutree.display import SAME, Displayed, counted
 from eutree.inspection.regions import Region, domain, finite_box, is_box
 from eutree.policies import TreePolicy
 from eutree.trees.boxes import differing, possible, volumes
-from eutree.trees.text import Digits, asked, printable, question
+from eutree.trees.text import Digits, asked, printable
 from eutree.validation import check_observations
 
 
@@ -226,5 +226,4 @@ def _at(policy: TreePolicy, node: int, digits: Digits) -> str:
     tree = policy.tree
     if tree.feature[node] == tree.NO_FEATURE:
         return printable(policy.schema.actions[policy.actions[tree.leaf[node]]])
-    feature, cut = int(tree.feature[node]), float(tree.threshold[node])
-    return f"{question(asked(policy.schema, tree, node), feature, cut, digits)} ?"
+    return f"{asked(policy.schema, tree, node).question(digits)} ?"

@@ -14,7 +14,7 @@ from eutree.policies import TreePolicy
 from eutree.trees import DecisionTree
 from eutree.trees.boxes import leaf_boxes, possible
 from eutree.trees.edit import graft
-from eutree.trees.text import Digits, asked, printable, question
+from eutree.trees.text import Digits, asked, printable
 from eutree.validation import check_integer, check_number
 
 
@@ -89,8 +89,7 @@ def numbered(policy: TreePolicy) -> str:
             lock = ", locked" if leaf in policy.locked else ""
             words = f"leaf {leaf}: {printable(policy.schema.actions[policy.actions[leaf]])}{lock}"
         else:
-            feature, cut = int(tree.feature[node]), float(tree.threshold[node])
-            words = f"{question(asked(policy.schema, tree, node), feature, cut, digits)} ?"
+            words = f"{asked(policy.schema, tree, node).question(digits)} ?"
             depth[int(tree.left[node])] = depth[int(tree.right[node])] = depth[node] + 1
         lines.append(f"{node:>4} {'    ' * depth[node]}{words}")
     return "\n".join(lines)
@@ -111,11 +110,9 @@ def _moved(policy: TreePolicy, locked: set[int], node: int, value: float) -> str
             f"node {node} must have no locked leaves below it, got {held}; unlock them first"
         )
     digits = Digits(policy.schema, tree, others=[(feature, float(value))])
-    old, new = (
-        question(asked(policy.schema, tree, node), feature, float(cut), digits)
-        for cut in (tree.threshold[node], value)
-    )
-    return f"node {node}: {old} became {new}"
+    old = asked(policy.schema, tree, node)
+    new = old._replace(threshold=float(value))
+    return f"node {node}: {old.question(digits)} became {new.question(digits)}"
 
 
 def _relabelled(

@@ -11,7 +11,7 @@ from eutree.display import Displayed, counted
 from eutree.inspection.regions import Region, domain, is_box
 from eutree.policies import TreePolicy
 from eutree.trees.boxes import leaf_boxes, possible
-from eutree.trees.text import Digits, asked, is_reversed, printable, question, whole
+from eutree.trees.text import Digits, asked, printable, whole
 from eutree.validation import check_vector
 
 
@@ -157,19 +157,16 @@ def why(
 def _path(policy: TreePolicy, point: Floats, leaf: int, digits: Digits) -> tuple[PathTest, ...]:
     tree, steps = policy.tree, []
     for node in tree.path(leaf)[:-1]:
-        feature, cut = int(tree.feature[node]), float(tree.threshold[node])
+        test = asked(policy.schema, tree, node)
+        feature, one, cut = test
         value = float(point[feature])
-        unit = policy.schema.features[feature].unit
-        schema = asked(policy.schema, tree, node)
-        one = schema.features[feature]
-        answer = "yes" if (value <= cut) != is_reversed(one, cut) else "no"
         distance = abs(value - cut)
         if one.is_integer:
             distance = abs(value - (np.floor(cut) + (value <= cut)))
-        words = f"{question(schema, feature, cut, digits)} ? {answer}"
+        words = f"{test.question(digits)} ? {test.answer(is_left=value <= cut)}"
         if not (one.is_flag or one.categories):
             words += f": {digits.text(feature, value)}, by {_margin(digits, feature, distance)}"
-            words += f" {printable(unit)}" if unit else ""
+            words += f" {printable(one.unit)}" if one.unit else ""
         steps.append(PathTest(node, feature, cut, value, value <= cut, distance, words))
     return tuple(steps)
 

@@ -10,6 +10,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -97,38 +98,54 @@ def quoted(name: str) -> str:
     )
 
 
-def condition(schema: Schema, feature: int, threshold: float, digits: Digits | None = None) -> str:
-    """Return the left branch of a test in words, for example ``opponent_1 <= 8.25 m``.
+class AskedTest(NamedTuple):
+    """A test of a tree as its words have it.
 
-    Args:
-        schema: Names and units.
-        feature: Which feature is tested.
-        threshold: The largest value that passes.
-        digits: Which digits are shown; without, the number is exact.
+    Attributes:
+        number: Which feature is tested.
+        feature: The feature, with the categories alone that the tests above leave to it: so after
+            ``mode is A`` the next test is ``mode is B``, not ``mode is A,B``.
+        threshold: The largest value that goes left.
     """
-    one = schema.features[feature]
-    test = at_most(threshold) if digits is None else digits.at_most(feature, threshold)
-    return whole(one, -math.inf, threshold) or f"{printable(one.name)} {test}{_of(one)}"
+
+    number: int
+    feature: Feature
+    threshold: float
+
+    def condition(self, digits: Digits | None = None) -> str:
+        """Return the left branch in words, for example ``opponent_1 <= 8.25 m``.
+
+        Args:
+            digits: Which digits are shown; without, the number is exact.
+        """
+        one, cut = self.feature, self.threshold
+        test = at_most(cut) if digits is None else digits.at_most(self.number, cut)
+        return whole(one, -math.inf, cut) or f"{printable(one.name)} {test}{_of(one)}"
+
+    def question(self, digits: Digits | None = None) -> str:
+        """Return the test in words as a tree asks it: "open", where the condition is "not open"."""
+        if self.is_reversed:
+            return whole(self.feature, self.threshold, math.inf)
+        return self.condition(digits)
+
+    @property
+    def is_reversed(self) -> bool:
+        """Whether yes is the right branch: of a flag, or where it has fewer categories."""
+        feature, cut = self.feature, self.threshold
+        if feature.categories:
+            n_left = math.floor(cut) - feature.low + 1.0
+            return len(feature.categories) / 2 < n_left < len(feature.categories)
+        return feature.is_flag and 0.0 <= cut < 1.0
+
+    def answer(self, *, is_left: bool) -> str:
+        """Return which answer leads to a branch."""
+        return "yes" if is_left != self.is_reversed else "no"
 
 
-def question(schema: Schema, feature: int, threshold: float, digits: Digits | None = None) -> str:
-    """Return a test in words as a tree asks it: "open", where the condition is "not open".
-
-    Then yes is the right branch; see ``is_reversed``. The arguments are those of ``condition``.
-    """
-    one = schema.features[feature]
-    if is_reversed(one, threshold):
-        return whole(one, threshold, math.inf)
-    return condition(schema, feature, threshold, digits)
-
-
-def asked(schema: Schema, tree: DecisionTree, node: int) -> Schema:
-    """Return the schema with the categories alone that the tests above a test leave to it.
-
-    So after ``mode is A`` the next test is ``mode is B``, not ``mode is A,B``.
-    """
-    number, cut = int(tree.feature[node]), math.floor(tree.threshold[node])
-    one = schema.features[number]
+def asked(schema: Schema, tree: DecisionTree, node: int) -> AskedTest:
+    """Return the test of an inner node."""
+    number, threshold = int(tree.feature[node]), float(tree.threshold[node])
+    one, cut = schema.features[number], math.floor(threshold)
     low, high, child = one.low, one.high, node
     while one.categories and child:
         above = int(tree.parent[child])
@@ -137,20 +154,10 @@ def asked(schema: Schema, tree: DecisionTree, node: int) -> Schema:
         elif tree.feature[above] == number:
             low = max(low, math.floor(tree.threshold[above]) + 1.0)
         child = above
-    if not (low <= cut < high) or (low, high) == (one.low, one.high):
-        return schema
-    names = one.categories[int(low - one.low) : int(high - one.low) + 1]
-    left = replace(one, low=low, high=high, categories=names)
-    features = (*schema.features[:number], left, *schema.features[number + 1 :])
-    return replace(schema, features=features)
-
-
-def is_reversed(feature: Feature, threshold: float) -> bool:
-    """Return whether a test is asked for its right branch: of a flag, or for fewer categories."""
-    if feature.categories:
-        n_left = math.floor(threshold) - feature.low + 1.0
-        return len(feature.categories) / 2 < n_left < len(feature.categories)
-    return feature.is_flag and 0.0 <= threshold < 1.0
+    if low <= cut < high and (low, high) != (one.low, one.high):
+        names = one.categories[int(low - one.low) : int(high - one.low) + 1]
+        one = replace(one, low=low, high=high, categories=names)
+    return AskedTest(number, one, threshold)
 
 
 def whole(feature: Feature, low: float, high: float) -> str:
@@ -291,22 +298,14 @@ def rules(tree: DecisionTree, schema: Schema, leaves: Sequence[str], *, exact: b
     """
     digits = None if exact else Digits(schema, tree)
 
-    def test(node: int) -> str:
-        known = asked(schema, tree, node)
-        return question(known, int(tree.feature[node]), float(tree.threshold[node]), digits)
-
-    def is_other(node: int) -> bool:
-        feature = asked(schema, tree, node).features[tree.feature[node]]
-        return is_reversed(feature, float(tree.threshold[node]))
-
     syntax = Syntax(
-        opening=lambda node: f"if {test(node)}:",
-        chained=lambda node: f"else if {test(node)}:",
+        opening=lambda node: f"if {asked(schema, tree, node).question(digits)}:",
+        chained=lambda node: f"else if {asked(schema, tree, node).question(digits)}:",
         otherwise="else:",
         closing="",
         leaf=lambda node: leaves[tree.leaf[node]],
     )
-    lines = nested(tree, syntax, is_reversed=is_other)
+    lines = nested(tree, syntax, is_reversed=lambda node: asked(schema, tree, node).is_reversed)
     return "\n".join("    " * level + line for level, line in lines)
 
 
