@@ -14,7 +14,6 @@ import pytest
 from eutree.__main__ import _in_one_line
 from eutree.cli.compress import _in_words as in_words
 from eutree.compression.episodes import CompressionReport
-from eutree.data import Demonstrations, Episode
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec, Schema
 from eutree.trees import DecisionTree
@@ -156,15 +155,6 @@ def test_thresholds_are_rounded_to_steps(eutree, expert, demonstrations):
         ("0", "the step of position must be a number in (0, inf"),
     ):
         assert message in eutree(*line, "--round", wrong).err
-
-
-def test_counts_of_unnamed_actions_cannot_be_misread(eutree, tmp_path):
-    """Contradictions were told as "action 1 2, action 2 2"."""
-    rows = np.tile([[0.0], [1.0]], (4, 1))
-    episodes = tuple(Episode(rows[:2], [k % 2 + 1], [0.0], True, False) for k in range(4))
-    Demonstrations(episodes, Schema.anonymous(1, 3)).save(tmp_path / "demos")
-    said = eutree("demos", "stats", "demos").out
-    assert "action_1 (2), action_2 (2)" in said
 
 
 def test_learning_from_a_log_does_not_speak_of_no_episodes(eutree, demonstrations):

@@ -224,10 +224,9 @@ def merge(folders: tuple[Path, ...], out: Path, as_json: bool) -> None:
 @option.output("--html", text="Write the summary as a page, too.")
 @option.as_json
 def stats(folder: Path, html: Path | None, as_json: bool) -> None:
-    """Say what FOLDER covers, where it contradicts itself, and whether more would help."""
+    """Say how well FOLDER does the task, and whether more would help."""
     from eutree.files import check_writable, write_text
     from eutree.report import demonstration_figures, demonstrations_page
-    from eutree.report.demonstrations_page import figures_as_values, figures_in_words
 
     opened = _open(folder)
     episodes = _some(opened)
@@ -235,14 +234,13 @@ def stats(folder: Path, html: Path | None, as_json: bool) -> None:
         check_writable(html)
     shown, numbers = _demonstrations(opened, episodes), list(episodes)
     figures = demonstration_figures(shown)
-    values = figures_as_values(shown, figures, numbers)
-    lines = figures_in_words(shown, figures, values)
+    values, said = figures.values(), figures.words()
     if html is not None:
         title = f"Demonstrations in {folder}"
         write_text(html, demonstrations_page(shown, title=title, numbers=numbers, figures=figures))
         values["path"] = str(html)
-        lines.append(f"written to {html}")
-    Output(as_json=as_json).result(values, "\n".join(lines))
+        said += f"\nwritten to {html}"
+    Output(as_json=as_json).result(values, said)
 
 
 @demos.command(

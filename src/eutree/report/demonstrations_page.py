@@ -9,26 +9,29 @@ import numpy as np
 
 from eutree.arrays import Floats
 from eutree.data import Demonstrations, Episode
-from eutree.data.summary import Summary, drawn_bounds, summarize
 from eutree.evaluation.expert_curve import ExpertCurve, expert_curve
 from eutree.report.chart import legend, ticks
 from eutree.report.html import asset, head, page
 from eutree.schema import Schema
 
-_Place = tuple[int, int]
-
 
 @dataclass(frozen=True, eq=False)
 class DemonstrationFigures:
-    """The figures of a summary.
+    """The figures of demonstrations.
 
     Attributes:
-        summary: Results, coverage and groups of near-equal observations with several actions.
+        demonstrations: The demonstrations.
         curve: The learning curve of the expert tree; None with too few episodes.
     """
 
-    summary: Summary
+    demonstrations: Demonstrations
     curve: ExpertCurve | None
+
+    @property
+    def success_rate(self) -> float | None:
+        """Share of the kept episodes that succeeded; None where none reports it."""
+        known = [e.is_success for e in self.demonstrations if e.is_success is not None]
+        return sum(known) / len(known) if known else None
 
     @property
     def advice(self) -> str:
@@ -37,79 +40,40 @@ class DemonstrationFigures:
             return "Four episodes are needed to say whether more would help."
         return self.curve.advice
 
+    def values(self) -> dict[str, Any]:
+        """Return the figures for ``--json``."""
+        from eutree.fitting import Person
+
+        shown, person = self.demonstrations, Person.of(self.demonstrations)
+        return {
+            "episodes": len(shown),
+            "discarded": len(shown.episodes) - len(shown),
+            "n_transitions": shown.n_transitions,
+            "success_rate": self.success_rate,
+            "whole_episodes": person.episodes,
+            "interval": person.success_interval,
+            "mean_return": person.mean_return,
+            "return_interval": person.return_interval,
+            "learning_curve": self.curve and _curve(self.curve),
+            "advice": self.advice,
+        }
+
+    def words(self) -> str:
+        """Return the figures in a few lines."""
+        from eutree.fitting import Person
+        from eutree.fitting.report import result_in_words
+
+        shown = self.demonstrations
+        discarded = len(shown.episodes) - len(shown)
+        return (
+            f"{len(shown)} episodes ({discarded} discarded), {shown.n_transitions} transitions\n"
+            f"shown: {result_in_words(Person.of(shown).whole)}\n{self.advice}"
+        )
+
 
 def demonstration_figures(demonstrations: Demonstrations) -> DemonstrationFigures:
-    """Return all figures of a summary; the same demonstrations give the same figures."""
-    return DemonstrationFigures(summarize(demonstrations), expert_curve(demonstrations))
-
-
-def figures_as_values(
-    demonstrations: Demonstrations, figures: DemonstrationFigures, numbers: Sequence[int]
-) -> dict[str, Any]:
-    """Return the figures for ``--json``; ``numbers`` are those of the episodes in their folder."""
-    from eutree.fitting import Person
-
-    schema, summary = demonstrations.schema, figures.summary
-    names, actions = schema.feature_names, schema.actions
-    person = Person.of(demonstrations)
-
-    def places(pairs: tuple[_Place, ...]) -> list[list[int]]:
-        return [[numbers[episode], step] for episode, step in pairs]
-
-    return {
-        "episodes": len(demonstrations),
-        "discarded": len(demonstrations.episodes) - len(demonstrations),
-        "n_transitions": demonstrations.n_transitions,
-        "success_rate": summary.success_rate,
-        "whole_episodes": person.episodes,
-        "interval": person.success_interval,
-        "mean_return": person.mean_return,
-        "return_interval": person.return_interval,
-        "coverage": [vars(entry) for entry in summary.coverage],
-        "joint_cells": summary.joint_cells,
-        "disagreement": summary.disagreement,
-        "n_conflicts": summary.n_conflicts,
-        "conflicts": [
-            {
-                "observation": dict(zip(names, conflict.observation, strict=True)),
-                "counts": dict(zip(actions, conflict.counts, strict=True)),
-                "places": places(conflict.places),
-            }
-            for conflict in summary.conflicts
-        ],
-        "learning_curve": figures.curve and _curve(figures.curve),
-        "advice": figures.advice,
-    }
-
-
-def figures_in_words(
-    demonstrations: Demonstrations, figures: DemonstrationFigures, values: dict[str, Any]
-) -> list[str]:
-    """Return the figures as lines; ``values`` are what ``figures_as_values`` says of them."""
-    from eutree.fitting import Person
-    from eutree.fitting.report import result_in_words
-
-    summary = figures.summary
-    lines = [
-        f"{values['episodes']} episodes ({values['discarded']} discarded), "
-        f"{demonstrations.n_transitions} transitions",
-        f"shown: {result_in_words(Person.of(demonstrations).whole)}",
-        *(
-            f"{entry.name}: {feature.text(entry.low)} to {feature.text(entry.high)}, "
-            f"{entry.share:.0%} of its range"
-            for feature, entry in zip(demonstrations.schema.features, summary.coverage, strict=True)
-        ),
-        f"{summary.disagreement:.1%} of the transitions disagree with near-equal ones "
-        f"({summary.n_conflicts} places)",
-    ]
-    for conflict in values["conflicts"]:
-        seen, features = conflict["observation"], demonstrations.schema.features
-        where = ", ".join(f"{f.name} {f.text(seen[f.name])}" for f in features)
-        counts = ", ".join(
-            f"{name} ({count})" for name, count in conflict["counts"].items() if count
-        )
-        lines.append(f"  at {where}: {counts} ({_said(conflict['places'])})")
-    return [*lines, figures.advice]
+    """Return all figures of demonstrations; the same demonstrations give the same figures."""
+    return DemonstrationFigures(demonstrations, expert_curve(demonstrations))
 
 
 def _curve(curve: ExpertCurve) -> dict[str, Any]:
@@ -126,8 +90,26 @@ def _curve(curve: ExpertCurve) -> dict[str, Any]:
     }
 
 
-def _said(places: list[list[int]]) -> str:
-    return ", ".join(f"episode {episode} step {step}" for episode, step in places)
+FILLED = 0.5  # share of a feature's bounds below which the values seen bound a drawing
+
+
+def drawn_bounds(demonstrations: Demonstrations) -> tuple[Floats, Floats]:
+    """Return between which values each feature is drawn; each of shape [d].
+
+    These are its bounds or, where it has none or the values seen fill less than half of them, the
+    values seen.
+    """
+    seen, features = demonstrations.observations, demonstrations.schema.features
+    low, high = np.array([(feature.low, feature.high) for feature in features]).T
+    if not len(seen):
+        return np.zeros_like(low), np.zeros_like(high)
+    least, most = seen.min(axis=0), seen.max(axis=0)
+    bounded = np.isfinite(low) & np.isfinite(high)
+    # Halves, because high - low may overflow. A feature that never moved keeps its bounds.
+    reach = most / 2 - least / 2
+    narrow = ~bounded | ((reach > 0) & (reach < FILLED * (high / 2 - low / 2)))
+    # Adding 0 makes a -0 that was recorded, or is a bound, a 0.
+    return np.where(narrow, least, low) + 0.0, np.where(narrow, most, high) + 0.0
 
 
 # Features with the same unit share a panel, so the position of a task and those of its opponents
@@ -303,7 +285,7 @@ def _head(demonstrations: Demonstrations, title: str, figures: DemonstrationFigu
 
 def _verdict(figures: DemonstrationFigures) -> str:
     """Return how often the task was done, and whether more would help."""
-    success = figures.summary.success_rate
+    success = figures.success_rate
     share = "" if success is None else f"{100 * success:.0f} % of the episodes succeed. "
     return share + figures.advice
 

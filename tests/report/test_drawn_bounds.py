@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from eutree.data import Demonstrations, Episode
-from eutree.data.summary import drawn_bounds
+from eutree.report.demonstrations_page import drawn_bounds
 from eutree.schema import Feature, Schema
 
 
