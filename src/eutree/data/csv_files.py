@@ -14,266 +14,126 @@ import io
 import math
 import re
 from array import array
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from eutree.arrays import Floats
+from eutree.arrays import Floats, Integers
 from eutree.data.episode import DROPPED, MAX_NAMES, Episode
-from eutree.data.log_format import (
-    KNOWN,
-    MAX_CATEGORIES,
-    CsvTable,
-    LogFormat,
-    LogRows,
-    Row,
-    hint,
-    is_nothing,
-    label,
-)
+from eutree.data.log_format import HOLD, LEAVE_OUT, LogFormat, hint, is_nothing, is_quantity, label
 from eutree.errors import FormatError, InvalidArgumentError
-from eutree.files import write_text
+from eutree.files import opened_text, write_text
 from eutree.schema import Feature, Schema, numbered_actions
-from eutree.validation import check_finite
+from eutree.validation import check_choice, check_finite
 
+MAX_CSV = 512 * 2**20
 MAX_NUMBERS = 24 * 2**20  # of all rows: features, action and reward
 MAX_EPISODES = 100_000
+MAX_CATEGORIES = 100  # of one column: each is a feature
 
+KNOWN = (
+    "episode", "step", "action", "action_name", "reward", "terminated", "truncated", "seed",
+    "ending", "is_success", "kept",
+)  # fmt: skip
+_DELIMITERS = ",;\t|"
 _DECIMAL_COMMA = re.compile(r"\s*[-+]?\d+,\d+(?:[eE][-+]?\d+)?\s*")
 _INDEX = re.compile(r"[0-9]{1,5}")
 _SEED = re.compile(r"[0-9]{1,99}")
 _TRUTH = {"": None, "true": True, "false": False, "1": True, "0": False}
 
 
-class CsvReader:
-    """A table of episodes.
+def read_csv(
+    path: str | Path,
+    schema: Schema | None,
+    *,
+    columns: Mapping[str, str] | None = None,
+    delimiter: str | None = None,
+    log: LogFormat | None = None,
+) -> tuple[tuple[Episode, ...], Schema]:
+    """Return the episodes of a table, in the order in which they begin, and their schema.
 
-    It is read row by row, keeping numbers and not text. The arguments are those of
-    ``Demonstrations.from_csv``.
-
-    Attributes:
-        episodes: The episodes, in the order in which they begin.
-        schema: The schema that was given or made.
+    The arguments are those of ``Demonstrations.from_csv``.
 
     Raises:
         InvalidArgumentError: ``columns`` names an unknown column, or ``delimiter`` is none.
         FormatError: A column is missing, or a value is not what it must be; says which line.
         FileError: The file is missing or cannot be read.
     """
-
-    def __init__(
-        self,
-        path: str | Path,
-        schema: Schema | None,
-        *,
-        columns: Mapping[str, str] | None = None,
-        delimiter: str | None = None,
-        log: LogFormat | None = None,
-    ) -> None:
-        self._path = path
-        self._log = log or LogFormat()
-        self._table = CsvTable(path, columns or {}, delimiter, self._log)
-        self._codes: dict[str, int] = {}  # of the texts in the column action
-        self._names: dict[str, str] = {}  # what action_name says about them
-        self._categories: dict[str, dict[str, int]] = {name: {} for name in self._log.nominal}
-        groups: dict[tuple[str, int], _EpisodeRows] = {}
-        log_rows = LogRows(path, self._log, self._table)
-        numbers = 0
-        for line, row in self._table.rows():
-            episode = log_rows.episode_of(line, row)
-            if episode is None:
-                continue
-            group = groups.setdefault(episode, _EpisodeRows())
-            numbers += len(self._table.features) + 2
-            if len(groups) > MAX_EPISODES:
-                raise FormatError(path, f"line {line}", f"more than {MAX_EPISODES:,} episodes")
-            if numbers > MAX_NUMBERS:
-                raise FormatError(path, f"line {line}", f"more than {MAX_NUMBERS:,} numbers")
-            self._add(group, line, row)
-        names = self._labels()
-        if schema is not None and schema.n_features != len(names):
-            reason = f"expected {schema.n_features} features, got columns {names}"
-            raise FormatError(path, "line 1", reason)
-        self._texts = list(self._codes)
-        self.schema = self._made_schema() if schema is None else schema
-        indices = [self._index(code) for code in range(len(self._texts))]
-        self._indices = np.array(indices, dtype=np.int64)
-        self.episodes = tuple(self._episode(group) for group in groups.values())
-
-    def _labels(self) -> list[str]:
-        """Return the features, one for each category of a nominal column of more than two."""
-        labels = []
-        for column in self._table.features:
-            if len(self._categories.get(column, ())) > 2:
-                labels += [f"{column} is {name}" for name in sorted(self._categories[column])]
-            else:
-                labels.append(label(column))
-        return labels
-
-    def _add(self, group: "_EpisodeRows", line: int, row: Row) -> None:
-        """Add a row to its episode."""
-        if group.observations and not group.last_row["action"]:
-            reason = "only an episode's last row may have no action"
-            raise FormatError(self._path, f"line {group.last_line}", reason)
-        group.observations.extend([self._value(row, name, line) for name in self._table.features])
-        group.last_line, group.last_row = line, row
-        if row["action"]:
-            if any(group.ends[-1]):
-                reason = "the episode ended on an earlier line"
-                raise FormatError(self._path, f"line {line}", reason)
-            group.actions.append(self._code(row, line))
-            self._add_reward(group, line, row)
-        if row["action"] or not group.actions:
-            flags = (self._truth(row, name, line) for name in ("terminated", "truncated"))
-            group.ends = (group.ends[-1], (next(flags) is True, next(flags) is True))
-
-    def _add_reward(self, group: "_EpisodeRows", line: int, row: Row) -> None:
-        """Add the reward of a row: an episode has one for each action, or none."""
-        known = bool(row.get("reward"))
-        if group.rewards and known != group.has_rewards:
-            reason = "reward must be there for every action of an episode, or for none"
-            raise FormatError(self._path, f"line {line}", reason)
-        group.has_rewards = known
-        group.rewards.append(self._number(row, "reward", line) if known else 0.0)
-
-    def _code(self, row: Row, line: int) -> int:
-        code = self._codes.setdefault(row["action"], len(self._codes))
-        if code >= MAX_NAMES:
-            raise FormatError(self._path, f"line {line}", f"more than {MAX_NAMES:,} actions")
-        if row["action"] not in self._names and row.get("action_name"):
-            self._names[row["action"]] = row["action_name"]
-        return code
-
-    def _made_schema(self) -> Schema:
-        """Return a schema of what the columns and the actions tell."""
-        actions = tuple(self._codes)
-        if self._log.actions:
-            actions = self._log.actions
-        elif all(map(str.isdecimal, actions)):
-            large = [a for a in actions if not _INDEX.fullmatch(a) or int(a) >= MAX_NAMES]
-            if large:
-                reason = f"must be an index below {MAX_NAMES:,}, got {large[0]}"
-                raise FormatError(self._path, "action", reason)
-            highest = max(map(int, actions), default=0)
-            unnamed = numbered_actions(highest + 1)
-            names = {int(text): name for text, name in self._names.items()}
-            actions = tuple(names.get(k, name) for k, name in enumerate(unnamed))
-        elif all(map(_is_quantity, actions)):
-            actions = tuple(sorted(actions, key=float))
+    columns, log = columns or {}, log or LogFormat()
+    for name in columns:
+        check_choice("columns", name, KNOWN)
+    if delimiter is not None and (len(delimiter) != 1 or delimiter in '"\r\n'):
+        raise InvalidArgumentError(
+            f"delimiter must be one character, no quote and no end of line, got {delimiter!r}"
+        )
+    with opened_text(path, limit=MAX_CSV) as text:
+        reader: Any = None
         try:
-            return Schema(tuple(map(self._feature, self._labels())), actions)
+            if delimiter is None:  # the mark that divides the first line into most parts
+                delimiter = max(_DELIMITERS, key=text.readline().count)
+                text.seek(0)
+            reader = csv.reader(text, strict=True, delimiter=delimiter)
+            with _blamed(path, "line 1"):
+                table = _Table(_renamed(next(reader, []), columns, log), delimiter, log)
+            for values in reader:
+                if values:  # else it is an empty line
+                    table.add(values, reader.line_num)
         except InvalidArgumentError as error:
-            raise FormatError(self._path, "", str(error)) from None
+            raise FormatError(path, f"line {table.line}", str(error)) from None
+        except csv.Error as error:
+            raise FormatError(path, f"line {reader.line_num}", str(error)) from None
+        except UnicodeDecodeError:
+            line = reader.line_num if reader else 0
+            raise FormatError(path, f"after line {line}", "not UTF-8 text") from None
+    return table.read(path, schema)
 
-    def _feature(self, name: str) -> Feature:
-        if name in self._categories:
-            categories = tuple(sorted(self._categories[name]))
-            return Feature(name, "", 0.0, len(categories) - 1.0, True, categories)
-        column, _, category = name.rpartition(" is ")
-        if category in self._categories.get(column, ()):
-            return Feature(name, low=0.0, high=1.0, is_integer=True, group=column)
-        return Feature.from_label(name)
 
-    def _observations(self, group: "_EpisodeRows") -> Floats:
-        """Return the observations of an episode, categories as features of their own, [T, d]."""
-        values = np.frombuffer(group.observations).reshape(-1, len(self._table.features))
-        if not self._categories:
-            return values
-        columns: list[Floats] = []
-        for number, column in enumerate(self._table.features):
-            if column in self._categories:
-                codes = self._categories[column]
-                each = [1.0 * (values[:, number] == codes[name]) for name in sorted(codes)]
-                columns += each if len(codes) > 2 else each[1:] or [np.zeros(len(values))]
-            else:
-                columns.append(values[:, number])
-        return np.stack(columns, axis=1)
+@contextmanager
+def _blamed(path: str | Path, place: str) -> Iterator[None]:
+    """Say where in the file it is that is not as it must be."""
+    try:
+        yield
+    except InvalidArgumentError as error:
+        raise FormatError(path, place, str(error)) from None
 
-    def _episode(self, group: "_EpisodeRows") -> Episode:
-        row, line = group.last_row, group.last_line
-        dropped = bool(row["action"])  # what the last action led to is not in the table
-        extras = {DROPPED: int(self._indices[group.actions[-1]])} if dropped else {}
-        count = len(group.actions) - dropped
-        terminated, truncated = group.ends[0] if dropped else group.ends[1]
-        actions = self._indices[np.frombuffer(group.actions, dtype=np.int64)[:count]]
-        try:
-            return Episode(
-                self._observations(group),
-                actions,
-                np.frombuffer(group.rewards)[:count],
-                terminated=terminated,
-                truncated=truncated,
-                seed=self._seed(row, line),
-                ending=row.get("ending", ""),
-                is_success=self._truth(row, "is_success", line),
-                kept=self._truth(row, "kept", line) is not False,
-                has_rewards=group.has_rewards,
-                extras=extras,
+
+def _renamed(found: list[str], own: Mapping[str, str], log: LogFormat) -> list[str]:
+    """Return the columns of a table under the names that we know them by."""
+    for name in own.values():
+        if name not in found:
+            raise InvalidArgumentError(f"there is no column {name!r} in {found}")
+    known = {theirs: name for name, theirs in own.items()}
+    columns = [known.get(column, column) for column in found]
+    for name in ("episode", "action"):
+        if name not in columns and not (name == "episode" and log.time):
+            reason = (
+                f"there is no column {name!r} in {found}; required are 'episode' and 'action', "
+                "or columns named by --episode-column and --action-column "
+                "(in Python columns={'episode': ..., 'action': ...})"
             )
-        except InvalidArgumentError as error:
-            raise FormatError(self._path, f"line {line}", str(error)) from None
-
-    def _index(self, code: int) -> int:
-        """Return the action that a text in the column means: an index, or else a name."""
-        text, names = self._texts[code], self.schema.actions
-        if self._log.actions and text in names:
-            return names.index(text)
-        if _INDEX.fullmatch(text) and int(text) < len(names):
-            return int(text)
-        if text in names:
-            return names.index(text)
-        reason = f"must be one of {', '.join(names)} or its index, got {text!r}"
-        raise FormatError(self._path, "action", reason)
-
-    def _value(self, row: Row, column: str, line: int) -> float:
-        """Return the number in a cell, that of its category where it is text."""
-        if column not in self._categories:
-            return self._number(row, column, line)
-        codes, text = self._categories[column], row[column].strip()
-        if not text:
-            reason = f"{column} must be a category, got {text!r}{hint(text, column)}"
-            raise FormatError(self._path, f"line {line}", reason)
-        code = codes.setdefault(text, len(codes))
-        if code >= MAX_CATEGORIES:
-            reason = f"{column} has more than {MAX_CATEGORIES} categories; leave it out by --drop"
-            raise FormatError(self._path, f"line {line}", reason)
-        return float(code)
-
-    def _number(self, row: Row, column: str, line: int) -> float:
-        text = row[column]
-        if self._table.delimiter != "," and _DECIMAL_COMMA.fullmatch(text):
-            text = text.replace(",", ".")
-        try:
-            number = float(text)
-        except ValueError:
-            number = math.nan
-        if not math.isfinite(number) or "_" in text:
-            comma = _DECIMAL_COMMA.fullmatch(text)
-            more = ", with a decimal point" if comma else ""
-            special = _is_special(text) and not is_nothing(text)
-            what = "" if comma or special else hint(text, column)
-            reason = f"{column} must be a finite number{more}, got {text!r}{what}"
-            raise FormatError(self._path, f"line {line}", reason)
-        return number
-
-    def _truth(self, row: Row, column: str, line: int) -> bool | None:
-        text = row.get(column, "").lower()
-        if text not in _TRUTH:
-            reason = f"{column} must be true or false, got {text!r}"
-            raise FormatError(self._path, f"line {line}", reason)
-        return _TRUTH[text]
-
-    def _seed(self, row: Row, line: int) -> int | None:
-        text = row.get("seed", "")
-        if text and not _SEED.fullmatch(text):
-            reason = f"seed must be an integer >= 0, got {text!r}"
-            raise FormatError(self._path, f"line {line}", reason)
-        return int(text) if text else None
+            if name == "episode":
+                reason += (
+                    "; where nothing marks the episodes, --time COLUMN, with --episode-gap 1h "
+                    "for those that a pause divides"
+                )
+            if len(found) == 1:
+                reason += "; and what separates the values by --delimiter"
+            raise InvalidArgumentError(reason)
+    twice = sorted({name for name in columns if columns.count(name) > 1})
+    if twice:
+        names = ", ".join(map(repr, twice))
+        raise InvalidArgumentError(f"two columns have the same name: {names}")
+    for name in filter(None, (*log.drop, *log.nominal, log.time)):
+        if name not in columns:
+            raise InvalidArgumentError(f"there is no column {name!r} in {columns}")
+    return columns
 
 
 class _EpisodeRows:
-    """The rows of one episode so far."""
+    """The rows of one episode so far, as numbers and not as text."""
 
     __slots__ = ("actions", "ends", "has_rewards", "last_line", "last_row", "observations",
                  "rewards")  # fmt: skip
@@ -286,20 +146,247 @@ class _EpisodeRows:
         # Terminated and truncated after the last action but one, and after the last.
         self.ends = ((False, False), (False, False))
         self.last_line = 0
-        self.last_row: Row = {}
+        self.last_row: dict[str, str] = {}
 
 
-def _is_special(text: str) -> bool:
-    """Return whether a text is read as a number, but as none that is finite."""
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+class _Table:
+    """A table while it is read, row by row.
+
+    What is wrong with a row is an InvalidArgumentError; ``line`` says where.
+    """
+
+    def __init__(self, columns: list[str], delimiter: str, log: LogFormat) -> None:
+        apart = {*KNOWN, *log.drop, log.time}
+        self._columns, self._log, self._has_comma = columns, log, delimiter != ","
+        self._features = [column for column in columns if column not in apart]
+        if not 1 <= len(self._features) <= MAX_NAMES:
+            raise InvalidArgumentError("there is no column of a feature, or too many")
+        self._codes: dict[str, int] = {}  # of the texts in the column action
+        self._names: dict[str, str] = {}  # what action_name says about them
+        self._categories: dict[str, dict[str, int]] = {name: {} for name in log.nominal}
+        self._numbers = [column for column in self._features if column not in log.nominal]
+        self._texts = [*log.nominal, *(("action",) if log.missing == HOLD else ())]
+        self._groups: list[_EpisodeRows] = []
+        self._present: dict[str, _EpisodeRows] = {}  # of each episode that may go on
+        self._times: dict[str, float] = {}  # of its last row
+        self._size = 0
+        self.line = 1
+
+    def add(self, values: list[str], line: int) -> None:
+        """Add a row, unless it is to be left out."""
+        self.line = line
+        if len(values) != len(self._columns):
+            raise InvalidArgumentError(f"expected {len(self._columns)} values, got {len(values)}")
+        row = dict(zip(self._columns, values, strict=True))
+        name = row.get("episode", "")
+        if self._log.time:
+            self._pass_time(name, row[self._log.time])
+        if self._log.missing and not self._fill(name, row):
+            return
+        group = self._present.get(name)
+        if group is None:
+            group = self._present[name] = _EpisodeRows()
+            self._groups.append(group)
+        self._size += len(self._features) + 2
+        if len(self._groups) > MAX_EPISODES:
+            raise InvalidArgumentError(f"more than {MAX_EPISODES:,} episodes")
+        if self._size > MAX_NUMBERS:
+            raise InvalidArgumentError(f"more than {MAX_NUMBERS:,} numbers")
+        self._add(group, row)
+
+    def _pass_time(self, name: str, text: str) -> None:
+        """Go on to the time of a row; a long pause ends the episode."""
+        now = self._log.seconds(text)
+        step = now - self._times.get(name, now)
+        if step < 0:
+            raise InvalidArgumentError(
+                f"{self._log.time} goes back, to {text!r}: sort the rows, or name the column of "
+                "the episodes"
+            )
+        if self._log.episode_gap is not None and step > self._log.episode_gap:
+            self._present.pop(name, None)
+        self._times[name] = now
+
+    def _fill(self, name: str, row: dict[str, str]) -> bool:
+        """Fill the empty cells of a row; return False where it is to be left out."""
+        empty = [column for column in self._numbers if is_nothing(row[column])]
+        empty += [column for column in self._texts if not row[column].strip()]
+        if empty and self._log.missing == LEAVE_OUT:
+            self._present.pop(name, None)
+            return False
+        before = self._present.get(name)
+        for column in empty:
+            if self._log.missing != HOLD:
+                row[column] = self._log.missing
+            elif before is not None:
+                row[column] = before.last_row[column]
+            else:
+                return False  # there is nothing yet to hold
+        return True
+
+    def _add(self, group: _EpisodeRows, row: dict[str, str]) -> None:
+        if group.observations and not group.last_row["action"]:
+            self.line = group.last_line
+            raise InvalidArgumentError("only an episode's last row may have no action")
+        group.observations.extend([self._value(row, name) for name in self._features])
+        group.last_line, group.last_row = self.line, row
+        if row["action"]:
+            if any(group.ends[-1]):
+                raise InvalidArgumentError("the episode ended on an earlier line")
+            group.actions.append(self._code(row))
+            known = bool(row.get("reward"))
+            if group.rewards and known != group.has_rewards:
+                raise InvalidArgumentError(
+                    "reward must be there for every action of an episode, or for none"
+                )
+            group.has_rewards = known
+            group.rewards.append(self._number(row, "reward") if known else 0.0)
+        if row["action"] or not group.actions:
+            ends = _truth(row, "terminated") is True, _truth(row, "truncated") is True
+            group.ends = (group.ends[-1], ends)
+
+    def _code(self, row: dict[str, str]) -> int:
+        code = self._codes.setdefault(row["action"], len(self._codes))
+        if code >= MAX_NAMES:
+            raise InvalidArgumentError(f"more than {MAX_NAMES:,} actions")
+        if row["action"] not in self._names and row.get("action_name"):
+            self._names[row["action"]] = row["action_name"]
+        return code
+
+    def _value(self, row: dict[str, str], column: str) -> float:
+        """Return the number in a cell, that of its category where it is text."""
+        if column not in self._categories:
+            return self._number(row, column)
+        codes, text = self._categories[column], row[column].strip()
+        if not text:
+            raise InvalidArgumentError(
+                f"{column} must be a category, got {text!r}{hint(text, column)}"
+            )
+        code = codes.setdefault(text, len(codes))
+        if code >= MAX_CATEGORIES:
+            raise InvalidArgumentError(
+                f"{column} has more than {MAX_CATEGORIES} categories; leave it out by --drop"
+            )
+        return float(code)
+
+    def _number(self, row: dict[str, str], column: str) -> float:
+        text = row[column]
+        if self._has_comma and _DECIMAL_COMMA.fullmatch(text):
+            text = text.replace(",", ".")
+        try:
+            number = float(text)
+        except ValueError:
+            number = None
+        if number is not None and math.isfinite(number) and "_" not in text:
+            return number
+        comma = _DECIMAL_COMMA.fullmatch(text)
+        more = ", with a decimal point" if comma else ""
+        known = comma or (number is not None and not is_nothing(text))
+        helps = "" if known else hint(text, column)
+        raise InvalidArgumentError(f"{column} must be a finite number{more}, got {text!r}{helps}")
+
+    def read(self, path: str | Path, schema: Schema | None) -> tuple[tuple[Episode, ...], Schema]:
+        """Return the episodes and their schema, which is made of the table if it is not given."""
+        with _blamed(path, ""):
+            features = tuple(self._made_features())
+        if schema is None:
+            with _blamed(path, "action"):
+                actions = self._made_actions()
+            with _blamed(path, ""):
+                schema = Schema(features, actions)
+        elif schema.n_features != len(features):
+            names = [feature.name for feature in features]
+            reason = f"expected {schema.n_features} features, got columns {names}"
+            raise FormatError(path, "line 1", reason)
+        with _blamed(path, "action"):
+            numbers = [self._action(text, schema.actions) for text in self._codes]
+        numbers_of_codes = np.array(numbers, dtype=np.int64)
+        episodes = []
+        for group in self._groups:
+            with _blamed(path, f"line {group.last_line}"):
+                episodes.append(self._episode(group, numbers_of_codes))
+        return tuple(episodes), schema
+
+    def _made_features(self) -> Iterator[Feature]:
+        """Yield the features, one for each category of a nominal column of more than two."""
+        for column in self._features:
+            categories = tuple(sorted(self._categories.get(column, ())))
+            if column not in self._categories:
+                yield Feature.from_label(label(column))
+            elif len(categories) > 2:
+                for name in categories:
+                    yield Feature(f"{column} is {name}", "", 0.0, 1.0, True, group=column)
+            else:
+                yield Feature(column, "", 0.0, len(categories) - 1.0, True, categories)
+
+    def _made_actions(self) -> tuple[str, ...]:
+        """Return the names of the actions, as far as the table tells them."""
+        texts = tuple(self._codes)
+        if self._log.actions:
+            return self._log.actions
+        if all(map(str.isdecimal, texts)):
+            large = [text for text in texts if not _INDEX.fullmatch(text) or int(text) >= MAX_NAMES]
+            if large:
+                raise InvalidArgumentError(f"must be an index below {MAX_NAMES:,}, got {large[0]}")
+            unnamed = numbered_actions(max(map(int, texts), default=0) + 1)
+            names = {int(text): name for text, name in self._names.items()}
+            return tuple(names.get(k, name) for k, name in enumerate(unnamed))
+        return tuple(sorted(texts, key=float)) if all(map(is_quantity, texts)) else texts
+
+    def _action(self, text: str, names: tuple[str, ...]) -> int:
+        """Return the action that a text in the column means: an index, or else a name."""
+        is_index = _INDEX.fullmatch(text) and int(text) < len(names)
+        if text in names and (self._log.actions or not is_index):
+            return names.index(text)
+        if is_index:
+            return int(text)
+        known = ", ".join(names)
+        raise InvalidArgumentError(f"must be one of {known} or its index, got {text!r}")
+
+    def _observations(self, group: _EpisodeRows) -> Floats:
+        """Return the observations of an episode, categories as features of their own, [T, d]."""
+        values = np.frombuffer(group.observations).reshape(-1, len(self._features))
+        if not self._categories:
+            return values
+        columns: list[Floats] = []
+        for column, numbers in zip(self._features, values.T, strict=True):
+            codes = self._categories.get(column)
+            if codes is None:
+                columns.append(numbers)
+            else:
+                each = [1.0 * (numbers == codes[name]) for name in sorted(codes)]
+                columns += each if len(codes) > 2 else each[1:] or [np.zeros(len(values))]
+        return np.stack(columns, axis=1)
+
+    def _episode(self, group: _EpisodeRows, numbers_of_codes: Integers) -> Episode:
+        row = group.last_row
+        actions = numbers_of_codes[np.frombuffer(group.actions, dtype=np.int64)]
+        dropped = bool(row["action"])  # what the last action led to is not in the table
+        count = len(actions) - dropped
+        terminated, truncated = group.ends[0] if dropped else group.ends[1]
+        seed = row.get("seed", "")
+        if seed and not _SEED.fullmatch(seed):
+            raise InvalidArgumentError(f"seed must be an integer >= 0, got {seed!r}")
+        return Episode(
+            self._observations(group),
+            actions[:count],
+            np.frombuffer(group.rewards)[:count],
+            terminated=terminated,
+            truncated=truncated,
+            seed=int(seed) if seed else None,
+            ending=row.get("ending", ""),
+            is_success=_truth(row, "is_success"),
+            kept=_truth(row, "kept") is not False,
+            has_rewards=group.has_rewards,
+            extras={DROPPED: int(actions[-1])} if dropped else {},
+        )
 
 
-def _is_quantity(text: str) -> bool:
-    return _is_special(text) and math.isfinite(float(text))
+def _truth(row: dict[str, str], column: str) -> bool | None:
+    text = row.get(column, "").lower()
+    if text not in _TRUTH:
+        raise InvalidArgumentError(f"{column} must be true or false, got {text!r}")
+    return _TRUTH[text]
 
 
 def write_csv(path: str | Path, episodes: Sequence[Episode], schema: Schema) -> None:

@@ -272,10 +272,10 @@ class Demonstrations(Displayed):
             delimiter: The character between two values; None for the one that the first line shows.
             log: How a machine's log is to be read: its time, text, empty cells (``LogFormat``).
         """
-        from eutree.data.csv_files import CsvReader
+        from eutree.data.csv_files import read_csv
 
-        read = CsvReader(path, schema, columns=columns, delimiter=delimiter, log=log)
-        return _blamed(path, read.episodes, read.schema, environment, Path(path).stem)
+        read = read_csv(path, schema, columns=columns, delimiter=delimiter, log=log)
+        return _blamed(path, *read, environment, Path(path).stem)
 
     def to_csv(self, path: str | Path) -> None:
         """Write a table with one row for each observation, discarded episodes included."""
