@@ -10,7 +10,7 @@ that a compiler could fuse, reorder or define otherwise is a function of its own
 import re
 import tomllib
 import unicodedata
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib import resources
 from string import Template
 
@@ -22,7 +22,7 @@ from eutree.formulas import LARGEST_RATIO
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
 from eutree.trees import DecisionTree
-from eutree.trees.text import derived_features
+from eutree.trees.text import Syntax, derived_features, nested
 from eutree.trees.tree import depths
 
 # Identifiers longer than this are cut: C99 promises 31 significant characters to the linker.
@@ -153,6 +153,26 @@ def remembered_features(policy: TreePolicy) -> list[int]:
     first, formulas = policy.derivation.n_measured, policy.derivation.formulas
     parts = (part for j in exported_features(policy) for part in formulas[j - first])
     return sorted({part.index for part in parts if part.kind == "last"})
+
+
+def formulas(
+    policy: TreePolicy,
+    write: Mapping[str, str],
+    name: Callable[[int], str],
+    last: Callable[[int], str],
+    number: Callable[[float], str],
+) -> list[tuple[int, str]]:
+    """Return the derived features that exported code has to compute, and how; see ``written``."""
+    first, found = policy.derivation.n_measured, policy.derivation.formulas
+    return [
+        (j, found[j - first].written(write, name, last, number)) for j in exported_features(policy)
+    ]
+
+
+def block(tree: DecisionTree, syntax: Syntax, root: int, *, indent: int) -> list[str]:
+    """Return the lines of a block, in which those below it are leaves."""
+    lines = nested(tree, syntax, root=root, cut=frozenset(block_roots(tree)))
+    return ["    " * (level + indent) + line for level, line in lines]
 
 
 def called(lines: list[str], functions: Functions) -> list[str]:

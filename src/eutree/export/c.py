@@ -19,6 +19,7 @@ import numpy as np
 
 from eutree.arrays import Floats, Integers
 from eutree.display import counted
+from eutree.export import _code as code
 from eutree.export._c_numbers import (
     Number,
     Numbers,
@@ -28,33 +29,9 @@ from eutree.export._c_numbers import (
     integer,
     numbers,
 )
-from eutree.export._code import (
-    C_WORDS,
-    action_identifiers,
-    block_roots,
-    called,
-    check_identifier,
-    control_identifiers,
-    exported_features,
-    filled,
-    functions,
-    identifiers,
-    operations,
-    remembered_features,
-)
 from eutree.policies import TreePolicy
-from eutree.trees import DecisionTree
+from eutree.trees import DecisionTree, text
 from eutree.trees.boxes import node_boxes
-from eutree.trees.text import (
-    Syntax,
-    asked,
-    definitions,
-    derived_features,
-    labelled,
-    meaning,
-    nested,
-    printable,
-)
 
 _SAFE = re.compile(r"[A-Za-z0-9 _.,:;()\[\]{}<>=+*/%&|^~!#'@$-]")
 _NO_FAST_MATH = [
@@ -83,10 +60,10 @@ def to_c(
             if left out, the largest power of two that fits the feature's bounds.
         header: Whether to include ``NAME.h`` (see ``to_c_header``) rather than repeat it.
     """
-    check_identifier("name", name, reserved=C_WORDS)
+    code.check_identifier("name", name, reserved=code.C_WORDS)
     kind = numbers(policy, number, scale)
     declarations = [f'#include "{name}.h"'] if header else _declarations(policy, name, kind)
-    computed = exported_features(policy)
+    computed = code.exported_features(policy)
     guard = [] if number == "int32" and not computed else ["", *_NO_FAST_MATH]
     lines = [*_heading(policy, kind), *declarations, *guard]
     table = [f"    {_string(action)}" for action in policy.schema.actions]
@@ -96,10 +73,9 @@ def to_c(
     if number == "int32" and not computed:
         shown, kept = in_integers(policy, kind.scales)
         orders = orders[kept]
-    roots = block_roots(shown.tree)
     of_tree = Numbers("double") if computed else kind
-    for root in roots:
-        lines += ["", *_function(shown, name, of_tree, root, frozenset(roots))]
+    for root in code.block_roots(shown.tree):
+        lines += ["", *_function(shown, name, of_tree, root)]
     if computed:
         lines += _entry(policy, name, kind)
     return (
@@ -112,7 +88,7 @@ def to_c_header(
     policy: TreePolicy, *, name: str = "decide", number: Number = "double", scale: Scale = None
 ) -> str:
     """Return the header ``NAME.h``: the entry point, an enumeration of the actions, their names."""
-    check_identifier("name", name, reserved=C_WORDS)
+    code.check_identifier("name", name, reserved=code.C_WORDS)
     kind = numbers(policy, number, scale)
     guard = f"{name.upper()}_H"
     lines = [
@@ -129,12 +105,12 @@ def to_c_header(
 
 def function_name(stem: str) -> str:
     """Return the name of an entry point for a file of that name, without its suffix."""
-    return identifiers([stem], reserved=C_WORDS, prefix="decide")[0]
+    return code.identifiers([stem], reserved=code.C_WORDS, prefix="decide")[0]
 
 
 def _heading(policy: TreePolicy, kind: Numbers) -> list[str]:
     """Return the comment at the top: what goes in, what comes out, what must hold."""
-    made_for = f" for {printable(policy.environment.id)}" if policy.environment else ""
+    made_for = f" for {text.printable(policy.environment.id)}" if policy.environment else ""
     lines = [
         f"A decision tree with {counted(policy.n_leaves, 'leaf')}{made_for}.",
         "",
@@ -143,10 +119,12 @@ def _heading(policy: TreePolicy, kind: Numbers) -> list[str]:
     for index, feature in enumerate(policy.schema.measured.features):
         bounds = f", {feature.low!r} to {feature.high!r}"
         scale = f", times {kind.scales[index]!r}, as an integer" if kind.scales else ""
-        lines.append(f"  [{index}] {labelled(feature)}{bounds}{scale}{meaning(feature)}")
-    lines += [f"  {line}" for line in definitions(policy.tree, policy.schema)]
+        lines.append(f"  [{index}] {text.labelled(feature)}{bounds}{scale}{text.meaning(feature)}")
+    lines += [f"  {line}" for line in text.definitions(policy.tree, policy.schema)]
     lines += ["", "Action:"]
-    lines += [f"  {index} {printable(name)}" for index, name in enumerate(policy.schema.actions)]
+    lines += [
+        f"  {index} {text.printable(name)}" for index, name in enumerate(policy.schema.actions)
+    ]
     if policy.masked:
         lines += [
             "",
@@ -173,12 +151,12 @@ def _declarations(
         f"extern const char *const {name}_actions[{policy.schema.n_actions}];",
         f"int {name}(const {kind.c_type} *observation);",
     ]
-    if remembered_features(policy):
+    if code.remembered_features(policy):
         lines.append(f"void {name}_reset(void); /* an episode begins */")
     if policy.masked:
         lines.append(f"{_allowed_title(name, kind)};")
     if policy.schema.controls:
-        titles = ", ".join(printable(control.label) for control in policy.schema.controls)
+        titles = ", ".join(text.printable(control.label) for control in policy.schema.controls)
         lines += [
             "",
             f"/* What each action sets: {titles}. */",
@@ -192,20 +170,18 @@ def _declarations(
 
 def _enumerators(policy: TreePolicy, name: str) -> list[str]:
     """Return the enumeration constant of each action."""
-    found = action_identifiers(policy.schema, reserved=("h",))
+    found = code.action_identifiers(policy.schema, reserved=("h",))
     return [f"{name}_{action}".upper() for action in found]
 
 
-def _function(
-    policy: TreePolicy, name: str, kind: Numbers, root: int, cut: frozenset[int]
-) -> list[str]:
+def _function(policy: TreePolicy, name: str, kind: Numbers, root: int) -> list[str]:
     """Return the function of one block of the tree."""
     tree, constants = policy.tree, _enumerators(policy, name)
 
     def test(node: int) -> str:
         remark = ""
         if kind.number != "int32":
-            remark = f" /* {asked(policy.schema, tree, node).condition()} */"
+            remark = f" /* {text.asked(policy.schema, tree, node).condition()} */"
         return f"if ({kind.test(tree, node)}) {{{remark}"
 
     def leaf(node: int) -> str:
@@ -215,7 +191,7 @@ def _function(
             return f"action = {tree.leaf[node]};"
         return f"action = {constants[policy.actions[tree.leaf[node]]]};"
 
-    syntax = Syntax(
+    syntax = text.Syntax(
         opening=test,
         chained=lambda node: f"}} else {test(node)}",
         otherwise="} else {",
@@ -223,19 +199,18 @@ def _function(
         leaf=leaf,
     )
     title = f"int {name}" if root == 0 else f"static int {name}_block_{root}"
-    if root == 0 and derived_features(tree, policy.schema):
+    if root == 0 and text.derived_features(tree, policy.schema):
         title = f"static int {name}_tree"
     elif policy.masked and root == 0:
         title = f"static int {name}_leaf"
     unused = ["    (void)observation;"] if policy.n_leaves == 1 else []
-    body = nested(tree, syntax, root=root, cut=cut)
     return [
         f"{title}(const {kind.c_type} *observation)",
         "{",
         "    int action;",
         "",
         *unused,
-        *("    " * (level + 1) + line for level, line in body),
+        *code.block(tree, syntax, root, indent=1),
         "    return action;",
         "}",
     ]
@@ -243,27 +218,21 @@ def _function(
 
 def _entry(policy: TreePolicy, name: str, kind: Numbers) -> list[str]:
     """Return the entry point that computes the derived features, with the functions it needs."""
-    first, remembered = policy.derivation.n_measured, remembered_features(policy)
-    operators = operations(name, "({0} ? {1} : {2})", "&&", "||")
+    first, remembered = policy.derivation.n_measured, code.remembered_features(policy)
+    operators = code.operations(name, "({0} ? {1} : {2})", "&&", "||")
     operators["*"] = f"{name}_times({{0}}, {{1}})"
 
-    def written(j: int) -> str:
-        return policy.derivation.formulas[j - first].written(
-            operators,
-            name=lambda index: f"features[{index}]",
-            last=lambda index: f"last[{index}]",
-            number=hexadecimal,
-        )
-
+    names = "features[{}]".format, "last[{}]".format
+    features = policy.schema.features
     lines = [f"    features[{j}] = {kind.measured(j)};" for j in range(first)]
     computed = [
-        f"    features[{j}] = {written(j)}; /* {printable(policy.schema.features[j].name)} */"
-        for j in exported_features(policy)
+        f"    features[{j}] = {formula}; /* {text.printable(features[j].name)} */"
+        for j, formula in code.formulas(policy, operators, *names, hexadecimal)
     ]
-    needed = called(computed, functions("c", name))
+    needed = code.called(computed, code.functions("c", name))
     kept = [f"    {name}_last[{j}] = features[{j}];" for j in remembered]
     entry = f"static int {name}_leaf" if policy.masked else f"int {name}"
-    return needed + filled(
+    return needed + code.filled(
         "c_remembers" if remembered else "c_derives",
         name=name,
         title=f"{entry}(const {kind.c_type} *observation)",
@@ -282,7 +251,7 @@ def _masked(policy: TreePolicy, orders: Integers, name: str, kind: Numbers) -> l
         return []
     n_actions = policy.schema.n_actions
     rows = [f"    {{{', '.join(map(str, order))}}}" for order in orders.tolist()]
-    return filled(
+    return code.filled(
         "c_masked",
         name=name,
         type=kind.c_type,
@@ -302,7 +271,7 @@ def _values(policy: TreePolicy, name: str, kind: Numbers) -> list[str]:
     last = schema.n_actions - 1
     rows = [
         f"    {{{', '.join(_level(kind, level) for level in levels)}}}{',' * (number < last)}"
-        f" /* {printable(action)} */"
+        f" /* {text.printable(action)} */"
         for number, (levels, action) in enumerate(
             zip(schema.action_values, schema.actions, strict=True)
         )
@@ -321,12 +290,12 @@ def _table(policy: TreePolicy, name: str, kind: Numbers) -> str:
 
 def _value_titles(policy: TreePolicy, name: str, kind: Numbers) -> list[str]:
     """Return the first line of the function of each control; a step may be taken once only."""
-    if remembered_features(policy):
+    if code.remembered_features(policy):
         return []
-    blocks = {f"block_{root}" for root in block_roots(policy.tree)}
+    blocks = {f"block_{root}" for root in code.block_roots(policy.tree)}
     own = {"actions", "values", "h", "test", "tree", "leaf", "orders", "allowed"}
-    names = control_identifiers(
-        policy.schema, reserved=frozenset(own | blocks | {*functions("c", name)})
+    names = code.control_identifiers(
+        policy.schema, reserved=frozenset(own | blocks | {*code.functions("c", name)})
     )
     argument = f"const {kind.c_type} *observation"
     return [f"{_level_type(kind)} {name}_{control}({argument})" for control in names]
@@ -410,13 +379,13 @@ def to_c_test(
         n_random: Number of random observations besides those on and around the thresholds.
         seed: Seed of the random observations.
     """
-    check_identifier("name", name, reserved=C_WORDS)
+    code.check_identifier("name", name, reserved=code.C_WORDS)
     kind = numbers(policy, number, scale)
     stored = stored_probes(policy, kind, n_random=n_random, seed=seed)
     actions = _decided(policy, [meant(kind, row) for row in stored])
     rows = [f"    {{{', '.join(_constant(kind, value) for value in row)}}}" for row in stored]
     size, width = stored.shape
-    lines = filled(
+    lines = code.filled(
         "c_test",
         name=name,
         type=kind.c_type,

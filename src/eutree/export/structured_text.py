@@ -1,31 +1,9 @@
 """Structured Text (IEC 61131-3) for programmable logic controllers."""
 
 from eutree.display import counted
-from eutree.export._code import (
-    ASSUMPTION,
-    STRUCTURED_TEXT_WORDS,
-    block_roots,
-    called,
-    check_identifier,
-    control_identifiers,
-    exported_features,
-    filled,
-    functions,
-    identifiers,
-    operations,
-    remembered_features,
-)
+from eutree.export import _code as code
 from eutree.policies import TreePolicy
-from eutree.trees.text import (
-    Syntax,
-    asked,
-    definitions,
-    derived_features,
-    labelled,
-    meaning,
-    nested,
-    printable,
-)
+from eutree.trees import text
 
 
 def to_structured_text(policy: TreePolicy, *, name: str = "decide") -> str:
@@ -43,25 +21,24 @@ def to_structured_text(policy: TreePolicy, *, name: str = "decide") -> str:
         policy: The policy.
         name: Name of the function.
     """
-    check_identifier("name", name, reserved=STRUCTURED_TEXT_WORDS)
+    code.check_identifier("name", name, reserved=code.STRUCTURED_TEXT_WORDS)
     schema = policy.schema
-    reserved = STRUCTURED_TEXT_WORDS | {name.casefold()}
-    computed = exported_features(policy)
+    reserved = code.STRUCTURED_TEXT_WORDS | {name.casefold()}
+    computed = code.exported_features(policy)
     if computed:
         reserved |= {"action", "restart", "goes_on"}
-    inputs = identifiers(schema.feature_names, reserved=reserved)
+    inputs = code.identifiers(schema.feature_names, reserved=reserved)
     lines = [
         f"(* A decision tree with {counted(policy.n_leaves, 'leaf')}"
-        + (f" for {printable(policy.environment.id)}" if policy.environment else "")
+        + (f" for {text.printable(policy.environment.id)}" if policy.environment else "")
         + "; returns the index of the action:",
-        *(f"   {index} {printable(action)}" for index, action in enumerate(schema.actions)),
-        *(f"   {line}" for line in definitions(policy.tree, schema)),
-        *([f"   {ASSUMPTION}"] if policy.masked else []),
+        *(f"   {index} {text.printable(action)}" for index, action in enumerate(schema.actions)),
+        *(f"   {line}" for line in text.definitions(policy.tree, schema)),
+        *([f"   {code.ASSUMPTION}"] if policy.masked else []),
         "*)",
     ]
-    roots = block_roots(policy.tree)
-    for root in roots:
-        lines += _function(policy, name, inputs, root, frozenset(roots))
+    for root in code.block_roots(policy.tree):
+        lines += _function(policy, name, inputs, root)
     if computed:
         lines += _entry(policy, name, inputs)
         inputs = inputs[: policy.derivation.n_measured]
@@ -75,17 +52,15 @@ def literal(value: float) -> str:
     return f"{mantissa}E{int(exponent)}" if exponent else mantissa
 
 
-def _function(
-    policy: TreePolicy, name: str, inputs: list[str], root: int, cut: frozenset[int]
-) -> list[str]:
+def _function(policy: TreePolicy, name: str, inputs: list[str], root: int) -> list[str]:
     """Return the FUNCTION of one block of the tree."""
     tree, schema = policy.tree, policy.schema
     title = name if root == 0 else f"{name}_block{root}"
-    if root == 0 and derived_features(tree, schema):
+    if root == 0 and text.derived_features(tree, schema):
         title = f"{name}_tree"
 
     def test(node: int) -> str:
-        test = asked(schema, tree, node)
+        test = text.asked(schema, tree, node)
         remark = f" (* {test.condition()} *)" if test.feature.is_integer else ""
         return f"IF {inputs[test.number]} <= {literal(test.threshold)} THEN{remark}"
 
@@ -93,24 +68,23 @@ def _function(
         if tree.leaf[node] == tree.NO_LEAF:
             return f"{title} := {name}_block{node}({', '.join(inputs)});"
         action = int(policy.actions[tree.leaf[node]])
-        return f"{title} := {action}; (* {printable(schema.actions[action])} *)"
+        return f"{title} := {action}; (* {text.printable(schema.actions[action])} *)"
 
-    syntax = Syntax(
+    syntax = text.Syntax(
         opening=test,
         chained=lambda node: f"ELS{test(node)}",
         otherwise="ELSE",
         closing="END_IF;",
         leaf=leaf,
     )
-    body = nested(tree, syntax, root=root, cut=cut)
-    lines = ["    " * level + line for level, line in body]
+    lines = code.block(tree, syntax, root, indent=0)
     return [f"FUNCTION {title} : INT", *_inputs(policy, inputs), *lines, "END_FUNCTION"]
 
 
 def _inputs(policy: TreePolicy, inputs: list[str]) -> list[str]:
     """Return the declaration of the features."""
     variables = [
-        f"    {variable} : LREAL; (* {labelled(feature)}{meaning(feature)} *)"
+        f"    {variable} : LREAL; (* {text.labelled(feature)}{text.meaning(feature)} *)"
         for variable, feature in zip(inputs, policy.schema.features, strict=False)
     ]
     return ["VAR_INPUT", *variables, "END_VAR"]
@@ -118,33 +92,33 @@ def _inputs(policy: TreePolicy, inputs: list[str]) -> list[str]:
 
 def _entry(policy: TreePolicy, name: str, inputs: list[str]) -> list[str]:
     """Return the FUNCTION, or FUNCTION_BLOCK, that computes the derived features."""
-    first, computed = policy.derivation.n_measured, exported_features(policy)
-    remembered = remembered_features(policy)
-    kept = identifiers(
+    first, computed = policy.derivation.n_measured, code.exported_features(policy)
+    remembered = code.remembered_features(policy)
+    kept = code.identifiers(
         [f"last {inputs[j]}" for j in remembered],
-        reserved=[*STRUCTURED_TEXT_WORDS, name, *inputs, "action", "restart", "goes_on"],
+        reserved=[*code.STRUCTURED_TEXT_WORDS, name, *inputs, "action", "restart", "goes_on"],
     )
     last = dict(zip(remembered, kept, strict=True))
-    operators = operations(name, "SEL({0}, {2}, {1})", "AND", "OR")
+    operators = code.operations(name, "SEL({0}, {2}, {1})", "AND", "OR")
 
-    def keep(j: int, when: str) -> list[str]:
-        return [f"IF {when} THEN", f"    {last[j]} := {inputs[j]};", "END_IF;"] if j in last else []
+    def begin(j: int) -> list[str]:
+        keep = f"    {last.get(j)} := {inputs[j]};"
+        return ["IF NOT goes_on THEN", keep, "END_IF;"] if j in last else []
 
-    body = [line for j in range(first) for line in keep(j, "NOT goes_on")]
-    for j in computed:
-        formula = policy.derivation.formulas[j - first].written(
-            operators, name=lambda index: inputs[index], last=last.__getitem__, number=literal
-        )
-        body += [f"{inputs[j]} := {formula};", *keep(j, "NOT goes_on")]
+    body = [line for j in range(first) for line in begin(j)]
+    names = inputs.__getitem__, last.__getitem__
+    for j, formula in code.formulas(policy, operators, *names, literal):
+        body += [f"{inputs[j]} := {formula};", *begin(j)]
     arguments = ", ".join(
         one if j < first or j in computed else "0.0" for j, one in enumerate(inputs)
     )
     own = [
-        f"    {inputs[j]} : LREAL; (* {labelled(policy.schema.features[j])} *)" for j in computed
+        f"    {inputs[j]} : LREAL; (* {text.labelled(policy.schema.features[j])} *)"
+        for j in computed
     ]
     own += [f"    {variable} : LREAL; (* at the step before *)" for variable in kept]
     body += [f"{last[j]} := {inputs[j]};" for j in remembered]
-    return called(body, functions("structured_text", name)) + filled(
+    return code.called(body, code.functions("structured_text", name)) + code.filled(
         "structured_text_remembers" if remembered else "structured_text_derives",
         name=name,
         inputs=_inputs(policy, inputs[:first])[1:-1],
@@ -157,9 +131,9 @@ def _entry(policy: TreePolicy, name: str, inputs: list[str]) -> list[str]:
 def _values(policy: TreePolicy, name: str, inputs: list[str]) -> list[str]:
     """Return the FUNCTION of each control."""
     schema = policy.schema
-    blocks = {f"block{root}" for root in block_roots(policy.tree)}
-    blocks |= {"tree", *functions("structured_text", name)}
-    names = control_identifiers(schema, reserved=frozenset(blocks))
+    blocks = {f"block{root}" for root in code.block_roots(policy.tree)}
+    blocks |= {"tree", *code.functions("structured_text", name)}
+    names = code.control_identifiers(schema, reserved=frozenset(blocks))
     # A FUNCTION and a variable in it must not have the same name.
     taken = {variable.casefold() for variable in inputs}
     lines: list[str] = []
@@ -168,10 +142,10 @@ def _values(policy: TreePolicy, name: str, inputs: list[str]) -> list[str]:
         while title.casefold() in taken:
             title += "1"
         taking, chosen = _inputs(policy, inputs), f"{name}({', '.join(inputs)})"
-        if remembered_features(policy):
+        if code.remembered_features(policy):
             taking, chosen = ["VAR_INPUT", "    action : INT;", "END_VAR"], "action"
         lines += [
-            f"FUNCTION {title} : LREAL (* {printable(control.label)} *)",
+            f"FUNCTION {title} : LREAL (* {text.printable(control.label)} *)",
             *taking,
             f"CASE {chosen} OF",
             *(
