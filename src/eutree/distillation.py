@@ -102,35 +102,29 @@ def stakes_of(teacher: Any, action_values: ActionValues | None, n_actions: int) 
     values of the leaves of a ``TreePolicy``.
     """
     values = action_values or getattr(teacher, "action_values", None)
-    if values is not None:
-        return lambda observations: _gap(values(observations), (len(observations), n_actions))
-    if _has_gaps(teacher):
-        return lambda observations: Costs.of(teacher, observations, "q-gap").of_action.max(axis=1)
-    return None
+    if values is None:
+        tree = teacher if isinstance(teacher, TreePolicy) and not teacher.history else None
+        if tree is None or tree.leaves is None or not tree.leaves.compares_actions:
+            return None
+        return lambda observations: Costs.of(tree, observations, "q-gap").of_action.max(axis=1)
+
+    def gap(observations: Floats) -> Floats:
+        table = np.asarray(values(observations), dtype=np.float64)
+        shape = len(observations), n_actions
+        if table.shape != shape or not np.isfinite(table).all():
+            raise InvalidArgumentError(
+                f"action_values must return finite numbers of shape {shape}, got shape "
+                f"{table.shape}"
+            )
+        return np.asarray(table.max(axis=1) - table.min(axis=1))
+
+    return gap
 
 
 def weights(stakes: Floats) -> Floats:
     """Return the stakes as weights of mean 1; all 1 if nothing is at stake anywhere."""
     total = float(stakes.sum())
     return stakes * (stakes.size / total) if total > 0.0 else np.ones_like(stakes)
-
-
-def _gap(values: ArrayLike, shape: tuple[int, int]) -> Floats:
-    """Return max_a Q - min_a Q of each row."""
-    table = np.asarray(values, dtype=np.float64)
-    if table.shape != shape or not np.isfinite(table).all():
-        raise InvalidArgumentError(
-            f"action_values must return finite numbers of shape {shape}, got shape {table.shape}"
-        )
-    gap: Floats = table.max(axis=1) - table.min(axis=1)
-    return gap
-
-
-def _has_gaps(teacher: Any) -> bool:
-    """Return whether a teacher is a tree whose leaves compare actions by what decides."""
-    if not isinstance(teacher, TreePolicy) or teacher.history:
-        return False
-    return teacher.leaves is not None and teacher.leaves.compares_actions
 
 
 LEARNERS = ("c4.5", "cart")
@@ -159,8 +153,12 @@ def fit(
     max_leaves: int | None,
 ) -> TreePolicy:
     """Return the tree that a learner makes of labelled observations; equal siblings are joined."""
-    make = _c45 if learner == "c4.5" else _cart
-    tree, actions = make(data, schema.n_actions, max_leaves)
+    if learner == "c4.5":
+        grown = grow(data.observations, data.actions, n_classes=schema.n_actions,
+                     weights=data.weights)  # fmt: skip
+        tree, actions = grown.to_decision_tree()
+    else:
+        tree, actions = _cart(data, max_leaves)
     policy = merged(TreePolicy(tree, actions, schema, environment))
     if max_leaves is None or policy.n_leaves <= max_leaves:
         return policy
@@ -170,12 +168,7 @@ def fit(
     return merged(Prunings(policy, costs).of_size(max_leaves))
 
 
-def _c45(data: Labelled, n_actions: int, max_leaves: int | None) -> tuple[DecisionTree, Integers]:
-    grown = grow(data.observations, data.actions, n_classes=n_actions, weights=data.weights)
-    return grown.to_decision_tree()
-
-
-def _cart(data: Labelled, n_actions: int, max_leaves: int | None) -> tuple[DecisionTree, Integers]:
+def _cart(data: Labelled, max_leaves: int | None) -> tuple[DecisionTree, Integers]:
     """Return CART's tree, which decides as scikit-learn's does on every finite observation."""
     try:
         from sklearn.tree import DecisionTreeClassifier
@@ -298,15 +291,22 @@ def distill(
         shown = record(env, policy, episodes=settings.episodes, seed=seed, strict=strict)
     _check_shown(shown, guarded.schema)
     guarded.take_names(shown.schema)
-    team = None if spec is None else _Team(Workers(n_jobs), Recipe.of(spec), strict)
-    school = _School(guarded, policy, stakes, shown, seed, team=team)
+    run = None if spec is None else RunPairs(Recipe.of(spec), strict)
+    observations, actions = lessons(shown)
+    seen, right, steps = [observations], [actions], shown.n_transitions
     trees: list[TreePolicy] = []
     results: list[Evaluation] = []
     rounds: list[Round] = []
     for number in range(settings.rounds):
-        if number:
-            school.gather(trees[-1], number, settings.episodes)
-        data = school.data()
+        gathered = range(number * settings.episodes, (number + 1) * settings.episodes)
+        seeds = [episode_seed(seed, k, Stream.GATHERING) for k in gathered]
+        for episode in _episodes(guarded, trees[-1], seeds, run, n_jobs) if number else ():
+            steps += len(episode)
+            seen.append(episode.observations[:-1])
+            right.append(actions_on(policy, episode, guarded))
+        observations = np.concatenate(seen)
+        weight = np.ones(len(observations)) if stakes is None else weights(stakes(observations))
+        data = Labelled(observations, np.concatenate(right), weight)
         tree = fit(settings.learner, data, guarded.schema, guarded.spec, settings.max_leaves)
         trees.append(tree)
         validation = episode_seed(seed, 0, Stream.VALIDATION)
@@ -328,72 +328,25 @@ def distill(
         rounds=tuple(rounds),
         best=chosen,
         return_interval=results[chosen].return_interval,
-        labels=school.labels,
-        environment_steps=school.steps + validation_steps,
+        labels=steps,
+        environment_steps=steps + validation_steps,
         validation_steps=validation_steps,
         weighted=stakes is not None,
         teacher_steps=trained_steps(teacher),
     )
 
 
-@dataclass(frozen=True)
-class _Team:
-    """Processes in which a tree acts, each in an environment of its own."""
-
-    workers: Workers
-    recipe: Recipe
-    strict: bool
-
-    def episodes(self, tree: TreePolicy, seeds: Sequence[int]) -> list[Episode]:
-        """Return the episodes of these seeds."""
-        pairs = [(tree, seed) for seed in seeds]
-        blocks = [pairs[b.start : b.stop] for b in self.workers.blocks(len(pairs), len(pairs))]
-        run = RunPairs(self.recipe, self.strict)
-        return [episode for part in self.workers.map(run, blocks) for episode in part]
-
-
-class _School:
-    """All observations so far with the teacher's actions, and what they cost."""
-
-    def __init__(
-        self,
-        env: GuardedEnv,
-        teacher: Policy,
-        stakes: Stakes | None,
-        shown: Demonstrations,
-        seed: int,
-        *,
-        team: _Team | None,
-    ) -> None:
-        self.steps = self.labels = shown.n_transitions
-        self._env = env
-        self._teacher = teacher
-        self._stakes = stakes
-        self._seed = seed
-        self._team = team
-        observations, actions = lessons(shown)
-        self._observations, self._actions = [observations], [actions]
-
-    def gather(self, tree: TreePolicy, number: int, episodes: int) -> None:
-        """Let the tree act, and add what it comes to with the teacher's actions."""
-        numbers = range(number * episodes, (number + 1) * episodes)
-        seeds = [episode_seed(self._seed, k, Stream.GATHERING) for k in numbers]
-        run: Iterable[Episode] = (run_episode(self._env, tree, seed) for seed in seeds)
-        if self._team is not None:
-            run = self._team.episodes(tree, seeds)
-        for episode in run:
-            self.steps += len(episode)
-            self.labels += len(episode)
-            self._observations.append(episode.observations[:-1])
-            self._actions.append(actions_on(self._teacher, episode, self._env))
-
-    def data(self) -> Labelled:
-        """Return all of it, weighted."""
-        observations = np.concatenate(self._observations)
-        stakes = np.ones(len(observations))
-        if self._stakes is not None:
-            stakes = weights(self._stakes(observations))
-        return Labelled(observations, np.concatenate(self._actions), stakes)
+def _episodes(
+    env: GuardedEnv,
+    tree: TreePolicy,
+    seeds: Sequence[int],
+    elsewhere: RunPairs | None,
+    n_jobs: int | None,
+) -> Iterable[Episode]:
+    """Return a tree's episodes of some seeds: here, or in processes that make the environment."""
+    if elsewhere is None:
+        return (run_episode(env, tree, seed) for seed in seeds)
+    return elsewhere.over(Workers(n_jobs), [(tree, seed) for seed in seeds], len(seeds))
 
 
 def actions_on(teacher: Policy, episode: Episode, env: GuardedEnv) -> Integers:

@@ -179,9 +179,7 @@ class Ground:
         if self.recipe is None:
             episodes = run_pairs(self.env, pairs)
         else:
-            workers = Workers(self.n_jobs)
-            blocks = [pairs[b.start : b.stop] for b in workers.blocks(len(pairs), 256)]
-            episodes = [one for part in workers.map(RunPairs(self.recipe), blocks) for one in part]
+            episodes = RunPairs(self.recipe).over(Workers(self.n_jobs), pairs, 256)
         successes = [one.is_success for one in episodes]
         features = [
             tree.features.of_episode(one.observations, one.actions)[:-1]

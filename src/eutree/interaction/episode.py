@@ -22,6 +22,7 @@ from eutree.interaction.acting import Actor
 from eutree.interaction.deriving import acting_as
 from eutree.interaction.guard import GuardedEnv
 from eutree.interaction.making import Recipe, make
+from eutree.parallel import Workers
 from eutree.policies import Policy, TreePolicy
 from eutree.validation import check_integer, check_seed
 
@@ -103,6 +104,13 @@ class RunPairs:
             return run_pairs(env, pairs, strict=self.strict)
         finally:
             env.close()
+
+    def over(
+        self, workers: Workers, pairs: Sequence[tuple[TreePolicy, int]], most: int
+    ) -> list[Episode]:
+        """Return the episodes of pairs; each worker runs some, in blocks of at most so many."""
+        blocks = [pairs[block.start : block.stop] for block in workers.blocks(len(pairs), most)]
+        return [episode for part in workers.map(self, blocks) for episode in part]
 
 
 class EpisodeSteps:
