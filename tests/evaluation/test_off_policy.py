@@ -225,7 +225,7 @@ def test_the_gain_of_whole_episodes_is_that_of_its_twin():
     found = fitted.gains(chooses(0.0), chooses(0.5), held_out, limits, most_weight=1000.0)
     assert found.whole
     for value, episode in zip(found.values, held_out, strict=True):
-        weight, first = gain_by_hand(episode, lambda k, e=episode: fitted.chances(e)[k])
+        weight, first = gain_by_hand(episode, lambda k, e=episode: fitted.told(e).chances[k])
         if first is None:
             assert value == 0.0
             continue

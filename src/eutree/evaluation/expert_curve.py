@@ -13,8 +13,6 @@ kinds of demonstration: it answers for more of the same.
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 
@@ -30,6 +28,7 @@ MORE = 5  # episodes that the gain is asked for
 _SIZES = 8
 _BOOTSTRAPS = 400
 _EXPONENTS = np.linspace(0.1, 2.0, 39)
+_SAME = 1e-15  # of squared errors
 _POINT = 0.01
 _MUCH = 0.05  # error that is worth a remark
 
@@ -147,47 +146,20 @@ def expert_curve(demonstrations: Demonstrations) -> ExpertCurve | None:
 def fit_power_law(sizes: Floats, errors: Floats) -> PowerLaw:
     """Return the law of least squares through ``errors`` [S] at ``sizes`` [S], weighted by size."""
     weights = np.asarray(sizes, dtype=float)
-    mean = float(np.average(errors, weights=weights))
-    best, least = PowerLaw(mean, 0.0, 1.0), np.inf
-    for powers in _powers(tuple(weights.tolist())):
-        for floor, scale in powers.lines(errors, mean):
-            missed = float((weights * (floor + scale * powers.x - errors) ** 2).sum())
-            if floor >= 0.0 and scale >= 0.0 and missed < least - 1e-15:
-                best, least = PowerLaw(floor, scale, powers.exponent), missed
-    return best
-
-
-class _Powers(NamedTuple):
-    """The weights to the power of minus an exponent, and what all lines through them have alike."""
-
-    exponent: float
-    weights: Floats  # [S]
-    x: Floats  # [S]
-    x_mean: float
-    centred: Floats  # [S] x - x_mean
-    spread: float
-    squares: float
-
-    def lines(self, y: Floats, y_mean: float) -> list[tuple[float, float]]:
-        """Return the best weighted line a + b x, the best without a, and the best without b."""
-        slope = float(self.weights @ (self.centred * y)) / self.spread if self.spread > 0.0 else 0.0
-        through_origin = float(self.weights @ (self.x * y)) / self.squares
-        return [(y_mean - slope * self.x_mean, slope), (0.0, through_origin), (y_mean, 0.0)]
-
-
-@lru_cache(maxsize=4)
-def _powers(sizes: tuple[float, ...]) -> list[_Powers]:
-    """Return the powers of the weights for all exponents; a bootstrap asks for the same ones."""
-    weights = np.array(sizes)
-    found = []
-    for exponent in _EXPONENTS.tolist():
-        x = weights**-exponent
-        x_mean = float(np.average(x, weights=weights))
-        spread = float(weights @ (x - x_mean) ** 2)
-        found.append(
-            _Powers(exponent, weights, x, x_mean, x - x_mean, spread, float(weights @ (x * x)))
-        )
-    return found
+    x = weights ** -_EXPONENTS[:, np.newaxis]  # [K, S]
+    x_mean, y_mean = x @ weights / weights.sum(), float(np.average(errors, weights=weights))
+    centred = x - x_mean[:, np.newaxis]
+    spread = centred**2 @ weights
+    slope = np.divide(centred * errors @ weights, spread, where=spread > 0.0, out=0.0 * spread)
+    through_origin = x * errors @ weights / (x * x @ weights)
+    # For each exponent the best line a + b x, the best without a, and the best without b, [K, 3].
+    floors = np.stack([y_mean - slope * x_mean, 0.0 * slope, y_mean + 0.0 * slope], axis=1)
+    scales = np.stack([slope, through_origin, 0.0 * slope], axis=1)
+    lines = floors[..., np.newaxis] + scales[..., np.newaxis] * x[:, np.newaxis]
+    missed = np.where((floors < 0.0) | (scales < 0.0), np.inf, (lines - errors) ** 2 @ weights)
+    best = int((missed <= missed.min() + _SAME).argmax())  # the first: no digit chooses
+    exponent = float(_EXPONENTS[best // missed.shape[1]])
+    return PowerLaw(float(floors.flat[best]), float(scales.flat[best]), exponent)
 
 
 def _accuracies(

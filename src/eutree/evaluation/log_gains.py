@@ -58,8 +58,8 @@ class Gains:
     tried: int
 
 
-class _ToldEpisode(NamedTuple):
-    """What V and mu say of an episode."""
+class ToldEpisode(NamedTuple):
+    """What V and mu say of an episode, and how much more than usual followed each step."""
 
     episode: Episode
     chances: Floats  # [T, A]
@@ -86,22 +86,10 @@ class FittedLog:
         counts = np.ones((self._tree.n_leaves, n_actions))  # Laplace's: nothing is impossible
         np.add.at(counts, (self._tree.leaf_index(rows), actions), 1.0)
         self._chances = counts / counts.sum(axis=1, keepdims=True)  # [L, A]
-        self._cache: dict[int, _ToldEpisode] = {}
+        self._cache: dict[int, ToldEpisode] = {}
         self._value = _fitted_value(rows, self.episodes, discount)
 
-    def chances(self, episode: Episode) -> Floats:
-        """Return mu of every action at each step, shape [T, A]."""
-        return self._told(episode).chances
-
-    def values(self, episode: Episode) -> Floats:
-        """Return V at each observation, shape [T + 1]."""
-        return self._told(episode).values
-
-    def advantages(self, episode: Episode) -> Floats:
-        """Return how much more than usual followed each step, shape [T]."""
-        return self._told(episode).advantages
-
-    def _told(self, episode: Episode) -> "_ToldEpisode":
+    def told(self, episode: Episode) -> ToldEpisode:
         """Return what V and mu say of an episode; once for all trees that are compared."""
         told = self._cache.get(id(episode))
         if told is None or told.episode is not episode:
@@ -112,7 +100,7 @@ class FittedLog:
                 ahead[-1:] = 0.0
             surprises = episode.rewards + self._discount * ahead - values[:-1]
             advantages = _sums_ahead(surprises, self._discount * LAMBDA)
-            told = self._cache[id(episode)] = _ToldEpisode(episode, chances, values, advantages)
+            told = self._cache[id(episode)] = ToldEpisode(episode, chances, values, advantages)
         return told
 
     def gains(
@@ -133,14 +121,15 @@ class FittedLog:
             limits: Lowest and highest return of an episode.
             most_weight: Of a whole episode; where one could be heavier single deviations speak.
         """
-        told = [_Differing(one, other, self, episode) for episode in (*self.episodes, *episodes)]
+        every = (self.told(episode) for episode in (*self.episodes, *episodes))
+        told = [_Differing(one, other, each) for each in every]
         largest = max(each.largest_weight for each in told)
         whole = largest <= most_weight
         if whole:
-            both = np.array([each.whole(self.values(each.episode), limits) for each in told])
+            both = np.array([each.whole(limits) for each in told])
             values, worst = both[:, 0], float(both[:, 1].min())
         else:
-            values = np.array([each.deviations(self.advantages(each.episode)) for each in told])
+            values = np.array([each.deviations() for each in told])
             worst = min(float(values.min()), 0.0)
         n = len(self.episodes)
         tried = sum(each.n_followed for each in told)
@@ -164,15 +153,13 @@ def decisions(policy: TreePolicy, episode: Episode) -> Integers:
 class _Differing:
     """The steps of an episode at which two trees decide differently, and what was done there."""
 
-    def __init__(
-        self, one: TreePolicy, other: TreePolicy, log: FittedLog, episode: Episode
-    ) -> None:
-        self.episode = episode
-        ours, theirs = decisions(one, episode), decisions(other, episode)
+    def __init__(self, one: TreePolicy, other: TreePolicy, told: ToldEpisode) -> None:
+        self._told = told
+        ours, theirs = decisions(one, told.episode), decisions(other, told.episode)
         self._steps = np.flatnonzero(ours != theirs)  # [D]
-        chances = log.chances(episode)[self._steps]
+        chances = told.chances[self._steps]
         of = np.arange(self._steps.size)
-        taken = episode.actions[self._steps]
+        taken = told.episode.actions[self._steps]
         self._both = [
             (chosen[self._steps] == taken, chances[of, chosen[self._steps]])
             for chosen in (ours, theirs)
@@ -189,7 +176,7 @@ class _Differing:
         """Steps at which the first tree was followed."""
         return int(self._both[0][0].sum())
 
-    def whole(self, values: Floats, limits: tuple[float, float]) -> tuple[float, float]:
+    def whole(self, limits: tuple[float, float]) -> tuple[float, float]:
         """Return what the episode says of the gain of whole episodes, and the worst it could say.
 
         The worst is that the one tree had been followed to the lowest return, or the other to the
@@ -197,8 +184,10 @@ class _Differing:
         """
         if not self._steps.size:
             return 0.0, 0.0
-        first, rewards = self._steps[0], self.episode.rewards
-        expected = min(max(float(rewards[:first].sum() + values[first]), limits[0]), limits[1])
+        first, rewards = self._steps[0], self._told.episode.rewards
+        expected = min(
+            max(float(rewards[:first].sum() + self._told.values[first]), limits[0]), limits[1]
+        )
         ours, theirs = (float(np.prod(1.0 / chance)) for _, chance in self._both)
         worst = -max(ours * (expected - limits[0]), theirs * (limits[1] - expected))
         weight = sum(
@@ -207,11 +196,11 @@ class _Differing:
         )
         return float(weight * (rewards.sum() - expected)), worst
 
-    def deviations(self, advantages: Floats) -> float:
+    def deviations(self) -> float:
         """Return the gain of single deviations to one tree over those to the other."""
         (ours, chance), (theirs, other_chance) = self._both
         weights = ours / chance - theirs / other_chance
-        return float((weights * advantages[self._steps]).sum())
+        return float((weights * self._told.advantages[self._steps]).sum())
 
 
 def _fitted_value(rows: Floats, episodes: Sequence[Episode], discount: float) -> ModelTree:
@@ -310,7 +299,7 @@ def _worth(policy: TreePolicy, log: FittedLog) -> Floats:
     tree = policy.tree
     worth = np.zeros((tree.n_leaves, log.n_actions))
     for episode in log.episodes:
-        steps, actions = np.arange(len(episode)), episode.actions
-        gained = log.advantages(episode) / log.chances(episode)[steps, actions]
+        steps, actions, told = np.arange(len(episode)), episode.actions, log.told(episode)
+        gained = told.advantages / told.chances[steps, actions]
         np.add.at(worth, (tree.leaf_index(rows_of(policy, episode)), actions), gained)
     return tree.totals(worth)
