@@ -29,11 +29,12 @@ from eutree.trees.tree import depths
 _LENGTH = 31
 
 
-def _text(name: str) -> str:
-    return (resources.files(__package__) / name).read_text(encoding="utf-8")
+def template(name: str) -> str:
+    """Return the text of a file in ``templates``."""
+    return (resources.files(__package__) / "templates" / name).read_text(encoding="utf-8")
 
 
-_RESERVED = tomllib.loads(_text("reserved.toml"))
+_RESERVED = tomllib.loads(template("reserved.toml"))
 C_WORDS, PYTHON_WORDS, STRUCTURED_TEXT_WORDS = (
     frozenset(_RESERVED[language].split()) for language in ("c", "python", "structured_text")
 )
@@ -207,7 +208,7 @@ def functions(language: str, name: str) -> Functions:
         language: ``"c"``, ``"python"`` or ``"structured_text"``, of which each has a file.
         name: What their names begin with.
     """
-    text = _text(f"templates/operations.{language}.txt")
+    text = template(f"operations.{language}.txt")
     before, bound = _WRITTEN[language]
     found = {}
     for part in _BETWEEN.split(text.rstrip("\n")):
@@ -217,16 +218,16 @@ def functions(language: str, name: str) -> Functions:
     return found
 
 
-def filled(template: str, /, **values: object) -> list[str]:
+def filled(name: str, /, **values: object) -> list[str]:
     """Return the lines of a template, ``$name`` and the like filled in.
 
     Args:
-        template: Name of its file in ``templates``, without the suffix.
+        name: Name of its file in ``templates``, without the suffix.
         **values: What is filled in; of a list each entry is a line.
     """
     fields = {
         field: "\n".join(value) if isinstance(value, list) else value
         for field, value in values.items()
     }
-    text = Template(_text(f"templates/{template}.txt")).substitute(fields)
+    text = Template(template(f"{name}.txt")).substitute(fields)
     return text.removesuffix("\n").split("\n")

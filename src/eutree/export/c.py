@@ -90,16 +90,9 @@ def to_c_header(
     """Return the header ``NAME.h``: the entry point, an enumeration of the actions, their names."""
     code.check_identifier("name", name, reserved=code.C_WORDS)
     kind = numbers(policy, number, scale)
-    guard = f"{name.upper()}_H"
-    lines = [
-        *_heading(policy, kind),
-        f"#ifndef {guard}",
-        f"#define {guard}",
-        "",
-        *_declarations(policy, name, kind, for_cpp=True),
-        "",
-        f"#endif /* {guard} */",
-    ]
+    declarations = _declarations(policy, name, kind, for_cpp=True)
+    heading, guard = _heading(policy, kind), f"{name.upper()}_H"
+    lines = code.filled("c_header", heading=heading, guard=guard, declarations=declarations)
     return "\n".join(lines) + "\n"
 
 

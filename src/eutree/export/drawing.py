@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from eutree.arrays import Floats, Integers
-from eutree.export._code import ASSUMPTION
+from eutree.export._code import ASSUMPTION, filled
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
 from eutree.trees import DecisionTree
@@ -170,15 +170,10 @@ def to_latex(policy: TreePolicy, *, document: bool = False) -> str:
         document: Whether to return a whole document rather than the picture alone.
     """
     tree, places = policy.tree, layout(policy.tree)
-    lines = [
-        r"\begin{tikzpicture}[",
-        "  test/.style={draw=black!40, rounded corners=2pt, font=\\footnotesize, anchor=west},",
-        "  leaf/.style={rounded corners=5pt, font=\\footnotesize, anchor=west},",
-        "  answer/.style={font=\\tiny, text=black!60, fill=white, inner sep=1pt},",
-        "]",
+    colours = [
+        rf"\definecolor{{eutree{number}}}{{HTML}}{{{fill[1:].upper()}}}"
+        for number, fill in enumerate(fills(policy.schema))
     ]
-    for number, fill in enumerate(fills(policy.schema)):
-        lines.insert(number, rf"\definecolor{{eutree{number}}}{{HTML}}{{{fill[1:].upper()}}}")
     is_leaf = tree.feature == tree.NO_FEATURE
     labels = [
         words_of_leaf(policy, node) if is_leaf[node] else words_of_test(policy, node)
@@ -186,21 +181,20 @@ def to_latex(policy: TreePolicy, *, document: bool = False) -> str:
     ]
     widths = [_CENTIMETRES * text_width(label) + _PADDING for label in labels]
     lefts = column_lefts(places, widths, gap=_GAP)
+    nodes = []
     for node in tree.preorder():
-        where = f"({lefts[node]:.2f},{-places.row[node] * 0.75:.4f})"
-        words = _escaped(labels[node])
+        kind, words = "test", _escaped(labels[node]).replace(r"\textless{}=", r"$\leq$")
         if is_leaf[node]:
-            colour = int(policy.actions[tree.leaf[node]])
-            lines.append(rf"  \node[leaf, fill=eutree{colour}] (n{node}) at {where} {{{words}}};")
-        else:
-            words = words.replace(r"\textless{}=", r"$\leq$")
-            lines.append(rf"  \node[test] (n{node}) at {where} {{{words}}};")
-    for parent, child, answer in branches(policy):
-        edge = rf"(n{parent}.east) -- node[answer] {{{answer}}} (n{child}.west)"
-        lines.append(rf"  \draw[black!40] {edge};")
-    lines.append(r"\end{tikzpicture}")
-    if policy.masked:
-        lines.insert(0, f"% {ASSUMPTION}")
+            kind = f"leaf, fill=eutree{policy.actions[tree.leaf[node]]}"
+            words = _escaped(labels[node])
+        where = f"({lefts[node]:.2f},{-places.row[node] * 0.75:.4f})"
+        nodes.append(rf"  \node[{kind}] (n{node}) at {where} {{{words}}};")
+    edges = [
+        rf"  \draw[black!40] (n{parent}.east) -- node[answer] {{{answer}}} (n{child}.west);"
+        for parent, child, answer in branches(policy)
+    ]
+    lines = [f"% {ASSUMPTION}"] if policy.masked else []
+    lines += filled("latex", colours=colours, tree=nodes + edges)
     if document:
         opening = [r"\documentclass[border=4pt]{standalone}", r"\usepackage[T1]{fontenc}"]
         lines = [*opening, r"\usepackage{tikz}", r"\begin{document}", *lines, r"\end{document}"]
@@ -214,27 +208,20 @@ def _escaped(text: str) -> str:
 
 def to_dot(policy: TreePolicy) -> str:
     """Return the tree as a Graphviz digraph, root at the left, leaves coloured by action."""
-    tree, colours = policy.tree, fills(policy.schema)
-    lines = [
-        *([f"// {ASSUMPTION}"] if policy.masked else []),
-        "digraph policy {",
-        '    graph [rankdir="LR", ordering="out", nodesep="0.15"];',
-        '    node [fontname="Helvetica", fontsize="11", shape="box", '
-        'style="rounded,filled", fillcolor="#ffffff", color="#8a94a0"];',
-        '    edge [fontname="Helvetica", fontsize="9", color="#8a94a0", arrowhead="none"];',
-    ]
+    tree, colours, nodes = policy.tree, fills(policy.schema), []
     for node in tree.preorder():
         if tree.feature[node] != tree.NO_FEATURE:
-            lines.append(f"    n{node} [label={_quoted(words_of_test(policy, node))}];")
+            nodes.append(f"    n{node} [label={_quoted(words_of_test(policy, node))}];")
             continue
         colour = colours[int(policy.actions[tree.leaf[node]])]
         label = _quoted(words_of_leaf(policy, node))
-        lines.append(f'    n{node} [label={label}, fillcolor="{colour}", color="{colour}"];')
-    lines += [
+        nodes.append(f'    n{node} [label={label}, fillcolor="{colour}", color="{colour}"];')
+    edges = [
         f'    n{parent} -> n{child} [label="{answer}"];'
         for parent, child, answer in branches(policy)
     ]
-    return "\n".join([*lines, "}"]) + "\n"
+    lines = [f"// {ASSUMPTION}"] if policy.masked else []
+    return "\n".join([*lines, *filled("dot", tree=nodes + edges)]) + "\n"
 
 
 def _quoted(text: str) -> str:

@@ -5,7 +5,7 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from eutree.display import counted
-from eutree.export._code import ASSUMPTION
+from eutree.export._code import ASSUMPTION, template
 from eutree.export.drawing import (
     branches,
     column_lefts,
@@ -18,21 +18,7 @@ from eutree.export.drawing import (
 from eutree.policies import TreePolicy
 from eutree.trees.text import Digits, asked, printable
 
-STYLE = """\
-.eutree { font: 12px system-ui, "Segoe UI", Helvetica, Arial, sans-serif; }
-.eutree-edge { fill: none; stroke: #9aa5b1; stroke-linecap: round; }
-.eutree-answer { font-size: 9px; fill: #5b6672; }
-.eutree-test rect { fill: #ffffff; stroke: #9aa5b1; }
-.eutree-test text, .eutree-note { fill: #1d2733; }
-.eutree-leaf text { fill: #10161d; font-weight: 600; }
-.eutree-note { font-size: 11px; }
-@media (prefers-color-scheme: dark) {
-  .eutree-edge { stroke: #5d6a78; }
-  .eutree-answer { fill: #a9b4c0; }
-  .eutree-test rect { fill: #1b232c; stroke: #5d6a78; }
-  .eutree-test text, .eutree-note { fill: #e6ebf0; }
-}
-"""
+STYLE = template("svg.css")
 
 _ROW, _BOX, _GAP, _MARGIN, _PADDING, _LONGEST = 30.0, 22.0, 46.0, 12.0, 9.0, 34
 
