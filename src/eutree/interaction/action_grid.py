@@ -12,7 +12,7 @@ integer the number of an action.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import gymnasium
@@ -29,6 +29,20 @@ ACTION_GRID = "action_grid"  # the argument of ``make``, as it stands in files
 
 # Levels by name, the unit in brackets: {"valve [%]": [0, 50, 100]}; or pairs, as in files.
 Grid = Mapping[str, Sequence[float]] | Sequence[tuple[str, Sequence[float]]] | Sequence[Control]
+
+
+def name_of(env: gymnasium.Env[Any, Any]) -> str:
+    """Return the id of an environment, or the name of its class where it has none."""
+    return env.spec.id if env.spec is not None else type(env.unwrapped).__name__
+
+
+def wrappers_of(
+    env: gymnasium.Env[Any, Any],
+) -> Iterator[gymnasium.Wrapper[Any, Any, Any, Any]]:
+    """Yield the wrappers around an environment, the outermost first."""
+    while isinstance(env, gymnasium.Wrapper):
+        yield env
+        env = env.env
 
 
 class GriddedAction(gymnasium.ActionWrapper[Any, Any, Any], gymnasium.utils.RecordConstructorArgs):
@@ -217,12 +231,8 @@ def controls_of(grid: Any) -> tuple[Control, ...]:
 
 def grid_around(env: gymnasium.Env[Any, Any]) -> GriddedAction | None:
     """Return the grid that the actions of ``env`` go through; None if there is none."""
-    actions = env.action_space
-    while isinstance(env, gymnasium.Wrapper):
-        if isinstance(env, GriddedAction):
-            return env if env.action_space == actions else None
-        env = env.env
-    return None
+    grid = next((one for one in wrappers_of(env) if isinstance(one, GriddedAction)), None)
+    return grid if grid is not None and grid.action_space == env.action_space else None
 
 
 def plain_grid(controls: Sequence[Control]) -> list[list[Any]]:
@@ -283,11 +293,6 @@ def _all_values(env: gymnasium.Env[Any, Any]) -> tuple[Control, ...]:
         Control.from_label(label, tuple(first + k for k in range(size)))
         for label, first, size in zip(labels, low.tolist(), sizes, strict=True)
     )
-
-
-def name_of(env: gymnasium.Env[Any, Any]) -> str:
-    """Return the id of an environment, or the name of its class where it has none."""
-    return env.spec.id if env.spec is not None else type(env.unwrapped).__name__
 
 
 class ActionMasks:

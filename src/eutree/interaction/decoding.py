@@ -18,6 +18,7 @@ from gymnasium.wrappers import FlattenObservation
 
 from eutree.arrays import Integers
 from eutree.errors import InvalidArgumentError, described, shown
+from eutree.interaction.action_grid import name_of, wrappers_of
 
 DECODE = "decode"  # the argument of ``make``, as it stands in files
 ONE_HOT = "one_hot"  # another one: each value of a Discrete becomes a feature of its own
@@ -67,21 +68,14 @@ def can_decode(env: gymnasium.Env[Any, Any]) -> bool:
 
 def decodes(env: gymnasium.Env[Any, Any]) -> bool:
     """Return whether the environment's observations have been decoded."""
-    while isinstance(env, gymnasium.Wrapper):
-        if isinstance(env, DecodedObservation):
-            return True
-        env = env.env
-    return False
+    return any(isinstance(wrapper, DecodedObservation) for wrapper in wrappers_of(env))
 
 
 def one_hot_around(env: gymnasium.Env[Any, Any]) -> FlattenObservation[Any, Any, Any] | None:
     """Return Gymnasium's wrapper that flattens what is observed; None if there is none."""
     seen = env.observation_space
-    while isinstance(env, gymnasium.Wrapper):
-        if isinstance(env, FlattenObservation) and env.observation_space == seen:
-            return env
-        env = env.env
-    return None
+    flattened = (one for one in wrappers_of(env) if isinstance(one, FlattenObservation))
+    return next((one for one in flattened if one.observation_space == seen), None)
 
 
 def warn_of_codes(env: gymnasium.Env[Any, Any], *, stacklevel: int = 2) -> None:
@@ -89,7 +83,6 @@ def warn_of_codes(env: gymnasium.Env[Any, Any], *, stacklevel: int = 2) -> None:
     space = env.observation_space
     if not isinstance(space, spaces.Discrete) or space.n <= MANY_CODES:
         return
-    name = env.spec.id if env.spec is not None else type(env.unwrapped).__name__
     helps = (
         "It can tell what its codes stand for: --decode, or "
         "eutree.interaction.DecodedObservation(env)."
@@ -97,8 +90,8 @@ def warn_of_codes(env: gymnasium.Env[Any, Any], *, stacklevel: int = 2) -> None:
         else "Let it observe what they stand for: gymnasium.wrappers.TransformObservation."
     )
     warnings.warn(
-        f"{name} observes one code of {space.n} values, which a tree takes for an ordered number: "
-        f"neighbouring codes need not have anything in common. {helps}",
+        f"{name_of(env)} observes one code of {space.n} values, which a tree takes for an ordered "
+        f"number: neighbouring codes need not have anything in common. {helps}",
         stacklevel=stacklevel + 1,
     )
 

@@ -15,10 +15,15 @@ from typing import Any, NamedTuple, cast
 import gymnasium
 import numpy as np
 from gymnasium import wrappers
-from gymnasium.wrappers import TimeLimit
 
 from eutree.errors import EutreeError
-from eutree.interaction.action_grid import ActionMasks, GriddedAction, numbered
+from eutree.interaction.action_grid import (
+    ActionMasks,
+    GriddedAction,
+    name_of,
+    numbered,
+    wrappers_of,
+)
 from eutree.interaction.decoding import warn_of_codes
 from eutree.interaction.guard import MAX_EPISODE_STEPS
 from eutree.interaction.making import made_here, make
@@ -44,8 +49,8 @@ def look_at(env: gymnasium.Env[Any, Any], seed: int | None) -> None:
     warn_of_codes(env, stacklevel=3)
     if not is_limited(env):
         warnings.warn(
-            f"{_name(env)} names no time limit: an episode that it does not end itself is given up "
-            f"after {MAX_EPISODE_STEPS:,} steps; --env-arg max_episode_steps=N sets one, or "
+            f"{name_of(env)} names no time limit: an episode that it does not end itself is given "
+            f"up after {MAX_EPISODE_STEPS:,} steps; --env-arg max_episode_steps=N sets one, or "
             "gymnasium.make(..., max_episode_steps=N)",
             stacklevel=3,
         )
@@ -53,8 +58,9 @@ def look_at(env: gymnasium.Env[Any, Any], seed: int | None) -> None:
     if step is not None:
         moment = "reset" if step == 0 else f"step {step}"
         warnings.warn(
-            f"{_name(env)} is not repeatable: played twice from seed {seed} with the same actions, "
-            f"it differs from {moment} on, so nothing recorded or learned in it can be had again",
+            f"{name_of(env)} is not repeatable: played twice from seed {seed} with the same "
+            f"actions, it differs from {moment} on, so nothing recorded or learned in it can be "
+            "had again",
             stacklevel=3,
         )
 
@@ -152,17 +158,10 @@ def _undisturbed() -> Iterator[None]:
 
 def is_limited(env: gymnasium.Env[Any, Any]) -> bool:
     """Return whether a wrapper, or by its own word the environment, ends each episode."""
-    inner = env
-    while isinstance(inner, gymnasium.Wrapper):
-        if isinstance(inner, TimeLimit):
-            return True
-        inner = inner.env
-    own = (getattr(inner, name, None) for name in _OWN_LIMITS)
-    return any(isinstance(limit, int | np.integer) and limit > 0 for limit in own)
-
-
-def _name(env: gymnasium.Env[Any, Any]) -> str:
-    return env.spec.id if env.spec is not None else type(env.unwrapped).__name__
+    own = (getattr(env.unwrapped, name, None) for name in _OWN_LIMITS)
+    return any(isinstance(wrapper, wrappers.TimeLimit) for wrapper in wrappers_of(env)) or any(
+        isinstance(limit, int | np.integer) and limit > 0 for limit in own
+    )
 
 
 # The lowest and the highest return of an episode. An environment, or a wrapper of one's own, that

@@ -14,7 +14,13 @@ import numpy as np
 from eutree.arrays import Booleans, Floats
 from eutree.errors import EnvironmentFault, InvalidArgumentError, described, shown
 from eutree.features import FeatureMap
-from eutree.interaction.action_grid import ActionMasks, counts_from_zero, grid_around, numbered
+from eutree.interaction.action_grid import (
+    ActionMasks,
+    counts_from_zero,
+    grid_around,
+    name_of,
+    numbered,
+)
 from eutree.interaction.making import OwnFolder
 from eutree.interaction.spaces import decoder, derived_around, describe, encoder, spec_of
 from eutree.schema import EnvironmentSpec, Schema
@@ -81,7 +87,7 @@ class GuardedEnv:
             actions=past_actions,
         )
         self.spec: EnvironmentSpec | None = spec_of(env)
-        self.name = self.spec.id if self.spec is not None else type(env.unwrapped).__name__
+        self.name = name_of(env)
         self.episode = -1
         self.step_number = 0
         self._numbered = numbered(env)

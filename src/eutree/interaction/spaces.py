@@ -6,7 +6,8 @@ several things), MultiDiscrete and MultiBinary become
 their entries, Dict and Tuple are laid end to end with names such as ``"lidar.front"``.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any, Protocol, cast
 
 import gymnasium
@@ -24,6 +25,7 @@ from eutree.interaction.action_grid import (
     name_of,
     numbered,
     plain_grid,
+    wrappers_of,
 )
 from eutree.interaction.decoding import DECODE, ONE_HOT, DecodedObservation, one_hot_around
 from eutree.schema import (
@@ -117,48 +119,48 @@ def _features(env: gymnasium.Env[Any, Any], family: str) -> tuple[Feature, ...]:
     flat = one_hot_around(env)
     if flat is not None:
         return tuple(_one_hot(flat.env.observation_space, "", name_of(env)))
-    low, high, names = _bounds(env.observation_space, name_of(env))
-    if not 1 <= len(names) <= MAX_FEATURES:
+    features = _entries(env.observation_space, name_of(env))
+    if not 1 <= len(features) <= MAX_FEATURES:
         raise UnsupportedSpaceError(
-            f"{name_of(env)} must observe from 1 to {MAX_FEATURES:,} numbers, got {len(names):,}"
+            f"{name_of(env)} must observe from 1 to {MAX_FEATURES:,} numbers, got {len(features):,}"
         )
-    known = _KNOWN_FEATURES.get(family, ())
-    units = [""] * len(names)
-    if len(known) == len(names):
-        names, units = [name for name, _ in known], [unit for _, unit in known]
-    own_names = getattr(env.unwrapped, "feature_names", None)
-    if own_names is not None and len(own_names) == len(names):
-        names = [str(name) for name in own_names]
-    own_units = getattr(env.unwrapped, "feature_units", None)
-    if own_units is not None and len(own_units) == len(names):
-        units = [str(unit) for unit in own_units]
+    known, own = _KNOWN_FEATURES.get(family, ()), env.unwrapped
+    names = _of_each(
+        features, getattr(own, "feature_names", None), [name for name, _ in known],
+        [feature.name for feature in features],
+    )  # fmt: skip
+    units = _of_each(
+        features, getattr(own, "feature_units", None), [unit for _, unit in known],
+        [""] * len(features),
+    )  # fmt: skip
     return tuple(
-        Feature(*parts)
-        for parts in zip(names, units, low, high, _are_whole(env.observation_space), strict=True)
+        replace(feature, name=name, unit=unit)
+        for feature, name, unit in zip(features, names, units, strict=True)
     )
+
+
+def _of_each(features: list[Feature], *texts: Sequence[Any] | None) -> list[str]:
+    """Return the first texts that are one for each feature."""
+    fitting = (given for given in texts if given is not None and len(given) == len(features))
+    return [str(text) for text in next(fitting)]
 
 
 def _one_hot(space: spaces.Space[Any], prefix: str, name: str) -> Iterator[Feature]:
     """Yield the features of a space that Gymnasium flattens: a group for each ``Discrete``."""
     if isinstance(space, spaces.Dict | spaces.Tuple):
-        parts = space.spaces.items() if isinstance(space, spaces.Dict) else enumerate(space.spaces)
-        for key, part in parts:
-            own = key if isinstance(key, str) else f"x{key}"
-            yield from _one_hot(part, f"{prefix}.{own}" if prefix else own, name)
-    elif isinstance(space, spaces.Discrete | spaces.MultiDiscrete):
-        low, high, numbers = _bounds(space, name)
-        for first, last, entry in zip(low, high, numbers, strict=True):
-            group = ".".join(
-                filter(None, [prefix, entry if len(numbers) > 1 or not prefix else ""])
-            )
-            for code in range(int(first), int(last) + 1):
-                yield Feature(f"{group} is {code}", "", 0.0, 1.0, is_integer=True, group=group)
-    else:
-        flat = cast("spaces.Box[Any]", spaces.utils.flatten_space(space))
-        low, high, entries = _bounds(flat, name)
-        for k, entry in enumerate(entries):
-            label = entry if not prefix else prefix if len(entries) == 1 else f"{prefix}.{entry}"
-            yield Feature(label, "", low[k], high[k], _are_whole(space)[k])
+        for key, part in _parts(space):
+            yield from _one_hot(part, f"{prefix}.{key}" if prefix else key, name)
+        return
+    is_choice = isinstance(space, spaces.Discrete | spaces.MultiDiscrete)
+    flat = space if is_choice else spaces.utils.flatten_space(space)
+    entries = _entries(flat, name)
+    for entry in entries:
+        own = prefix if prefix and len(entries) == 1 else f"{prefix}.{entry.name}".lstrip(".")
+        if is_choice:
+            for code in range(int(entry.low), int(entry.high) + 1):
+                yield Feature(f"{own} is {code}", "", 0.0, 1.0, is_integer=True, group=own)
+        else:
+            yield replace(entry, name=own, is_integer=_is_whole(space))
 
 
 class DerivingEnv(Protocol):
@@ -171,11 +173,10 @@ class DerivingEnv(Protocol):
 
 def derived_around(env: gymnasium.Env[Any, Any]) -> DerivingEnv | None:
     """Return the wrapper that derives features of what ``env`` observes; None if there is none."""
-    observed = env.observation_space
-    while isinstance(env, gymnasium.Wrapper):
-        if "_derivation" in vars(env):
-            return cast(DerivingEnv, env) if env.observation_space is observed else None
-        env = env.env
+    for wrapper in wrappers_of(env):
+        if "_derivation" in vars(wrapper):
+            is_seen = wrapper.observation_space is env.observation_space
+            return cast(DerivingEnv, wrapper) if is_seen else None
     return None
 
 
@@ -198,7 +199,9 @@ def spec_of(env: gymnasium.Env[Any, Any]) -> EnvironmentSpec | None:
         arguments["max_episode_steps"] = NO_LIMIT if limit is None else limit
     if usual is not None and spec.disable_env_checker != usual.disable_env_checker:
         arguments["disable_env_checker"] = spec.disable_env_checker
-    for wrapper in _put_around(env):
+    for wrapper in wrappers_of(env):
+        if isinstance(wrapper, OrderEnforcing | PassiveEnvChecker):
+            break  # ``gymnasium.make`` puts these and all within around what it makes
         if isinstance(wrapper, DecodedObservation):
             arguments[DECODE] = True
         elif wrapper is one_hot_around(env):
@@ -211,23 +214,11 @@ def spec_of(env: gymnasium.Env[Any, Any]) -> EnvironmentSpec | None:
         return None
 
 
-def _put_around(env: gymnasium.Env[Any, Any]) -> Iterator[gymnasium.Wrapper[Any, Any, Any, Any]]:
-    """Yield the wrappers outside of those that ``gymnasium.make`` puts around what it makes."""
-    while isinstance(env, gymnasium.Wrapper) and not isinstance(
-        env, OrderEnforcing | PassiveEnvChecker
-    ):
-        yield env
-        env = env.env
-
-
 def _time_limit(env: gymnasium.Env[Any, Any]) -> int | None:
     """Return after how many steps a wrapper ends each episode; None if none does."""
-    limits = []
-    while isinstance(env, gymnasium.Wrapper):
-        if isinstance(env, TimeLimit):
-            limits.append(int(env._max_episode_steps))  # Gymnasium has no public name for it
-        env = env.env
-    return min(limits, default=None)
+    limits = [one for one in wrappers_of(env) if isinstance(one, TimeLimit)]
+    # Gymnasium has no public name for it.
+    return min((int(one._max_episode_steps) for one in limits), default=None)
 
 
 def encoder(space: spaces.Space[Any]) -> Encoder:
@@ -256,31 +247,13 @@ def decoder(space: spaces.Space[Any]) -> Decoder:
         return lambda vector: dict(zip(keys, entries(vector), strict=True))
     if isinstance(space, spaces.Tuple):
         decoders = [decoder(part) for part in space.spaces]
-        ends = np.cumsum([_size(part) for part in space.spaces])[:-1]
+        ends = np.cumsum([len(_entries(part, "")) for part in space.spaces])[:-1]
         return lambda vector: tuple(
             decode(piece) for decode, piece in zip(decoders, np.split(vector, ends), strict=True)
         )
     if isinstance(space, spaces.Discrete):
         return lambda vector: np.int64(vector[0])
     return lambda vector: vector.astype(space.dtype).reshape(space.shape)
-
-
-def _size(space: spaces.Space[Any]) -> int:
-    """Return the number of entries of the encoded space."""
-    if isinstance(space, spaces.Dict):
-        return sum(_size(part) for part in space.spaces.values())
-    if isinstance(space, spaces.Tuple):
-        return sum(_size(part) for part in space.spaces)
-    return 1 if isinstance(space, spaces.Discrete) else int(np.prod(space.shape or ()))
-
-
-def _are_whole(space: spaces.Space[Any]) -> list[bool]:
-    """Return which entries of the encoded space have whole values only."""
-    if isinstance(space, spaces.Dict):
-        return [whole for part in space.spaces.values() for whole in _are_whole(part)]
-    if isinstance(space, spaces.Tuple):
-        return [whole for part in space.spaces for whole in _are_whole(part)]
-    return [not np.issubdtype(space.dtype, np.floating)] * _size(space)
 
 
 def _vector(observation: Any) -> Floats:
@@ -310,16 +283,33 @@ def _action_names(
     return combined_actions(controls) if controls else numbered_actions(n_actions)
 
 
-def _bounds(space: spaces.Space[Any], name: str) -> tuple[list[float], list[float], list[str]]:
-    """Return lower bounds, upper bounds and names of the entries of the encoded space."""
-    if isinstance(space, spaces.Dict):
+def _parts(space: spaces.Dict | spaces.Tuple[Any]) -> list[tuple[str, spaces.Space[Any]]]:
+    """Return the parts of a space with their names."""
+    items = space.spaces.items() if isinstance(space, spaces.Dict) else enumerate(space.spaces)
+    return [(key if isinstance(key, str) else f"x{key}", part) for key, part in items]
+
+
+def _is_whole(space: spaces.Space[Any]) -> bool:
+    return not np.issubdtype(space.dtype, np.floating)
+
+
+def _entries(space: spaces.Space[Any], name: str) -> list[Feature]:
+    """Return a feature without a unit for each entry of the encoded space.
+
+    Args:
+        space: The space.
+        name: Of the environment, for the message.
+    """
+    if isinstance(space, spaces.Dict | spaces.Tuple):
+        parts = _parts(space)
         # A part that must be left out is said before one that can be wrapped.
-        texts_first = sorted(space.spaces, key=lambda key: isinstance(space[key], spaces.Box))
-        found = {key: _bounds(space[key], name) for key in texts_first}
-        return _concatenate([(key, *found[key]) for key in space.spaces])
-    if isinstance(space, spaces.Tuple):
-        parts = enumerate(space.spaces)
-        return _concatenate([(f"x{i}", *_bounds(part, name)) for i, part in parts])
+        texts_first = sorted(parts, key=lambda part: isinstance(part[1], spaces.Box))
+        found = {key: _entries(part, name) for key, part in texts_first}
+        return [
+            replace(entry, name=key if len(found[key]) == 1 else f"{key}.{entry.name}")
+            for key, _ in parts
+            for entry in found[key]
+        ]
     if isinstance(space, spaces.Box) and len(space.shape) <= 1:
         low, high = (np.atleast_1d(bound).astype(np.float64) for bound in (space.low, space.high))
     elif isinstance(space, spaces.Discrete):
@@ -334,7 +324,8 @@ def _bounds(space: spaces.Space[Any], name: str) -> tuple[list[float], list[floa
             f"{name} must have a flat Box, Discrete, MultiDiscrete or MultiBinary observation "
             f"space, got {space}: {_what_helps(space)}"
         )
-    return low.tolist(), high.tolist(), [f"x{i}" for i in range(len(low))]
+    bounds = zip(low.tolist(), high.tolist(), strict=True)
+    return [Feature(f"x{i}", "", *ends, _is_whole(space)) for i, ends in enumerate(bounds)]
 
 
 def _what_helps(space: spaces.Space[Any]) -> str:
@@ -348,16 +339,3 @@ def _what_helps(space: spaces.Space[Any]) -> str:
     if height * width <= MOST_SYMBOLS:
         return f"{wrap}, if these are symbols, as MiniGrid's are, and no picture"
     return "a tree cannot learn from pixels: let the environment observe quantities instead"
-
-
-def _concatenate(
-    parts: list[tuple[str, list[float], list[float], list[str]]],
-) -> tuple[list[float], list[float], list[str]]:
-    low = [value for part in parts for value in part[1]]
-    high = [value for part in parts for value in part[2]]
-    names = [
-        key if len(part_names) == 1 else f"{key}.{name}"
-        for key, _, _, part_names in parts
-        for name in part_names
-    ]
-    return low, high, names
