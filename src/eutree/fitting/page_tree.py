@@ -66,7 +66,7 @@ class PageTree:
     ) -> None:
         self._folder, self._environment, self._make, self._seed = folder, environment, make, seed
         self._fitted: FitReport | None = None
-        self._best: tuple[TreePolicy, Evaluation, Path] | None = None
+        self._best: Way | None = None
         self._presses = 0
         self._ways: list[Way] = []
         self._without: PageTree | None = None  # as it was before something was cut
@@ -74,68 +74,66 @@ class PageTree:
     @property
     def best(self) -> tuple[TreePolicy, Evaluation] | None:
         """The best tree so far, and the episodes that judged it; None before the first."""
-        return None if self._best is None else self._best[:2]
-
-    @property
-    def _known_best(self) -> tuple[TreePolicy, Evaluation, Path]:
-        if self._best is None:
-            raise AssertionError("a tree must have been made")
-        return self._best
+        return None if self._best is None else (self._best.tree, self._best.played)
 
     def make(self, show: Show, stop: Callable[[], bool]) -> None:
         """Fit a tree to the demonstrations recorded so far, and let it play."""
-        if self._made(show, stop):
-            show(self._verdict(note=""), self._programme(show))
+        with suppress(_NobodyWaits):
+            self._say(self._made(_Page(show, stop)), "", show)
 
-    def _made(self, show: Show, stop: Callable[[], bool]) -> bool:
-        """Make the tree of all that is stored; return whether anybody waits for it."""
-        show(TreeView(phase=FITTING, message="Fitting trees to what you showed"))
-        demonstrations = Demonstrations.load(self._folder)
-        fitted = self._fit(demonstrations, show, stop)
-        if fitted is None:
-            return False
-        tree = fitted.policy
-        path = self._folder.with_name(f"{self._folder.name}-tree.json")
+    def _made(self, page: "_Page") -> Way:
+        """Return the tree of all that is stored, chosen by playing and judged."""
+        from eutree.fitting.fit import fit
+
+        def progress(purpose: str, played: int, most: int) -> None:
+            page.check()
+            if played % BLOCK == 0:
+                message = f"{STAGES.get(purpose, purpose)}: {played} of {most} episodes"
+                page(TreeView(phase=FITTING, message=message, finished=played, of=most))
+
+        page(TreeView(phase=FITTING, message="Fitting trees to what you showed"))
+        known = Demonstrations.load(self._folder)
+        with closing(self._make()) as env:
+            fitted = fit(known, env, episodes=FITTED, seed=self._seed, on_progress=progress)
+        tree, path = fitted.policy, self._beside("tree")
         tree.save(path)
-        played = self._play(tree, show, stop)
-        if played is not None:
-            self._fitted, self._best, self._presses = fitted, (tree, played, path), 0
-            self._ways = [Way("your tree", "Keep mine", tree, played, path)]
-        return played is not None
+        made = Way("your tree", "Keep mine", tree, self._play(tree, page), path)
+        self._fitted, self._best, self._presses, self._ways = fitted, made, 0, [made]
+        return made
 
     def look(self, show: Show, stop: Callable[[], bool]) -> None:
         """Find by playing which seconds of what was shown cost the tree its success."""
         from eutree.fitting import find_hurting
 
-        if (self._best is None and not self._made(show, stop)) or self._best is None:
-            return
-        demonstrations, drawn = Demonstrations.load(self._folder), _drawn(self._best[0])
+        page = _Page(show, stop)
+        with suppress(_NobodyWaits):
+            best = self._best or self._made(page)
+            known, drawn = Demonstrations.load(self._folder), _drawn(best.tree)
 
-        def progress(purpose: str, played: int, most: int) -> None:
-            if stop():
-                raise _NobodyWaits
-            message = f"Looking for seconds that hurt, {purpose}: {played} of {most} episodes"
-            show(TreeView(phase=FITTING, message=message, finished=played, of=most, **drawn))
+            def progress(purpose: str, played: int, most: int) -> None:
+                message = f"Looking for seconds that hurt, {purpose}: {played} of {most} episodes"
+                page(TreeView(phase=FITTING, message=message, finished=played, of=most, **drawn))
 
-        try:
             with closing(self._make()) as env:
-                found = find_hurting(demonstrations, env, seed=self._seed, on_progress=progress)
-        except _NobodyWaits:
-            return
-        hurts = hurt_views(found, list(DemonstrationFolder(self._folder).read_all()))
-        show(replace(self._verdict(note=said_of(found)), hurts=hurts, was_searched=True))
+                found = find_hurting(known, env, seed=self._seed, on_progress=progress)
+            hurts = hurt_views(found, list(DemonstrationFolder(self._folder).read_all()))
+            view = self._verdict(best, said_of(found))
+            show(replace(view, hurts=hurts, was_searched=True))
 
     def make_without(self, show: Show, stop: Callable[[], bool]) -> None:
         """Make the tree of what is left, and show it beside the one of all."""
-        self._without, before, note = copy(self), self._best, "Keep it so, or take it back?"
-        try:
-            if before is None or not self._made(show, stop) or self._best is None:
-                return
-            left = Way("without them", "", *self._best)
-            self._ways = [Way("with them", "", *before), left]
-        except EutreeError as error:  # nothing may be left
-            note = f"{error}. {note}"
-        show(replace(self._verdict(note=note), asks=True))
+        before = self._best
+        if before is None:
+            return
+        self._without, left, note = copy(self), before, "Keep it so, or take it back?"
+        with suppress(_NobodyWaits):
+            try:
+                left = self._made(_Page(show, stop))
+                self._ways = [replace(before, name="with them", keep=""),
+                              replace(left, name="without them", keep="")]  # fmt: skip
+            except EutreeError as error:  # nothing may be left
+                note = f"{error}. {note}"
+            show(replace(self._verdict(left, note), asks=True))
 
     def settle(self, show: Show, *, undo: bool) -> None:
         """Keep the tree of what is left, or the one before it."""
@@ -144,29 +142,11 @@ class PageTree:
             raise InvalidArgumentError("there must be a change to settle, got none")
         if undo:
             vars(self).update(vars(before))
-        tree, played, path = self._best
-        tree.save(path)
-        if not undo:
-            self._ways = [Way("your tree", "Keep mine", tree, played, path)]
+        else:
+            self._ways = [self._best]
+        self._best.tree.save(self._best.path)
         note = "Taken back: everything you showed counts." if undo else "What is left is kept."
-        show(self._verdict(note=note), self._programme(show))
-
-    def _fit(
-        self, demonstrations: "Demonstrations", show: Show, stop: Callable[[], bool]
-    ) -> FitReport | None:
-        """Return the tree chosen by playing, and what to know of it; None if nobody waits."""
-        from eutree.fitting.fit import fit
-
-        def progress(purpose: str, played: int, most: int) -> None:
-            if stop():
-                raise _NobodyWaits
-            if played % BLOCK == 0:
-                message = f"{STAGES.get(purpose, purpose)}: {played} of {most} episodes"
-                show(TreeView(phase=FITTING, message=message, finished=played, of=most))
-
-        with suppress(_NobodyWaits), closing(self._make()) as env:
-            return fit(demonstrations, env, episodes=FITTED, seed=self._seed, on_progress=progress)
-        return None
+        self._say(self._best, note, show)
 
     def practise(self, show: Show, stop: Callable[[], bool]) -> None:
         """Let the tree learn for a while, and keep the better one."""
@@ -174,45 +154,41 @@ class PageTree:
 
         if self._best is None:
             self.make(show, stop)
-        if self._best is None or self._fitted is None:
+        before, fitted, page = self._best, self._fitted, _Page(show, stop)
+        if before is None or fitted is None:
             return
-        demonstrations = Demonstrations.load(self._folder)
-        person, (_, before, _) = Person.of(demonstrations), self._best
-        episodes = PRACTICE * 2**self._presses
+        known, episodes = Demonstrations.load(self._folder), PRACTICE * 2**self._presses
         self._presses += 1
-        with closing(self._make()) as env, closing(self._make()) as other:
-            curve = _Curve(other, self._practising(person, episodes), show)
-            rivals = practise(
-                self._fitted.policy,
-                demonstrations,
-                self._fitted.plays,
-                env,
-                episodes=episodes,
-                seed=self._seed,
-                on_progress=curve,
-                stop=stop,
-            )
-        if stop():
-            return
-        plays = []
-        for rival in rivals:
-            result = self._play(rival, show, stop)
-            if result is None:
-                return
-            plays.append((result, rival))
-        played, tree = max(plays, key=lambda entry: value(entry[0]))
-        note = f"After {episodes} episodes of practice; before it {result_in_words(before)}."
-        if value(played) > value(before):
-            path = self._folder.with_name(f"{self._folder.name}-practised.json")
-            tree.save(path)
-            self._best = (tree, played, path)
-            if not self._compare(show, stop):
-                return
-        else:
-            found = result_in_words(played)
-            note = f"{episodes} episodes of practice found nothing better, only {found}."
-        ready = replace(self._verdict(note=note), curve=curve.points, of=episodes)
-        show(ready, self._programme(show))
+        begun = TreeView(
+            phase=PRACTISING,
+            message="The tree practises by itself",
+            of=episodes,
+            **_scale(Person.of(known), before.played),
+            **_drawn(before.tree),
+        )
+        with suppress(_NobodyWaits):
+            with closing(self._make()) as env, closing(self._make()) as other:
+                curve = _Curve(other, begun, show)
+                rivals = practise(
+                    fitted.policy, known, fitted.plays, env,
+                    episodes=episodes, seed=self._seed, on_progress=curve, stop=stop,
+                )  # fmt: skip
+            page.check()
+            plays = [(self._play(rival, page), rival) for rival in rivals]
+            played, tree = max(plays, key=lambda entry: value(entry[0]))
+            best, reached = before, result_in_words(before.played)
+            note = f"After {episodes} episodes of practice; before it {reached}."
+            if value(played) > value(before.played):
+                path = self._beside("practised")
+                tree.save(path)
+                best = Way("practised", "Keep the practised one", tree, played, path)
+                self._best = best
+                self._ways = self._beside_practised(best, page)
+            else:
+                found = result_in_words(played)
+                note = f"{episodes} episodes of practice found nothing better, only {found}."
+            ready = replace(self._verdict(best, note), curve=curve.points, of=episodes)
+            show(ready, self._programme(best, show))
 
     def missing(self) -> Scene | None:
         """Return what was not shown yet, and where; the tree of C4.5 fails for want of it."""
@@ -231,37 +207,34 @@ class PageTree:
         """Keep the tree of one of the ways that were shown; 0 is the person's own."""
         if not 1 <= way <= len(self._ways):
             raise InvalidArgumentError(f"way must be in 1..{len(self._ways)}, got {way}")
-        chosen = self._ways[way - 1]
+        self._best = chosen = self._ways[way - 1]
         chosen.tree.save(chosen.path)
-        self._best = (chosen.tree, chosen.played, chosen.path)
-        show(self._verdict(note=f"Kept: {chosen.name}."), self._programme(show))
+        self._say(chosen, f"Kept: {chosen.name}.", show)
 
-    def _compare(self, show: Show, stop: Callable[[], bool]) -> bool:
-        """Find what stands beside the practised tree; return whether anybody waits for it.
+    def _beside_practised(self, practised: Way, page: "_Page") -> list[Way]:
+        """Return what stands beside the practised tree.
 
         Between the tree that was fitted and the practised one lie smaller ones of the latter: the
         best of each size, those that do no worse than the fitted one.
         """
-        tree, played, path = self._known_best
-        mine = self._ways[0]
+        tree, mine = practised.tree, self._ways[0]
         known = Demonstrations.load(self._folder).with_history(tree.history)
         message = "Looking for smaller trees between yours and the practised one"
-        show(TreeView(phase=PRACTISING, message=message, **_drawn(tree)))
+        page(TreeView(phase=PRACTISING, message=message, **_drawn(tree)))
         with closing(self._make()) as env:
             found = smaller(tree, known.observations, env, seed=self._seed)
-        between = []
         enough = [one.policy for one in found if value(one) >= value(mine.played)]
-        for policy in enough[:: max(len(enough) // BETWEEN, 1)][:BETWEEN]:
-            result = self._play(policy, show, stop)
-            if result is None:
-                return False
-            own = path.with_name(f"{path.stem}-{policy.n_leaves}.json")
-            words = f"practised, {counted(policy.n_leaves, 'leaf')}"
-            keep = f"Keep the one of {policy.n_leaves}"
-            between.append(Way(words, keep, policy, result, own))
-        practised = Way("practised", "Keep the practised one", tree, played, path)
-        self._ways = [mine, *reversed(between), practised]
-        return True
+        between = [
+            Way(
+                f"practised, {counted(policy.n_leaves, 'leaf')}",
+                f"Keep the one of {policy.n_leaves}",
+                policy,
+                self._play(policy, page),
+                self._beside(f"practised-{policy.n_leaves}"),
+            )
+            for policy in enough[:: max(len(enough) // BETWEEN, 1)][:BETWEEN]
+        ]
+        return [mine, *reversed(between), practised]
 
     def driving(self, tree: TreePolicy, show: Show) -> Programme:
         """Return how the person may correct a tree: it is fitted again after each episode."""
@@ -274,7 +247,7 @@ class PageTree:
         known = Demonstrations.load(self._folder)
         tree = fit_expert_tree(known)
         driven = sum(episode.by_hand is not None for episode in known)
-        path = self._folder.with_name(f"{self._folder.name}-driving.json")
+        path = self._beside("driving")
         tree.save(path)
         show(
             TreeView(
@@ -288,51 +261,32 @@ class PageTree:
         )
         return tree
 
-    def _programme(self, show: Show) -> Programme:
-        """Return what to watch of the best tree: the episodes that judged it, worst first."""
-        tree, played, _ = self._known_best
+    def _programme(self, best: Way, show: Show) -> Programme:
+        """Return what to watch of a tree: the episodes that judged it, worst first."""
+        played = best.played
         seeds = [episode_seed(self._seed + k // BLOCK, k % BLOCK) for k in range(played.episodes)]
         known = None if played.successes is None else played.successes.tolist()
         with closing(self._make()) as env:
-            watched = scenes(tree, seeds, played.returns, known, GuardedEnv(env))
-            return replace(watched, refit=self.driving(tree, show).refit)
+            watched = scenes(best.tree, seeds, played.returns, known, GuardedEnv(env))
+            return replace(watched, refit=self.driving(best.tree, show).refit)
 
-    def _play(self, tree: TreePolicy, show: Show, stop: Callable[[], bool]) -> Evaluation | None:
-        """Let the tree play, the same episodes for every tree; None if nobody waits for it."""
-        env, parts = self._make(), list[Evaluation]()
-        try:
+    def _play(self, tree: TreePolicy, page: "_Page") -> Evaluation:
+        """Let the tree play, the same episodes for every tree."""
+        parts, drawn = list[Evaluation](), _drawn(tree)
+        with closing(self._make()) as env:
             for block in range(PLAYED // BLOCK):
-                show(
-                    TreeView(
-                        phase=PLAYING,
-                        message=f"The tree plays: {block * BLOCK} of {PLAYED} episodes",
-                        finished=block * BLOCK,
-                        of=PLAYED,
-                        **_drawn(tree),
-                    )
-                )
-                if stop():
-                    return None
+                count = block * BLOCK
+                message = f"The tree plays: {count} of {PLAYED} episodes"
+                page(TreeView(phase=PLAYING, message=message, finished=count, of=PLAYED, **drawn))
                 parts.append(evaluate(tree, env, episodes=BLOCK, seed=self._seed + block))
-        finally:
-            env.close()
         return Evaluation.join(parts)
 
-    def _practising(self, person: Person, episodes: int) -> TreeView:
+    def _say(self, best: Way, note: str, show: Show) -> None:
+        """Show the verdict on a tree, and let it drive."""
+        show(self._verdict(best, note), self._programme(best, show))
 
-        tree, played, _ = self._known_best
-        return TreeView(
-            phase=PRACTISING,
-            message="The tree practises by itself",
-            of=episodes,
-            **_scale(person, played),
-            **_drawn(tree),
-        )
-
-    def _verdict(self, *, note: str) -> TreeView:
-
-        tree, played, path = self._known_best
-        known = Demonstrations.load(self._folder)
+    def _verdict(self, best: Way, note: str) -> TreeView:
+        tree, played, known = best.tree, best.played, Demonstrations.load(self._folder)
         person = Person.of(known)
         found = verdict(person.whole, played)
         may_gain = found.is_worse or played.successes is None or value(played) < ENOUGH
@@ -351,11 +305,15 @@ class PageTree:
             note=" ".join(filter(None, parts)),
             verdict=found.word,
             may_gain=may_gain,
-            commands=self._commands(path, tree),
+            commands=self._commands(best.path, tree),
             **beside,
             **_scale(person, played),
             **_drawn(tree),
         )
+
+    def _beside(self, name: str) -> Path:
+        """Return the file of a tree beside the folder."""
+        return self._folder.with_name(f"{self._folder.name}-{name}.json")
 
     def _commands(self, path: Path, tree: TreePolicy) -> tuple[str, ...]:
         """Return what to do next with the tree on the page; learning goes on from it."""
@@ -371,7 +329,23 @@ class PageTree:
 
 
 class _NobodyWaits(Exception):  # noqa: N818 - no error: whoever pressed the button has left
-    """Ends a fit that nobody waits for."""
+    """Ends what nobody waits for."""
+
+
+class _Page:
+    """Shows views as long as anybody waits for them, else raises ``_NobodyWaits``."""
+
+    def __init__(self, show: Show, stop: Callable[[], bool]) -> None:
+        self._show, self._stop = show, stop
+
+    def __call__(self, view: TreeView) -> None:
+        self.check()
+        self._show(view)
+
+    def check(self) -> None:
+        """Raise ``_NobodyWaits`` if nobody does."""
+        if self._stop():
+            raise _NobodyWaits
 
 
 class _Curve:
@@ -389,19 +363,10 @@ class _Curve:
             return  # it was evaluated
         self._finished = run.episode
         if self._finished % CURVE_EVERY == 0:
-            self.points = (*self.points, (self._finished, self._reached(run.policy())))
-        self._show(
-            replace(
-                self._view,
-                message=f"The tree practises: {self._finished} of {self._view.of} episodes",
-                finished=self._finished,
-                curve=self.points,
-            )
-        )
-
-    def _reached(self, tree: TreePolicy) -> float:
-
-        return value(evaluate(tree, self._env, episodes=PER_POINT, seed=PLAYED))
+            played = evaluate(run.policy(), self._env, episodes=PER_POINT, seed=PLAYED)
+            self.points = (*self.points, (self._finished, value(played)))
+        message = f"The tree practises: {self._finished} of {self._view.of} episodes"
+        self._show(replace(self._view, message=message, finished=self._finished, curve=self.points))
 
 
 def _scale(person: Person, played: Evaluation) -> dict[str, Any]:
@@ -412,5 +377,4 @@ def _scale(person: Person, played: Evaluation) -> dict[str, Any]:
 
 
 def _drawn(tree: TreePolicy) -> dict[str, Any]:
-
     return {"svg": to_svg(tree), "rules": str(tree), "n_leaves": tree.n_leaves}
