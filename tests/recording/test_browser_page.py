@@ -411,7 +411,7 @@ def test_a_key_that_is_held_while_it_counts_is_the_first_decision(chromium, tmp_
         person = Person(chromium, served).until(state="opening")
         person.tap("Enter").until(state="countdown").down("ArrowLeft")
         end = time.monotonic() + ENOUGH
-        while "left" not in served.session.play.controls.hands.held:
+        while "left" not in served.session.play.controls.held:
             assert time.monotonic() < end
             time.sleep(0.01)
         served.session.play._countdown_end = 0.0

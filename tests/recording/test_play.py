@@ -57,7 +57,7 @@ def test_a_pause_holds_the_interval_and_is_counted_out_in_a_third_of_the_time(pl
     play.key_down("right", 1, 1.0)
     play.decision(3.0)
     play.pause(3.04)
-    assert (play.state, play.controls.hands.held) == (PAUSED, {})
+    assert (play.state, play.controls.held) == (PAUSED, {})
     play.count_down(10.0)
     assert play.decision(11.0) is None
     assert play.decision(11.05) is None  # 0.04 of the 0.1 s were over before the pause
@@ -80,7 +80,7 @@ def test_who_leaves_holds_no_key(play: Play) -> None:
     play.count_in(0.0)
     play.key_down("right", 1, 1.0)
     play.leave("gone", 2.0)
-    assert (play.state, play.message, play.controls.hands.held) == (PAUSED, "gone", {})
+    assert (play.state, play.message, play.controls.held) == (PAUSED, "gone", {})
 
 
 def test_a_key_right_after_the_end_is_not_meant_for_the_next(play: Play) -> None:
@@ -94,7 +94,7 @@ def test_modes_follow_each_other(play: Play) -> None:
     modes = []
     for _ in range(3):
         play.controls.set_mode(Command("mode"))
-        modes.append((play.controls.hands.toggle, play.controls.pace.turn_based))
+        modes.append((play.controls.toggle, play.controls.pace.turn_based))
     assert modes == [(True, False), (False, True), (False, False)]
 
 

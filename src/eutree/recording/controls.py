@@ -37,10 +37,6 @@ class Pace:
         self._began = 0.0
         self._stopped_at: float | None = 1.0  # share of the interval; None while running
 
-    def facts(self) -> dict[str, Any]:
-        """Return what is stored with an episode: decisions per second, and whether in turns."""
-        return {"fps": self.fps, "turn_based": self.turn_based}
-
     @property
     def interval(self) -> float:
         """Seconds between two decisions, or of a picture's movement in the turn-based mode."""
@@ -83,11 +79,6 @@ class Pace:
         if was_running:
             self.resume(now)
 
-    def shift_speed(self, now: float, steps: int) -> None:
-        """Go up or down by some of the offered speeds."""
-        nearest = min(range(len(SPEEDS)), key=lambda place: abs(SPEEDS[place] - self.speed))
-        self.set_speed(now, SPEEDS[min(max(nearest + steps, 0), len(SPEEDS) - 1)])
-
     def elapsed(self, now: float) -> float:
         """Return the share of the interval that is over, from 0 to 1."""
         if self._stopped_at is not None:
@@ -109,31 +100,33 @@ class Pace:
         return now if self._stopped_at is not None else self._began + self.interval
 
 
-class Hands:
-    """The keys held at present, in the three modes: hold, toggle, turn-based.
+class Controls:
+    """The keys under a person's hands, in three modes (hold, toggle, turn-based), and their pace.
 
     Args:
         keys: What the keys mean.
+        pace: When steps are due.
 
     Attributes:
         keys: What the keys mean.
+        pace: When steps are due.
         held: Keys that are down, in the order in which they went down.
         action: The last action taken.
         toggle: Whether a key switches its action on and off.
         turn: The keys of a turn that waits to be taken; None if none does.
     """
 
-    def __init__(self, keys: KeyMap) -> None:
-        self.keys = keys
+    def __init__(self, keys: KeyMap, pace: Pace) -> None:
+        self.keys, self.pace = keys, pace
         self.held: dict[str, None] = {}
         self.toggle = False
-        self.turn: list[str] | None = None
-        self._switched: int | None = None  # the action that is on, in the toggle mode
-        self.action = self._idle()
+        self.start()
 
     def start(self) -> None:
         """Begin an episode: nothing is switched on, and the idle action was the last one."""
-        self.action, self._switched, self.turn = self._idle(), None, None
+        self.action = self.keys.idle or 0
+        self.turn: list[str] | None = None
+        self._switched: int | None = None  # the action that is on, in the toggle mode
 
     def press(self, key: str) -> None:
         """Take note of an action key, for the mode in which holding it is not what counts."""
@@ -146,14 +139,6 @@ class Hands:
         self.held.clear()
         self._switched = None
 
-    def set_toggle(self, value: bool) -> None:
-        """Choose whether keys switch their actions on and off."""
-        self.toggle, self._switched = value, None
-
-    def facts(self) -> dict[str, Any]:
-        """Return what is stored with an episode: the keys that act, and whether they switch."""
-        return {"keys": list(self.keys.keys), "toggle": self.toggle}
-
     @property
     def is_active(self) -> bool:
         """Whether an action key is held, or switched on."""
@@ -161,42 +146,13 @@ class Hands:
             return self._switched is not None
         return any(key in self.keys.keys for key in self.held)
 
-    def chosen(self, *, turn_based: bool) -> int:
+    def chosen(self) -> int:
         """Return the action that the hands mean, of the waiting turn if there is one."""
-        if self.toggle and not turn_based:
+        if self.toggle and not self.pace.turn_based:
             idle = self.action if self.keys.idle is None else self.keys.idle
             return idle if self._switched is None else self._switched
         held = list(self.held) if self.turn is None else self.turn
         return self.keys.action(held, self.action)
-
-    def _idle(self) -> int:
-        return self.keys.idle or 0
-
-
-class Controls:
-    """Hands and pace, and the commands that set them.
-
-    Args:
-        keys: What the keys mean.
-        pace: When steps are due.
-
-    Attributes:
-        hands: The keys held.
-        pace: When steps are due.
-    """
-
-    def __init__(self, keys: KeyMap, pace: Pace) -> None:
-        self.hands = Hands(keys)
-        self.pace = pace
-
-    @property
-    def keys(self) -> KeyMap:
-        """What the keys mean."""
-        return self.hands.keys
-
-    def chosen(self) -> int:
-        """Return the action that the hands mean."""
-        return self.hands.chosen(turn_based=self.pace.turn_based)
 
     def command(self, key: str, *, playing: bool) -> Command | None:
         """Return the command that a key means, while an episode is played or between two."""
@@ -204,39 +160,46 @@ class Controls:
         return None if name is None else Command(name)
 
     def facts(self) -> dict[str, Any]:
-        """Return what is stored with an episode."""
-        return {**self.hands.facts(), **self.pace.facts()}
+        """Return what is stored with an episode: the keys that act, and in which mode."""
+        return {
+            "keys": list(self.keys.keys),
+            "toggle": self.toggle,
+            "fps": self.pace.fps,
+            "turn_based": self.pace.turn_based,
+        }
 
     def set_speed(self, command: Command, now: float) -> None:
-        """Obey ``slower``, ``faster`` or ``speed``."""
+        """Obey ``slower``, ``faster`` or ``speed``: one of those that are offered."""
+        speed = command.value
         if command.name != "speed":
-            self.pace.shift_speed(now, 1 if command.name == "faster" else -1)
-        elif isinstance(command.value, int | float) and command.value in SPEEDS:
-            self.pace.set_speed(now, float(command.value))
+            nearest = min(range(len(SPEEDS)), key=lambda at: abs(SPEEDS[at] - self.pace.speed))
+            place = nearest + (1 if command.name == "faster" else -1)
+            speed = SPEEDS[min(max(place, 0), len(SPEEDS) - 1)]
+        if isinstance(speed, int | float) and speed in SPEEDS:
+            self.pace.set_speed(now, float(speed))
 
     def set_mode(self, command: Command) -> None:
         """Obey ``toggle`` or ``turn_based``; ``mode`` goes on: hold, toggle, turn-based."""
+        toggle, turn_based = self.toggle, self.pace.turn_based
         if command.name == "mode":
-            toggle = self.hands.toggle
-            self.hands.set_toggle(not toggle and not self.pace.turn_based)
-            self._set_turn_based(toggle)
+            toggle, turn_based = not (toggle or turn_based), toggle
         elif command.name == "toggle":
-            self.hands.set_toggle(bool(command.value))
+            toggle = bool(command.value)
         else:
-            self._set_turn_based(bool(command.value))
+            turn_based = bool(command.value)
+        if command.name != "turn_based":
+            self.toggle, self._switched = toggle, None
+        if command.name != "toggle":
+            self.pace.turn_based, self.turn = turn_based, None
+            self.pace.finish()
 
     def bind(self, key: str, action: int) -> str:
         """Let a key mean an action from now on; return why it cannot, or ""."""
         try:
-            self.hands.keys = self.keys.with_key(key, action)
+            self.keys = self.keys.with_key(key, action)
         except InvalidArgumentError as error:
             return str(error)
         return ""
-
-    def _set_turn_based(self, value: bool) -> None:
-        self.pace.turn_based = value
-        self.pace.finish()
-        self.hands.turn = None
 
 
 def frames_per_second(env: GuardedEnv) -> float:

@@ -156,13 +156,13 @@ class Driving:
         self._ending, self._success = "", None
         self._by_hand, self._n_by_hand = False, 0
         self._course = Course(programme.policy)
-        play.controls.hands.start()
+        play.controls.start()
         if watched:
             seed = programme.scenes[number].seed
             play.show(Trial(self._env.reset(seed), seed))
         else:
             self._recording.choose_start()
-            held = list(play.controls.hands.held)
+            held = list(play.controls.held)
             play.show(self._recording.begin(play.controls.facts(), held))
         play.message = ""
         play.pictures.wait_from(now)
@@ -178,13 +178,13 @@ class Driving:
                 self._refit()
             return
         action = self._decided(self._course.decide(trial.observation, self._env.allowed))
-        play.controls.hands.action = action
+        play.controls.action = action
         if play.state == WATCHING:
             row = trial.step(action, self._env.step(action), now, {})
             episode = trial.finish() if row.terminated or row.truncated else None
         else:
-            measured = play.pictures.facts() | {"speed": play.controls.pace.speed}
-            self._recording.step(trial, action, now, {**measured, "by_hand": self._by_hand})
+            measured = {**play.measured(), "by_hand": self._by_hand}
+            self._recording.step(trial, action, now, measured)
             episode = self._recording.episodes[-1] if trial.is_over else None
         if episode is not None:
             self._ending, self._success = told(episode, self._env.env)
@@ -193,11 +193,11 @@ class Driving:
 
     def _decided(self, action: int) -> int:
         """Return the tree's action, or the person's where a key is held."""
-        hands = self._play.controls.hands
-        waits = hands.keys.controls().get("wait") in hands.held  # the action that has no key
-        self._by_hand = self._play.state == DRIVING and (hands.is_active or waits)
+        controls = self._play.controls
+        waits = controls.keys.controls().get("wait") in controls.held  # the action without a key
+        self._by_hand = self._play.state == DRIVING and (controls.is_active or waits)
         self._n_by_hand += self._by_hand
-        return self._play.controls.chosen() if self._by_hand else action
+        return controls.chosen() if self._by_hand else action
 
     def _refit(self) -> None:
         """Let the tree of all that is stored by now drive on."""
@@ -218,10 +218,10 @@ class Driving:
 
     def _pause(self, now: float, *, on: bool) -> None:
         self._is_paused = on
-        pace, hands = self._play.controls.pace, self._play.controls.hands
-        pace.stop(now) if on else pace.resume(now)
+        controls = self._play.controls
+        controls.pace.stop(now) if on else controls.pace.resume(now)
         if on:
-            hands.release()
+            controls.release()
         self._play.pictures.wait_from(now)
 
     def _stop(self) -> None:
@@ -230,4 +230,4 @@ class Driving:
             self._recording.stop(self._play.trial, kept=False, comment="left early")
         self._play.state, self._play.trial = self._before
         self._play.controls.pace.finish()
-        self._play.controls.hands.start()
+        self._play.controls.start()

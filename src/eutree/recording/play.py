@@ -81,10 +81,6 @@ class Pictures:
         if self.drawn < number <= self.given:
             self.drawn, self._drawn_time = number, now
 
-    def facts(self) -> dict[str, int]:
-        """Return what is stored with a step: the picture drawn last, and the one given out."""
-        return {"frame": self.drawn, "picture": self.given}
-
     def are_seen(self, now: float) -> bool:
         """Return whether the viewer has drawn all that was given out, or has had the time to."""
         return self.given == self.drawn or now > self._given_time + LAST_SECONDS
@@ -161,6 +157,13 @@ class Play:
         """Return whether an episode ended long enough ago for a key to be meant for the next."""
         return self.state == REVIEW and now >= self._review_began + REVIEW_SECONDS
 
+    def measured(self) -> dict[str, float]:
+        """Return what is stored with a step: the pictures drawn and given out, and the speed."""
+        pictures = self.pictures
+        return {
+            "frame": pictures.drawn, "picture": pictures.given, "speed": self.controls.pace.speed
+        }  # fmt: skip
+
     def awaits_turn(self) -> bool:
         """Return whether a turn may be taken now."""
         return self.state == PLAYING and self.pictures.is_complete and not self.trial.is_over
@@ -172,7 +175,7 @@ class Play:
 
     def count_in(self, now: float) -> None:
         """Count down to the first decision."""
-        self.controls.hands.start()
+        self.controls.start()
         self._fresh, self._awaits_key = True, False
         self.controls.pace.finish()
         self.count_down(now, 0.0 if self.controls.pace.turn_based else 1.0)
@@ -187,13 +190,13 @@ class Play:
         self.state = PAUSED
         self.controls.pace.stop(now)
         self._let_go(now)
-        self.controls.hands.held.clear()
-        self.controls.hands.turn = None
+        self.controls.held.clear()
+        self.controls.turn = None
 
     def leave(self, reason: str, now: float) -> None:
         """Let all keys go, because nobody is there, and pause the episode."""
         self._let_go(now)
-        self.controls.hands.release()
+        self.controls.release()
         if self.state in (COUNTDOWN, PLAYING):
             if not self.trial.is_over:
                 self.pause(now)
@@ -206,27 +209,27 @@ class Play:
 
     def key_down(self, key: str, frame: int, now: float) -> bool:
         """Take note of a key over the picture ``frame``; return whether it may be a command."""
-        hands = self.controls.hands
-        if key in hands.held:
+        controls = self.controls
+        if key in controls.held:
             return False
-        hands.held[key] = None
+        controls.held[key] = None
         self._edge(key, frame, now, down=True)
-        if not (self.is_on and key in hands.keys.keys):
+        if not (self.is_on and key in controls.keys.keys):
             return True
-        hands.press(key)
+        controls.press(key)
         if self.controls.pace.turn_based and self.awaits_turn():
-            hands.turn = list(hands.held)
+            controls.turn = list(controls.held)
         return False
 
     def key_up(self, key: str, frame: int, now: float) -> None:
         """Take note of a key that went up."""
-        if key in self.controls.hands.held:
-            del self.controls.hands.held[key]
+        if key in self.controls.held:
+            del self.controls.held[key]
             self._edge(key, frame, now, down=False)
 
     def decision(self, now: float) -> int | None:
         """Go on until ``now``; return the action whose time has come, if one's has."""
-        hands, pace = self.controls.hands, self.controls.pace
+        controls, pace = self.controls, self.controls.pace
         if self.state == COUNTDOWN and now >= self._countdown_end - _TOLERANCE:
             self._play(now)
         if self.state != PLAYING:
@@ -239,13 +242,13 @@ class Play:
         if self.trial.is_over:
             if self.pictures.are_seen(now):
                 self.state, self._review_began = REVIEW, now
-        elif self._awaits_key and not hands.is_active:
+        elif self._awaits_key and not controls.is_active:
             return None
         elif not pace.turn_based:
             self._awaits_key = False
             return self.controls.chosen()
-        elif hands.turn is not None:
-            action, hands.turn = self.controls.chosen(), None
+        elif controls.turn is not None:
+            action, controls.turn = self.controls.chosen(), None
             return action
         return None
 
@@ -300,7 +303,7 @@ class Play:
         self._fresh = False
 
     def _let_go(self, now: float) -> None:
-        for key in list(self.controls.hands.held):
+        for key in list(self.controls.held):
             self._edge(key, self.pictures.drawn, now, down=False)
 
     def _edge(self, key: str, frame: int, now: float, *, down: bool) -> None:

@@ -34,6 +34,7 @@ from eutree.recording.controls import QUICK, SPEEDS, Controls, Pace, frames_per_
 from eutree.recording.driving import Driving
 from eutree.recording.episodes import AGAIN, Lessons, Recording
 from eutree.recording.events import (
+    ActionView,
     Away,
     Command,
     Event,
@@ -61,9 +62,7 @@ from eutree.recording.play import (
 from eutree.recording.tree_making import Wishes
 from eutree.recording.views import (
     ENDLESS,
-    hands_fields,
     never_ends,
-    pace_fields,
     sensed,
     task_description,
 )
@@ -222,7 +221,7 @@ class Session:
                 play.controls.set_mode(command)
         elif name == "wait":
             if play.controls.pace.turn_based and play.awaits_turn():
-                play.controls.hands.turn = []
+                play.controls.turn = []
         elif name in ("keep", "drop") and isinstance(value, int | float) and value == int(value):
             self.recording.mark(int(value), kept=name == "keep")
         elif name == "bind" and self.state == OPENING and isinstance(value, int | float):
@@ -311,9 +310,8 @@ class Session:
         extras = {**controls.facts(), "viewer": self.settings.viewer}
         if self.lessons.again is not None:
             extras[AGAIN] = True
-        trial = self.recording.begin(extras, list(controls.hands.held))
-        measured = {**self.play.pictures.facts(), "speed": controls.pace.speed}
-        self.lessons.go_there(trial, now, measured)
+        trial = self.recording.begin(extras, list(controls.held))
+        self.lessons.go_there(trial, now, self.play.measured())
         self.play.show(trial)
         self.play.count_in(now)
 
@@ -325,19 +323,18 @@ class Session:
 
     def _advance(self, now: float) -> None:
         """Take the step that is due, the tree's or the person's."""
-        play, pictures = self.play, self.play.pictures
+        play = self.play
         self.driving.advance(now)
         action = play.decision(now)
         if action is not None:
-            speed = play.controls.pace.speed
-            measured = {**pictures.facts(), "speed": speed}
-            play.controls.hands.action = action
-            self.recording.step(play.trial, action, now, measured)
+            play.controls.action = action
+            self.recording.step(play.trial, action, now, play.measured())
             play.controls.pace.begin(now)
-            pictures.expect()
+            play.pictures.expect()
 
     def _view(self, now: float) -> View:
         controls, schema = self.play.controls, self.env.schema
+        keys, pace = controls.keys, controls.pace
         episodes = self.recording.views()
         if self.state in (PLAYING, DRIVING) and self.play.trial.is_over:
             # Nothing is said of an end that is still to be seen.
@@ -355,7 +352,19 @@ class Session:
             can_correct=self.driving.can_correct,
             driving=self.driving.view(),
             numbers=sensed(schema, self.play.trial.observation) if self.settings.hud else None,
+            action=controls.action,
+            held=list(controls.held),
+            toggle=controls.toggle,
+            keys_chosen=keys.chosen,
+            actions=[
+                ActionView(name, keys.keys_of(action), action == keys.idle)
+                for action, name in enumerate(schema.actions)
+            ],
+            controls=keys.controls(),
+            speed=pace.speed,
+            turn_based=pace.turn_based,
+            interval=pace.interval,
+            beat=pace.beat,
+            is_slowed=self.settings.fps is None and pace.fps > QUICK and pace.speed < 1.0,
             **self.play.view_fields(now),
-            **hands_fields(controls.hands, schema),
-            **pace_fields(controls.pace, is_own=self.settings.fps is None),
         )

@@ -1,4 +1,4 @@
-"""The parts of a session's view: actions with their keys, lines of the list, the sensed numbers."""
+"""What a session says of a task and of its episodes, in words."""
 
 import inspect
 import re
@@ -13,41 +13,8 @@ import gymnasium
 from eutree.arrays import Floats
 from eutree.data import Episode
 from eutree.interaction.first_look import is_limited
-from eutree.recording.controls import QUICK, Hands, Pace
-from eutree.recording.events import ActionView, EpisodeView
-from eutree.recording.keys import KeyMap
+from eutree.recording.events import EpisodeView
 from eutree.schema import Schema
-
-
-def action_views(keys: KeyMap, schema: Schema) -> list[ActionView]:
-    """Return every action with the keys that mean it."""
-    return [
-        ActionView(name, keys.keys_of(action), action == keys.idle)
-        for action, name in enumerate(schema.actions)
-    ]
-
-
-def hands_fields(hands: Hands, schema: Schema) -> dict[str, Any]:
-    """Return the view's fields on keys and what is done with them."""
-    return {
-        "action": hands.action,
-        "held": list(hands.held),
-        "toggle": hands.toggle,
-        "keys_chosen": hands.keys.chosen,
-        "actions": action_views(hands.keys, schema),
-        "controls": hands.keys.controls(),
-    }
-
-
-def pace_fields(pace: Pace, *, is_own: bool) -> dict[str, Any]:
-    """Return the view's fields on the pace; ``is_own`` if it is the environment's."""
-    return {
-        "speed": pace.speed,
-        "turn_based": pace.turn_based,
-        "interval": pace.interval,
-        "beat": pace.beat,
-        "is_slowed": is_own and pace.fps > QUICK and pace.speed < 1.0,
-    }
 
 
 def episode_views(
