@@ -75,7 +75,9 @@ def test_a_page_without_its_styles_is_found(chromium: Any, pages: dict[str, Path
     opened.page.evaluate(f"{style}.textContent = {style}.textContent.replaceAll('.series-', '.x-')")
     assert any(entry[1:] == ["paint", "nothing"] for entry in wrong_colours(opened.page, "light"))
     opened.page.evaluate(f"{style}.textContent = {style}.textContent.replaceAll('--series', '--y')")
-    opened.page.evaluate(f"{style}.textContent = {style}.textContent.replaceAll('.action-', '.z-')")
+    opened.page.evaluate(
+        f"{style}.textContent = {style}.textContent.replaceAll('.chart text', '.z text')"
+    )
     wrong = wrong_colours(opened.page, "light")
     assert any(entry[1:] == ["fill", "rgb(0, 0, 0)"] for entry in wrong)
     opened.page.close()

@@ -50,7 +50,7 @@ def test_all_parts_are_there(recorded: Demonstrations) -> None:
     ):
         assert words in outline.text
     assert outline.tags.count("article") == 6
-    assert outline.tags.count("polyline") == 3 * 6  # three features
+    assert outline.tags.count("polyline") == 4 * 6  # three features, and the action
     assert "script" not in outline.tags
 
 
@@ -96,7 +96,7 @@ def test_quiet_and_whole_in_a_browser(
     opened = open_page(chromium, path, width=width, scheme=scheme)
     opened.assert_quiet()
     assert opened.page.evaluate("document.documentElement.scrollWidth") <= width
-    assert opened.page.locator("article svg").count() == 6
+    assert opened.page.locator("article svg").count() == 2 * 6  # metres, and the action
     opened.page.close()
     context = chromium.new_context(bypass_csp=True, color_scheme=scheme)
     page = context.new_page()

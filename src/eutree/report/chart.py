@@ -15,9 +15,9 @@ from eutree.report.html import figure, scrolling
 # Of each learner: episode, mean, and both ends of the interval.
 Series = Mapping[str, Sequence[tuple[float, float, float, float]]]
 
-_WIDTH, _HEIGHT = 420.0, 250.0
-_LEFT, _RIGHT, _TOP, _BOTTOM = 46.0, 10.0, 10.0, 36.0
-_STYLES = 5
+_WIDTH, _HEIGHT, _LOW = 420.0, 250.0, 150.0
+_LEFT, _RIGHT, _TOP, _BOTTOM = 58.0, 10.0, 10.0, 36.0
+STYLES = 5
 _LEAST = 0.1  # of the largest value: what an axis spans at least
 _MEASURES = {"success_rate": "success rate", "mean_return": "return", "n_leaves": "leaves"}
 
@@ -28,6 +28,7 @@ class _Plane:
 
     x_ticks: list[float]
     y_ticks: list[float]
+    height: float = _HEIGHT
 
     def x(self, value: float) -> float:
         share = (value - self.x_ticks[0]) / (self.x_ticks[-1] - self.x_ticks[0])
@@ -36,61 +37,80 @@ class _Plane:
     def y(self, value: float) -> float:
         inside = min(max(value, self.y_ticks[0]), self.y_ticks[-1])
         share = (inside - self.y_ticks[0]) / (self.y_ticks[-1] - self.y_ticks[0])
-        return _HEIGHT - _BOTTOM - share * (_HEIGHT - _TOP - _BOTTOM)
+        return self.height - _BOTTOM - share * (self.height - _TOP - _BOTTOM)
 
-    def frame(self, label: str, x_title: str, *, percent: bool = False) -> list[str]:
+    def frame(self, label: str, x_title: str, y_labels: Sequence[str]) -> list[str]:
         """Return the beginning of the drawing: what a screen reader says, grid and axis."""
+        bottom = self.height - _BOTTOM
         return [
-            f'<svg class="chart" viewBox="0 0 {_WIDTH:.0f} {_HEIGHT:.0f}" role="img" '
+            f'<svg class="chart" viewBox="0 0 {_WIDTH:.0f} {self.height:.0f}" role="img" '
             f'aria-label="{escape(label)}">',
             *(
                 f'<line class="grid" x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{self.y(tick):.1f}" '
                 f'y2="{self.y(tick):.1f}"/><text x="{_LEFT - 6}" y="{self.y(tick) + 4:.1f}" '
-                f'text-anchor="end">{_number(tick, percent)}</text>'
-                for tick in self.y_ticks
+                f'text-anchor="end">{escape(words)}</text>'
+                for tick, words in zip(self.y_ticks, y_labels, strict=True)
             ),
             *(
-                f'<text x="{self.x(tick):.1f}" y="{_HEIGHT - _BOTTOM + 15:.1f}" '
+                f'<text x="{self.x(tick):.1f}" y="{bottom + 15:.1f}" '
                 f'text-anchor="middle">{_number(tick, False)}</text>'
                 for tick in self.x_ticks
             ),
-            f'<line class="axis" x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{_HEIGHT - _BOTTOM}" '
-            f'y2="{_HEIGHT - _BOTTOM}"/>'
-            f'<text x="{(_LEFT + _WIDTH) / 2:.0f}" y="{_HEIGHT - 4}" text-anchor="middle">'
+            f'<line class="axis" x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{bottom}" y2="{bottom}"/>'
+            f'<text x="{(_LEFT + _WIDTH) / 2:.0f}" y="{self.height - 4}" text-anchor="middle">'
             f"{escape(x_title)}</text>",
         ]
 
 
-def chart(title: str, series: Series, *, percent: bool = False, whole: bool = False) -> str:
-    """Return one chart of several series over episodes.
+def chart(
+    title: str,
+    series: Series,
+    *,
+    over: str = "episodes",
+    percent: bool = False,
+    whole: bool = False,
+    ends: tuple[float, float] | None = None,
+    names: Sequence[str] = (),
+) -> str:
+    """Return one chart of several series over episodes, or over something else.
 
     Args:
         title: What is measured; said by screen readers together with each last value.
         series: Points of each learner, in the order of their episodes.
+        over: What goes from left to right.
         percent: Whether the values are shares, to be shown as percentages.
         whole: Whether they are counts, of which there are no halves.
+        ends: The least and the largest value of the axis, of one of several charts, which are low;
+            by default those of the series.
+        names: What the values 0, 1, ... are called.
     """
     points = [point for entries in series.values() for point in entries]
     if not points:
         return f'<p class="quiet">No {escape(title)} was recorded.</p>'
-    ends = min(p[2] for p in points), max(p[3] for p in points)
+    seen = min(p[2] for p in points), max(p[3] for p in points)
     plane = _Plane(
         ticks(min(p[0] for p in points), max(p[0] for p in points), whole=True),
-        _shares(*ends) if percent else ticks(*_with_room(*ends), whole=whole),
+        _shares(*seen) if percent else ticks(*(ends or _with_room(*seen)), whole=whole),
+        _HEIGHT if ends is None else _LOW,
     )
+
+    def said(value: float) -> str:
+        if not names:
+            return _number(value, percent)
+        return names[int(value)] if 0 <= value < len(names) else ""
+
     last = ", ".join(
-        f"{name} ends at {_number(entries[-1][1], percent)}"
-        for name, entries in series.items()
-        if entries
+        f"{name} ends at {said(entries[-1][1])}" for name, entries in series.items() if entries
     )
-    lines = plane.frame(f"{title} over episodes: {last}", "episodes", percent=percent)
+    lines = plane.frame(f"{title} over {over}: {last}", over, [*map(said, plane.y_ticks)])
     for number, entries in enumerate(series.values()):
-        style = number % _STYLES
+        style = number % STYLES
         middle, lower, upper = (
             [f"{plane.x(p[0]):.1f},{plane.y(p[end]):.1f}" for p in entries] for end in (1, 2, 3)
         )
-        band = " ".join(upper + lower[::-1])
-        lines.append(f'<polygon class="band series-{style}" points="{band}"/>')
+        if upper != lower:
+            band = " ".join(upper + lower[::-1])
+            lines.append(f'<polygon class="band series-{style}" points="{band}"/>')
         lines.append(
             f'<polyline class="curve series-{style} dash-{style}" points="{" ".join(middle)}"/>'
         )
@@ -146,7 +166,7 @@ def scatter(
         for x, y, name in points
     )
     said = f"{y_title} against {x_title} of {len(points)}"
-    frame = plane.frame(said, x_title, percent=percent)
+    frame = plane.frame(said, x_title, [_number(tick, percent) for tick in plane.y_ticks])
     return "\n".join([*frame, *drawn, "</svg>"])
 
 
@@ -157,7 +177,7 @@ def legend(names: Sequence[str], styles: Sequence[int] | None = None) -> str:
         names: Their names.
         styles: The style of each line; by default one after the other.
     """
-    styles = styles or [k % _STYLES for k in range(len(names))]
+    styles = styles or [k % STYLES for k in range(len(names))]
     entries = (
         f'<li><svg width="34" height="8" aria-hidden="true"><line class="curve series-{style} '
         f'dash-{style}" x1="0" x2="34" y1="4" y2="4" stroke-width="2.4"/></svg>{escape(name)}</li>'
