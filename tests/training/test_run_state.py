@@ -1,6 +1,7 @@
 """What the phases of a run share: where it stands, what is noted, who may end it."""
 
 from eutree.learners import Step
+from eutree.training.listeners import StopWhen
 from eutree.training.phases import RunState
 
 STEP = Step(0, 0.0, [0.0], False, False, {})
@@ -11,6 +12,9 @@ class Recorder:
 
     def __init__(self):
         self.told = []
+
+    def wants_stop(self):
+        return False
 
     def gathering_begins(self):
         self.told.append("begins")
@@ -32,9 +36,8 @@ def test_steps_of_learning_of_racing_and_of_the_running_episode_count() -> None:
 
 
 def test_a_listener_is_told_of_each_change_once_and_may_end_the_run() -> None:
-    state = RunState()
     listener = Recorder()
-    state.listeners = (listener,)
+    state = RunState([listener])
     state.gathering_ends()  # nothing was begun
     for _ in range(2):
         state.gathering_begins()
@@ -55,5 +58,5 @@ def test_what_was_recorded_is_noted_once() -> None:
 
 def test_stop_is_asked_until_it_says_so() -> None:
     answers = iter([False, True])
-    state = RunState(lambda: next(answers))
+    state = RunState([StopWhen(lambda: next(answers))])
     assert [state.must_stop() for _ in range(3)] == [False, True, True]

@@ -3,7 +3,7 @@
 import hashlib
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
@@ -15,6 +15,7 @@ from eutree.errors import InvalidArgumentError
 from eutree.evaluation import Against, against, evaluate
 from eutree.evaluation.evaluate import evaluate_starts
 from eutree.interaction import GuardedEnv, episode_seed
+from eutree.interaction.acting import Controller
 from eutree.interaction.deriving import acting_as
 from eutree.interaction.episode import Stream
 from eutree.interaction.first_look import look_at
@@ -26,13 +27,13 @@ from eutree.learners.registry import checked_document
 from eutree.policies import TreePolicy
 from eutree.training.evaluations import Arena, ProvenFirst
 from eutree.training.handover import Handover
-from eutree.training.listeners import Listeners
-from eutree.training.phases import Plan, generator_of
+from eutree.training.listeners import Listener, following
+from eutree.training.phases import Plan, Position, generator_of
 from eutree.training.planned import check_races, planned
 from eutree.training.result import LearningResult, result_of
 from eutree.training.run import Beginning, Run
 from eutree.training.run_folder import ConfigDocument, RunFolder, SavingClock
-from eutree.training.teaching import Teacher, as_teacher
+from eutree.training.teaching import as_teacher
 from eutree.training.values import Asked, Budget, Folder, Schedule, ShortForms
 
 if TYPE_CHECKING:
@@ -40,25 +41,6 @@ if TYPE_CHECKING:
     from eutree.proof import Certificate
 
 RIVAL_EPISODES = 100  # that the policy and a rival both play
-
-
-@dataclass(frozen=True, eq=False)
-class _Place:
-    """Where is learned: in an environment, or from a log.
-
-    Attributes:
-        problem: What is learned.
-        name: What a run's configuration calls it.
-        env: The environment as learners see it.
-        arena: Where a run acts.
-        log: What is learned from, and judges, where there is no environment.
-    """
-
-    problem: Problem
-    name: str
-    env: GuardedEnv | None = None
-    arena: Arena | None = None
-    log: "Log | None" = None
 
 
 def learn(
@@ -114,17 +96,15 @@ def learn(
     asked = Asked.of(values, listeners, short).going_on()
     given = demonstrations, expert, method, start
     with nullcontext() if env is None else opened(env) as made:
-        run, place, config, acting = _prepared(made, asked, *given, seed=seed)
-        asked.listeners.attached(run, acting)
-        policy, against_fit = _carried_out(run, place.log, config, asked)
-        recorded = 0
-        if demonstrations is not None:
-            recorded = sum(map(len, run.beginning.start.episodes))
+        run, config, log = _prepared(made, asked, *given, seed=seed)
+        for one in asked.listeners:
+            one.attached(run, None if run.arena is None else run.arena.env.env)
+        policy, against_fit = _carried_out(run, log, config, asked)
         return replace(
-            result_of(run, policy, asked.teacher, recorded),
+            result_of(run, policy, asked.teacher),
             against_fit=against_fit,
-            against=None if acting is None else _against(run, policy, acting, asked.handover),
-            certificate=_certificate(place, policy, asked.handover),
+            against=_against(run, policy, asked.handover),
+            certificate=_certificate(run, policy, asked.handover),
         )
 
 
@@ -142,6 +122,33 @@ def check_possible(env: Environment, asked: Asked, given: Mapping[str, Any], *, 
         _prepared(made, asked, **(usual | dict(given)), seed=seed)
 
 
+def rivalry(
+    policy: TreePolicy,
+    rival: Controller,
+    env: Environment,
+    *,
+    seed: int,
+    known: tuple[float, float] | None,
+    n_jobs: int | None = None,
+) -> Against:
+    """Return what a policy and a rival do on fresh episodes, which have chosen nothing.
+
+    Args:
+        policy: The policy that a run hands over.
+        rival: Who else plays.
+        env: Where.
+        seed: Seed of the run.
+        known: Lowest and highest return of an episode; None where they are not known.
+        n_jobs: Processes, as ``evaluate`` takes them.
+    """
+    fresh = episode_seed(seed, 0, Stream.AGAINST)
+    both = [
+        evaluate(who, env, episodes=RIVAL_EPISODES, seed=fresh, n_jobs=n_jobs)
+        for who in (policy, rival)
+    ]
+    return against(*both, known=known)
+
+
 def _prepared(
     env: gymnasium.Env[Any, Any] | None,
     asked: Asked,
@@ -151,82 +158,41 @@ def _prepared(
     start: str | None,
     *,
     seed: int,
-) -> tuple[Run, _Place, ConfigDocument, gymnasium.Env[Any, Any] | None]:
-    """Return a run before its first episode, its place, its configuration, and where it acts."""
-    acting = None if env is None else acting_as(env, expert or demonstrations)
-    if acting is not None:
-        acting = _beginning_there(acting, asked.starts)
-    choice, plan = planned(asked, method, start, demonstrations, acting, seed=seed)
+) -> "tuple[Run, ConfigDocument, Log | None]":
+    """Return a run before its first episode, its configuration, and the log it learns from."""
+    digests = ""
+    if env is not None:
+        env = acting_as(env, expert or demonstrations)
+        if asked.starts:
+            from eutree.proof import BeginningThere
+            from eutree.proof.replay import SHARE, digest_of
+
+            env = BeginningThere(env, asked.starts, share=SHARE)
+            digests = " ".join(map(digest_of, asked.starts))
+    choice, plan = planned(asked, method, start, demonstrations, env, seed=seed)
     if demonstrations is not None and asked.history:
         demonstrations = demonstrations.with_history(asked.history)
-    if acting is None:
-        place = _recorded(_needed(demonstrations, "offline learning"), expert, asked, seed)
+    arena, log, shown = None, None, demonstrations
+    if env is not None:
+        arena = _arena(env, expert or demonstrations, asked, plan)
+        problem, name = _problem(arena.env, plan), str(arena.env.spec or arena.env.name)
+    elif demonstrations is None:
+        raise InvalidArgumentError("'offline learning' needs demonstrations, got none")
     else:
-        place = _acting(acting, expert or demonstrations, asked, plan)
-    begin = _start(start, place, demonstrations, expert, asked.teacher, seed=seed)
-    check_fits(choice.method, place.problem, begin, offline=acting is None)
+        from eutree.evaluation.off_policy import Log
+
+        log = Log.of(demonstrations, expert, asked.handover.return_range, seed=seed)
+        problem = Problem(demonstrations.schema, demonstrations.environment, asked.history)
+        name, shown = f"offline: {demonstrations.environment}", log.known
+    teacher = as_teacher(asked.teacher, None if arena is None else arena.env)
+    begin = replace(_start(start, problem, shown, expert, log, seed=seed), teacher=teacher)
+    check_fits(choice.method, problem, begin, offline=env is None)
     document = checked_document(choice.method)
     check_races(plan, begin)
-    beginning = Beginning(choice.method, place.problem, begin, choice.said())
-    run = Run(beginning, plan, place.arena, stop=asked.listeners.wants_stop)
-    config = _config(run, place.name, document, asked, demonstrations, expert)
-    return run, place, config, acting
-
-
-def _beginning_there(
-    env: gymnasium.Env[Any, Any], starts: "Sequence[Certificate]"
-) -> gymnasium.Env[Any, Any]:
-    """Return an environment, half of whose episodes begin where proofs failed, if any did."""
-    if not starts:
-        return env
-    from eutree.proof import BeginningThere
-    from eutree.proof.replay import SHARE
-
-    return BeginningThere(env, starts, share=SHARE)
-
-
-def _digests(starts: "Sequence[Certificate]") -> str:
-    """Return what tells certificates from others, in a run's configuration."""
-    if not starts:
-        return ""
-    from eutree.proof.replay import digest_of
-
-    return " ".join(map(digest_of, starts))
-
-
-def _recorded(
-    recorded: Demonstrations, expert: TreePolicy | None, asked: Asked, seed: int
-) -> _Place:
-    """Return where is learned without an environment: a log of recorded episodes."""
-    from eutree.evaluation.off_policy import Log
-
-    log = Log.of(recorded, expert, asked.handover.return_range, seed=seed)
-    problem = Problem(recorded.schema, recorded.environment, asked.history)
-    return _Place(problem, f"offline: {recorded.environment}", log=log)
-
-
-def _acting(
-    env: gymnasium.Env[Any, Any],
-    named: TreePolicy | Demonstrations | None,
-    asked: Asked,
-    plan: Plan,
-) -> _Place:
-    """Return an environment to learn in, with the names of what the learner starts from."""
-    guarded = GuardedEnv(env, strict=asked.strict, history=asked.history)
-    if named is not None:
-        guarded.take_names(named.schema)
-    resumes = asked.folder is not None and asked.folder.resume
-    look_at(env, None if resumes else episode_seed(plan.seed, 0, Stream.TRAINING))
-    problem = _problem(guarded)
-    if plan.steps is not None:
-        problem = replace(problem, steps=_gathered(plan.steps, plan.race_steps, problem))
-    arena = Arena(
-        guarded,
-        lambda policy, starts, seed: evaluate_starts(policy, env, starts, seed=seed),
-        lambda seed: Ground(env, seed, stream=Stream.FRONT),
-        asked.handover.return_range or known_range(env),
-    )
-    return _Place(problem, str(guarded.spec or guarded.name), guarded, arena)
+    beginning = Beginning(choice.method, problem, begin, choice.said())
+    run = Run(beginning, plan, arena, listeners=asked.listeners)
+    config = _config(run, name, document, asked, demonstrations, expert, starts=digests)
+    return run, config, log
 
 
 def _config(
@@ -236,6 +202,8 @@ def _config(
     asked: Asked,
     demonstrations: Demonstrations | None,
     expert: TreePolicy | None,
+    *,
+    starts: str,
 ) -> ConfigDocument:
     """Return how a run was started, as its folder keeps it."""
     plan, handover = run.plan, asked.handover
@@ -259,9 +227,81 @@ def _config(
         judge_episodes=handover.episodes,
         return_range=handover.return_range,
         front_steps=handover.front_steps,
-        starts=_digests(asked.starts),
+        starts=starts,
         monotone=plan.monotone,
     )
+
+
+def _arena(
+    env: gymnasium.Env[Any, Any],
+    named: TreePolicy | Demonstrations | None,
+    asked: Asked,
+    plan: Plan,
+) -> Arena:
+    """Return an environment to act in, with the names of what the learner starts from."""
+    guarded = GuardedEnv(env, strict=asked.strict, history=asked.history)
+    if named is not None:
+        guarded.take_names(named.schema)
+    resumes = asked.folder is not None and asked.folder.resume
+    look_at(env, None if resumes else episode_seed(plan.seed, 0, Stream.TRAINING))
+    return Arena(
+        guarded,
+        lambda policy, starts, seed: evaluate_starts(policy, env, starts, seed=seed),
+        lambda seed: Ground(env, seed, stream=Stream.FRONT),
+        asked.handover.return_range or known_range(env),
+    )
+
+
+def _problem(env: GuardedEnv, plan: Plan) -> Problem:
+    """Return what can be known of an environment before the first step.
+
+    Raises:
+        InvalidArgumentError: The steps for learning, all of which may be for racing, are not enough
+            for one episode.
+    """
+    spec = env.env.spec
+    own_model = getattr(env.env.unwrapped, "model", None)
+    whole_state = env.history == 0 and env.features.actions == 0
+    limit, steps = None if spec is None else spec.max_episode_steps, plan.room(Position())
+    if steps is not None:
+        longest, steps = limit or 1, max(steps, 0)
+        if steps < longest and not (plan.race_steps and steps == 0):
+            beside = f" beside the {plan.race_steps:,} of race_steps" if plan.race_steps else ""
+            raise InvalidArgumentError(
+                f"steps must have room for an episode, which may take {longest:,}{beside}, "
+                f"got {plan.steps:,}"
+            )
+    return Problem(
+        env.schema,
+        env.spec,
+        env.history,
+        env.features.actions,
+        max_episode_steps=limit,
+        steps=steps,
+        model=own_model if callable(own_model) and whole_state else None,
+    )
+
+
+def _start(
+    name: str | None,
+    problem: Problem,
+    shown: Demonstrations | None,
+    expert: TreePolicy | None,
+    log: "Log | None",
+    *,
+    seed: int,
+) -> Start:
+    """Return where learning begins; offline what is known of the log is always its history."""
+    for what, given in (("demonstrations", shown), ("expert", expert)):
+        if given is not None:
+            problem.schema.check_same(given.schema, what, of="the environment")
+    chance = generator_of(seed, Stream.START, 0)
+    start = start_of(name, problem, demonstrations=shown, expert=expert, generator=chance)
+    if log is not None:
+        start = replace(start, episodes=log.known.kept)
+    if start.episodes and shown is not None:
+        check_rewards(shown, alone=log is not None)
+    return start
 
 
 def _carried_out(
@@ -270,39 +310,33 @@ def _carried_out(
     """Let a run go to its end, in its folder if it has one, and return its policy."""
     where = asked.folder
     if where is None:
-        with asked.listeners.following(run):
+        with following(run, asked.listeners):
             _go_on(run, None, SavingClock(), asked.listeners)
         return _result(run, log)
     kind = type(run.beginning.method)
     with RunFolder(where.path, config, kind, resume=where.resume) as folder:
         folder.load_checkpoint(run)
         folder.save_start(run.beginning.start.expert)
-        with asked.listeners.following(run):
+        with following(run, asked.listeners):
             _go_on(run, folder, SavingClock(where.checkpoint_seconds), asked.listeners)
         policy, against_fit = _result(run, log)
         folder.save_result(policy, run.learned(), run.evaluations.front, run.evaluations.picked)
     return policy, against_fit
 
 
-def _certificate(place: _Place, policy: TreePolicy, asked: Handover) -> "Certificate | None":
+def _certificate(run: Run, policy: TreePolicy, asked: Handover) -> "Certificate | None":
     """Return the proof of what is handed over, where proven trees are preferred and it is one."""
-    if asked.prefer_proven is None or place.env is None:
+    if asked.prefer_proven is None:
         return None
-    return ProvenFirst(place.env.spec, asked.prefer_proven).certificate(policy)
+    return ProvenFirst(run.beginning.problem.environment, asked.prefer_proven).certificate(policy)
 
 
-def _against(
-    run: Run, policy: TreePolicy, env: gymnasium.Env[Any, Any], handover: Handover
-) -> Against | None:
+def _against(run: Run, policy: TreePolicy, asked: Handover) -> Against | None:
     """Return what the policy and the rival do on fresh episodes, if one is named."""
-    if handover.against is None or run.state.stopped:
+    if asked.against is None or run.arena is None or run.state.stopped:
         return None
-    fresh = episode_seed(run.plan.seed, 0, Stream.AGAINST)
-    one, other = (
-        evaluate(who, env, episodes=RIVAL_EPISODES, seed=fresh)
-        for who in (policy, handover.against)
-    )
-    return against(one, other, known=handover.return_range or known_range(env))
+    where, known = run.arena.env.env, run.arena.return_range
+    return rivalry(policy, asked.against, where, seed=run.plan.seed, known=known)
 
 
 def _result(run: Run, log: "Log | None") -> "tuple[TreePolicy, OffPolicyComparison | None]":
@@ -314,29 +348,15 @@ def _result(run: Run, log: "Log | None") -> "tuple[TreePolicy, OffPolicyComparis
     return run.keeping(policy), found
 
 
-def _gathered(steps: int, race_steps: int, problem: Problem) -> int:
-    """Return the steps of a budget that are for learning; all may be for racing.
-
-    Raises:
-        InvalidArgumentError: They are not enough for one episode.
-    """
-    left = max(steps - race_steps, 0)
-    longest = problem.max_episode_steps or 1
-    if left < longest and not (race_steps and left == 0):
-        beside = f" beside the {race_steps:,} of race_steps" if race_steps else ""
-        raise InvalidArgumentError(
-            f"steps must have room for an episode, which may take {longest:,}{beside}, "
-            f"got {steps:,}"
-        )
-    return left
-
-
-def _go_on(run: Run, folder: RunFolder | None, clock: SavingClock, listeners: Listeners) -> None:
+def _go_on(
+    run: Run, folder: RunFolder | None, clock: SavingClock, listeners: Sequence[Listener]
+) -> None:
     """Advance the run to its end; save a checkpoint often enough, and at an interruption."""
     try:
         while not run.finished:
             run.advance()
-            listeners.advanced(run)
+            for one in listeners:
+                one.advanced(run)
             if folder is not None and clock.due():
                 with clock.saving():
                     folder.save_checkpoint(run)
@@ -348,50 +368,3 @@ def _go_on(run: Run, folder: RunFolder | None, clock: SavingClock, listeners: Li
         # What an interruption left half done is not saved: the last checkpoint is good.
         if folder is not None and run.state.whole:
             folder.save_checkpoint(run)
-
-
-def _problem(env: GuardedEnv) -> Problem:
-    """Return what can be known of an environment before the first step."""
-    spec = env.env.spec
-    own_model = getattr(env.env.unwrapped, "model", None)
-    whole_state = env.history == 0 and env.features.actions == 0
-    return Problem(
-        env.schema,
-        env.spec,
-        env.history,
-        env.features.actions,
-        max_episode_steps=None if spec is None else spec.max_episode_steps,
-        model=own_model if callable(own_model) and whole_state else None,
-    )
-
-
-def _needed(demonstrations: Demonstrations | None, what: str) -> Demonstrations:
-    if demonstrations is None:
-        raise InvalidArgumentError(f"{what!r} needs demonstrations, got none")
-    return demonstrations
-
-
-def _start(
-    name: str | None,
-    place: _Place,
-    demonstrations: Demonstrations | None,
-    expert: TreePolicy | None,
-    teacher: Teacher | None,
-    *,
-    seed: int,
-) -> Start:
-    """Return where learning begins; offline the demonstrations are always its history."""
-    asked = as_teacher(teacher, place.env)
-    if place.log is not None:
-        demonstrations = place.log.known
-    problem = place.problem
-    for what, given in (("demonstrations", demonstrations), ("expert", expert)):
-        if given is not None:
-            problem.schema.check_same(given.schema, what, of="the environment")
-    chance = generator_of(seed, Stream.START, 0)
-    start = start_of(name, problem, demonstrations=demonstrations, expert=expert, generator=chance)
-    if place.log is not None:
-        start = replace(start, episodes=place.log.known.kept)
-    if start.episodes:
-        check_rewards(_needed(demonstrations, start.name), alone=place.log is not None)
-    return replace(start, teacher=asked)

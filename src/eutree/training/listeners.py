@@ -26,6 +26,7 @@ from eutree.errors import InvalidArgumentError, MissingExtraError, shown
 from eutree.files import make_folder
 from eutree.learners import Step
 from eutree.policies import TreePolicy
+from eutree.training.phases import Follower
 from eutree.training.progress import values_of
 from eutree.training.run import Run
 
@@ -34,7 +35,7 @@ __all__ = ["Listener", "Progress", "StopWhen", "TensorBoard"]
 GRACE = 0.5  # seconds
 
 
-class Listener:
+class Listener(Follower):
     """Follows a run, and may end it; a subclass has those of the methods that concern it."""
 
     def attached(self, run: Run, env: gymnasium.Env[Any, Any] | None) -> None:
@@ -42,20 +43,6 @@ class Listener:
 
     def begins(self, run: Run) -> None:
         """Take note that the run begins, or goes on from its checkpoint."""
-
-    def wants_stop(self) -> bool:
-        """Return whether the run is to end at its last finished episode; asked before each step."""
-        return False
-
-    def gathering_begins(self) -> None:
-        """Take note that the first episode of a gathering phase, or the race, begins."""
-
-    def step_taken(self, step: Step) -> bool:
-        """Take note of a step; return False to end the run."""
-        return True
-
-    def gathering_ends(self) -> None:
-        """Take note that an update follows, or that the race is over."""
 
     def advanced(self, run: Run) -> None:
         """Take note of an episode, an update or an evaluation."""
@@ -161,43 +148,18 @@ class TensorBoard(Listener):
         }
 
 
-class Listeners:
-    """The listeners of a run, each of which is told of everything, in their order.
-
-    Args:
-        given: The listeners.
-    """
-
-    def __init__(self, given: Sequence[Listener]) -> None:
-        self.given = tuple(given)
-
-    def attached(self, run: Run, env: gymnasium.Env[Any, Any] | None) -> None:
-        """Follow a run from its start on."""
-        run.state.listeners = self.given
-        for one in self.given:
-            one.attached(run, env)
-
-    @contextmanager
-    def following(self, run: Run) -> Iterator[None]:
-        """Tell of the beginning, and of the end unless the run fails; then let go."""
-        try:
-            for one in self.given:
-                one.begins(run)
-            yield
-            for one in self.given:
-                one.ends()
-        finally:
-            for one in self.given:
-                one.closes()
-
-    def wants_stop(self) -> bool:
-        """Return whether any of them does."""
-        return any(one.wants_stop() for one in self.given)
-
-    def advanced(self, run: Run) -> None:
-        """Tell all."""
-        for one in self.given:
-            one.advanced(run)
+@contextmanager
+def following(run: Run, listeners: Sequence[Listener]) -> Iterator[None]:
+    """Tell of the beginning, and of the end unless the run fails; then let go."""
+    try:
+        for one in listeners:
+            one.begins(run)
+        yield
+        for one in listeners:
+            one.ends()
+    finally:
+        for one in listeners:
+            one.closes()
 
 
 class StopRequest:

@@ -19,12 +19,11 @@ import numpy as np
 from eutree.contests import SmallestWithin
 from eutree.data import Demonstrations
 from eutree.errors import FormatError, InvalidArgumentError, RunFolderError
-from eutree.evaluation import Against, CurvePoint, Evaluation, against, curve_from_csv, evaluate
+from eutree.evaluation import Against, CurvePoint, Evaluation, curve_from_csv, evaluate
 from eutree.evaluation.curves import curves_to_pandas
 from eutree.files import make_folder, read_bytes, write_text
 from eutree.files.atomic import RUN
 from eutree.interaction import episode_seed
-from eutree.interaction.acting import Controller
 from eutree.interaction.episode import Stream
 from eutree.interaction.first_look import return_range
 from eutree.interaction.making import Recipe, make
@@ -35,7 +34,7 @@ from eutree.proof import Certificate
 from eutree.schema import EnvironmentSpec
 from eutree.training.evaluations import ProvenFirst
 from eutree.training.handover import START, Duel, Handover, Judgement, handover_for, judge
-from eutree.training.learn import RIVAL_EPISODES, check_possible, learn
+from eutree.training.learn import check_possible, learn, rivalry
 from eutree.training.result import LearningResult
 from eutree.training.values import Asked, Budget, Folder, Schedule, ShortForms
 from eutree.validation import check_integer, check_seed
@@ -188,14 +187,14 @@ def learn_runs(
     finally:
         env.close()
 
-    def evaluated(who: Controller, episodes: int, stream: int) -> Evaluation:
-        fresh = episode_seed(seed, 0, stream)
-        return evaluate(who, spec, episodes=episodes, seed=fresh, n_jobs=n_jobs)
+    def evaluated(policy: TreePolicy) -> Evaluation:
+        fresh = episode_seed(seed, 0, Stream.WINNER)
+        return evaluate(policy, spec, episodes=judging_episodes, seed=fresh, n_jobs=n_jobs)
 
-    judged, judgement = evaluated(result.policy, judging_episodes, Stream.WINNER), None
+    judged, judgement = evaluated(result.policy), None
     handover = handover_for(result.method, asked.handover)
     if handover is not None and result.against_start is not None and not result.is_start:
-        start = evaluated(result.first, judging_episodes, Stream.WINNER)
+        start = evaluated(result.first)
         met = _against_start(handover, result, start, judged, known)
         if met.handed_over != START:
             judgement = met
@@ -205,8 +204,8 @@ def learn_runs(
             judgement, judged, certificate = met, start, of_start
     learned = LearningRuns(ordered, best, result, judged, judgement, certificate)
     if (rival := asked.handover.against) is not None:
-        both = (evaluated(who, RIVAL_EPISODES, Stream.AGAINST) for who in (learned.policy, rival))
-        learned = replace(learned, against=against(*both, known=known))
+        beside = rivalry(learned.policy, rival, spec, seed=seed, known=known, n_jobs=n_jobs)
+        learned = replace(learned, against=beside)
     learned.policy.save(path / "policy.json")
     write_text(path / "runs.csv", _table(ordered, best))
     return learned

@@ -16,10 +16,10 @@ episodes alone, so the same seed gives the same bytes on any machine; only where
 budget the clock has a say, too.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any, Protocol
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -280,48 +280,48 @@ def _fits(plan: Plan, at: Position, max_episode_steps: int | None) -> bool:
     return room is None or max(longest, 1) <= room
 
 
-class Follower(Protocol):
-    """Who is told of the steps of a run; see ``eutree.training.listeners.Listener``."""
+class Follower:
+    """Is told of the steps of a run, and may end it; see ``eutree.training.listeners.Listener``."""
+
+    def wants_stop(self) -> bool:
+        """Return whether the run is to end at its last finished episode; asked before each step."""
+        return False
 
     def gathering_begins(self) -> None:
-        """Take note that episodes follow."""
-        ...
+        """Take note that the first episode of a gathering phase, or the race, begins."""
 
     def step_taken(self, step: Step) -> bool:
         """Take note of a step; return False to end the run."""
-        ...
+        return True
 
     def gathering_ends(self) -> None:
-        """Take note that an update follows."""
-        ...
+        """Take note that an update follows, or that the race is over."""
 
 
 class RunState:
     """What the phases of a run have in common.
 
     Args:
-        stop: Asked before every step; True ends the run at the last finished episode.
+        listeners: Who is told of each step, in this order, and may end the run.
 
     Attributes:
         at: Where the run stands between two phases.
         steps_of_episode: Steps of the episode under way, gathered or raced; 0 between two.
         events: What happened so far: updates, evaluations, races, and what listeners recorded.
-        listeners: Who is told of each step, in this order.
         recorded: What listeners measured since the last finished episode, by name.
-        stopped: Whether ``stop`` or a listener ended the run.
+        stopped: Whether a listener ended the run.
         whole: Whether the learner is between two phases, so that a checkpoint may be saved; False
             while, and after, an interruption struck in the middle of one.
     """
 
-    def __init__(self, stop: Callable[[], bool] = lambda: False) -> None:
+    def __init__(self, listeners: Sequence[Follower] = ()) -> None:
         self.at = Position()
         self.steps_of_episode = 0
         self.events: list[dict[str, Any]] = []
-        self.listeners: Sequence[Follower] = ()
         self.recorded: dict[str, float | int | None] = {}
         self.stopped = False
         self.whole = True
-        self._stop = stop
+        self._listeners = listeners
         self._gathering = False
 
     @property
@@ -346,24 +346,24 @@ class RunState:
 
     def must_stop(self) -> bool:
         """Return whether the run ends here; who may end it is asked."""
-        self.stopped = self.stopped or self._stop()
+        self.stopped = self.stopped or any(one.wants_stop() for one in self._listeners)
         return self.stopped
 
     def step_taken(self, step: Step) -> None:
         """Tell listeners of a step; each may end the run."""
-        wishes = [one.step_taken(step) for one in self.listeners]
+        wishes = [one.step_taken(step) for one in self._listeners]
         self.stopped = self.stopped or not all(wishes)
 
     def gathering_begins(self) -> None:
         """Tell listeners that episodes follow, if none came before."""
-        for one in () if self._gathering else self.listeners:
+        for one in () if self._gathering else self._listeners:
             one.gathering_begins()
         self._gathering = True
 
     def gathering_ends(self) -> None:
         """Tell listeners that an update follows, or that the race is over."""
         if self._gathering:
-            for one in self.listeners:
+            for one in self._listeners:
                 one.gathering_ends()
             self.note_what_was_recorded()
         self._gathering = False

@@ -9,7 +9,6 @@ other is.
 """
 
 import logging
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any, cast
@@ -116,30 +115,24 @@ def planned(
 ) -> tuple[ChosenMethod, Plan]:
     """Return how is learned and how long, once all that is asked is known to be possible."""
     schedule = asked.evaluation
-    for name, number in (("every", schedule.every), ("episodes", schedule.episodes)):
+    words = {"evaluate_every": schedule.every, "evaluation_episodes": schedule.episodes}
+    for word, number in words.items():
         if number is not None:
-            words = {"every": "evaluate_every", "episodes": "evaluation_episodes"}
-            check_integer(words[name], number, low=1)
-    budget, handover = asked.budget, asked.handover
+            check_integer(word, number, low=1)
+    budget, handover, minutes = asked.budget, asked.handover, asked.budget.minutes
     if env is None:
         _check_acts_nowhere(asked)
     races, keeps = budget.race_steps, handover.keep_success
-    choice = _choice_of(
-        None if method == "auto" else method,
-        start,
-        lambda: default_for(demonstrations, budget.steps, teacher=asked.teacher is not None),
-        offline=env is None,
-        plans=bool(races or keeps or asked.history or asked.max_transitions),
-    )
+    choice = _choice_of(method, start, asked, demonstrations, offline=env is None)
     remembers = _remembering(choice.method, asked.max_transitions)
     chosen = _with_limit(remembers, handover.max_leaves, races=races > 0)
-    minutes = budget.minutes
     race = SearchSettings(steps=races, max_leaves=handover.max_leaves, keep_success=keeps)
     expected = _expected(budget, demonstrations, env)
+    usual = EPISODES if budget.is_open else MANY  # only where nothing else ends the run
     decides = keeps or handover.prefer_proven is not None
     every, played = curve_of(schedule.every, schedule.episodes, expected, decides=decides)
     plan = Plan(
-        episodes=_episodes(budget),
+        episodes=budget.episodes if budget.episodes is not None else usual,
         steps=budget.steps,
         seconds=None if minutes is None else 60.0 * check_number("minutes", minutes, low=0.0),
         evaluate_every=every,
@@ -160,13 +153,6 @@ def planned(
             )
         ProvenFirst(spec_of(env), handover.prefer_proven)
     return replace(choice, method=chosen), plan
-
-
-def _episodes(budget: Budget) -> int:
-    """Return the most episodes: the usual number only where nothing else ends the run."""
-    if budget.episodes is not None:
-        return budget.episodes
-    return EPISODES if budget.is_open else MANY
 
 
 def _expected(
@@ -220,21 +206,24 @@ def _check_acts_nowhere(asked: Asked) -> None:
 def _choice_of(
     method: str | Method | None,
     start: str | None,
-    default: Callable[[], ChosenMethod],
+    asked: Asked,
+    shown: Demonstrations | None,
     *,
     offline: bool,
-    plans: bool,
 ) -> ChosenMethod:
-    """Return the method that is meant, and why where nobody said so; that is said aloud, too.
-
-    With ``plans`` something is asked of the run that only planning does.
-    """
-    if method is not None:
+    """Return the method that is meant, and why where nobody said so; that is said aloud, too."""
+    if method not in (None, "auto"):
         own = method_of(method) if isinstance(method, str) else checked_method(method)
         return ChosenMethod(own, "")
-    if offline or plans or start not in (None, "demos", "tree+demos"):
+    only_planning = (
+        asked.budget.race_steps,
+        asked.handover.keep_success,
+        asked.history,
+        asked.max_transitions,
+    )
+    if offline or any(only_planning) or start not in (None, "demos", "tree+demos"):
         return ChosenMethod(method_of("corrected" if offline else "default"), "")
-    choice = default()
+    choice = default_for(shown, asked.budget.steps, teacher=asked.teacher is not None)
     if choice.alternative:
         say(choice.said())
     return choice

@@ -142,32 +142,29 @@ class LearningResult(Displayed):
         return curve_to_pandas(self.curve)
 
 
-def result_of(
-    run: Run, policy: TreePolicy, teacher: Teacher | None, recorded: int
-) -> LearningResult:
+def result_of(run: Run, policy: TreePolicy, teacher: Teacher | None) -> LearningResult:
     """Return what a finished run gives back.
 
     Args:
         run: The run.
         policy: The policy that it hands over.
         teacher: Who taught in place of a network, if one was given.
-        recorded: Steps of the demonstrations.
     """
-    learner, at, evaluations = run.learner, run.at, run.evaluations
+    learner, at, evaluations, start = run.learner, run.at, run.evaluations, run.beginning.start
     judgement = evaluations.judgement
     return LearningResult(
         policy=policy,
         learned=run.learned(),
         first=run.first,
-        expert=run.beginning.start.expert,
+        expert=start.expert,
         curve=tuple(run.curve),
         history=learner.history,
         method=run.beginning.method,
-        start=run.beginning.start.name,
+        start=start.name,
         episodes=run.episode,
         steps=at.steps,
         environment_steps=StepCounts(
-            demonstrations=recorded,
+            demonstrations=sum(map(len, start.episodes)),
             teacher=at.teacher_steps,
             learning=at.steps - at.teacher_steps,
             racing=at.racing_steps,

@@ -6,7 +6,7 @@ happened; they never decide what comes.
 """
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -27,7 +27,7 @@ from eutree.schema import Schema
 from eutree.training.acting import GatheringEpisode, Racing, seed_of_next
 from eutree.training.evaluations import Arena, Evaluations
 from eutree.training.handover import START
-from eutree.training.phases import Phase, Plan, Position, RunState, due, generator_of
+from eutree.training.phases import Follower, Phase, Plan, Position, RunState, due, generator_of
 from eutree.training.progress import GatheredEpisodes
 from eutree.training.search import PolicySearch
 
@@ -65,10 +65,11 @@ class Run:
         beginning: How is learned, what, and from where.
         plan: How long it is, and what happens when.
         arena: Where it acts; None for recorded episodes alone.
-        stop: Asked before every step; True ends the run at the last finished episode.
+        listeners: Who is told of each step, and may end the run at its last finished episode.
 
     Attributes:
         beginning: What the run began with.
+        arena: Where it acts.
         learner: The learner.
         plan: How long the run is.
         state: Where it stands, what happened so far, and who follows it.
@@ -86,17 +87,17 @@ class Run:
         plan: Plan,
         arena: Arena | None,
         *,
-        stop: Callable[[], bool] = lambda: False,
+        listeners: Sequence[Follower] = (),
     ) -> None:
         self.beginning = beginning
+        self.arena = arena
         self.learner = beginning.learner()
         self.plan = plan
-        self.state = RunState(stop)
+        self.state = RunState(listeners)
         self.phase = Phase.GATHER
         self.gathered = GatheredEpisodes()
         self.evaluations = Evaluations(plan, self.state)
         self.racing = Racing(plan, self.state)
-        self._arena = arena
         self._clock = time.monotonic()
         rules = _rules(plan.monotone, beginning.problem.schema)
         self.keeping = partial(_kept, rules=rules, learner=self.learner)
@@ -215,9 +216,9 @@ class Run:
         self._clock = now
 
     def _acting(self) -> Arena:
-        if self._arena is None:
+        if self.arena is None:
             raise InvalidArgumentError("env must be given to act in, got None")
-        return self._arena
+        return self.arena
 
     def _gather(self) -> None:
         """Let the learner act for one episode (Table 1, data gathering phase)."""

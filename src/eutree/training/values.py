@@ -16,7 +16,6 @@ from eutree.training.listeners import (
     CallbackLike,
     Callbacks,
     Listener,
-    Listeners,
     Progress,
     StopWhen,
     TensorBoard,
@@ -184,7 +183,7 @@ class Asked:
     evaluation: Schedule = Schedule()
     handover: Handover = field(default_factory=Handover)
     folder: Folder | None = None
-    listeners: Listeners = field(default_factory=lambda: Listeners(()))
+    listeners: tuple[Listener, ...] = ()
     teacher: Teacher | None = None
     history: int = 0
     max_transitions: int | None = None
@@ -217,7 +216,7 @@ class Asked:
         alone = {word: short[word] for word in _ALONE if word in short}
         given = {name: value for name, value in built.items() if value is not None}
         following += [one if isinstance(one, Listener) else Callbacks(one) for one in many]
-        return cls(**given, **alone, listeners=Listeners(following))
+        return cls(**given, **alone, listeners=tuple(following))
 
     def of_one_run(self) -> Self:
         """Return what is asked of each of several runs: what is asked of all together is left."""
