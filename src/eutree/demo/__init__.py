@@ -4,15 +4,10 @@ It tells what the program is for: a person shows a task, C4.5 makes a tree of it
 out to be different, learning mends the tree, and what changed can be read.
 """
 
-import os
 import shutil
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
-
-import joblib
-import numpy as np
 
 from eutree.compression import RealEpisodes, compress
 from eutree.compression.candidates import rounded
@@ -33,10 +28,8 @@ from eutree.policies import TreePolicy
 from eutree.recording import record
 from eutree.report import run_page
 from eutree.schema import EnvironmentSpec
-from eutree.training import learn
 from eutree.training.handover import judged
 from eutree.training.many import FinishedRun, LearningRuns, learn_runs
-from eutree.trees import DecisionTree
 from eutree.validation import check_choice
 
 __all__ = ["run_demo", "settings_for", "table_rows"]
@@ -65,11 +58,9 @@ def run_demo(settings: DemoSettings, out: Path, *, say: Say, follow: Follow) -> 
         make(spec).close()  # a mistake must not cost an earlier report
     folder = _fresh_folder(out)
     demonstrations = _demonstrate(settings, name, folder, say)
-    say("C4.5 makes a tree of them (the first time, compiling takes half a minute)")
-    with _warming_up(settings, demonstrations):
-        expert = fit_expert_tree(demonstrations)
-        expert.save(folder / "expert.json")
-        say(f"the tree that was shown has {counted(expert.n_leaves, 'leaf')}")
+    expert = fit_expert_tree(demonstrations)
+    expert.save(folder / "expert.json")
+    say(f"the tree that was shown has {counted(expert.n_leaves, 'leaf')}, by C4.5")
     runs = _learn(settings, demonstrations, expert, folder, say, follow)
     learned = runs.result
     ground = None
@@ -173,7 +164,7 @@ def _learn(
 ) -> LearningRuns:
     """Let several runs learn beside each other, and choose the best on episodes of its own."""
     once = f", now that {settings.story.changed}" if settings.story.changed else ""
-    say(f"{counted(settings.runs, 'run')} of learning{once}")
+    say(f"{counted(settings.runs, 'run')} of learning{once} (compiling takes a while, once)")
     return learn_runs(
         settings.changed,
         runs=settings.runs,
@@ -200,36 +191,3 @@ def _judge(
         seed=episode_seed(settings.seed, 0, Stream.WINNER),
         n_jobs=settings.n_jobs,
     )
-
-
-@contextmanager
-def _warming_up(settings: DemoSettings, demonstrations: Demonstrations) -> Iterator[None]:
-    """Let another process compile what learning needs while this one fits the expert tree.
-
-    Right after installation half of the demo's time goes into compiling, and nothing of it waits
-    for the expert tree. Once the compiled code is on the disk this costs a second of another core.
-    """
-    cores = joblib.effective_n_jobs(settings.n_jobs)
-    if cores < 2 or (os.cpu_count() or 1) < 2:
-        yield
-        return
-    task = joblib.delayed(_learn_a_little)(settings, demonstrations)
-    warm = joblib.Parallel(n_jobs=cores, return_as="generator")([task])
-    try:
-        yield
-    finally:
-        list(warm)
-
-
-def _learn_a_little(settings: DemoSettings, demonstrations: Demonstrations) -> None:
-    """Learn for two episodes from a tree of one leaf; what comes of it is of no interest."""
-    schema = demonstrations.schema
-    leaf = DecisionTree.single_leaf(schema.n_features)
-    start = TreePolicy(leaf, np.zeros(1, dtype=np.int64), schema)
-    options = dict(settings.story.learning) | {"episodes": 2, "evaluate_every": 2}
-    options |= {"evaluation_episodes": 2, "race_steps": 0, "judge_episodes": 0}
-    env = make(settings.changed)
-    try:
-        learn(env, demonstrations=demonstrations, expert=start, seed=settings.seed, **options)
-    finally:
-        env.close()
