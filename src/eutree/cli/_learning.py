@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from eutree.cli._given import keep
-from eutree.cli._output import Output, ProgressLine, figures_of, front_drawn
+from eutree.cli._output import ProgressLine, figures_of, front_drawn, progress, say
 from eutree.cli._policies import beside
 from eutree.display import counted
 
@@ -29,19 +29,17 @@ class Following:
 
     Args:
         progress: The line to show it on.
-        output: Where to say why the run's method was chosen.
     """
 
-    def __init__(self, progress: ProgressLine, output: Output) -> None:
+    def __init__(self, progress: ProgressLine) -> None:
         logging.getLogger("eutree.training.planned").addHandler(_SAID_HERE)
         self._progress = progress
-        self._output = output
         self._label = ""
 
     def __call__(self, run: "Run") -> None:
         """Show where the run stands now."""
         if not self._label and run.beginning.reason:
-            self._output.say(run.beginning.reason)
+            say(run.beginning.reason)
         label, count, total = progress_of(run)
         if label != self._label:
             self._progress.restart(label, max(total, 1))
@@ -169,17 +167,16 @@ def run_many(
     runs: int,
     n_jobs: int,
     out: Path,
-    output: Output,
     options: dict[str, Any],
 ) -> "LearningRuns":
     """Learn several times, with one progress display."""
     from eutree.training.many import learn_runs
 
-    with output.progress("runs", runs) as progress:
+    with progress("runs", runs) as line:
 
         def show(count: int, run: "FinishedRun") -> None:
             keep(out)
-            progress.update(count, f"seed {run.seed}: {run.selection}")
+            line.update(count, f"seed {run.seed}: {run.selection}")
 
         return learn_runs(spec, runs=runs, n_jobs=n_jobs, out=out, on_run=show, **options)
 

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from eutree.cli._output import Output, Result
 from eutree.errors import InvalidArgumentError, described, shown
 from eutree.files.schema_document import plain_json
 from eutree.schema import MAX_ACTIONS
@@ -24,6 +25,8 @@ from eutree.validation import MAX_SEED
 
 _FULL = "eutree.help_all"  # in click's context: every option is to be shown
 _LINE = "eutree.line"  # and the words that were given
+_JSON = "eutree.json"  # and whether one JSON object is wanted
+_ONE_OBJECT = "Print exactly one JSON object on standard output."
 _SHARED: Mapping[str, Sequence[str]] = {
     "The environment": (
         "env_arguments",
@@ -44,7 +47,41 @@ PARTS = re.compile(
 )
 
 
-class Helped(click.Command):
+class Command(click.Command):
+    """A command that returns its ``Result``, which is printed here: with ``--json`` as one object.
+
+    Args:
+        arguments: As click has them.
+        more: As click has them.
+    """
+
+    def __init__(self, *arguments: Any, **more: Any) -> None:
+        super().__init__(*arguments, **more)
+        self.params.append(
+            click.Option(
+                ["--json", "as_json"],
+                is_flag=True,
+                expose_value=False,
+                callback=lambda context, _, given: context.meta.update({_JSON: given}),
+                help=_ONE_OBJECT,
+            )
+        )
+
+    def invoke(self, ctx: click.Context) -> None:
+        """Run the command, and print what it comes to."""
+        result = super().invoke(ctx)
+        if isinstance(result, Result):
+            Output(as_json=wants_json()).result(result.values, result.text)
+            if result.exit_code:
+                ctx.exit(result.exit_code)
+
+
+def wants_json() -> bool:
+    """Return whether the command under way was given ``--json``."""
+    return bool(click.get_current_context().meta[_JSON])
+
+
+class Helped(Command):
     """A command with many options, of which ``--help`` shows those that come first.
 
     Args:
@@ -234,9 +271,8 @@ def starts(text: str, *, multiple: bool = False) -> Callable[[_Command], _Comman
 
 
 def as_json(command: _Command) -> _Command:
-    """Add ``--json``, passed on as ``as_json``."""
-    text = "Print exactly one JSON object on standard output."
-    return click.option("--json", "as_json", is_flag=True, help=text)(command)
+    """Add ``--json``, passed on as ``as_json``, to a command that prints its result itself."""
+    return click.option("--json", "as_json", is_flag=True, help=_ONE_OBJECT)(command)
 
 
 def seed(command: _Command) -> _Command:

@@ -14,7 +14,7 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
 
 import click
 import numpy as np
@@ -29,6 +29,20 @@ _HEADER = "leaves  return [95 %]                 success"
 _WIDTH = 20
 _SECONDS = 2.0  # between two lines on what is compiled
 _results: TextIO | None = None
+
+
+class Result(NamedTuple):
+    """What a command comes to.
+
+    Attributes:
+        values: The entries of its JSON object.
+        text: What it says without ``--json``, a string or a rich renderable.
+        exit_code: Its exit code.
+    """
+
+    values: dict[str, Any]
+    text: Any
+    exit_code: int = 0
 
 
 class Output:
@@ -161,6 +175,16 @@ def front_drawn(front: "Sequence[FrontEntry]", first: str, picked: int | None = 
             f"{one.policy.n_leaves:>6}  {earned:<28}  {success:>6}  {'#' * width}{mark}".rstrip()
         )
     return "\n".join(lines) + "\n"
+
+
+def say(text: str) -> None:
+    """Print a message on standard error."""
+    Output(as_json=False).say(text)
+
+
+def progress(label: str, total: int) -> ProgressLine:
+    """Return a progress bar on a terminal, quiet lines in a pipe."""
+    return Output(as_json=False).progress(label, total)
 
 
 def results() -> TextIO:

@@ -9,7 +9,7 @@ import numpy as np
 
 from eutree.cli import _options as option
 from eutree.cli._options import Helped
-from eutree.cli._output import Output, figures_of, front_drawn
+from eutree.cli._output import Result, figures_of, front_drawn
 from eutree.cli._policies import Rival, against_option, beside, load_demonstrations
 from eutree.cli.parts import cluster, workers_options
 from eutree.display import counted
@@ -87,7 +87,6 @@ _FIGURES = """
 @option.monotone
 @option.environment
 @option.seed
-@option.as_json
 def compress(
     source: Path,
     out: Path,
@@ -106,16 +105,14 @@ def compress(
     backend: str,
     address: str | None,
     env_arguments: dict[str, Any],
-    as_json: bool,
     **options: Any,
-) -> None:
+) -> Result:
     """Make the tree of SOURCE, a run folder or a policy file, smaller; report what changed."""
     from eutree.compression import ImaginedEpisodes, RealEpisodes, compress_monotone
     from eutree.evaluation import evaluate
     from eutree.files import check_writable
     from eutree.training.many import folder_of_winner
 
-    output = Output(as_json=as_json)
     rounding = _rounding(round_thresholds)
     if source.is_dir():
         source = folder_of_winner(source)
@@ -157,7 +154,7 @@ def compress(
     small.save(out)
     paths = _front_written(report, front)
     change = report.return_change
-    output.result(
+    return Result(
         {
             **figures_of(report, _FIGURES),
             "return_change": None if change is None else list(change.interval),

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from eutree.cli import _options as option
-from eutree.cli._options import Written
-from eutree.cli._output import Output, figures_of
+from eutree.cli._options import Command, Written
+from eutree.cli._output import Result, figures_of
 from eutree.cli.fit import hurting
 from eutree.display import counted
 from eutree.errors import InvalidArgumentError
@@ -29,6 +29,7 @@ def demos() -> None:
 
 
 demos.add_command(hurting)
+demos.command_class = Command
 
 
 def _folder(command: _Command) -> _Command:
@@ -41,12 +42,11 @@ def _numbers(command: _Command) -> _Command:
 
 @demos.command("list", epilog="Example: eutree demos list demos/")
 @_folder
-@option.as_json
-def list_(folder: Path, as_json: bool) -> None:
+def list_(folder: Path) -> Result:
     """List the episodes of FOLDER with result, length and return."""
     opened = _open(folder)
     rows = opened.read_all()
-    Output(as_json=as_json).result(
+    return Result(
         {
             "environment": None if opened.environment is None else str(opened.environment),
             "expert": opened.expert,
@@ -60,28 +60,25 @@ def list_(folder: Path, as_json: bool) -> None:
 @_folder
 @_numbers
 @click.option("--comment", help="A remark to store with the episodes.")
-@option.as_json
-def keep(folder: Path, numbers: tuple[int, ...], comment: str | None, as_json: bool) -> None:
+def keep(folder: Path, numbers: tuple[int, ...], comment: str | None) -> Result:
     """Let learners use the episodes NUMBERS of FOLDER (again)."""
-    _set_kept(folder, numbers, comment, True, as_json)
+    return _kept(folder, numbers, comment, kept=True)
 
 
 @demos.command(epilog='Example: eutree demos drop demos/ 3 --comment "pressed too late"')
 @_folder
 @_numbers
 @click.option("--comment", help="A remark to store with the episodes.")
-@option.as_json
-def drop(folder: Path, numbers: tuple[int, ...], comment: str | None, as_json: bool) -> None:
+def drop(folder: Path, numbers: tuple[int, ...], comment: str | None) -> Result:
     """Discard the episodes NUMBERS of FOLDER; they stay, marked, and `keep` takes them back."""
-    _set_kept(folder, numbers, comment, False, as_json)
+    return _kept(folder, numbers, comment, kept=False)
 
 
 @demos.command(epilog="Example: eutree demos trim demos/ 3 --steps 20")
 @_folder
 @click.argument("number", type=int)
 @click.option("--steps", type=click.IntRange(min=1), required=True, help="How many to leave.")
-@option.as_json
-def trim(folder: Path, number: int, steps: int, as_json: bool) -> None:
+def trim(folder: Path, number: int, steps: int) -> Result:
     """Cut the episode NUMBER of FOLDER off after some steps."""
     opened = _open_to_edit(folder)
     episode = opened.read(number)
@@ -101,16 +98,13 @@ def trim(folder: Path, number: int, steps: int, as_json: bool) -> None:
         is_success=None,
     )
     opened.write(number, shorter)
-    Output(as_json=as_json).result(
-        {"episode": number, "length": steps}, f"episode {number} now has {steps} steps"
-    )
+    return Result({"episode": number, "length": steps}, f"episode {number} now has {steps} steps")
 
 
 @demos.command(epilog="Example: eutree demos rename demos/ names.json")
 @_folder
 @click.argument("names", type=click.Path(path_type=Path))
-@option.as_json
-def rename(folder: Path, names: Path, as_json: bool) -> None:
+def rename(folder: Path, names: Path) -> Result:
     """Name the features and actions of FOLDER by the file NAMES, which is as for --names."""
     from eutree.interaction.names import Names
 
@@ -121,15 +115,14 @@ def rename(folder: Path, names: Path, as_json: bool) -> None:
         "actions": list(opened.schema.actions),
     }
     lines = [f"{kind}: {', '.join(entries)}" for kind, entries in said.items()]
-    Output(as_json=as_json).result(said, "\n".join(lines))
+    return Result(said, "\n".join(lines))
 
 
 @demos.command(epilog="Example: eutree demos replay demos/ 3 --window")
 @_folder
 @click.argument("number", type=int)
 @click.option("--window", is_flag=True, help="Run it again and show it in a window.")
-@option.as_json
-def replay(folder: Path, number: int, window: bool, as_json: bool) -> None:
+def replay(folder: Path, number: int, window: bool) -> Result:
     """Show the episode NUMBER of FOLDER step by step."""
     opened = _open(folder)
     episode = opened.read_all().get(number)
@@ -160,17 +153,14 @@ def replay(folder: Path, number: int, window: bool, as_json: bool) -> None:
     earned = f"return {episode.undiscounted_return:g}" if episode.has_rewards else "no rewards"
     result = f"{episode.ending or 'no ending recorded'}, {earned}"
     values = {"episode": number, "ending": episode.ending, "steps": steps}
-    Output(as_json=as_json).result(values, "\n".join([*lines, result]))
+    return Result(values, "\n".join([*lines, result]))
 
 
 @demos.command(epilog="Example: eutree demos check demos/")
 @_folder
 @click.option("--env", "environment", help="The environment; the one of FOLDER if not given.")
 @option.environment
-@option.as_json
-def check(
-    folder: Path, environment: str | None, env_arguments: dict[str, Any], as_json: bool
-) -> None:
+def check(folder: Path, environment: str | None, env_arguments: dict[str, Any]) -> Result:
     """Run every episode of FOLDER again from its seed and actions; compare bit for bit.
 
     The exit code is 0 if all are equal and 1 if one is not.
@@ -187,7 +177,7 @@ def check(
     bad = [result for result in results if not result.is_equal]
     lines = [f"episode {numbers[result.episode]}: {result.problem}" for result in bad]
     lines.append(f"{len(results) - len(bad)} of {len(results)} episodes are equal bit for bit")
-    Output(as_json=as_json).result(
+    return Result(
         {
             "episodes": len(results),
             "equal": len(results) - len(bad),
@@ -196,16 +186,14 @@ def check(
             ],
         },
         "\n".join(lines),
+        1 if bad else 0,
     )
-    if bad:
-        click.get_current_context().exit(1)
 
 
 @demos.command(epilog="Example: eutree demos merge monday/ tuesday/ --out demos/")
 @click.argument("folders", type=click.Path(path_type=Path), nargs=-1, required=True)
 @option.output("--out", text="A new folder.", required=True)
-@option.as_json
-def merge(folders: tuple[Path, ...], out: Path, as_json: bool) -> None:
+def merge(folders: tuple[Path, ...], out: Path) -> Result:
     """Put the episodes of several FOLDERS of one environment into a new folder."""
     from eutree.data import Demonstrations
 
@@ -216,14 +204,13 @@ def merge(folders: tuple[Path, ...], out: Path, as_json: bool) -> None:
     experts = ", ".join(dict.fromkeys(folder.expert for folder in opened if folder.expert))
     merged = Demonstrations(episodes, opened[0].schema, opened[0].environment, experts)
     merged.save(out)
-    _written(merged, str(out), as_json)
+    return _written(merged, str(out))
 
 
 @demos.command(epilog="Example: eutree demos stats demos/ --html demos.html")
 @_folder
 @option.output("--html", text="Write the summary as a page, too.")
-@option.as_json
-def stats(folder: Path, html: Path | None, as_json: bool) -> None:
+def stats(folder: Path, html: Path | None) -> Result:
     """Say how well FOLDER does the task, and whether more would help."""
     from eutree.files import check_writable, write_text
     from eutree.report import demonstration_figures, demonstrations_page
@@ -240,7 +227,7 @@ def stats(folder: Path, html: Path | None, as_json: bool) -> None:
         write_text(html, demonstrations_page(shown, title=title, numbers=numbers, figures=figures))
         values["path"] = str(html)
         said += f"\nwritten to {html}"
-    Output(as_json=as_json).result(values, said)
+    return Result(values, said)
 
 
 @demos.command(
@@ -265,7 +252,6 @@ def stats(folder: Path, html: Path | None, as_json: bool) -> None:
 @click.option("--episode-gap", metavar="SPAN", help="A pause that ends an episode: 90s, 1h.")
 @click.option("--actions", metavar="NAME,NAME,...", help="The actions, in order.")
 @option.environment
-@option.as_json
 def import_(
     source: str,
     out: Path,
@@ -277,9 +263,8 @@ def import_(
     episode_gap: str | None,
     actions: str | None,
     env_arguments: dict[str, Any],
-    as_json: bool,
     **log: Any,
-) -> None:
+) -> Result:
     """Read demonstrations from SOURCE: minari:ID, or a file ending in .csv or .npz.
 
     A .csv has one row for each observation, in order. Two columns are required: "episode" (which
@@ -325,15 +310,14 @@ def import_(
     if names is not None:
         loaded = replace(loaded, schema=names.of(loaded.schema))
     loaded.save(out)
-    _written(loaded, str(out), as_json)
+    return _written(loaded, str(out))
 
 
 @demos.command(epilog="Example: eutree demos export demos/ minari:eutree/evasion2/human-v0")
 @_folder
 @click.argument("target", type=Written())
 @option.module
-@option.as_json
-def export(folder: Path, target: str, as_json: bool) -> None:
+def export(folder: Path, target: str) -> Result | None:
     """Write the kept episodes of FOLDER to TARGET: minari:ID, or a file .csv or .npz.
 
     A .csv file also holds the discarded episodes, marked. A Minari dataset names the environment if
@@ -348,7 +332,7 @@ def export(folder: Path, target: str, as_json: bool) -> None:
         demonstrations.to_csv(target)
     else:
         demonstrations.to_npz(target)
-    _written(demonstrations, target, as_json)
+    return _written(demonstrations, target)
 
 
 def _open(folder: Path) -> "DemonstrationFolder":
@@ -384,9 +368,7 @@ def _demonstrations(
     )
 
 
-def _set_kept(
-    folder: Path, numbers: tuple[int, ...], comment: str | None, kept: bool, as_json: bool
-) -> None:
+def _kept(folder: Path, numbers: tuple[int, ...], comment: str | None, *, kept: bool) -> Result:
     opened = _open_to_edit(folder)
     episodes = {number: opened.read(number) for number in numbers}  # all exist, or none is changed
     for number, episode in episodes.items():
@@ -394,7 +376,7 @@ def _set_kept(
         opened.write(number, replace(episode, kept=kept, comment=text))
     word = "kept" if kept else "discarded"
     listing = ", ".join(map(str, episodes))
-    Output(as_json=as_json).result({"episodes": list(episodes), "kept": kept}, f"{word}: {listing}")
+    return Result({"episodes": list(episodes), "kept": kept}, f"{word}: {listing}")
 
 
 def _kind(argument: str, name: str) -> str:
@@ -462,7 +444,7 @@ def _table(rows: "dict[int, Episode]", title: str) -> Any:
     return table
 
 
-def _written(demonstrations: "Demonstrations", path: str, as_json: bool) -> None:
+def _written(demonstrations: "Demonstrations", path: str) -> Result:
     from eutree.data.episode import DROPPED
 
     dropped = sum(DROPPED in episode.extras for episode in demonstrations.episodes)
@@ -472,7 +454,7 @@ def _written(demonstrations: "Demonstrations", path: str, as_json: bool) -> None
             f"; the last action of {counted(dropped, 'episode')} is left out: nothing says what "
             "it led to"
         )
-    Output(as_json=as_json).result(
+    return Result(
         {
             "episodes": len(demonstrations),
             "n_transitions": demonstrations.n_transitions,

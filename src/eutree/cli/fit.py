@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from eutree.cli import _options as option
-from eutree.cli._options import Helped, line_with
-from eutree.cli._output import Output, figures_of
+from eutree.cli._options import Command, Helped, line_with
+from eutree.cli._output import Result, figures_of, progress
 from eutree.cli._policies import OWN, controller, load_demonstrations, load_policy
 from eutree.cli.parts import cluster, workers_options
 from eutree.display import counted
@@ -61,7 +61,6 @@ if TYPE_CHECKING:
 @option.monotone
 @option.environment
 @option.seed
-@option.as_json
 def fit(
     demonstrations: Path,
     out: Path,
@@ -70,9 +69,8 @@ def fit(
     confidence: float | None,
     no_pruning: bool,
     env_arguments: dict[str, Any],
-    as_json: bool,
     **options: Any,
-) -> None:
+) -> Result:
     """Fit a tree to DEMONSTRATIONS with C4.5, play it, and say how good it is beside them.
 
     Some trees are compared by episodes left out and by playing; --release-8, --min-objects,
@@ -82,11 +80,10 @@ def fit(
     from eutree.files import check_writable
     from eutree.fitting.fit import fit as fit_tree
 
-    output = Output(as_json=as_json)
     demos = load_demonstrations(demonstrations)
     check_writable(out)
     env = demos.environment.override(env_arguments) if demos.environment else None
-    with _Stages(output) as stages:
+    with _Stages() as stages:
         report = fit_tree(
             demos,
             env if env_arguments else None,
@@ -100,14 +97,13 @@ def fit(
     is_open = report.verdict and (report.verdict.is_worse or report.verdict.is_open)
     if is_open and not options["practise"]:
         hint = f"\n{line_with('--practise', '100')} goes on with learning"
-    output.result(_values(report, out), f"{report.policy}\n{report}\nwritten to {out}{hint}")
+    return Result(_values(report, out), f"{report.policy}\n{report}\nwritten to {out}{hint}")
 
 
 class _Stages:
     """Shows the progress of each stage in a line of its own."""
 
-    def __init__(self, output: Output) -> None:
-        self._output = output
+    def __init__(self) -> None:
         self._stage = ""
         self._open = ExitStack()
 
@@ -122,18 +118,17 @@ class _Stages:
         if stage != self._stage:
             self._open.close()
             self._stage = stage
-            self._line = self._open.enter_context(self._output.progress(stage, most))
+            self._line = self._open.enter_context(progress(stage, most))
         self._line.update(done)
 
 
-@click.command(epilog="Example: eutree demos hurting demos/ --out demos-cut/")
+@click.command(cls=Command, epilog="Example: eutree demos hurting demos/ --out demos-cut/")
 @click.argument("folder", type=click.Path(path_type=Path))
 @option.output("--out", text="A new folder, without the segments that were found.")
 @option.count("--episodes", 3000, "Episodes of a search; confirming takes more.")
 @click.option("--undo", is_flag=True, help="Take back all that was cut or flipped in FOLDER.")
 @option.environment
 @option.seed
-@option.as_json
 def hurting(
     folder: Path,
     out: Path | None,
@@ -141,8 +136,7 @@ def hurting(
     undo: bool,
     env_arguments: dict[str, Any],
     seed: int,
-    as_json: bool,
-) -> None:
+) -> Result:
     """Find by playing which seconds of FOLDER cost the tree its success.
 
     Trees are made without a segment, or with the action before or after it in its place, and play
@@ -153,16 +147,15 @@ def hurting(
     from eutree.files import check_new_folder
     from eutree.fitting import find_hurting
 
-    output, opened = Output(as_json=as_json), DemonstrationFolder(folder)
+    opened = DemonstrationFolder(folder)
     if undo:
-        _restore(output, opened)
-        return
+        return _restore(opened)
     numbers, demos = list(opened.read_all()), load_demonstrations(folder)
     if out is not None:
         check_new_folder(out)
     if demos.environment is None:
         raise InvalidArgumentError(f"{folder} names no environment, so that no tree can play")
-    with _Stages(output) as stages:
+    with _Stages() as stages:
         found = find_hurting(
             demos,
             demos.environment.override(env_arguments),
@@ -179,10 +172,10 @@ def hurting(
         "path": None if out is None else str(out),
     }
     end = "" if out is None else f"\nwritten to {out}"
-    output.result(values, found.words(numbers) + end)
+    return Result(values, found.words(numbers) + end)
 
 
-def _restore(output: Output, opened: "DemonstrationFolder") -> None:
+def _restore(opened: "DemonstrationFolder") -> Result:
     """Let every action of a folder be imitated as it was taken."""
     opened.recover()
     changed = []
@@ -192,7 +185,7 @@ def _restore(output: Output, opened: "DemonstrationFolder") -> None:
             opened.write(number, whole)
             changed.append(number)
     words = f"restored: {', '.join(map(str, changed))}" if changed else "nothing was cut or flipped"
-    output.result({"restored": changed}, words)
+    return Result({"restored": changed}, words)
 
 
 def _hurt_as_values(one: "Hurt", numbers: list[int], actions: tuple[str, ...]) -> dict[str, Any]:
@@ -278,7 +271,6 @@ _EXAMPLE = "eutree distill eutree/Evasion2-v0 --expert gate --max-leaves 8 --out
 @workers_options("the episodes of the trees, where they take more than a few seconds")
 @option.environment
 @option.seed
-@option.as_json
 def distill(
     environment: str,
     out: Path,
@@ -290,36 +282,34 @@ def distill(
     env_arguments: dict[str, Any],
     seed: int,
     n_jobs: int | None,
-    as_json: bool,
     **settings: Any,
-) -> None:
+) -> Result:
     """Make a small tree that decides in ENVIRONMENT as the teacher does."""
     from eutree.distillation import DistillationSettings
     from eutree.distillation import distill as distill_teacher
     from eutree.files import check_writable
 
-    output = Output(as_json=as_json)
     spec = EnvironmentSpec(environment, env_arguments)
     teacher = _teacher(spec, expert, policy)
     shown = None if demos is None else load_demonstrations(demos)
     check_writable(out)
     with (
         cluster(backend, address),
-        output.progress("distilling", settings["iterations"]) as progress,
+        progress("distilling", settings["iterations"]) as line,
     ):
         tree, report = distill_teacher(
             teacher,
             spec,
             DistillationSettings(**settings),
             demonstrations=shown,
-            on_round=lambda number, made: progress.update(
+            on_round=lambda number, made: line.update(
                 number + 1, f"{counted(made.n_leaves, 'leaf')}, mean return {made.mean_return:.2f}"
             ),
             seed=seed,
             n_jobs=n_jobs,
         )
     tree.save(out)
-    output.result(
+    return Result(
         {
             **figures_of(report, "n_leaves mean_return return_interval labels best"),
             "agreement": report.rounds[report.best].agreement,

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from eutree.cli import _options as option
-from eutree.cli._output import Output, figures_of
+from eutree.cli._options import Command
+from eutree.cli._output import Result, figures_of, progress, say
 from eutree.errors import EutreeError
 from eutree.schema import EnvironmentSpec
 
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from eutree.zoo import Card
 
 
-@click.command(epilog="Example: eutree demo CartPole-v1 --expert fall")
+@click.command(cls=Command, epilog="Example: eutree demo CartPole-v1 --expert fall")
 @click.argument("environment", default="eutree/Evasion2-v0")
 @click.option("--expert", help="A scripted demonstrator of the environment; by default its first.")
 @option.output("--out", text="Folder to write.", default="demo-report")
@@ -36,15 +37,13 @@ if TYPE_CHECKING:
               help="Processes for the runs; -1 for all cores.")  # fmt: skip
 @option.environment
 @option.seed
-@option.as_json
 def demo(
     environment: str,
     out: Path,
     episodes: int | None,
     env_arguments: dict[str, Any],
-    as_json: bool,
     **choices: Any,
-) -> None:
+) -> Result:
     """Show, fit, learn, judge, compress and export in ENVIRONMENT; write an HTML report.
 
     ENVIRONMENT is one that has a scripted demonstrator; your own is shown with eutree record.
@@ -55,20 +54,19 @@ def demo(
     from eutree.demo import run_demo, settings_for, table_rows
     from eutree.training.many import FinishedRun
 
-    output = Output(as_json=as_json)
     settings = settings_for(EnvironmentSpec(environment, env_arguments), **choices)
     if episodes is not None:
         story = settings.story
         learning = dict(story.learning) | {"episodes": episodes}
         settings = replace(settings, story=replace(story, learning=learning))
-    with output.progress("runs", settings.runs) as progress:
+    with progress("runs", settings.runs) as line:
 
         def follow(count: int, run: FinishedRun) -> None:
-            progress.update(count, f"run {run.seed}: {run.selection}")
+            line.update(count, f"run {run.seed}: {run.selection}")
 
-        result = run_demo(settings, out, say=output.say, follow=follow)
+        result = run_demo(settings, out, say=say, follow=follow)
     header, rows = table_rows(result)
-    output.result(
+    return Result(
         {
             "report": str(result.report),
             "verdict": result.verdict,
@@ -115,10 +113,9 @@ def _story(result: "DemoResult") -> "Group":
     return Group(Text(result.verdict, style="bold"), table, Text("\n".join(lines)))
 
 
-@click.command(epilog="Example: eutree zoo MountainCar-v0")
+@click.command(cls=Command, epilog="Example: eutree zoo MountainCar-v0")
 @click.argument("task", required=False)
-@option.as_json
-def zoo(task: str | None, as_json: bool) -> None:
+def zoo(task: str | None) -> Result:
     """List the learned trees that come with the package, or those of TASK.
 
     Each NAME can stand, as zoo:NAME, wherever a command takes a policy file; zoo:TASK is the
@@ -127,7 +124,7 @@ def zoo(task: str | None, as_json: bool) -> None:
     from eutree.zoo import card, cards
 
     shown = cards() if task is None else [one for one in cards() if one.task == card(task).task]
-    Output(as_json=as_json).result(
+    return Result(
         {"trees": [{"name": one.name} | asdict(one) for one in shown]},
         "\n".join([HEAD, *(line for one in shown for line in _lines(one, full=task is not None))]),
     )
@@ -171,27 +168,25 @@ JOBS = {
 }
 
 
-@click.command(name="warm-up", epilog="Example: eutree warm-up")
+@click.command(cls=Command, name="warm-up", epilog="Example: eutree warm-up")
 @option.count("--n-jobs", 2, "Processes that compile at the same time.")
-@option.as_json
-def warm_up(n_jobs: int, as_json: bool) -> None:
+def warm_up(n_jobs: int) -> Result:
     """Compile the loops of fitting, planning and learning for this computer.
 
     What is compiled is kept beside the package, or where NUMBA_CACHE_DIR says.
     """
     from eutree.parallel import Workers
 
-    output = Output(as_json=as_json)
     begin = time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
         record = ("record", _TASK, "--expert", "gate", "--episodes", "5")
         _compiled_by(record, Path(folder) / "demos")
-        with output.progress("compiling", len(JOBS)) as progress:
+        with progress("compiling", len(JOBS)) as line:
             task = _Job(Path(folder))
             for count, name in enumerate(Workers(n_jobs).as_finished(task, list(JOBS)), 1):
-                progress.update(count, name)
+                line.update(count, name)
     seconds = time.monotonic() - begin
-    output.result({"seconds": seconds, "parts": list(JOBS)}, f"compiled in {seconds:.0f} s")
+    return Result({"seconds": seconds, "parts": list(JOBS)}, f"compiled in {seconds:.0f} s")
 
 
 class _Job:

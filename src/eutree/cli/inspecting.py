@@ -9,8 +9,8 @@ import click
 import numpy as np
 
 from eutree.cli import _options as option
-from eutree.cli._options import Helped
-from eutree.cli._output import Output, figures_of
+from eutree.cli._options import Command, Helped
+from eutree.cli._output import Result, figures_of
 from eutree.cli._policies import in_zoo, load_demonstrations, load_policy, policy_file, renamed
 from eutree.errors import InvalidArgumentError, shown
 from eutree.trees.text import labelled
@@ -21,13 +21,14 @@ if TYPE_CHECKING:
     from eutree.policies import TreePolicy
 
 
-@click.command(epilog="Example: eutree why expert.json --observation 8,3.2,-1 --demos demos/")
+@click.command(
+    cls=Command, epilog="Example: eutree why expert.json --observation 8,3.2,-1 --demos demos/"
+)
 @click.argument("policy", type=click.Path(path_type=Path))
 @click.option("--observation", required=True, metavar="X,Y,...",
               help="The observation, a number for each feature.")  # fmt: skip
 @option.path("--demos", text="Demonstrations whose steps in the same leaf to name.")
-@option.as_json
-def why(policy: Path, observation: str, demos: Path | None, as_json: bool) -> None:
+def why(policy: Path, observation: str, demos: Path | None) -> Result:
     """Say why POLICY decides as it does for an observation, and what would change it."""
     from eutree.inspection import why as explain
 
@@ -41,7 +42,7 @@ def why(policy: Path, observation: str, demos: Path | None, as_json: bool) -> No
     shown = None if demos is None else load_demonstrations(demos, loaded)
     found = explain(loaded, numbers, demonstrations=shown)
     names = loaded.schema.actions
-    Output(as_json=as_json).result(
+    return Result(
         {
             "action": names[found.action],
             "leaf": found.leaf,
@@ -69,12 +70,11 @@ def why(policy: Path, observation: str, demos: Path | None, as_json: bool) -> No
     )
 
 
-@click.command(epilog="Example: eutree diff runs/a/expert.json runs/a/policy.json")
+@click.command(cls=Command, epilog="Example: eutree diff runs/a/expert.json runs/a/policy.json")
 @click.argument("first", type=click.Path(path_type=Path))
 @click.argument("second", type=click.Path(path_type=Path))
 @option.path("--demos", text="Demonstrations: how many of their steps each change concerns.")
-@option.as_json
-def diff(first: Path, second: Path, demos: Path | None, as_json: bool) -> None:
+def diff(first: Path, second: Path, demos: Path | None) -> Result:
     """Say where FIRST and SECOND, two policy files, decide differently, and how they are built."""
     from eutree.inspection import diff as compare
 
@@ -82,7 +82,7 @@ def diff(first: Path, second: Path, demos: Path | None, as_json: bool) -> None:
     recorded = None if demos is None else load_demonstrations(demos, one)
     found = compare(one, two, observations=None if recorded is None else _seen(one, recorded))
     names = one.schema.actions
-    Output(as_json=as_json).result(
+    return Result(
         {
             **figures_of(found, "share visited structure n_leaves"),
             "boxes": [
@@ -107,7 +107,8 @@ EXIT_REFUTED = 1
 
 
 @click.command(
-    epilog="Example: eutree verify expert.json --property 'always go when position > 25'"
+    cls=Command,
+    epilog="Example: eutree verify expert.json --property 'always go when position > 25'",
 )
 @click.argument("policy", type=click.Path(path_type=Path))
 @click.option("--property", "questions", required=True, multiple=True,
@@ -117,17 +118,13 @@ EXIT_REFUTED = 1
 @option.path("--run", "run_folder", text="Run folder whose observations count, for dead leaves.")
 @click.option("--everywhere", is_flag=True,
               help="Ask for all numbers, not only those within the features' bounds.")  # fmt: skip
-@option.as_json
-@click.pass_context
 def verify(
-    context: click.Context,
     policy: Path,
     questions: tuple[str, ...],
     demos: Path | None,
     run_folder: Path | None,
     everywhere: bool,
-    as_json: bool,
-) -> None:
+) -> Result:
     """Prove properties of POLICY, a policy file, or refute them with an observation.
 
     The exit code is 0 if all are proven, 1 if one is refuted.
@@ -141,7 +138,7 @@ def verify(
         for question in questions
     ]
     holds = all(answer.holds for answer in answers)
-    Output(as_json=as_json).result(
+    return Result(
         {
             "holds": holds,
             "answers": [
@@ -158,8 +155,8 @@ def verify(
             ],
         },
         "\n".join(map(str, answers)),
+        0 if holds else EXIT_REFUTED,
     )
-    context.exit(0 if holds else EXIT_REFUTED)
 
 
 def _observations(
@@ -207,7 +204,6 @@ _NUMBER = re.compile(r"[0-9]{1,9}")  # of a node or a leaf
 )
 @option.environment
 @option.seed
-@option.as_json
 def edit(
     policy: Path,
     thresholds: tuple[str, ...],
@@ -221,8 +217,7 @@ def edit(
     episodes: int,
     env_arguments: dict[str, Any],
     seed: int,
-    as_json: bool,
-) -> None:
+) -> Result:
     """Change POLICY, a policy file, by hand; say what that does to its return."""
     from eutree.evaluation import evaluate
     from eutree.files import check_writable
@@ -230,7 +225,7 @@ def edit(
     from eutree.inspection import enforce, numbered
     from eutree.interaction.names import Names
 
-    output, before = Output(as_json=as_json), load_policy(policy, hand_edited=reseal)
+    before = load_policy(policy, hand_edited=reseal)
     if reseal and out is None:
         if in_zoo(policy):
             raise InvalidArgumentError("--out must name the file to write: the zoo's are kept")
@@ -272,7 +267,7 @@ def edit(
             f"mean return {returns[0]:.2f} before, {returns[1]:.2f} after, on the same "
             f"{episodes} episodes"
         )
-    output.result(
+    return Result(
         {
             "changes": edited.changes,
             "warnings": edited.warnings,

@@ -20,7 +20,7 @@ from eutree.cli._given import (
     listed,
 )
 from eutree.cli._learning import Following, as_values, in_words, many_results, run_many
-from eutree.cli._output import Output
+from eutree.cli._output import Result, progress, say
 from eutree.cli._policies import (
     OWN,
     against_option,
@@ -131,7 +131,6 @@ if TYPE_CHECKING:
 @workers_options("--runs")
 @option.environment
 @option.seed
-@option.as_json
 def learn(
     environment: str | None,
     demos: Path | None,
@@ -155,9 +154,8 @@ def learn(
     backend: str,
     address: str | None,
     env_arguments: dict[str, Any],
-    as_json: bool,
     **options: Any,
-) -> None:
+) -> Result:
     """Learn a policy in ENVIRONMENT and write it, with all that led to it, to a run folder.
 
     Without ENVIRONMENT it is the one that the demonstrations are of.
@@ -168,15 +166,13 @@ def learn(
     from eutree.training import learn as learn_policy
     from eutree.training.listeners import stop_on_signals
 
-    output = Output(as_json=as_json)
     if method is not None and preset is not None:
         raise InvalidArgumentError("--method and --preset both say how to learn; leave out one")
     chosen = chosen_method(
         method or preset, offline=offline, settings=settings, changes=changes, discount=discount
     )
     if list_settings:
-        output.result(*listed(chosen, offline=offline))
-        return
+        return Result(*listed(chosen, offline=offline))
     if out is None:
         raise click.MissingParameter(param_type="option", param_hint="'--out'")
     demonstrations = None if demos is None else load_demonstrations(demos)
@@ -205,29 +201,28 @@ def learn(
         with (
             cluster(backend, address),
             stop_on_signals() as stop,
-            _saying_how_to_go_on(output, stop, out),
+            _saying_how_to_go_on(stop, out),
         ):
-            learned = run_many(spec, runs, n_jobs, out, output, options)
-        output.result(*many_results(_named(learned, against), out))
-        return
+            learned = run_many(spec, runs, n_jobs, out, options)
+        return Result(*many_results(_named(learned, against), out))
     env = None if spec is None else make(spec)
     with (
         stop_on_signals() as stop,
-        _saying_how_to_go_on(output, stop, out),
-        output.progress("learning", 1) as progress,
+        _saying_how_to_go_on(stop, out),
+        progress("learning", 1) as line,
     ):
         result = learn_policy(
             env,
             out=out,
             stop=stop,
-            on_progress=_following(Following(progress, output), out),
+            on_progress=_following(Following(line), out),
             **options,
         )
         if stop():
             raise KeyboardInterrupt
     recorded = len(demonstrations) if offline and demonstrations is not None else None
     result = _named(result, against)
-    output.result(as_values(result, out), in_words(result, out, recorded=recorded))
+    return Result(as_values(result, out), in_words(result, out, recorded=recorded))
 
 
 def _named(result: "_Result", rival: str | None) -> "_Result":
@@ -263,27 +258,27 @@ def _teacher(name: str | None, steps: int | None, spec: EnvironmentSpec | None) 
 
 
 @contextmanager
-def _saying_how_to_go_on(output: Output, stop: "StopRequest", out: Path) -> Iterator[None]:
+def _saying_how_to_go_on(stop: "StopRequest", out: Path) -> Iterator[None]:
     """End the command with the signal's exit code if one interrupts what is inside."""
     try:
         yield
     except KeyboardInterrupt:
         stop.no_more()
-        saved = _say_how(output, out)
+        saved = _say_how(out)
         if not saved:
-            output.say("stopped before anything was learned")
+            say("stopped before anything was learned")
         raise SystemExit(stop.exit_code if stop() else 128 + SIGINT) from None
     except EnvironmentFault:
-        _say_how(output, out)
+        _say_how(out)
         raise
 
 
-def _say_how(output: Output, out: Path) -> bool:
+def _say_how(out: Path) -> bool:
     """Say how a run goes on; return whether anything of it is there."""
     saved = (out / "checkpoint.npz").exists() or any((out / "runs").glob("*/config.json"))
     if saved:
         keep(out)
-        output.say(f"stopped and saved; go on with: {line_to_go_on(out)}")
+        say(f"stopped and saved; go on with: {line_to_go_on(out)}")
     return saved
 
 

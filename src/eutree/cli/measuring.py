@@ -7,7 +7,7 @@ import click
 
 from eutree.cli import _options as option
 from eutree.cli._options import Helped
-from eutree.cli._output import Output, figures_of
+from eutree.cli._output import Result, figures_of
 from eutree.cli._policies import Rival, against_option, check_fits, load_policy
 from eutree.cli.parts import cluster, workers_options
 from eutree.errors import InvalidArgumentError
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 @workers_options("the episodes, where they take more than a few seconds")
 @option.environment
 @option.seed
-@option.as_json
 def evaluate(
     policy: Path,
     environment: str | None,
@@ -37,8 +36,7 @@ def evaluate(
     address: str | None,
     env_arguments: dict[str, Any],
     seed: int,
-    as_json: bool,
-) -> None:
+) -> Result:
     """Evaluate POLICY, a policy file or a run folder, in ENVIRONMENT, or in the one it names.
 
     Intervals are of 95 %: Wilson's of the success rate, Student's of the mean return. One in
@@ -46,7 +44,6 @@ def evaluate(
     """
     from eutree.evaluation import evaluate as evaluate_policy
 
-    output = Output(as_json=as_json)
     loaded = load_policy(policy)
     hint = f"eutree evaluate {policy} ENVIRONMENT"
     spec = _spec(loaded, policy, environment, env_arguments, hint)
@@ -55,7 +52,7 @@ def evaluate(
     with cluster(backend, address):
         result = evaluate_policy(loaded, spec, episodes=episodes, seed=seed, n_jobs=n_jobs)
         found = None if rival is None else rival.follows(result, seed=seed, n_jobs=n_jobs)
-    output.result(
+    return Result(
         {
             **figures_of(result, "episodes success_rate success_interval mean_return"),
             **figures_of(result, "return_interval worst_return return_quantile_05 warning"),
@@ -88,10 +85,7 @@ EXIT_CODES = {"proven": 0, "refuted": 1, "undecided": 3}
               help="Lowest and highest return there can be, for bounds of its mean.")  # fmt: skip
 @option.environment
 @option.seed
-@option.as_json
-@click.pass_context
 def prove(
-    context: click.Context,
     policy: Path,
     question: str | None,
     environment: str | None,
@@ -103,8 +97,7 @@ def prove(
     returns: tuple[float, float] | None,
     env_arguments: dict[str, Any],
     seed: int,
-    as_json: bool,
-) -> None:
+) -> Result:
     """Prove how every episode of POLICY goes, or refute it with a start.
 
     PROPERTY is 'arrives [within N steps]', 'stays in CONDITIONS [for N steps]', 'avoids CONDITIONS
@@ -119,7 +112,6 @@ def prove(
     from eutree.proof import prove as prove_policy
     from eutree.report.proof_page import proof_page
 
-    output = Output(as_json=as_json)
     loaded = load_policy(policy)
     for path in (html, out):
         if path is not None:
@@ -136,8 +128,7 @@ def prove(
     if html is not None:
         write_text(html, proof_page(found, title=str(spec), policy=loaded))
         figures["path"] = str(html)
-    output.result(figures, str(found))
-    context.exit(EXIT_CODES[found.verdict])
+    return Result(figures, str(found), EXIT_CODES[found.verdict])
 
 
 def _spec(

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from eutree.cli import _options as option
-from eutree.cli._options import Helped
-from eutree.cli._output import Output
+from eutree.cli._options import Helped, wants_json
+from eutree.cli._output import Output, Result, progress, say
 from eutree.cli._policies import OWN, controller, load_policy
 from eutree.display import counted
 from eutree.errors import EutreeError, InvalidArgumentError
@@ -71,7 +71,6 @@ def page_options(command: _Command) -> _Command:
 @option.starts("the episodes begin where it failed.")
 @option.environment
 @option.seed
-@option.as_json
 def record(
     environment: str,
     out: Path | None,
@@ -87,35 +86,32 @@ def record(
     starts_from: Path | None,
     env_arguments: dict[str, Any],
     seed: int,
-    as_json: bool,
     **page: Any,
-) -> None:
+) -> Result | None:
     """Record demonstrations in ENVIRONMENT, by a person or by a scripted expert."""
     from eutree.recording import Recorder, SessionSettings
 
-    output = Output(as_json=as_json)
     spec = EnvironmentSpec(environment, env_arguments)
     if expert is not None and web:
         raise InvalidArgumentError("choose one of --expert and --web")
     if study is not None:
-        _lead(environment, study, person=person, keys=keys, hud=hud, fps=fps, as_json=as_json,
-              env_arguments=env_arguments, **page)  # fmt: skip
-        return
+        _lead(environment, study, person=person, keys=keys, hud=hud, fps=fps,
+              as_json=wants_json(), env_arguments=env_arguments, **page)  # fmt: skip
+        return None
     if person is not None:
         raise InvalidArgumentError("--person needs --study")
     if out is None:
         raise click.MissingParameter(param_hint="'--out'", param_type="option")
-    env = _made(output, spec, starts_from, None if expert is not None else "rgb_array")
+    env = _made(spec, starts_from, None if expert is not None else "rgb_array")
     if expert is not None:
-        _record_expert(
-            output, spec, env, out, expert, episodes=episodes, careless=careless, seed=seed
+        return _recorded_expert(
+            spec, env, out, expert, episodes=episodes, careless=careless, seed=seed
         )
-    else:
-        settings = SessionSettings(
-            target=episodes, seed=seed, fps=fps, hud=hud, viewer="browser", makes=True
-        )
-        recorder = Recorder(env, out, keys=keys, settings=settings)
-        _record_person(output, spec, recorder, out, **page)
+    settings = SessionSettings(
+        target=episodes, seed=seed, fps=fps, hud=hud, viewer="browser", makes=True
+    )
+    recorder = Recorder(env, out, keys=keys, settings=settings)
+    return _recorded_person(spec, recorder, out, **page)
 
 
 def _lead(environment: str, study: Path, **given: Any) -> None:
@@ -142,7 +138,7 @@ def _lead(environment: str, study: Path, **given: Any) -> None:
 
 
 def _made(
-    output: Output, spec: EnvironmentSpec, starts_from: Path | None, render_mode: str | None
+    spec: EnvironmentSpec, starts_from: Path | None, render_mode: str | None
 ) -> "gymnasium.Env[Any, Any]":
     """Return the environment, whose episodes begin where a certificate failed, if one is named."""
     from eutree.interaction.making import make
@@ -155,12 +151,11 @@ def _made(
     certificate = load_certificate(starts_from)
     there = BeginningThere(env, [certificate])
     boxes = 0 if certificate.starts is None else len(certificate.starts.low)
-    output.say(f"show it from {counted(boxes, 'region')} of the starts: {certificate}")
+    say(f"show it from {counted(boxes, 'region')} of the starts: {certificate}")
     return there
 
 
-def _record_expert(
-    output: Output,
+def _recorded_expert(
     spec: EnvironmentSpec,
     env: "gymnasium.Env[Any, Any]",
     out: Path,
@@ -169,7 +164,7 @@ def _record_expert(
     episodes: int,
     careless: float,
     seed: int,
-) -> None:
+) -> Result:
     from eutree.envs import experts
     from eutree.files import check_new_folder
     from eutree.interaction.acting import FullPolicy, as_policy
@@ -184,38 +179,36 @@ def _record_expert(
         )
     finished = 0
     try:
-        with output.progress("recording", episodes) as progress:
+        with progress("recording", episodes) as line:
 
             def show(number: int, episode: "Episode") -> None:
                 nonlocal finished
                 finished = number + 1
-                progress.update(finished, episode.ending)
+                line.update(finished, episode.ending)
 
             demos = record_episodes(
                 env, shows, episodes=episodes, seed=seed, out=out, on_episode=show
             )
     except (KeyboardInterrupt, EutreeError):
         if finished:
-            output.say(f"{finished} finished episodes are in {out}")
+            say(f"{finished} finished episodes are in {out}")
         raise
     successes = [episode.is_success for episode in demos if episode.is_success is not None]
     result = f", {sum(successes)} successful" if successes else ""
-    output.result(
+    return Result(
         {"episodes": len(demos), "n_transitions": demos.n_transitions, "path": str(out)},
         f"{len(demos)} episodes, {demos.n_transitions} transitions{result}, written to {out}",
     )
 
 
-def _record_person(
-    output: Output, spec: EnvironmentSpec, recorder: "Recorder", out: Path, **page: Any
-) -> None:
+def _recorded_person(spec: EnvironmentSpec, recorder: "Recorder", out: Path, **page: Any) -> Result:
     if recorder.recovered:
         numbers = ", ".join(map(str, recorder.recovered))
-        output.say(f"recovered interrupted episode {numbers} from a recorder that died")
-    record_on_page(output, recorder, spec, out, **page)
+        say(f"recovered interrupted episode {numbers} from a recorder that died")
+    record_on_page(Output(as_json=False), recorder, spec, out, **page)
     kept = [episode for episode in recorder.session.episodes if episode.kept]
     steps = sum(map(len, kept))
-    output.result(
+    return Result(
         {"episodes": len(kept), "n_transitions": steps, "path": str(out)},
         f"{len(kept)} episodes, {steps} transitions, in {out}",
     )
@@ -260,13 +253,13 @@ def record_on_page(
         if tree is not None:
             recorder.session.driving.offer(maker.driving(tree, server.show_tree))
         if not is_loopback(host):
-            output.say(
+            say(
                 f"warning: other machines can reach this page at {host}, unencrypted; whoever has "
                 "the address below can record. An SSH tunnel to 127.0.0.1 is safer."
             )
-        output.say(f"open {server.url}")
+        say(f"open {server.url}")
         if is_loopback(host) and not browser.open(server.url):
-            output.say(
+            say(
                 f"from another machine, first: ssh -L {server.port}:127.0.0.1:{server.port} "
                 "THIS-MACHINE"
             )

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from eutree.cli import _options as option
-from eutree.cli._output import Output
+from eutree.cli._options import Command
+from eutree.cli._output import Result, say
 from eutree.cli._policies import load_demonstrations, load_policy
 from eutree.display import counted
 from eutree.errors import InvalidArgumentError
@@ -40,7 +41,9 @@ _COMMENTS: dict[str, Callable[[str], str]] = {
 }
 
 
-@click.command(epilog="Example: eutree show small.json --html small.html --demos demos/")
+@click.command(
+    cls=Command, epilog="Example: eutree show small.json --html small.html --demos demos/"
+)
 @click.argument("policy", type=click.Path(path_type=Path))
 @option.output("--html", text="Write a page on which the policy can be watched and questioned.")
 @option.output(
@@ -52,7 +55,6 @@ _COMMENTS: dict[str, Callable[[str], str]] = {
 @option.path("--certificate", text="What prove --out wrote of POLICY; the page shows it.")
 @option.environment
 @option.seed
-@option.as_json
 def show(
     policy: Path,
     html: Path | None,
@@ -62,16 +64,13 @@ def show(
     certificate: Path | None,
     env_arguments: dict[str, Any],
     seed: int,
-    as_json: bool,
-) -> None:
+) -> Result:
     """Show a policy's tree in the terminal, or with --html as a page.
 
     The page plays episodes of the policy with pictures where its environment can draw them.
     """
-    output = Output(as_json=as_json)
     if run_html is not None:
-        _write_run_page(output, policy, run_html)
-        return
+        return _write_run_page(policy, run_html)
     loaded = load_policy(policy)
     values = {
         "n_leaves": loaded.n_leaves,
@@ -81,15 +80,14 @@ def show(
         "rules": str(loaded),
     }
     if html is None:
-        output.result(values, drawn(loaded))
-        return
+        return Result(values, drawn(loaded))
     from eutree.proof import load_certificate
     from eutree.report import policy_page
 
     check_writable(html)
     proven = None if certificate is None else load_certificate(certificate, loaded)
     spec = loaded.environment and loaded.environment.override(env_arguments)
-    watched = _watched(output, loaded, spec, episodes=episodes, seed=seed)
+    watched = _watched(loaded, spec, episodes=episodes, seed=seed)
     demonstrations = None if demos is None else load_demonstrations(demos, loaded)
     content = policy_page(
         loaded,
@@ -100,10 +98,10 @@ def show(
     )
     write_text(html, content)
     values |= {"path": str(html), "episodes": len(watched), "bytes": len(content.encode())}
-    output.result(values, f"written to {html}")
+    return Result(values, f"written to {html}")
 
 
-def _write_run_page(output: Output, folder: Path, file: Path) -> None:
+def _write_run_page(folder: Path, file: Path) -> Result:
     """Write the page of a run."""
     from eutree.report import report_of_run, run_page
 
@@ -111,11 +109,10 @@ def _write_run_page(output: Output, folder: Path, file: Path) -> None:
     report = report_of_run(folder)
     write_text(file, run_page(report))
     trust = None if report.trust is None else report.trust.figures()
-    output.result({"path": str(file), "model_trust": trust}, f"written to {file}")
+    return Result({"path": str(file), "model_trust": trust}, f"written to {file}")
 
 
 def _watched(
-    output: Output,
     policy: "TreePolicy",
     spec: "EnvironmentSpec | None",
     *,
@@ -130,7 +127,7 @@ def _watched(
     os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # pictures are drawn without a display
     watched, problem = watch_if_possible(policy, spec, episodes=episodes, seed=seed)
     if problem:
-        output.say(problem)
+        say(problem)
     return watched
 
 
@@ -180,7 +177,9 @@ def _words(policy: "TreePolicy", node: int, digits: "Digits") -> "Text":
     return text
 
 
-@click.command(epilog="Example: eutree export small.json --format c --out evasion.c --header")
+@click.command(
+    cls=Command, epilog="Example: eutree export small.json --format c --out evasion.c --header"
+)
 @click.argument("policy", type=click.Path(path_type=Path))
 @click.option(
     "--format",
@@ -201,22 +200,19 @@ def _words(policy: "TreePolicy", node: int, digits: "Digits") -> "Text":
 @click.option("--self-test", is_flag=True, help="For c: write NAME_test.c too, a test program.")
 @option.path("--certificate", text="What prove --out wrote of POLICY: its sentence becomes a "
              "comment (c, python, st).")  # fmt: skip
-@option.as_json
 def export(
     policy: Path,
     format_name: str | None,
     out: Path | None,
-    as_json: bool,
     header: bool,
     self_test: bool,
     certificate: Path | None,
     **options: Any,
-) -> None:
+) -> Result | None:
     """Write a policy in another format that decides exactly like it.
 
     Without --out, the content goes to standard output.
     """
-    output = Output(as_json=as_json)
     name = format_name or _format_of(out)
     given = {key: value for key, value in options.items() if value}
     if "scale" in given:
@@ -236,8 +232,7 @@ def export(
         content = _with_certificate(content, name, certificate, loaded)
     data = content if isinstance(content, bytes) else content.encode("utf-8")
     if out is None:
-        _print(output, name, content)
-        return
+        return _printed(name, content)
     files = {out: data}
     given.pop("header", None)
     if header or self_test:
@@ -248,7 +243,7 @@ def export(
         write_bytes(path, entry)
     written = [str(path) for path in files]
     values = {"format": name, "path": str(out), "files": written, "bytes": len(data)}
-    output.result(values | {"n_leaves": loaded.n_leaves}, f"written to {', '.join(written)}")
+    return Result(values | {"n_leaves": loaded.n_leaves}, f"written to {', '.join(written)}")
 
 
 def _with_certificate(content: str | bytes, name: str, path: Path, policy: "TreePolicy") -> str:
@@ -294,13 +289,14 @@ def _scale(texts: tuple[str, ...]) -> float | dict[str, float]:
     return {name: option.number(value, wanted) for name, _, value in pairs}
 
 
-def _print(output: Output, name: str, content: str | bytes) -> None:
-    """Write the content itself to standard output, or as an entry of the JSON object."""
+def _printed(name: str, content: str | bytes) -> Result | None:
+    """Write the content itself to standard output, or return it as an entry of the JSON object."""
     if isinstance(content, bytes):
-        if output.as_json:
+        if option.wants_json():
             raise InvalidArgumentError(f"--json with the binary format {name} needs --out")
         sys.stdout.buffer.write(content)
-    elif output.as_json:
-        output.result({"format": name, "content": content}, "")
+    elif option.wants_json():
+        return Result({"format": name, "content": content}, "")
     else:
         click.echo(content, nl=False)
+    return None
