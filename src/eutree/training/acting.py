@@ -1,24 +1,98 @@
 """The episodes of a run: those in which the learner acts, and those of the race at the end."""
 
 import inspect
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
-from eutree.arrays import Booleans, Floats
 from eutree.data import Episode
 from eutree.interaction import GuardedEnv, episode_seed
 from eutree.interaction.episode import EpisodeSteps, Stream, success_of
 from eutree.learners import Learner, Step
 from eutree.learners.learner import ActsAmongAllowed, ChoosesStarts, HasTeacher
 from eutree.policies import TreePolicy
-from eutree.training.phases import Plan, RunState
+from eutree.training.phases import Plan, RunState, generator_of
 from eutree.training.progress import GatheredEpisodes
 from eutree.training.raced_episodes import STARTS
 from eutree.training.search import PolicySearch
 
 
-def seed_of_next(learner: Learner, seed: int, episode: int) -> int:
+def gather(
+    learner: Learner,
+    env: GuardedEnv,
+    state: RunState,
+    gathered: GatheredEpisodes,
+    *,
+    seed: int,
+    number: int,
+    room: int | None,
+) -> None:
+    """Go through an episode of experience, or back to before it if the run is stopped within it.
+
+    Args:
+        learner: Who acts, and learns from each step what it will.
+        env: Where.
+        state: Where the run stands; moved on when the episode is over.
+        gathered: The episodes so far; this one is added when it is over.
+        seed: Seed of the run.
+        number: Number of the episode.
+        room: Steps left of the budget, at which an episode without a known limit is cut short; None
+            for no such budget.
+
+    Raises:
+        EnvironmentFault: The environment broke its contract; the learner is as it was before the
+            episode.
+    """
+
+    def forget(*, whole: bool) -> None:
+        """Be as before the episode, unless it was finished; if whole, all before it is saved."""
+        learner.discard_episode()
+        state.steps_of_episode = 0
+        state.recorded.clear()
+        state.whole = state.whole or whole
+
+    masks, masked = bool(inspect.signature(learner.act).parameters), cast(ActsAmongAllowed, learner)
+    generator = generator_of(seed, Stream.EXPLORATION, number)
+    state.whole = True  # until it has begun
+    observation = env.reset(_seed_of_next(learner, seed, number))
+    state.whole = False
+    learner.start_episode(observation, generator)
+    earned, is_over = 0.0, False
+    try:
+        while not is_over and not state.must_stop():
+            allowed = env.allowed
+            action = learner.act() if allowed is None or not masks else masked.act(allowed)
+            if allowed is not None and not allowed[action]:  # the method knows of no masks
+                action = int(generator.choice(np.flatnonzero(allowed)))
+            try:
+                observation, reward, terminated, truncated, info = env.step(action)
+            except KeyboardInterrupt:  # before the learner knows of the step: all else is whole
+                forget(whole=True)
+                raise
+            if state.steps_of_episode + 1 == room:
+                truncated = not terminated
+            step = Step(action, reward, observation, terminated, truncated, info, allowed)
+            learner.observe(step)
+            state.steps_of_episode += 1
+            earned += reward
+            is_over = terminated or truncated
+            if is_over:
+                learner.end_episode()
+                length = _finished(state)
+                gathered.append(earned, length, success_of(info))
+            state.step_taken(step)
+            if is_over:
+                if isinstance(learner, HasTeacher) and learner.teacher_acts:
+                    state.move(teacher_steps=state.at.teacher_steps + length)
+                state.note_what_was_recorded()
+    except Exception:
+        forget(whole=True)
+        raise
+    if state.stopped:
+        forget(whole=False)
+
+
+def _seed_of_next(learner: Learner, seed: int, episode: int) -> int:
     """Return the seed of the next episode, or of the start at which a learner compares trees."""
     number = learner.next_start() if isinstance(learner, ChoosesStarts) else None
     if number is None:
@@ -26,129 +100,17 @@ def seed_of_next(learner: Learner, seed: int, episode: int) -> int:
     return episode_seed(seed, number, Stream.COMPARING)
 
 
-class GatheringEpisode:
-    """One episode of experience, from its reset to its end.
-
-    Args:
-        learner: Who acts, and learns from each step what it will.
-        env: Where.
-        state: Where the run stands; moved on when the episode is over.
-        gathered: The episodes so far; this one is added when it is over.
-        room: Steps left of the budget, at which an episode without a known limit is cut short; None
-            for no such budget.
-    """
-
-    def __init__(
-        self,
-        learner: Learner,
-        env: GuardedEnv,
-        state: RunState,
-        gathered: GatheredEpisodes,
-        *,
-        room: int | None = None,
-    ) -> None:
-        self._learner = learner
-        self._env = env
-        self._state = state
-        self._gathered = gathered
-        self._room = room
-        takes_masks = bool(inspect.signature(learner.act).parameters)
-        self._among = cast(ActsAmongAllowed, learner) if takes_masks else None
-        self._return = 0.0
-        self._is_over = False
-        self._observations: list[Floats] = []
-
-    def run(self, seed: int, generator: np.random.Generator) -> None:
-        """Go through the episode, or back to before it if the run is stopped within it.
-
-        Args:
-            seed: Seed of the environment.
-            generator: Source of the learner's chance.
-
-        Raises:
-            EnvironmentFault: The environment broke its contract; the learner is as it was before
-                the episode.
-        """
-        self._state.whole = True  # until it has begun
-        observation = self._env.reset(seed)
-        self._state.whole = False
-        self._generator = generator
-        self._learner.start_episode(observation, generator)
-        self._observations = [observation]
-        try:
-            while not self._state.stopped and self._act():
-                pass
-        except Exception:
-            self._give_up()
-            raise
-        if self._state.stopped:
-            self._forget()
-
-    def _act(self) -> bool:
-        """Take one step; return whether the episode goes on."""
-        state = self._state
-        if state.must_stop():
-            return False
-        allowed = self._env.allowed
-        self._step(self._learner.act() if allowed is None else self._act_among(allowed))
-        if self._is_over:
-            state.move(teacher_steps=state.at.teacher_steps + self._steps_of_teachers())
-            state.note_what_was_recorded()
-        return not self._is_over
-
-    def _act_among(self, allowed: Booleans) -> int:
-        """Return an allowed action; a random one where the method knows of no masks."""
-        action = self._learner.act() if self._among is None else self._among.act(allowed)
-        return action if allowed[action] else int(self._generator.choice(np.flatnonzero(allowed)))
-
-    def _step(self, action: int) -> None:
-        """Take a step in the environment; let the learner and the listeners know."""
-        allowed = self._env.allowed
-        try:
-            observation, reward, terminated, truncated, info = self._env.step(action)
-        except KeyboardInterrupt:  # before the learner knows of the step: all else is whole
-            self._give_up()
-            raise
-        if self._state.steps_of_episode + 1 == self._room:
-            truncated = not terminated
-        step = Step(action, reward, observation, terminated, truncated, info, allowed)
-        self._learner.observe(step)
-        self._observations.append(step.observation)
-        self._state.steps_of_episode += 1
-        self._return += step.reward
-        if step.terminated or step.truncated:
-            self._learner.end_episode()
-            self._finish(info)
-        self._state.step_taken(step)
-
-    def _finish(self, info: dict[str, Any]) -> None:
-        state, length = self._state, self._state.steps_of_episode
-        self._gathered.append(self._return, length, success_of(info))
-        state.move(
-            episode=state.at.episode + 1,
-            steps=state.at.steps + length,
-            longest=max(state.at.longest, length),
-            judged=False,
-        )
-        state.steps_of_episode = 0
-        self._is_over = True
-
-    def _steps_of_teachers(self) -> int:
-        """Return the steps of the episode in which a teacher acted."""
-        if isinstance(self._learner, HasTeacher) and self._learner.teacher_acts:
-            return len(self._observations) - 1
-        return 0
-
-    def _give_up(self) -> None:
-        """Be as before the episode, so that all before it is saved."""
-        self._forget()
-        self._state.whole = True
-
-    def _forget(self) -> None:
-        """Be as before the episode, unless it was finished."""
-        self._learner.discard_episode()
-        self._state.steps_of_episode = 0
-        self._state.recorded.clear()
+def _finished(state: RunState) -> int:
+    """Count the episode that has ended; return its length."""
+    length = state.steps_of_episode
+    state.move(
+        episode=state.at.episode + 1,
+        steps=state.at.steps + length,
+        longest=max(state.at.longest, length),
+        judged=False,
+    )
+    state.steps_of_episode = 0
+    return length
 
 
 class Racing:

@@ -24,7 +24,7 @@ from eutree.policies import TreePolicy
 from eutree.policies.reach import among_allowed, ever_allowed, within_kinds, within_reach
 from eutree.policy_search.model_trust import ModelTrust
 from eutree.schema import Schema
-from eutree.training.acting import GatheringEpisode, Racing, seed_of_next
+from eutree.training.acting import Racing, gather
 from eutree.training.evaluations import Arena, Evaluations
 from eutree.training.handover import START
 from eutree.training.phases import Follower, Phase, Plan, Position, RunState, due, generator_of
@@ -223,17 +223,14 @@ class Run:
     def _gather(self) -> None:
         """Let the learner act for one episode (Table 1, data gathering phase)."""
         self.state.gathering_begins()
-        number = self.at.episode
-        episode = GatheringEpisode(
+        gather(
             self.learner,
             self._acting().env,
             self.state,
             self.gathered,
+            seed=self.plan.seed,
+            number=self.at.episode,
             room=self.plan.room(self.at),
-        )
-        episode.run(
-            seed_of_next(self.learner, self.plan.seed, number),
-            generator_of(self.plan.seed, Stream.EXPLORATION, number),
         )
 
     def _update(self) -> None:
