@@ -32,7 +32,6 @@ from eutree.data import Demonstrations, Episode
 from eutree.interaction import GuardedEnv, describe, episode_seed
 from eutree.interaction.episode import Stream
 from eutree.learners import CORRECTED, DEFAULT, PAPER, Method, Problem, Start, Step, UTree
-from eutree.learners.u_tree.leaves import LeafTests
 from eutree.mdp import TabularMDP
 from eutree.splitting import KolmogorovSmirnov, Maximal, Naive
 from eutree.splitting._kernels import best_of_sample
@@ -55,7 +54,7 @@ OF = {
 MARKS = (10_000, 100_000, 1_000_000)
 CLOCKED = (
     (UTree, "start_episode"), (UTree, "act"), (UTree, "observe"), (UTree, "end_episode"),
-    (UTree, "update"), (LeafTests, "due"), (UTree, "_sample"), (LeafTests, "cut"),
+    (UTree, "update"), (UTree, "_due"),
     (KolmogorovSmirnov, "best"), (Maximal, "p_value"), (Naive, "p_value"), (UTree, "_split"),
     (TabularMDP, "solve"),
 )  # fmt: skip

@@ -44,9 +44,7 @@ from eutree.learners.learner import (
 )
 from eutree.learners.u_tree.leaves import (
     LeafSteps,
-    LeafTests,
     OneStep,
-    Solving,
     Target,
     counted,
     counted_again,
@@ -173,6 +171,9 @@ def _is_queue(found: Found) -> None:
         raise found.refuse("mdp_queue", "a state stands in it twice")
 
 
+BACKUPS_PER_LEAF = 20  # of prioritized sweeping for each leaf that a split has made or shrunk
+
+
 class UTree:
     """The learner of Table 1.
 
@@ -209,10 +210,10 @@ class UTree:
         )
         counts = counted(self.history, tree.n_leaves, n_actions)
         self.mdp = TabularMDP(counts, method.discount, untried=method.untried_value)
-        self._solving = Solving(method.solve_growth)
+        self._solved_at = 0  # transitions ever seen when the MDP was solved last
         none = np.zeros(tree.n_leaves, dtype=np.int64)
         self._prior = np.array(none if prior is None else prior)  # [L]
-        self._tests = LeafTests(method.retest_growth, tree.n_leaves)
+        self._tested_at = none.copy()  # [L] transitions seen to leave each at its last test
         self._locked = frozenset(locked)
         self._steps = LeafSteps()
 
@@ -232,7 +233,7 @@ class UTree:
             store(self.history, episode, leaves, demonstrated=True)
             self.history.forget()
         self.mdp = counted_again(self.mdp, self.history)
-        self._solving.solve(self.mdp, self.history)
+        self._solve()
 
     # Data gathering phase (Table 1) -------------------------------------------------------------
 
@@ -289,7 +290,7 @@ class UTree:
         if len(self._steps):
             raise InvalidArgumentError("update must be called between episodes, not within one")
         made = []
-        for leaf in self._tests.due(self.history, self._locked):
+        for leaf in self._due():
             rows = self.history.leaving.of(leaf)  # what left it, T(s, a) of all actions
             sample = LeafSample(
                 observations=self.history.observations[rows],
@@ -301,11 +302,38 @@ class UTree:
             if split is not None:
                 made.append(self._split(leaf, split))
                 if self.method.solve_each_split:
-                    self._solving.solve(self.mdp, self.history)
+                    self._solve()
         self.tree = self.tree.split_each([(s.leaf, s.feature, s.threshold) for s in made])
         halves = [leaf for split in made for leaf in (split.leaf, split.new_leaf)]
-        self._solving.after_splits(self.mdp, self.history, halves)
+        if self._is_to_be_solved():
+            self._solve()
+        elif halves:
+            self.mdp.queue(halves)
+            self.mdp.sweep(BACKUPS_PER_LEAF * len(halves))
         return Update(tuple(made))
+
+    def _due(self) -> list[int]:
+        """Return the leaves to test now: those that have grown enough since they were tested."""
+        sizes = self.history.seen_leaving()[: self._tested_at.size]
+        grown = sizes >= self._tested_at * self.method.retest_growth
+        due = grown | (self.method.retest_growth == 1.0)  # an estimate may fall
+        due[list(self._locked)] = False
+        self._tested_at[due] = sizes[due]
+        leaves: list[int] = np.flatnonzero(due).tolist()
+        return leaves
+
+    def _solve(self) -> None:
+        self.mdp.solve()
+        self._solved_at = self.history.n_seen
+
+    def _is_to_be_solved(self) -> bool:
+        """Return whether so many transitions have come that an exact solution pays.
+
+        A history that has not grown at all is being learned from again, as without an environment:
+        no step will come that sweeps.
+        """
+        new = self.history.n_seen - self._solved_at
+        return new == 0 or new >= (self.method.solve_growth - 1.0) * (self.history.size - new)
 
     def _split(self, leaf: int, split: Split) -> LeafSplit:
         """Split ``leaf`` in all but the tree; relabel its transitions and recount just those."""
@@ -326,7 +354,8 @@ class UTree:
         )
         self._prior[leaf] = greedy
         self._prior = np.append(self._prior, greedy)
-        self._tests.split(leaf)
+        self._tested_at = np.append(self._tested_at, 0)  # both halves are new
+        self._tested_at[leaf] = 0
         return LeafSplit(leaf, new_leaf, int(split.feature), float(split.threshold))
 
     # What it knows ------------------------------------------------------------------------------
@@ -371,10 +400,12 @@ class UTree:
         state: Arrays = {name: getattr(self.tree, name) for name in TREE}
         state |= prefixed("history_", self.history.state())
         state |= prefixed("mdp_", self.mdp.state())
-        state |= {"tested_at": self._tests.tested_at, "prior": self._prior}
+        state |= {"tested_at": self._tested_at, "prior": self._prior}
         if self._locked:
             state["locked"] = np.array(sorted(self._locked))
-        return state | self._solving.state()
+        if self.method.solve_growth > 1.0:
+            state["solved_at"] = np.array([self._solved_at])
+        return state
 
     @classmethod
     def from_state(
@@ -390,9 +421,9 @@ class UTree:
         counts = counted(learner.history, tree.n_leaves, n_actions)
         learner.mdp = TabularMDP(counts, method.discount, untried=method.untried_value)
         learner.mdp.restore(part(state, "mdp_"))
-        learner._tests.tested_at = np.array(state["tested_at"])
+        learner._tested_at = np.array(state["tested_at"])
         if "solved_at" in state:
-            learner._solving.solved_at = int(state["solved_at"][0])
+            learner._solved_at = int(state["solved_at"][0])
         return learner
 
     def _greedy(self, leaf: int) -> int:

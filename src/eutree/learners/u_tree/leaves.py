@@ -1,10 +1,10 @@
-"""What the learner of Table 1 keeps of its leaves: their targets, an episode, tests, solutions.
+"""What the learner of Table 1 keeps of its leaves: their targets, their counts, an episode.
 
 The Continuous U-Tree cuts leaves by a test of returns, a kd-tree by density; both are the same
 learner. In an episode under way each step is one compiled call.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from typing import NamedTuple, TypeAlias
 
 import msgspec
@@ -199,78 +199,3 @@ def uncount(
     state["reward_sums"] = rewards_before  # to the bit: as if never added
     np.add.at(state["reward_sums"], (left[stored], actions[stored]), rewards[stored])
     mdp.restore(state)
-
-
-class LeafTests:
-    """Remembers what each leaf held when it was tested last.
-
-    Args:
-        growth: A leaf is tested again when it holds so many times what it held; 1 always.
-        n_leaves: Number of leaves.
-
-    Attributes:
-        tested_at: Transitions seen to leave each leaf at its last test, shape [L].
-    """
-
-    def __init__(self, growth: float, n_leaves: int) -> None:
-        self._growth = growth
-        self.tested_at: Integers = np.zeros(n_leaves, dtype=np.int64)
-
-    def due(self, history: History, locked: Iterable[int]) -> list[int]:
-        """Return the leaves to test now: those that have grown enough since they were tested."""
-        sizes = history.seen_leaving()[: self.tested_at.size]
-        grown = sizes >= self.tested_at * self._growth
-        due = grown | (self._growth == 1.0)  # an estimate may fall
-        due[list(locked)] = False
-        self.tested_at[due] = sizes[due]
-        leaves: list[int] = np.flatnonzero(due).tolist()
-        return leaves
-
-    def split(self, leaf: int) -> None:
-        """Take note of a split of ``leaf``: both halves are new."""
-        self.tested_at = np.append(self.tested_at, 0)
-        self.tested_at[leaf] = 0
-
-
-BACKUPS_PER_LEAF = 20  # of prioritized sweeping for each leaf that a split has made or shrunk
-
-
-class Solving:
-    """The exact solutions of a learner's MDP.
-
-    Args:
-        growth: Solve again when the history has grown to so many times its size.
-
-    Attributes:
-        solved_at: Transitions ever seen when the MDP was solved last.
-    """
-
-    def __init__(self, growth: float) -> None:
-        self._growth = growth
-        self.solved_at = 0
-
-    def solve(self, mdp: TabularMDP, history: History) -> None:
-        """Solve exactly, whatever the history has grown."""
-        mdp.solve()
-        self.solved_at = history.n_seen
-
-    def after_splits(self, mdp: TabularMDP, history: History, leaves: Sequence[int]) -> None:
-        """Solve exactly if it is time; else sweep from these leaves, the halves of split ones."""
-        if self._due(history):
-            self.solve(mdp, history)
-        elif leaves:
-            mdp.queue(leaves)
-            mdp.sweep(BACKUPS_PER_LEAF * len(leaves))
-
-    def state(self) -> dict[str, Integers]:
-        """Return what a stored learner needs: nothing where every expansion solves."""
-        return {"solved_at": np.array([self.solved_at])} if self._growth > 1.0 else {}
-
-    def _due(self, history: History) -> bool:
-        """Return whether so many transitions have come that an exact solution pays.
-
-        A history that has not grown at all is being learned from again, as without an environment:
-        no step will come that sweeps.
-        """
-        new = history.n_seen - self.solved_at
-        return new == 0 or new >= (self._growth - 1.0) * (history.size - new)
