@@ -8,7 +8,6 @@ happened; they never decide what comes.
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,7 +22,6 @@ from eutree.learners.learner import KnowsItsModel, check_has_all
 from eutree.policies import TreePolicy
 from eutree.policies.reach import among_allowed, ever_allowed, within_kinds, within_reach
 from eutree.policy_search.model_trust import ModelTrust
-from eutree.schema import Schema
 from eutree.training.acting import Racing, gather
 from eutree.training.evaluations import Arena, Evaluations
 from eutree.training.handover import START
@@ -78,7 +76,6 @@ class Run:
         evaluations: The curve, and the result against the start.
         racing: The race at the end.
         first: The policy that it began with.
-        keeping: Makes a policy keep the plan's monotone rules.
     """
 
     def __init__(
@@ -99,9 +96,17 @@ class Run:
         self.evaluations = Evaluations(plan, self.state)
         self.racing = Racing(plan, self.state)
         self._clock = time.monotonic()
-        rules = _rules(plan.monotone, beginning.problem.schema)
-        self.keeping = partial(_kept, rules=rules, learner=self.learner)
-        self.first = self.keeping(_of_here(beginning) or self.policy())
+        self._rules: tuple[Property, ...] = ()
+        if plan.monotone:
+            from eutree.inspection import monotone_rules
+
+            self._rules = monotone_rules(plan.monotone, beginning.problem.schema)
+        # What is handed over is evaluated, compressed and shown where it was to act, start or not:
+        # the expert tree may be another environment's.
+        expert, environment = beginning.start.expert, beginning.problem.environment
+        if expert is not None and environment not in (None, expert.environment):
+            expert = replace(expert, environment=environment)
+        self.first = self.keeping(expert or self.policy())
 
     @property
     def at(self) -> Position:
@@ -184,12 +189,30 @@ class Run:
             max_episode_steps=self.beginning.problem.max_episode_steps,
         )
 
+    def keeping(self, policy: TreePolicy) -> TreePolicy:
+        """Return a policy that keeps the plan's monotone rules, by what masks allowed."""
+        if not self._rules:
+            return policy
+        from eutree.inspection import keep_monotone
+
+        known = self._masked(policy)
+        allowed = None if known is None else ever_allowed(policy, *known)
+        return keep_monotone(policy, self._rules, allowed=allowed)
+
+    def _masked(self, policy: TreePolicy) -> tuple[Floats, Booleans] | None:
+        """Return where actions were masked and which were allowed; None where none was."""
+        history = self.learner.history
+        seen, allowed = history.observations, history.columns.get("allowed")
+        if allowed is None or seen.shape[1] != policy.tree.n_features:
+            return None
+        return seen, allowed
+
     def _best(self) -> TreePolicy:
         """Return what the race ended with or, before that, what was learned."""
         if self.racing.result is not None:
             return within_kinds(self.keeping(self.racing.result))
         policy = self.learner.decisions().policy(self.beginning.problem)
-        if (known := _masked(self.learner, policy)) is not None:
+        if (known := self._masked(policy)) is not None:
             policy = among_allowed(policy, *known)
         policy, seen = within_kinds(self.keeping(policy)), self.learner.history.observations
         features = policy.schema.features
@@ -270,42 +293,3 @@ class Run:
         else:
             picked = self.evaluations.picked or learned
             self.evaluations.judge(first, picked, self.challengers, arena)
-
-
-def _kept(policy: TreePolicy, rules: "tuple[Property, ...]", learner: Learner) -> TreePolicy:
-    """Return a policy that keeps monotone rules, by what masks allowed; as it is without any."""
-    if not rules:
-        return policy
-    from eutree.inspection import keep_monotone
-
-    known = _masked(learner, policy)
-    allowed = None if known is None else ever_allowed(policy, *known)
-    return keep_monotone(policy, rules, allowed=allowed)
-
-
-def _masked(learner: Learner, policy: TreePolicy) -> tuple[Floats, Booleans] | None:
-    """Return where actions were masked and which were allowed; None where none was."""
-    seen, allowed = learner.history.observations, learner.history.columns.get("allowed")
-    if allowed is None or seen.shape[1] != policy.tree.n_features:
-        return None
-    return seen, allowed
-
-
-def _rules(texts: Sequence[str], schema: Schema) -> "tuple[Property, ...]":
-    """Return the monotone rules that some texts ask for."""
-    if not texts:
-        return ()
-    from eutree.inspection import monotone_rules
-
-    return monotone_rules(texts, schema)
-
-
-def _of_here(beginning: Beginning) -> TreePolicy | None:
-    """Return the expert tree as a policy of the run's environment, which may be another's tree.
-
-    What is handed over is evaluated, compressed and shown where it was to act, start or not.
-    """
-    expert, environment = beginning.start.expert, beginning.problem.environment
-    if expert is None or environment is None or expert.environment == environment:
-        return expert
-    return replace(expert, environment=environment)
