@@ -25,26 +25,27 @@ _SAID_HERE = logging.NullHandler()  # a command says itself which method was cho
 
 
 class Following:
-    """Shows where a run stands: how much of the budget is used, and its present policy.
+    """Keeps the command in the run's folder, and shows where the run stands.
+
+    That is how much of the budget is used, and the present policy.
 
     Args:
         progress: The line to show it on.
+        out: The folder.
     """
 
-    def __init__(self, progress: ProgressLine) -> None:
+    def __init__(self, progress: ProgressLine, out: Path) -> None:
         logging.getLogger("eutree.training.planned").addHandler(_SAID_HERE)
-        self._progress = progress
-        self._label = ""
+        self._progress, self._out = progress, out
+        self._has_said = False
 
     def __call__(self, run: "Run") -> None:
         """Show where the run stands now."""
-        if not self._label and run.beginning.reason:
+        keep(self._out)
+        if not self._has_said and run.beginning.reason:
             say(run.beginning.reason)
-        label, count, total = progress_of(run)
-        if label != self._label:
-            self._progress.restart(label, max(total, 1))
-            self._label = label
-        self._progress.update(count, present(run))
+        self._has_said = True
+        self._progress.stage(*progress_of(run), present(run))
 
 
 def progress_of(run: "Run") -> tuple[str, int, int]:

@@ -113,11 +113,13 @@ class ProgressLine:
         if self._bar is not None:
             self._bar.stop()
 
-    def restart(self, label: str, total: int) -> None:
-        """Begin with other units."""
-        self._label, self._total, self._count = label, total, 0
-        if self._bar is not None:
-            self._bar.update(self._task, description=label, total=total, completed=0)
+    def stage(self, label: str, count: int, total: int, note: str = "") -> None:
+        """Say how far a stage is, whose units are others than those of the stage before."""
+        if label != self._label:
+            self._label, self._total, self._count = label, max(total, 1), 0
+            if self._bar is not None:
+                self._bar.update(self._task, description=label, total=self._total, completed=0)
+        self.update(count, note)
 
     def update(self, count: int, note: str = "") -> None:
         """Say how many of the units are done, with a short note on the present state."""

@@ -14,6 +14,7 @@ from eutree.errors import InvalidArgumentError, UnknownNameError, described
 from eutree.schema import EnvironmentSpec
 
 if TYPE_CHECKING:
+    from eutree.arrays import Floats
     from eutree.data import Demonstrations
     from eutree.evaluation import Against, Evaluation
     from eutree.interaction.acting import Controller
@@ -56,6 +57,12 @@ def load_demonstrations(path: Path, policy: "TreePolicy | None" = None) -> "Demo
     if not declared or demonstrations.schema.derived:
         return demonstrations
     return derive(demonstrations, declared)
+
+
+def seen_in(demos: Path, policy: "TreePolicy") -> "Floats":
+    """Return what a policy sees before each decision in a folder of demonstrations, [N, d]."""
+    recorded = load_demonstrations(demos, policy)
+    return recorded.with_history(policy.history, policy.past_actions).observations
 
 
 def renamed(policy: "TreePolicy", names: "Names") -> "TreePolicy":

@@ -10,7 +10,14 @@ import numpy as np
 from eutree.cli import _options as option
 from eutree.cli._options import Helped
 from eutree.cli._output import Result, figures_of, front_drawn
-from eutree.cli._policies import Rival, against_option, beside, load_demonstrations
+from eutree.cli._policies import (
+    Rival,
+    against_option,
+    beside,
+    load_demonstrations,
+    policy_file,
+    seen_in,
+)
 from eutree.cli.parts import cluster, workers_options
 from eutree.display import counted
 from eutree.errors import EutreeError, InvalidArgumentError, shown
@@ -111,12 +118,13 @@ def compress(
     from eutree.compression import ImaginedEpisodes, RealEpisodes, compress_monotone
     from eutree.evaluation import evaluate
     from eutree.files import check_writable
+    from eutree.policies import TreePolicy
     from eutree.training.many import folder_of_winner
 
     rounding = _rounding(round_thresholds)
     if source.is_dir():
         source = folder_of_winner(source)
-    policy = _policy(source)
+    policy = TreePolicy.load(source / "policy.json" if source.is_dir() else policy_file(source))
     plays = options["mode"] == "auto" and options["max_disagreement"] is None and not imagined
     rival = None
     if against is not None:
@@ -179,13 +187,6 @@ def _where(source: Path, policy: "TreePolicy", arguments: dict[str, Any]) -> Env
     return policy.environment.override(arguments)
 
 
-def _policy(source: Path) -> "TreePolicy":
-    from eutree.cli._policies import policy_file
-    from eutree.policies import TreePolicy
-
-    return TreePolicy.load(source / "policy.json" if source.is_dir() else policy_file(source))
-
-
 def _observations(
     source: Path, demos: Path | None, policy: "TreePolicy", *, needed: bool
 ) -> "Floats":
@@ -195,10 +196,7 @@ def _observations(
     if source.is_dir():
         return stored_observations(source)
     if demos is not None:
-        recorded = load_demonstrations(demos, policy).with_history(
-            policy.history, policy.past_actions
-        )
-        return recorded.observations
+        return seen_in(demos, policy)
     if needed:
         raise InvalidArgumentError(
             f"{source} must be a run folder, or --demos must name recorded observations"
@@ -255,9 +253,10 @@ def _rounding(texts: tuple[str, ...]) -> "Rounding":
 
 
 def _in_words(report: "CompressionReport", n_rows: int) -> str:
+    rows = f"{n_rows} recorded observations" if n_rows else "the observations of 100 episodes"
     words = (
         f"{_change(report)} ({report.method}, chosen by {report.by}); the same decision on "
-        f"{report.agreement:.2%} of {_rows(n_rows)}, another on "
+        f"{report.agreement:.2%} of {rows}, another on "
         f"{report.disagreement_volume:.3%} of the observation box"
     )
     if report.imagined is not None:
@@ -274,10 +273,6 @@ def _in_words(report: "CompressionReport", n_rows: int) -> str:
     if report.rounding is not None:
         words += f"; {_played(report.rounding)}"
     return words
-
-
-def _rows(n_rows: int) -> str:
-    return f"{n_rows} recorded observations" if n_rows else "the observations of 100 episodes"
 
 
 def _where_trees_play(

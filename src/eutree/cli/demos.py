@@ -50,7 +50,16 @@ def list_(folder: Path) -> Result:
         {
             "environment": None if opened.environment is None else str(opened.environment),
             "expert": opened.expert,
-            "episodes": [_row(number, episode) for number, episode in rows.items()],
+            "episodes": [
+                {
+                    "episode": number,
+                    "kept": one.kept,
+                    "length": len(one),
+                    "undiscounted_return": one.undiscounted_return if one.has_rewards else None,
+                    **figures_of(one, "ending is_success seed comment"),
+                }
+                for number, one in rows.items()
+            ],
         },
         _table(rows, str(opened.environment or folder)),
     )
@@ -409,17 +418,6 @@ def _show(folder: "DemonstrationFolder", episode: "Episode") -> None:
             env.step(action)
     finally:
         env.close()
-
-
-def _row(number: int, episode: "Episode") -> dict[str, Any]:
-    """Return one episode for ``--json``."""
-    return {
-        "episode": number,
-        "kept": episode.kept,
-        "length": len(episode),
-        "undiscounted_return": episode.undiscounted_return if episode.has_rewards else None,
-        **figures_of(episode, "ending is_success seed comment"),
-    }
 
 
 def _table(rows: "dict[int, Episode]", title: str) -> Any:

@@ -3,7 +3,6 @@
 Of demonstrations, played and compared with their demonstrator; or of another policy.
 """
 
-from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -83,13 +82,13 @@ def fit(
     demos = load_demonstrations(demonstrations)
     check_writable(out)
     env = demos.environment.override(env_arguments) if demos.environment else None
-    with _Stages() as stages:
+    with progress("", 1) as line:
         report = fit_tree(
             demos,
             env if env_arguments else None,
             settings=_settings(release_8, min_objects, confidence, no_pruning),
             derive=option.AUTO if option.AUTO in click.get_current_context().meta else (),
-            on_progress=stages.show,
+            on_progress=line.stage,
             **options,
         )
     report.policy.save(out)
@@ -98,28 +97,6 @@ def fit(
     if is_open and not options["practise"]:
         hint = f"\n{line_with('--practise', '100')} goes on with learning"
     return Result(_values(report, out), f"{report.policy}\n{report}\nwritten to {out}{hint}")
-
-
-class _Stages:
-    """Shows the progress of each stage in a line of its own."""
-
-    def __init__(self) -> None:
-        self._stage = ""
-        self._open = ExitStack()
-
-    def __enter__(self) -> "_Stages":
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self._open.close()
-
-    def show(self, stage: str, done: int, most: int) -> None:
-        """Show that ``done`` episodes of at most ``most`` were played."""
-        if stage != self._stage:
-            self._open.close()
-            self._stage = stage
-            self._line = self._open.enter_context(progress(stage, most))
-        self._line.update(done)
 
 
 @click.command(cls=Command, epilog="Example: eutree demos hurting demos/ --out demos-cut/")
@@ -155,13 +132,13 @@ def hurting(
         check_new_folder(out)
     if demos.environment is None:
         raise InvalidArgumentError(f"{folder} names no environment, so that no tree can play")
-    with _Stages() as stages:
+    with progress("", 1) as line:
         found = find_hurting(
             demos,
             demos.environment.override(env_arguments),
             episodes=episodes,
             seed=seed,
-            on_progress=stages.show,
+            on_progress=line.stage,
         )
     if out is not None:
         found.edited.save(out)

@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -182,25 +183,20 @@ def warm_up(n_jobs: int) -> Result:
         record = ("record", _TASK, "--expert", "gate", "--episodes", "5")
         _compiled_by(record, Path(folder) / "demos")
         with progress("compiling", len(JOBS)) as line:
-            task = _Job(Path(folder))
+            task = partial(_compiled, Path(folder))
             for count, name in enumerate(Workers(n_jobs).as_finished(task, list(JOBS)), 1):
                 line.update(count, name)
     seconds = time.monotonic() - begin
     return Result({"seconds": seconds, "parts": list(JOBS)}, f"compiled in {seconds:.0f} s")
 
 
-class _Job:
-    """Runs one of the commands, in whichever process this is; returns its name."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-
-    def __call__(self, name: str) -> str:
-        verb, *rest = JOBS[name]
-        demos = str(self._folder / "demos")
-        given = [demos] if verb == "fit" else ["--demos", demos]
-        _compiled_by((verb, *rest, *given), self._folder / f"{name}.json")
-        return name
+def _compiled(folder: Path, name: str) -> str:
+    """Run one of the commands, in whichever process this is; return its name."""
+    verb, *rest = JOBS[name]
+    demos = str(folder / "demos")
+    given = [demos] if verb == "fit" else ["--demos", demos]
+    _compiled_by((verb, *rest, *given), folder / f"{name}.json")
+    return name
 
 
 def _compiled_by(command: tuple[str, ...], out: Path) -> None:

@@ -3,22 +3,23 @@
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
-import numpy as np
 
 from eutree.cli import _options as option
 from eutree.cli._options import Command, Helped
 from eutree.cli._output import Result, figures_of
-from eutree.cli._policies import in_zoo, load_demonstrations, load_policy, policy_file, renamed
+from eutree.cli._policies import (
+    in_zoo,
+    load_demonstrations,
+    load_policy,
+    policy_file,
+    renamed,
+    seen_in,
+)
 from eutree.errors import InvalidArgumentError, shown
 from eutree.trees.text import labelled
-
-if TYPE_CHECKING:
-    from eutree.arrays import Floats
-    from eutree.data import Demonstrations
-    from eutree.policies import TreePolicy
 
 
 @click.command(
@@ -79,8 +80,7 @@ def diff(first: Path, second: Path, demos: Path | None) -> Result:
     from eutree.inspection import diff as compare
 
     one, two = load_policy(first), load_policy(second)
-    recorded = None if demos is None else load_demonstrations(demos, one)
-    found = compare(one, two, observations=None if recorded is None else _seen(one, recorded))
+    found = compare(one, two, observations=None if demos is None else seen_in(demos, one))
     names = one.schema.actions
     return Result(
         {
@@ -93,13 +93,6 @@ def diff(first: Path, second: Path, demos: Path | None) -> Result:
             ],
         },
         str(found),
-    )
-
-
-def _seen(policy: "TreePolicy", recorded: "Demonstrations") -> "Floats":
-    """Return what the policy sees before each recorded decision."""
-    return np.concatenate(
-        [policy.features.of_episode(e.observations, e.actions)[:-1] for e in recorded.episodes]
     )
 
 
@@ -130,9 +123,14 @@ def verify(
     The exit code is 0 if all are proven, 1 if one is refuted.
     """
     from eutree.inspection import verify as verify_policy
+    from eutree.training import stored_observations
 
     loaded = load_policy(policy)
-    rows = _observations(loaded, demos, run_folder)
+    rows = None
+    if run_folder is not None:
+        rows = stored_observations(run_folder)
+    elif demos is not None:
+        rows = seen_in(demos, loaded)
     answers = [
         verify_policy(loaded, question, observations=rows, everywhere=everywhere)
         for question in questions
@@ -157,19 +155,6 @@ def verify(
         "\n".join(map(str, answers)),
         0 if holds else EXIT_REFUTED,
     )
-
-
-def _observations(
-    policy: "TreePolicy", demos: Path | None, run_folder: Path | None
-) -> "Floats | None":
-    from eutree.training import stored_observations
-
-    if run_folder is not None:
-        return stored_observations(run_folder)
-    if demos is not None:
-        shown = load_demonstrations(demos, policy)
-        return shown.with_history(policy.history, policy.past_actions).observations
-    return None
 
 
 _NUMBER = re.compile(r"[0-9]{1,9}")  # of a node or a leaf

@@ -1,6 +1,6 @@
 """``eutree learn``: grow a tree by reinforcement, from demonstrations or from nothing."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -35,7 +35,7 @@ from eutree.schema import EnvironmentSpec
 
 if TYPE_CHECKING:
     from eutree.data import Demonstrations
-    from eutree.training import LearningResult, Run, Teacher
+    from eutree.training import LearningResult, Teacher
     from eutree.training.listeners import StopRequest
     from eutree.training.many import LearningRuns
 
@@ -209,13 +209,13 @@ def learn(
     with (
         stop_on_signals() as stop,
         _saying_how_to_go_on(stop, out),
-        progress("learning", 1) as line,
+        progress("", 1) as line,
     ):
         result = learn_policy(
             env,
             out=out,
             stop=stop,
-            on_progress=_following(Following(line), out),
+            on_progress=Following(line, out),
             **options,
         )
         if stop():
@@ -280,16 +280,6 @@ def _say_how(out: Path) -> bool:
         keep(out)
         say(f"stopped and saved; go on with: {line_to_go_on(out)}")
     return saved
-
-
-def _following(follow: "Following", out: Path) -> "Callable[[Run], None]":
-    """Return what keeps the command in the run's folder once the run has begun, and shows it."""
-
-    def show(run: "Run") -> None:
-        keep(out)
-        follow(run)
-
-    return show
 
 
 def _manner(shown: EnvironmentSpec | None, environment: str) -> dict[str, Any]:

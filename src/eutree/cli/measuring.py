@@ -15,7 +15,6 @@ from eutree.schema import EnvironmentSpec
 
 if TYPE_CHECKING:
     from eutree.policies import TreePolicy
-    from eutree.proof import Certificate
 
 
 @click.command(cls=Helped, epilog="Example: eutree evaluate runs/a/policy.json --episodes 1000")
@@ -107,9 +106,11 @@ def prove(
 
     The exit code is 0 if it is proven, 1 if it is refuted, 3 if it is left undecided.
     """
+    from eutree.evaluation import evaluate as evaluate_policy
     from eutree.files import check_writable, write_text
     from eutree.proof import plant_of, save_certificate
     from eutree.proof import prove as prove_policy
+    from eutree.proof.sampling import Sampling, asked_of_episodes, certify_sample
     from eutree.report.proof_page import proof_page
 
     loaded = load_policy(policy)
@@ -119,7 +120,11 @@ def prove(
     spec = _spec(loaded, policy, environment, env_arguments, "--env ID")
     plant = None if sampled else plant_of(spec)
     if plant is None:
-        found = _sampled(loaded, policy, spec, question, (episodes, seed), (confidence, returns))
+        sampling = Sampling(confidence=confidence, returns=returns)
+        asked = asked_of_episodes(question, str(spec), sampling)
+        check_fits(loaded, policy, spec)
+        evaluation = evaluate_policy(loaded, spec, episodes=episodes, seed=seed)
+        found = certify_sample(evaluation, asked, environment=str(spec), sampling=sampling)
     else:
         found = prove_policy(loaded, plant, question)
     figures = found.figures()
@@ -144,23 +149,3 @@ def _spec(
     if policy.environment is None:
         raise InvalidArgumentError(f"{path} names no environment; name one: {hint}")
     return policy.environment.override(arguments)
-
-
-def _sampled(
-    policy: "TreePolicy",
-    path: Path,
-    spec: EnvironmentSpec,
-    question: str | None,
-    drawn: tuple[int, int],
-    sure: tuple[float, tuple[float, float] | None],
-) -> "Certificate":
-    """Return the statistical certificate of a property."""
-    from eutree.evaluation import evaluate
-    from eutree.proof.sampling import Sampling, asked_of_episodes, certify_sample
-
-    sampling = Sampling(confidence=sure[0], returns=sure[1])
-    asked = asked_of_episodes(question, str(spec), sampling)
-    check_fits(policy, path, spec)
-    episodes, seed = drawn
-    evaluation = evaluate(policy, spec, episodes=episodes, seed=seed)
-    return certify_sample(evaluation, asked, environment=str(spec), sampling=sampling)
