@@ -183,8 +183,8 @@ class Driving:
             row = trial.step(action, self._env.step(action), now, {})
             episode = trial.finish() if row.terminated or row.truncated else None
         else:
-            measured = {**play.measured(), "by_hand": self._by_hand}
-            self._recording.step(trial, action, now, measured)
+            measured = play.pictures.facts(play.controls.pace.speed)
+            self._recording.step(trial, action, now, {**measured, "by_hand": self._by_hand})
             episode = self._recording.episodes[-1] if trial.is_over else None
         if episode is not None:
             self._ending, self._success = told(episode, self._env.env)

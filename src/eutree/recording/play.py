@@ -81,6 +81,10 @@ class Pictures:
         if self.drawn < number <= self.given:
             self.drawn, self._drawn_time = number, now
 
+    def facts(self, speed: float) -> dict[str, float]:
+        """Return what is stored with a step: the pictures drawn and given out, and the speed."""
+        return {"frame": self.drawn, "picture": self.given, "speed": speed}
+
     def are_seen(self, now: float) -> bool:
         """Return whether the viewer has drawn all that was given out, or has had the time to."""
         return self.given == self.drawn or now > self._given_time + LAST_SECONDS
@@ -156,13 +160,6 @@ class Play:
     def was_reviewed(self, now: float) -> bool:
         """Return whether an episode ended long enough ago for a key to be meant for the next."""
         return self.state == REVIEW and now >= self._review_began + REVIEW_SECONDS
-
-    def measured(self) -> dict[str, float]:
-        """Return what is stored with a step: the pictures drawn and given out, and the speed."""
-        pictures = self.pictures
-        return {
-            "frame": pictures.drawn, "picture": pictures.given, "speed": self.controls.pace.speed
-        }  # fmt: skip
 
     def awaits_turn(self) -> bool:
         """Return whether a turn may be taken now."""

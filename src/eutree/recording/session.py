@@ -311,7 +311,7 @@ class Session:
         if self.lessons.again is not None:
             extras[AGAIN] = True
         trial = self.recording.begin(extras, list(controls.held))
-        self.lessons.go_there(trial, now, self.play.measured())
+        self.lessons.go_there(trial, now, self.play.pictures.facts(controls.pace.speed))
         self.play.show(trial)
         self.play.count_in(now)
 
@@ -328,7 +328,8 @@ class Session:
         action = play.decision(now)
         if action is not None:
             play.controls.action = action
-            self.recording.step(play.trial, action, now, play.measured())
+            measured = play.pictures.facts(play.controls.pace.speed)
+            self.recording.step(play.trial, action, now, measured)
             play.controls.pace.begin(now)
             play.pictures.expect()
 
