@@ -6,13 +6,21 @@ episodes end. Anything else raises ``EnvironmentFault`` with environment, episod
 """
 
 import warnings
+from collections.abc import Callable
 from typing import Any
 
 import gymnasium
 import numpy as np
+from numpy.typing import NDArray
 
 from eutree.arrays import Booleans, Floats
-from eutree.errors import EnvironmentFault, InvalidArgumentError, described, shown
+from eutree.errors import (
+    EnvironmentFault,
+    EutreeError,
+    InvalidArgumentError,
+    described,
+    shown,
+)
 from eutree.features import FeatureMap
 from eutree.interaction.action_grid import (
     ActionMasks,
@@ -172,6 +180,28 @@ class GuardedEnv:
         if not self.features.is_identity:
             self._seen = observation = self.features.next(self._seen, action, observation)
         return observation, reward, terminated, truncated, answer[4]
+
+    def picture(self, render: Callable[[], Any] | None = None) -> NDArray[np.uint8]:
+        """Return a picture, shape [height, width, 3].
+
+        Args:
+            render: Draws it; by default the environment's own ``render``.
+
+        Raises:
+            EnvironmentFault: It draws none.
+        """
+        try:
+            pixels = np.asarray((render or self.env.render)())
+        except (EutreeError, KeyboardInterrupt):
+            raise
+        except BaseException as error:  # no environment may end the process
+            raise self._fault(f"render raised {described(error)}") from error
+        if pixels.ndim != 3 or pixels.shape[2] != 3 or pixels.dtype != np.uint8:
+            raise self._fault(
+                "render must return an image [height, width, 3] of uint8, got "
+                f"shape {pixels.shape} of {pixels.dtype}"
+            )
+        return pixels
 
     def number_of(self, answer: Any, name: str, *, own: bool) -> int:
         """Return the number of the action that an answer means; see ``GriddedAction.number_of``.

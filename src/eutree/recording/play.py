@@ -8,9 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from eutree.errors import EnvironmentFault, described
 from eutree.interaction import GuardedEnv
 from eutree.recording.controls import FRAME_SECONDS, Controls
 from eutree.recording.episodes import Trial
@@ -70,7 +68,13 @@ class Pictures:
         late = now - self.due()
         # A small delay does not add up, or thirty pictures a second would become fewer.
         self._given_time = now - late if 0.0 <= late < FRAME_SECONDS / 2.0 else now
-        return Frame(self.given, self._render(share))
+        between = self._between
+        if between is None or share >= 1.0:
+            pixels = self._env.picture()
+        else:
+            pixels = self._env.picture(lambda: between(share))
+        self.size = (pixels.shape[1], pixels.shape[0])
+        return Frame(self.given, pixels)
 
     def due(self) -> float:
         """Return when the next picture of a movement is due."""
@@ -96,28 +100,6 @@ class Pictures:
     def is_unanswered(self, now: float) -> bool:
         """Return whether the viewer has drawn nothing for too long."""
         return self.given > self.drawn and now > self._drawn_time + VIEWER_SECONDS
-
-    def _render(self, share: float) -> NDArray[np.uint8]:
-        try:
-            if self._between is not None and share < 1.0:
-                picture = self._between(share)
-            else:
-                picture = self._env.env.render()
-        except KeyboardInterrupt:
-            raise
-        except BaseException as error:
-            raise self._fault(f"render raised {described(error)}") from error
-        pixels = np.asarray(picture)
-        if pixels.ndim != 3 or pixels.shape[2] != 3 or pixels.dtype != np.uint8:
-            raise self._fault(
-                "render must return an image [height, width, 3] of uint8, got "
-                f"shape {pixels.shape} of {pixels.dtype}"
-            )
-        self.size = (pixels.shape[1], pixels.shape[0])
-        return pixels
-
-    def _fault(self, reason: str) -> EnvironmentFault:
-        return EnvironmentFault(self._env.name, self._env.episode, self._env.step_number, reason)
 
 
 class Play:

@@ -6,6 +6,7 @@ from io import BytesIO
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eutree.arrays import Floats
 from eutree.data import Episode
@@ -14,7 +15,6 @@ from eutree.errors import (
     EutreeError,
     InvalidArgumentError,
     MissingExtraError,
-    described,
 )
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
 from eutree.interaction.episode import Stream
@@ -165,39 +165,22 @@ class _FilmedEnv(GuardedEnv):
 
     def reset(self, seed: int | None = None) -> Floats:
         observation = super().reset(seed)
-        self.frames = [self._picture()]
+        self.frames = [encode(self.picture())]
         return observation
 
     def step(self, action: int) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
         answer = super().step(action)
-        self.frames.append(self._picture())
+        self.frames.append(encode(self.picture()))
         return answer
 
-    def _picture(self) -> bytes:
-        try:
-            picture = self.env.render()
-        except (EutreeError, KeyboardInterrupt):
-            raise
-        except BaseException as error:
-            raise InvalidArgumentError(
-                f"{self.name} must be able to render rgb_array, it raised {described(error)}"
-            ) from error
-        return encode(picture)
 
-
-def encode(picture: Any) -> bytes:
-    """Return a picture (an array of shape [height, width, 3]) as WebP, at most 480 pixels wide."""
+def encode(picture: NDArray[np.uint8]) -> bytes:
+    """Return a picture, shape [height, width, 3], as WebP, at most 480 pixels wide."""
     try:
         from PIL import Image
     except ImportError:
         raise MissingExtraError("pillow", "record") from None
-    array = np.asarray(picture)
-    if array.ndim != 3 or array.shape[2] != 3 or array.dtype != np.uint8:
-        raise InvalidArgumentError(
-            f"a picture must have shape [height, width, 3] of uint8, got {array.shape} of "
-            f"{array.dtype}"
-        )
-    image = Image.fromarray(array)
+    image = Image.fromarray(picture)
     if image.width > _WIDTH:
         height = max(1, round(_WIDTH * image.height / image.width))
         image = image.resize((_WIDTH, height), Image.Resampling.LANCZOS)
