@@ -226,5 +226,3 @@ def test_other_mistakes() -> None:
         experts.careless(experts.look_ahead, 1.5)
     with pytest.raises(InvalidArgumentError, match="steps must be an integer >= 0, got -1"):
         experts.late(experts.look_ahead, -1)
-    with pytest.raises(InvalidArgumentError, match="distance must be a number"):
-        experts.wait_at_crossing(env, distance=-1.0)

@@ -1,7 +1,6 @@
 """Pictures: the right things in the right places; windows that need no display."""
 
 import sys
-from dataclasses import replace
 
 import gymnasium
 import numpy as np
@@ -9,7 +8,7 @@ import pytest
 
 from eutree.envs import painting as render
 from eutree.envs._dynamics import EvasionParameters, EvasionState
-from eutree.envs.evasion import EvasionEnv, text_picture
+from eutree.envs.evasion import EvasionEnv
 from eutree.envs.painting import PAPER
 from eutree.errors import MissingExtraError
 
@@ -125,7 +124,7 @@ def test_missing_pygame_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setitem(sys.modules, "pygame", None)
     with pytest.raises(MissingExtraError, match=r"pip install 'eutree\[record\]'"):
         EvasionEnv(render_mode="rgb_array")
-    EvasionEnv(render_mode="ansi")
+    EvasionEnv()
 
 
 def test_rendering_without_a_mode_says_how() -> None:
@@ -133,12 +132,3 @@ def test_rendering_without_a_mode_says_how() -> None:
     env.reset(seed=0)
     with pytest.warns(UserWarning, match="render_mode='rgb_array'"):
         assert env.render() is None
-
-
-def test_text_picture() -> None:
-    text = text_picture(PARAMETERS, replace(state(), directions=np.array([1.0, -1.0])))
-    lines = text.split("\n")
-    assert lines[6][8] == "A"
-    assert lines[6][-1] == "G"
-    assert [line[20] for line in lines if len(line) > 20].count("^") == 1
-    assert [line[40] for line in lines if len(line) > 40].count("v") == 1

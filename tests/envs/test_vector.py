@@ -94,27 +94,6 @@ def test_copies_without_a_seed_differ() -> None:
     assert len({tuple(row) for row in observations.tolist()}) == 3
 
 
-def test_mask_resets_only_the_chosen_copies() -> None:
-    env = EvasionVectorEnv(3)
-    env.reset(seed=0)
-    before = env.step(np.ones(3, dtype=np.int64))[0]
-    mask = np.array([False, True, False])
-    after, _ = env.reset(seed=[None, 41, None], options={"reset_mask": mask})
-    assert after[~mask].tolist() == before[~mask].tolist()
-    assert after[1].tolist() == EvasionEnv().reset(seed=41)[0].tolist()
-
-
-def test_masked_reset_replaces_the_autoreset() -> None:
-    env = EvasionVectorEnv(2, trial_limit=2.0)
-    env.reset(seed=0)
-    stop = np.zeros(2, dtype=np.int64)
-    env.step(stop)
-    assert env.step(stop)[3].all()
-    env.reset(seed=[5, None], options={"reset_mask": np.array([True, False])})
-    info = env.step(stop)[4]
-    assert info["_is_success"].tolist() == [True, False]  # the other one only began anew
-
-
 def test_make_vec() -> None:
     env = gymnasium.make_vec(
         "eutree/Evasion3-v0", num_envs=5, vectorization_mode="vector_entry_point", noise=0.1
@@ -156,16 +135,12 @@ def test_wrong_actions(actions: np.ndarray, message: str) -> None:
 
 def test_wrong_resets() -> None:
     env = EvasionVectorEnv(2)
-    with pytest.raises(ResetNeeded):
+    with pytest.raises(ResetNeeded, match="every copy"):
         env.step(np.array([0, 0]))
     with pytest.raises(InvalidArgumentError, match=r"one seed for each of the 2 copies, got 3"):
         env.reset(seed=[1, 2, 3])
-    with pytest.raises(InvalidArgumentError, match=r"reset_mask'\] must be 2 booleans"):
-        env.reset(options={"reset_mask": [1, 0]})
     with pytest.raises(InvalidArgumentError, match=r"seed must be an integer from 0 to .*, got -1"):
         env.reset(seed=-1)
-    with pytest.raises(ResetNeeded, match="every copy"):
-        env.reset(options={"reset_mask": np.array([True, False])})
     with pytest.raises(InvalidArgumentError, match="num_envs must be an integer >= 1, got 0"):
         EvasionVectorEnv(0)
     with pytest.raises(InvalidArgumentError, match="render_mode must be None"):

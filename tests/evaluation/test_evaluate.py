@@ -99,7 +99,7 @@ def test_an_environment_is_evaluated_as_it_is_and_not_as_its_spec_says():
     ).unwrapped.parameters
     richer = evaluate(wait_at_crossing(changed), changed, episodes=20)
     assert richer.returns.max() > 400.0
-    watched = gymnasium.make("eutree/Evasion2-v0", render_mode="ansi")
+    watched = gymnasium.make("eutree/Evasion2-v0", render_mode="rgb_array")
     assert_same(evaluate(policy, watched, episodes=5), plain)
 
 

@@ -290,18 +290,16 @@ class Demonstrations(Displayed):
 
         return _blamed(f"minari:{dataset_id}", *read_minari(dataset_id))
 
-    def to_minari(self, dataset_id: str, *, env: Any = None) -> None:
+    def to_minari(self, dataset_id: str) -> None:
         """Write the kept episodes as a Minari dataset (extra ``minari``).
 
         Args:
             dataset_id: Its id, ending in a version: ``eutree/evasion2/human-v0``.
-            env: A Gymnasium environment or spec to store with it, for Minari's
-                ``recover_environment``; by default the registered one of ``environment``.
         """
         from eutree.data.minari_files import MinariContent, write_minari
 
         content = MinariContent(self.episodes, self.schema, self.environment, self.expert)
-        write_minari(dataset_id, content, env=env)
+        write_minari(dataset_id, content)
 
 
 def derive(demonstrations: Demonstrations, declarations: Sequence[str | Feature]) -> Demonstrations:

@@ -83,15 +83,15 @@ def read_minari(dataset_id: str) -> MinariContent:
     return MinariContent(episodes, schema, environment, expert)
 
 
-def write_minari(dataset_id: str, content: MinariContent, *, env: Any = None) -> None:
+def write_minari(dataset_id: str, content: MinariContent) -> None:
     """Write a new dataset into Minari's local folder.
+
+    With it goes the environment, for ``recover_environment``. Where it is not registered, or cannot
+    be written as text, there is a warning and the dataset stores none.
 
     Args:
         dataset_id: Its id, ending in a version: ``eutree/evasion2/human-v0``.
         content: What to write.
-        env: A Gymnasium environment or spec to store, for ``recover_environment``; by default the
-            one that ``content.environment`` names. Where that is not registered, or cannot be
-            written as text, there is a warning and the dataset stores none.
 
     Raises:
         FileError: The dataset exists, or cannot be written.
@@ -106,14 +106,13 @@ def write_minari(dataset_id: str, content: MinariContent, *, env: Any = None) ->
     header = demonstrations_document(content.schema, content.environment, content.expert)
     spaces = _spaces(content.schema)
     metadata = {KEY: encode_document(header).decode()}
-    if env is None and content.environment is not None:
+    if content.environment is not None:
         metadata |= _env_spec(content.environment, name)
     with _quiet():
         try:
             dataset = minari.create_dataset_from_buffers(
                 dataset_id,
                 buffers,
-                env=env,
                 observation_space=spaces[0],
                 action_space=spaces[1],
                 algorithm_name=content.expert,

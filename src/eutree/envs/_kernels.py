@@ -139,17 +139,12 @@ def show(
 
 
 @compiled
-def begin_chosen(
-    chosen: Booleans,  # [E]
-    copies: Copies,
-    observations: Floats,  # [E, d] out
-) -> None:
-    """Begin the next episode of the chosen copies and show all copies."""
+def begin_all(copies: Copies, observations: Floats) -> None:  # observations: [E, d] out
+    """Begin the next episode of every copy and show them all."""
     constants, uniforms, positions = copies.constants, copies.uniforms, copies.positions
     opponents, directions, steps = copies.opponents, copies.directions, copies.steps
-    for e in range(chosen.size):
-        if chosen[e]:
-            begin(e, constants, uniforms, positions, opponents, directions, steps)
+    for e in range(positions.size):
+        begin(e, constants, uniforms, positions, opponents, directions, steps)
         show(e, positions, opponents, directions, observations)
 
 

@@ -13,7 +13,6 @@ from eutree.arrays import Floats, Integers, frozen
 from eutree.envs._dynamics import GO, REFLECT, STOP, EvasionParameters, EvasionState, reflect, turn
 from eutree.envs.evasion import EvasionEnv
 from eutree.errors import InvalidArgumentError
-from eutree.validation import check_number
 
 Rule = Callable[[Floats], Integers]  # [..., d] -> [...]
 
@@ -207,6 +206,7 @@ def _policy(env: Any, n_features: int, rule: Rule) -> RulePolicy:
 END_ZONE = 2.5
 LAST_STRETCH = 1.5  # the same for who is more careful
 GATE_SLACK = 0.25
+MARGIN = 0.75  # that the planner keeps from collisions, against noise [m]
 
 
 class GatePolicy(ScriptedPolicy):
@@ -245,16 +245,14 @@ class LookAheadPolicy(ScriptedPolicy):
 
     At each step the best sequence of actions is found by going backward through all pairs of
     time and number of steps gone; only its first action is taken. Coming nearer to an opponent
-    than the collision distance plus ``margin`` costs, in proportion, up to a collision's price.
+    than the collision distance plus ``MARGIN`` costs, in proportion, up to a collision's price.
 
     Args:
         env: The environment whose full state is read at each step.
-        margin: Distance kept from collisions, against noise [m].
     """
 
-    def __init__(self, env: EvasionEnv, margin: float) -> None:
+    def __init__(self, env: EvasionEnv) -> None:
         self._env = env
-        self.margin = margin
 
     def decide(self, observations: Floats) -> Integers:
         """Return the action for the environment's present state; the observation is not used."""
@@ -263,12 +261,12 @@ class LookAheadPolicy(ScriptedPolicy):
                 "the look-ahead expert acts in one environment, whose state it reads; "
                 f"got a batch of observations of shape {observations.shape}"
             )
-        return np.array(plan(self._env.parameters, self._env.state, self.margin))
+        return np.array(plan(self._env.parameters, self._env.state))
 
 
-def plan(parameters: EvasionParameters, state: EvasionState, margin: float) -> int:
+def plan(parameters: EvasionParameters, state: EvasionState) -> int:
     """Return the first action of the best noise-free plan from ``state``."""
-    danger = _danger(parameters, state, margin)  # [H, G + 1]
+    danger = _danger(parameters, state)  # [H, G + 1]
     value = np.full(danger.shape[1], parameters.collision_reward)  # [G + 1] out of time
     value[-1] = parameters.goal_reward
     stay, leave = value[:-1], value[1:]
@@ -279,7 +277,7 @@ def plan(parameters: EvasionParameters, state: EvasionState, margin: float) -> i
     return GO if leave[0] >= stay[0] else STOP
 
 
-def _danger(parameters: EvasionParameters, state: EvasionState, margin: float) -> Floats:
+def _danger(parameters: EvasionParameters, state: EvasionState) -> Floats:
     """Return the price of being at each place [G + 1] after each number of steps [H]."""
     remaining = parameters.main_path_length - float(state.position)
     n_moves = max(1, math.ceil(remaining / parameters.agent_step))
@@ -288,7 +286,7 @@ def _danger(parameters: EvasionParameters, state: EvasionState, margin: float) -
     place = float(state.position) + parameters.agent_step * np.arange(n_moves + 1)  # [G + 1]
     along = np.minimum(place, parameters.main_path_length)[:, None] - parameters.crossing
     distance = np.hypot(along[None], opponents[:, None]).min(axis=-1)  # [H, G + 1]
-    share = (parameters.collision_distance + margin - distance) / margin
+    share = (parameters.collision_distance + MARGIN - distance) / MARGIN
     price = abs(parameters.goal_reward) + abs(parameters.collision_reward)
     return np.asarray(price * np.clip(share, 0.0, 1.0))
 
@@ -316,18 +314,14 @@ def _two_rounds(parameters: EvasionParameters) -> int:
     return math.ceil(distance / parameters.opponent_step)
 
 
-def wait_at_crossing(env: Any, *, distance: float | None = None) -> GatePolicy:
+def wait_at_crossing(env: Any) -> GatePolicy:
     """Return the gate rule for an Evasion environment, single or vector.
 
-    Args:
-        env: The environment.
-        distance: Wait while the opponent is this near to the main path [m]; by default 2.5 m
-            less than half its path (8.5 m of 11 m).
+    It waits while the opponent is nearer to the main path than 2.5 m less than half its own path
+    (8.5 m of 11 m).
     """
     parameters = _parameters(env)
-    if distance is None:
-        distance = max(parameters.half_path - END_ZONE, 0.0)
-    return GatePolicy(parameters, check_number("distance", distance, low=0.0))
+    return GatePolicy(parameters, max(parameters.half_path - END_ZONE, 0.0))
 
 
 def wait_for_the_end(env: Any) -> GatePolicy:
@@ -339,20 +333,15 @@ def wait_for_the_end(env: Any) -> GatePolicy:
     return GatePolicy(parameters, max(parameters.half_path - LAST_STRETCH, 0.0))
 
 
-def look_ahead(env: Any, *, margin: float = 0.75) -> LookAheadPolicy:
-    """Return the planner with perfect information for an Evasion environment.
-
-    Args:
-        env: The environment; it must be a single one.
-        margin: Distance kept from collisions, against noise [m].
-    """
+def look_ahead(env: Any) -> LookAheadPolicy:
+    """Return the planner with perfect information for a single Evasion environment."""
     _parameters(env)
     if not isinstance(env, gymnasium.Env):
         raise InvalidArgumentError(
             f"env must be a single environment for the look-ahead expert, got {env!r}"
         )
     inner: Any = env.unwrapped
-    return LookAheadPolicy(inner, check_number("margin", margin, low=0.0, low_open=True))
+    return LookAheadPolicy(inner)
 
 
 def _parameters(env: Any) -> EvasionParameters:

@@ -9,7 +9,7 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
-from eutree.arrays import Floats, Integers
+from eutree.arrays import Floats
 from eutree.envs import _dynamics as dynamics
 from eutree.envs._dynamics import (
     COLLISION,
@@ -25,29 +25,7 @@ from eutree.envs._dynamics import EvasionParameters as EvasionParameters  # for 
 from eutree.envs.painting import Window, import_pygame, picture
 from eutree.validation import check_choice
 
-WIDTH, HEIGHT = 61, 13  # characters; the main path is the middle row
-
-
-def text_picture(parameters: EvasionParameters, state: EvasionState) -> str:
-    """Return the agent ``A``, the opponents ``^`` and ``v`` by direction, paths and goal ``G``."""
-    canvas = np.full((HEIGHT, WIDTH), " ")
-    middle = HEIGHT // 2
-    canvas[middle] = "-"
-    canvas[middle, -1] = "G"
-    columns = _cells(parameters.crossing / parameters.main_path_length, WIDTH)
-    canvas[:, columns] = ":"
-    rows = _cells(0.5 - state.opponents / parameters.path_length, HEIGHT)
-    canvas[rows, columns] = np.where(state.directions > 0.0, "^", "v")
-    canvas[middle, _cells(state.position / parameters.main_path_length, WIDTH)] = "A"
-    return "\n".join("".join(row).rstrip() for row in canvas)
-
-
-def _cells(shares: Floats, count: int) -> Integers:
-    """Return the cell, of ``count``, in which each share of the whole lies."""
-    return np.asarray(np.rint(shares * (count - 1)), dtype=np.int64)
-
-
-RENDER_MODES = ("human", "rgb_array", "ansi")
+RENDER_MODES = ("human", "rgb_array")
 
 # Key codes as pygame and gymnasium.utils.play count them; pygame itself may not be installed.
 SPACE, RIGHT_ARROW = 32, 1073741903
@@ -124,7 +102,7 @@ class EvasionEnv(gymnasium.Env[Any, Any]):
     | `goal_reward` | 100 | | reward for reaching the goal |
     | `collision_reward` | -50 | | reward for a collision |
     | `stop_reward` | -2 | | reward for each `stop` |
-    | `render_mode` | None | | `"human"`, `"rgb_array"` or `"ansi"` |
+    | `render_mode` | None | | `"human"` or `"rgb_array"` |
 
     ```python
     import gymnasium as gym
@@ -158,8 +136,7 @@ class EvasionEnv(gymnasium.Env[Any, Any]):
         self.parameters = EvasionParameters.from_arguments(arguments)
         if render_mode is not None:
             check_choice("render_mode", render_mode, RENDER_MODES)
-            if render_mode != "ansi":
-                import_pygame()  # a missing extra is better said now than at the first picture
+            import_pygame()  # a missing extra is better said now than at the first picture
         self.render_mode = render_mode
         # The pace of a person's demonstration: a second of the domain is a second of the clock.
         self.metadata = self.metadata | {"render_fps": 1.0 / self.parameters.time_step}
@@ -235,8 +212,6 @@ class EvasionEnv(gymnasium.Env[Any, Any]):
         """Return the picture that the render mode asks for; a window shows itself at each step."""
         if self.render_mode == "rgb_array":
             return picture(self.parameters, self.state)
-        if self.render_mode == "ansi":
-            return text_picture(self.parameters, self.state)
         if self.render_mode is None:
             gymnasium.logger.warn(
                 "render was called without a render mode; choose one when the environment is "

@@ -111,19 +111,18 @@ class EvasionVectorEnv(VectorEnv[Floats, Integers, Any]):
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[Floats, dict[str, Any]]:
-        """Begin an episode in every copy, or in those of ``options["reset_mask"]``.
+        """Begin an episode in every copy.
 
         Args:
             seed: One seed per copy (None keeps its generator), or an int s for s, s + 1, ...
-            options: ``{"reset_mask": Booleans of shape [E]}`` leaves the other copies as they are.
+            options: None are known.
         """
-        chosen = self._chosen(options)
-        self._seed(chosen, seed)
-        self._check_reset()
-        self._draw(chosen)
-        self._waiting &= ~chosen
+        self._seed(seed)
+        self._draw(np.ones(self.num_envs, dtype=np.bool_))
+        self._waiting = np.zeros(self.num_envs, dtype=np.bool_)
+        self._is_ready = True
         observations = self._empty_observations()
-        kernels.begin_chosen(chosen, self._copies, observations)
+        kernels.begin_all(self._copies, observations)
         return observations, {}
 
     def step(self, actions: Integers) -> tuple[Floats, Floats, Booleans, Booleans, dict[str, Any]]:
@@ -154,8 +153,8 @@ class EvasionVectorEnv(VectorEnv[Floats, Integers, Any]):
             draw_uniforms(out=uniforms)
             draw_normals(out=noise)
 
-    def _seed(self, chosen: Booleans, seed: int | Sequence[int | None] | None) -> None:
-        """Give each chosen copy a new generator; None keeps the one it has."""
+    def _seed(self, seed: int | Sequence[int | None] | None) -> None:
+        """Give each copy a new generator; None keeps the one it has."""
         if seed is None or isinstance(seed, int | np.integer):
             first = None if seed is None else check_seed(seed)
             seeds = [None if first is None else first + e for e in range(self.num_envs)]
@@ -165,7 +164,7 @@ class EvasionVectorEnv(VectorEnv[Floats, Integers, Any]):
             raise InvalidArgumentError(
                 f"seed must hold one seed for each of the {self.num_envs} copies, got {len(seeds)}"
             )
-        for e in np.flatnonzero(chosen).tolist():
+        for e in range(self.num_envs):
             if seeds[e] is not None or self._draws[e] is None:
                 uniforms, noise = self._copies.uniforms[e], self._copies.noise[e]
                 generator: Any = None
@@ -174,20 +173,6 @@ class EvasionVectorEnv(VectorEnv[Floats, Integers, Any]):
                 else:
                     generator = _first_draws(seeds[e], uniforms.shape, noise.shape)
                 self._draws[e] = (generator.random, uniforms, generator.standard_normal, noise)
-        self._is_ready = all(draws is not None for draws in self._draws)
-
-    def _chosen(self, options: dict[str, Any] | None) -> Booleans:
-        """Return which copies to reset: all, or those of ``options["reset_mask"]``."""
-        mask = (options or {}).get("reset_mask")
-        if mask is None:
-            return np.ones(self.num_envs, dtype=np.bool_)
-        mask = np.asarray(mask)
-        if mask.shape != (self.num_envs,) or mask.dtype != np.bool_:
-            raise InvalidArgumentError(
-                f"options['reset_mask'] must be {self.num_envs} booleans, "
-                f"got shape {mask.shape} of {mask.dtype}"
-            )
-        return mask
 
     def _empty_observations(self) -> Floats:
         return np.empty((self.num_envs, self.parameters.n_features))
