@@ -135,7 +135,9 @@ class CarelessPolicy:
             observation, state=state, episode_start=episode_start, deterministic=deterministic
         )
         chosen, rows = np.asarray(actions), self._choices
-        if not isinstance(rows, int) and self._answers_with_rows(chosen):
+        own = np.asarray(rows).dtype.kind == "i" and not self.reads_features
+        # Is the answer what an action sets, and not the number of an action?
+        if not isinstance(rows, int) and (own or chosen.dtype.kind == "f" or chosen.size > 1):
             if self._generator.random() < self._probability:
                 row = rows[self._generator.integers(len(rows))]
                 actions = row.astype(chosen.dtype).reshape(chosen.shape)
@@ -145,11 +147,6 @@ class CarelessPolicy:
         return np.where(
             is_random, self._generator.integers(n_actions, size=chosen.shape), actions
         ), state
-
-    def _answers_with_rows(self, chosen: NDArray[Any]) -> bool:
-        """Return whether an answer is what an action sets, not the number of an action."""
-        own = np.asarray(self._choices).dtype.kind == "i" and not self.reads_features
-        return own or chosen.dtype.kind == "f" or chosen.size > 1
 
 
 class LatePolicy:

@@ -283,13 +283,9 @@ def practise(
         stop=stop,
         on_progress=follow,
     ).policy
-    return (policy, *(tree for run in runs for tree in _on_trial(run)))
-
-
-def _on_trial(run: Run) -> list[TreePolicy]:
-    learner = run.learner
+    learner = runs[0].learner if runs else None
     found = learner.on_trial() if isinstance(learner, ModelPlanning) else None
-    return [] if found is None else [found.policy(run.beginning.problem)]
+    return (policy,) if found is None else (policy, found.policy(runs[0].beginning.problem))
 
 
 def _recent(episodes: tuple[Episode, ...]) -> tuple[Episode, ...]:

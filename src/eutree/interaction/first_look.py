@@ -221,7 +221,8 @@ def return_range(env: gymnasium.Env[Any, Any]) -> tuple[float, float] | None:
     """
     limits: list[int] = []  # of the wrappers passed, the outermost first
     inner = env
-    while not _says_it(inner):
+    # Has it a range of its own? Older wrappers hand on those of others.
+    while vars(inner).get("return_range", getattr(type(inner), "return_range", None)) is None:
         if not isinstance(inner, gymnasium.Wrapper):
             return _documented(inner, limits)
         if type(inner).step not in _LEAVE_REWARDS or "step" in vars(inner):
@@ -231,19 +232,9 @@ def return_range(env: gymnasium.Env[Any, Any]) -> tuple[float, float] | None:
         inner = inner.env
     said = inner.return_range  # type: ignore[attr-defined]  # it says it
     own = check_range("env's return_range", said)
-    return own if all(limit == _registered_limit(env) for limit in limits) else None
-
-
-def _says_it(env: gymnasium.Env[Any, Any]) -> bool:
-    """Return whether it has a range of its own; older wrappers hand on those of others."""
-    own = vars(env).get("return_range", getattr(type(env), "return_range", None))
-    return own is not None
-
-
-def _registered_limit(env: gymnasium.Env[Any, Any]) -> int | None:
-    """Return the steps after which episodes are cut short where nothing else is asked for."""
     registered = None if env.spec is None else gymnasium.registry.get(env.spec.id)
-    return None if registered is None else registered.max_episode_steps
+    usual = None if registered is None else registered.max_episode_steps
+    return own if all(limit == usual for limit in limits) else None
 
 
 def _documented(

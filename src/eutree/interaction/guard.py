@@ -160,9 +160,10 @@ class GuardedEnv:
             hint = _OLD_STEP if "(expected 5, got 4)" in described(error) else ""
             raise self._fault(f"step raised {described(error)}{hint}") from error
         if not (isinstance(answer, tuple) and len(answer) == 5):
+            old = isinstance(answer, tuple) and len(answer) == 4
             raise self._fault(
                 "step must return (observation, reward, terminated, truncated, info), "
-                f"got {_brief(answer)}{_OLD_STEP if _is_of_four(answer) else ''}"
+                f"got {_brief(answer)}{_OLD_STEP if old else ''}"
             )
         observation = self._observation(answer[0])
         reward = self._reward(answer[1])
@@ -306,11 +307,8 @@ class GuardedEnv:
         success = info.get("is_success")
         if success is None or isinstance(success, bool | np.bool_):
             return
-        if np.ndim(success) or not isinstance(success, int | float | np.number | np.ndarray):
-            known = False
-        else:
-            known = bool(success == 0 or success == 1)
-        if not known:
+        is_number = isinstance(success, int | float | np.number | np.ndarray)
+        if np.ndim(success) or not is_number or success not in (0, 1):
             raise self._fault(
                 f"info['is_success'] must be True or False (or 1 or 0), got {_brief(success)}"
             )
@@ -329,10 +327,6 @@ class GuardedEnv:
 def _finite(name: str, value: object) -> str:
     kind = "a finite number" if name == "reward" else "finite"
     return f"{name} must be {kind} of at most {LARGEST:g} in size, got {value}"
-
-
-def _is_of_four(answer: object) -> bool:
-    return isinstance(answer, tuple) and len(answer) == 4
 
 
 def _brief(value: object) -> str:

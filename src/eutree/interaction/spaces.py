@@ -194,7 +194,9 @@ def spec_of(env: gymnasium.Env[Any, Any]) -> EnvironmentSpec | None:
         return None
     arguments = {key: value for key, value in spec.kwargs.items() if key != "render_mode"}
     usual = gymnasium.registry.get(spec.id)
-    limit = _time_limit(env)
+    limiting = [one for one in wrappers_of(env) if isinstance(one, TimeLimit)]
+    # Gymnasium has no public name for it.
+    limit = min((int(one._max_episode_steps) for one in limiting), default=None)
     if limit != (None if usual is None else usual.max_episode_steps):
         arguments["max_episode_steps"] = NO_LIMIT if limit is None else limit
     if usual is not None and spec.disable_env_checker != usual.disable_env_checker:
@@ -212,13 +214,6 @@ def spec_of(env: gymnasium.Env[Any, Any]) -> EnvironmentSpec | None:
         return EnvironmentSpec(spec.id, plain_json(arguments, f"arguments of {spec.id}"))
     except InvalidArgumentError:
         return None
-
-
-def _time_limit(env: gymnasium.Env[Any, Any]) -> int | None:
-    """Return after how many steps a wrapper ends each episode; None if none does."""
-    limits = [one for one in wrappers_of(env) if isinstance(one, TimeLimit)]
-    # Gymnasium has no public name for it.
-    return min((int(one._max_episode_steps) for one in limits), default=None)
 
 
 def encoder(space: spaces.Space[Any]) -> Encoder:

@@ -32,7 +32,14 @@ def html_of(shown: Any) -> str:
 
 @html_of.register
 def _(policy: TreePolicy) -> str:
-    return _piece("Tree policy", _facts(_of_policy(policy)), _drawn(policy))
+    size = f"{counted(policy.n_leaves, 'leaf')}, at most {policy.tree.depth} tests"
+    facts = {
+        "environment": str(policy.environment or "unknown"),
+        "size": size + (f", {len(policy.locked)} leaves locked" if policy.locked else ""),
+        "actions": ", ".join(policy.schema.actions),
+        "features": _features(policy),
+    }
+    return _piece("Tree policy", _facts(facts), _drawn(policy))
 
 
 @html_of.register
@@ -103,16 +110,6 @@ def _(edited: Edited) -> str:
 def framed(drawing: str) -> str:
     """Return a drawing in a frame that scrolls, with the style of a piece."""
     return f'<style>{_style()}</style><div class="eutree-shown">{scrolling("Tree", drawing)}</div>'
-
-
-def _of_policy(policy: TreePolicy) -> dict[str, str]:
-    size = f"{counted(policy.n_leaves, 'leaf')}, at most {policy.tree.depth} tests"
-    return {
-        "environment": str(policy.environment or "unknown"),
-        "size": size + (f", {len(policy.locked)} leaves locked" if policy.locked else ""),
-        "actions": ", ".join(policy.schema.actions),
-        "features": _features(policy),
-    }
 
 
 def _features(shown: TreePolicy | Demonstrations) -> str:

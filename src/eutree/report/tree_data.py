@@ -134,7 +134,10 @@ def _decimals(policy: TreePolicy, episodes: Sequence[WatchedEpisode]) -> list[in
 def add_pictures(data: dict[str, Any], episodes: Sequence[WatchedEpisode], room: int) -> None:
     """Add the pictures of as many episodes, from the first on, as have room in so many bytes."""
     for entry, watched in zip(data["episodes"], episodes, strict=True):
-        frames = _frames(watched)
+        frames = [
+            f"data:{watched.media_type};base64,{base64.b64encode(frame).decode('ascii')}"
+            for frame in watched.frames
+        ]
         room -= sum(map(len, frames)) + 3 * len(frames)
         if room < 0:
             break
@@ -180,14 +183,6 @@ def policy_features(policy: TreePolicy, episode: Episode) -> Floats:
             f"got {observations.shape[1]}"
         )
     return policy.features.of_episode(observations, episode.actions)
-
-
-def _frames(watched: WatchedEpisode) -> list[str]:
-    """Return the pictures of an episode as data URIs."""
-    return [
-        f"data:{watched.media_type};base64,{base64.b64encode(frame).decode('ascii')}"
-        for frame in watched.frames
-    ]
 
 
 def _rounded(matrix: Floats, digits: int = SHORT) -> list[list[float | None]]:

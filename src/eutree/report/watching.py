@@ -82,7 +82,12 @@ def watch(
     if spec is None:
         raise InvalidArgumentError("spec must name an environment: the policy names none")
     if pictures:
-        _check_draws(spec)
+        with closing(make(spec)) as plain_env:
+            modes = plain_env.metadata.get("render_modes", ())
+        if "rgb_array" not in modes:
+            raise InvalidArgumentError(
+                f"{spec.id} draws none: its metadata['render_modes'] must name rgb_array"
+            )
     with closing(make(spec, render_mode="rgb_array" if pictures else None)) as env:
         plain, filmed = GuardedEnv(env), _FilmedEnv(env)
         if plain.schema.n_features != policy.observation_size:
@@ -98,16 +103,6 @@ def watch(
             frames = tuple(filmed.frames) if pictures and room else ()
             watched.append(WatchedEpisode(episode, frames))
         return watched
-
-
-def _check_draws(spec: EnvironmentSpec) -> None:
-    """Raise InvalidArgumentError if an environment says itself that it draws no pictures."""
-    env = make(spec)
-    env.close()
-    if "rgb_array" not in env.metadata.get("render_modes", ()):
-        raise InvalidArgumentError(
-            f"{spec.id} draws none: its metadata['render_modes'] must name rgb_array"
-        )
 
 
 def watch_if_possible(

@@ -87,17 +87,14 @@ def decode(text: str | bytes) -> Message:
         raise InvalidArgumentError("client must have 8 to 64 characters")
     if isinstance(message, Command) and message.name not in Session.COMMANDS:
         raise UnknownNameError("command", message.name, Session.COMMANDS)
-    if isinstance(message, Command) and message.name in _INDEXED and not _is_index(message.value):
-        raise InvalidArgumentError(
-            f"{message.name} must have a whole number of at least 0, got {message.value!r}"
-        )
+    if isinstance(message, Command) and message.name in _INDEXED:
+        value = message.value
+        known = value is not None and not isinstance(value, bool) and 0 <= value < 2**32
+        if not known or value != int(value or 0):
+            raise InvalidArgumentError(
+                f"{message.name} must have a whole number of at least 0, got {value!r}"
+            )
     return message
-
-
-def _is_index(value: float | bool | None) -> bool:
-    if value is None or isinstance(value, bool):
-        return False
-    return 0 <= value < 2**32 and value == int(value)
 
 
 def view_fields(view: View) -> dict[str, Any]:
