@@ -13,7 +13,7 @@ from eutree.data import Demonstrations, Episode
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import Evaluation
 from eutree.fitting import Person, playing
-from eutree.fitting.diagnosis import about_doubt, about_result, harms, in_words
+from eutree.fitting.diagnosis import about_result, harms, in_words
 from eutree.fitting.fit import mend, race
 from eutree.fitting.playing import Played, Player, blame, practise, repairs, shown_in
 from eutree.learners.starts import RELEASE_8, SETTINGS, Candidate, candidates, promising
@@ -58,19 +58,24 @@ class TestDoubt:
         tree = by_hand(shown.schema, door=(0, 1))  # walks in at a gap of 0.5 to 0.7: 2 of 5 fail
         few, many = (Player(corridor, 0).play(tree, n, 0).evaluation for n in (40, 1000))
         person = Person(Player(corridor, 9).play(tree, 15, 0).evaluation)
-        assert not about_result(person, few)
-        (sentence,) = about_doubt(person, few)
+        assert not about_result(person, few, doubts=False)
+        (sentence,) = about_result(person, few, doubts=True)
         assert "Too close to tell" in sentence
         assert f"{few.successes.sum()} of 40 (" in sentence
-        assert about_doubt(Person(many), many) == []
+        assert about_result(Person(many), many, doubts=True) == []
 
     def test_returns_are_doubted_like_successes(self, corridor, shown):
         tree = by_hand(shown.schema, door=(0, 1))
         played = Player(corridor, 0).play(tree, 40, 0).evaluation
         played = replace(played, successes=None)
-        (sentence,) = about_doubt(Person(played), played)
+        (sentence,) = about_result(Person(played), played, doubts=True)
         assert "on average" in sentence
-        assert about_doubt(Person(replace(played, returns=played.returns - 1000.0)), played) == []
+        assert (
+            about_result(
+                Person(replace(played, returns=played.returns - 1000.0)), played, doubts=True
+            )
+            == []
+        )
 
     def test_a_doubtful_tree_gets_the_leaf_and_the_cause(self, corridor, shown):
         tree = by_hand(shown.schema, door=(0, 1))

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from eutree.arrays import Floats, Integers
 from eutree.data.episode import CUT, TAUGHT, Episode, episodes_from_rows, schema_for
-from eutree.data.files import DemonstrationFolder, save_folder
+from eutree.data.files import DemonstrationFolder, misfit, save_folder
 from eutree.display import Displayed, counted
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.features import Derivation, FeatureMap
@@ -44,19 +44,9 @@ class Demonstrations(Displayed):
     def __post_init__(self) -> None:
         object.__setattr__(self, "episodes", tuple(self.episodes))
         for number, episode in enumerate(self.episodes):
-            size = episode.observations.shape[1]
-            if size != self.schema.n_features:
-                raise InvalidArgumentError(
-                    f"episode {number} must have observations of {self.schema.n_features} "
-                    f"features, got {size}"
-                )
-            if len(episode) and not 0 <= episode.actions.min() <= episode.actions.max() < (
-                self.schema.n_actions
-            ):
-                raise InvalidArgumentError(
-                    f"episode {number} must have actions in 0..{self.schema.n_actions - 1}, got "
-                    f"{episode.actions.min()}..{episode.actions.max()}"
-                )
+            problem = misfit(episode, self.schema)
+            if problem:
+                raise InvalidArgumentError(f"episode {number} {problem}")
 
     def __repr__(self) -> str:
         """Return what these are in one line; the numbers themselves would be pages."""

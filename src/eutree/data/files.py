@@ -255,7 +255,7 @@ class DemonstrationFolder:
 
     def write(self, number: int, episode: Episode) -> None:
         """Write or replace an episode, atomically."""
-        problem = _misfit(episode, self.schema)
+        problem = misfit(episode, self.schema)
         if problem:
             raise InvalidArgumentError(f"the episode {problem}")
         try:
@@ -295,7 +295,7 @@ class DemonstrationFolder:
 
     def _fitting(self, episode: Episode, path: Path) -> Episode:
         """Return the episode of a file if it fits the schema."""
-        problem = _misfit(episode, self.schema)
+        problem = misfit(episode, self.schema)
         if problem:
             raise FormatError(path, "", problem)
         return episode
@@ -368,7 +368,7 @@ def demonstrations_document(
     )
 
 
-def _misfit(episode: Episode, schema: Schema) -> str:
+def misfit(episode: Episode, schema: Schema) -> str:
     """Return why the episode does not fit the schema, or an empty string."""
     size = episode.observations.shape[1]
     if size != schema.n_features:

@@ -111,21 +111,14 @@ def about_size(policy: TreePolicy, demonstrations: Demonstrations) -> list[str]:
     ]
 
 
-def about_result(person: Person, tree: Evaluation) -> list[str]:
-    """Return that a tree is worse than its demonstrator, if it is."""
+def about_result(person: Person, tree: Evaluation, *, doubts: bool) -> list[str]:
+    """Return that a tree is worse than its demonstrator, or, with ``doubts``, that it may be."""
     found = verdict(person.whole, tree)
-    if not found.is_worse:
-        return []
     shown, reached = (result_in_words(side, found.measure) for side in (person.whole, tree))
-    return [f"The tree is worse than the demonstrations: {reached}, they {shown}."]
-
-
-def about_doubt(person: Person, tree: Evaluation) -> list[str]:
-    """Return that a tree may be worse than its demonstrator: chance may have hidden it."""
-    found = verdict(person.whole, tree)
-    if not found.is_open:
+    if found.is_worse:
+        return [f"The tree is worse than the demonstrations: {reached}, they {shown}."]
+    if not (doubts and found.is_open):
         return []
-    shown, reached = (result_in_words(side, found.measure) for side in (person.whole, tree))
     return [
         f"Too close to tell whether the tree is as good as the demonstrations: {reached}, they "
         f"{shown}. More --episodes tell more, and more demonstrations."

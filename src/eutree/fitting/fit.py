@@ -19,7 +19,6 @@ from eutree.errors import EutreeError, InvalidArgumentError, shown
 from eutree.fitting.combining import confirm, propose
 from eutree.fitting.diagnosis import (
     about_demonstrations,
-    about_doubt,
     about_result,
     about_size,
     harms,
@@ -361,9 +360,8 @@ def _report(
     warnings = [*about_demonstrations(demonstrations), *about_size(policy, demonstrations)]
     if judged is not None:
         found_harms = harms(judged, demonstrations)
-        worse = about_result(person, judged.evaluation)
-        if found_harms and not worse:  # where hardly an episode ends badly, a doubt helps nobody
-            worse = about_doubt(person, judged.evaluation)
+        # Where hardly an episode ends badly, a doubt helps nobody.
+        worse = about_result(person, judged.evaluation, doubts=bool(found_harms))
         warnings += worse
         warnings += [
             in_words(harm, policy, demonstrations.n_transitions)

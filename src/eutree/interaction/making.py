@@ -213,9 +213,9 @@ def _check_known(name: str) -> None:
         return
     if name in gymnasium.registry:
         return
-    if not any(known.split("-v")[0] == name.split("-v")[0] for known in gymnasium.registry):
-        raise UnknownNameError("environment", name, gymnasium.registry, hint=_IMPORT)
     versions = [k for k in gymnasium.registry if k.split("-v")[0] == name.split("-v")[0]]
+    if not versions:
+        raise UnknownNameError("environment", name, gymnasium.registry, hint=_IMPORT)
     if "-v" in name:
         raise UnknownNameError("environment", name, versions)
 

@@ -7,13 +7,14 @@ decision, taken otherwise for a few steps, would have led to a better end.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from eutree.arrays import Booleans, Floats
 from eutree.data import Episode
 from eutree.interaction import GuardedEnv, run_episode
+from eutree.interaction.acting import Actor
+from eutree.interaction.episode import EpisodeSteps
 from eutree.policies import TreePolicy
 from eutree.trees.text import Digits, printable
 
@@ -180,35 +181,15 @@ def _otherwise(
     shown: Episode, step: int, other: int, held: int, policy: TreePolicy, env: GuardedEnv
 ) -> Episode:
     """Play the episode again, with another action for some steps from one on."""
-    forced = dict.fromkeys(range(step, step + held), other)
-    forced.update(enumerate(shown.actions[:step].tolist()))
-    return run_episode(env, _Forced(policy, forced), shown.seed)
-
-
-class _Forced:
-    """A tree that is made to take certain actions at certain steps.
-
-    Args:
-        policy: The tree.
-        forced: The actions, by step.
-    """
-
-    reads_features = True
-
-    def __init__(self, policy: TreePolicy, forced: dict[int, int]) -> None:
-        self._policy, self._forced, self._step = policy, forced, -1
-
-    def predict(
-        self,
-        observation: Any,
-        state: Any = None,
-        episode_start: Any = None,
-        deterministic: bool = True,
-    ) -> tuple[Any, Any]:
-        """Return the action, and what the tree remembers."""
-        action, state = self._policy.predict(observation, state)
-        self._step += 1
-        return self._forced.get(self._step, action), state
+    steps, actor = EpisodeSteps(env, env.reset(shown.seed)), Actor(policy, env)
+    while not steps.is_over:
+        at, action = len(steps), actor.act(steps.present, env.allowed)
+        if at < step + held:
+            action = other if at >= step else int(shown.actions[at])
+        if env.allowed is not None and not env.allowed[action]:
+            action = int(env.allowed.argmax())
+        steps.take(action)
+    return steps.episode(shown.seed)
 
 
 def _is_better(again: Episode, shown: Episode) -> bool:
