@@ -208,7 +208,7 @@ def fit(
             report = _report(best_left_out(found), None, demonstrations, found, notes)
         else:
             player = Player(world, seed, on_progress)
-            fitting = _Fitting(demonstrations, world, player, keeps, episodes, seed)
+            fitting = _Fitting(demonstrations, player, keeps, episodes, seed)
             report = fitting.report(found, practise, repair=settings is None)
     count = report.episodes_played + spent
     return replace(report, proposals=proposals, episodes_played=count)
@@ -246,15 +246,13 @@ class _Fitting:
 
     Attributes:
         demonstrations: What was shown: trees are fitted to it, practice begins with it.
-        world: Where to play.
-        player: Plays there and counts.
+        player: Plays and counts.
         keeps: The rules that every tree keeps.
         episodes: Fresh episodes that judge a tree.
         seed: Seed of the fit.
     """
 
     demonstrations: Demonstrations
-    world: gymnasium.Env[Any, Any]
     player: Player
     keeps: _Keeping
     episodes: int
@@ -314,7 +312,7 @@ class _Fitting:
             chosen.policy,
             self.demonstrations,
             known,
-            self.world,
+            self.player.world,
             episodes=episodes,
             seed=self.seed,
             on_progress=tell,

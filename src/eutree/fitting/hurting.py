@@ -15,9 +15,7 @@ what is to be imitated in its place (``Episode.taught``).
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import Any
 
-import gymnasium
 import numpy as np
 
 from eutree.arrays import Booleans, Floats, Integers
@@ -292,24 +290,12 @@ def find_hurting(
 
 
 class _Games(Player):
-    """Plays trees from common starts; of most episodes only the figures are asked for.
-
-    Args:
-        env: The environment.
-        seed: Seed of all that is played.
-        on_progress: Told after each block.
-    """
-
-    def __init__(
-        self, env: gymnasium.Env[Any, Any], seed: int, on_progress: Progress | None
-    ) -> None:
-        super().__init__(env, seed, on_progress)
-        self._world = env  # unguarded: `evaluate` looks whether many copies can run side by side
+    """Plays trees from common starts; of most episodes only the figures are asked for."""
 
     def figures(self, tree: TreePolicy, block: int, episodes: int, first: int = 0) -> Evaluation:
         """Return what a tree reaches from so many starts of a block, the same for every tree."""
         seed = episode_seed(episode_seed(self._seed, block, Stream.FITTING), first)
-        found = evaluate(tree, self._world, episodes=episodes, seed=seed)
+        found = evaluate(tree, self.world, episodes=episodes, seed=seed)
         self._count(episodes)
         return found
 

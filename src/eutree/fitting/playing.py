@@ -82,14 +82,16 @@ class Player:
         on_progress: Told after each episode.
 
     Attributes:
+        world: The environment, unguarded: ``evaluate`` looks whether many copies can run side by
+            side.
         episodes: How many were played.
     """
 
     def __init__(
         self, env: gymnasium.Env[Any, Any], seed: int, on_progress: Progress | None = None
     ) -> None:
-        self._env = GuardedEnv(env)
-        self._seed = seed
+        self.world = env
+        self._env, self._seed = GuardedEnv(env), seed
         self.on_progress = on_progress
         self.episodes = 0
         self.begin("playing", 1)
