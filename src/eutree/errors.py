@@ -14,7 +14,8 @@ The command line prints the message of an ``EutreeError`` as one line and exits 
 """
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -71,6 +72,25 @@ class FormatError(EutreeError, ValueError):
         self.path, self.place, self.reason = str(path), place, reason
         where = f"{path}: {place}" if place else str(path)
         super().__init__(f"{where}: {reason}")
+
+
+@contextmanager
+def blamed(
+    path: str | Path,
+    place: str = "",
+    errors: type[Exception] | tuple[type[Exception], ...] = InvalidArgumentError,
+) -> Iterator[None]:
+    """Say that it is a file that is not as it must be: raise FormatError in place of others.
+
+    Args:
+        path: The file.
+        place: Where in it; empty for all of it.
+        errors: In place of which errors.
+    """
+    try:
+        yield
+    except errors as error:
+        raise FormatError(path, place, str(error)) from None
 
 
 class FileError(EutreeError, OSError):

@@ -15,7 +15,6 @@ import math
 import re
 from array import array
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +23,7 @@ import numpy as np
 from eutree.arrays import Floats, Integers
 from eutree.data.episode import DROPPED, MAX_NAMES, Episode
 from eutree.data.log_format import HOLD, LEAVE_OUT, LogFormat, hint, is_nothing, is_quantity, label
-from eutree.errors import FormatError, InvalidArgumentError
+from eutree.errors import FormatError, InvalidArgumentError, blamed
 from eutree.files import opened_text, write_text
 from eutree.schema import Feature, Schema, numbered_actions
 from eutree.validation import check_choice, check_finite
@@ -76,7 +75,7 @@ def read_csv(
                 delimiter = max(_DELIMITERS, key=text.readline().count)
                 text.seek(0)
             reader = csv.reader(text, strict=True, delimiter=delimiter)
-            with _blamed(path, "line 1"):
+            with blamed(path, "line 1"):
                 table = _Table(_renamed(next(reader, []), columns, log), delimiter, log)
             for values in reader:
                 if values:  # else it is an empty line
@@ -89,15 +88,6 @@ def read_csv(
             line = reader.line_num if reader else 0
             raise FormatError(path, f"after line {line}", "not UTF-8 text") from None
     return table.read(path, schema)
-
-
-@contextmanager
-def _blamed(path: str | Path, place: str) -> Iterator[None]:
-    """Say where in the file it is that is not as it must be."""
-    try:
-        yield
-    except InvalidArgumentError as error:
-        raise FormatError(path, place, str(error)) from None
 
 
 def _renamed(found: list[str], own: Mapping[str, str], log: LogFormat) -> list[str]:
@@ -287,23 +277,23 @@ class _Table:
 
     def read(self, path: str | Path, schema: Schema | None) -> tuple[tuple[Episode, ...], Schema]:
         """Return the episodes and their schema, which is made of the table if it is not given."""
-        with _blamed(path, ""):
+        with blamed(path):
             features = tuple(self._made_features())
         if schema is None:
-            with _blamed(path, "action"):
+            with blamed(path, "action"):
                 actions = self._made_actions()
-            with _blamed(path, ""):
+            with blamed(path):
                 schema = Schema(features, actions)
         elif schema.n_features != len(features):
             names = [feature.name for feature in features]
             reason = f"expected {schema.n_features} features, got columns {names}"
             raise FormatError(path, "line 1", reason)
-        with _blamed(path, "action"):
+        with blamed(path, "action"):
             numbers = [self._action(text, schema.actions) for text in self._codes]
         numbers_of_codes = np.array(numbers, dtype=np.int64)
         episodes = []
         for group in self._groups:
-            with _blamed(path, f"line {group.last_line}"):
+            with blamed(path, f"line {group.last_line}"):
                 episodes.append(self._episode(group, numbers_of_codes))
         return tuple(episodes), schema
 

@@ -13,7 +13,7 @@ from eutree.arrays import Floats, Integers
 from eutree.data.episode import CUT, TAUGHT, Episode, episodes_from_rows, schema_for
 from eutree.data.files import DemonstrationFolder, misfit, save_folder
 from eutree.display import Displayed, counted
-from eutree.errors import FormatError, InvalidArgumentError
+from eutree.errors import InvalidArgumentError, blamed
 from eutree.features import Derivation, FeatureMap
 from eutree.schema import EnvironmentSpec, Feature, Schema
 from eutree.validation import check_finite, data_frame
@@ -225,11 +225,9 @@ class Demonstrations(Displayed):
         from eutree.data.npz_files import read_npz
 
         episodes, n_features = read_npz(path)
-        try:
+        with blamed(path):
             schema = schema_for(episodes, n_features, schema)
-        except InvalidArgumentError as error:
-            raise FormatError(path, "", str(error)) from None
-        return _blamed(path, episodes, schema, environment, Path(path).stem)
+            return cls(episodes, schema, environment, Path(path).stem)
 
     def to_npz(self, path: str | Path) -> None:
         """Write the kept episodes as the arrays that imitation and Stable-Baselines use."""
@@ -265,7 +263,8 @@ class Demonstrations(Displayed):
         from eutree.data.csv_files import read_csv
 
         read = read_csv(path, schema, columns=columns, delimiter=delimiter, log=log)
-        return _blamed(path, *read, environment, Path(path).stem)
+        with blamed(path):
+            return cls(*read, environment, Path(path).stem)
 
     def to_csv(self, path: str | Path) -> None:
         """Write a table with one row for each observation, discarded episodes included."""
@@ -278,7 +277,9 @@ class Demonstrations(Displayed):
         """Read a Minari dataset from the local folder (extra ``minari``)."""
         from eutree.data.minari_files import read_minari
 
-        return _blamed(f"minari:{dataset_id}", *read_minari(dataset_id))
+        content = read_minari(dataset_id)
+        with blamed(f"minari:{dataset_id}"):
+            return cls(*content)
 
     def to_minari(self, dataset_id: str) -> None:
         """Write the kept episodes as a Minari dataset (extra ``minari``).
@@ -354,17 +355,3 @@ def check_rewards(demonstrations: Demonstrations, *, alone: bool = False) -> Non
             f"demonstrations must have rewards to be learned from by reinforcement, but all of "
             f"theirs are 0; {without}"
         )
-
-
-def _blamed(
-    path: str | Path,
-    episodes: tuple[Episode, ...],
-    schema: Schema,
-    environment: EnvironmentSpec | None,
-    expert: str,
-) -> Demonstrations:
-    """Return demonstrations; if they do not fit the schema, blame the file."""
-    try:
-        return Demonstrations(episodes, schema, environment, expert)
-    except InvalidArgumentError as error:
-        raise FormatError(path, "", str(error)) from None

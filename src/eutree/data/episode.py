@@ -257,34 +257,6 @@ def episodes_from_rows(
     return tuple(replace(episode, has_rewards=known) for episode in made if len(episode))
 
 
-def starts_from_ends(ends: ArrayLike) -> Booleans:
-    """Return whether each row starts an episode, given whether each ends one."""
-    flags = np.asarray(ends, dtype=bool)
-    return np.concatenate([[True], flags[:-1]]) if flags.size else flags
-
-
-def rows_of(episodes: tuple[Episode, ...], n_features: int) -> dict[str, NDArray[Any]]:
-    """Return the episodes as flat rows, under the names of ``episodes_from_rows``."""
-    episodes = tuple(episode for episode in episodes if len(episode))
-    lengths = np.array([len(episode) for episode in episodes], dtype=np.int64)
-    ends = np.cumsum(lengths)
-    n = int(lengths.sum())
-    starts, terminated, truncated = (np.zeros(n, dtype=bool) for _ in range(3))
-    starts[ends - lengths] = True
-    terminated[ends - 1] = [e.terminated for e in episodes]
-    truncated[ends - 1] = [e.truncated for e in episodes]
-    empty = np.empty((0, n_features))
-    return {
-        "observations": np.concatenate([empty, *(e.observations[:-1] for e in episodes)]),
-        "actions": np.concatenate([np.empty(0, np.int64), *(e.actions for e in episodes)]),
-        "starts": starts,
-        "rewards": np.concatenate([np.empty(0), *(e.rewards for e in episodes)]),
-        "next_observations": np.concatenate([empty, *(e.observations[1:] for e in episodes)]),
-        "terminated": terminated,
-        "truncated": truncated,
-    }
-
-
 def schema_for(episodes: tuple[Episode, ...], n_features: int, schema: Schema | None) -> Schema:
     """Return the given schema, or one without names that fits the episodes.
 

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from eutree.data.episode import Episode
 from eutree.data.journal import EpisodeJournal, is_running, recover_episode
-from eutree.errors import FileError, FormatError, InvalidArgumentError
+from eutree.errors import FileError, FormatError, InvalidArgumentError, blamed
 from eutree.files import Document, atomic, read_document
 from eutree.files.arrays import MAX_ARCHIVE, decode_archive, encode_archive
 from eutree.files.documents import encode_document
@@ -118,13 +118,11 @@ def episode_from_document(
     """
     if document.seed is not None and document.seed < 0:
         raise FormatError(path, "seed", f"must be >= 0, got {document.seed}")
-    try:
+    with blamed(path):
         check_finite("observations", arrays["observations"])
         check_finite("rewards", arrays["rewards"])
         said: dict[str, Any] = {name: getattr(document, name) for name in _SAID}
         return Episode(**arrays | said, steps=steps)
-    except InvalidArgumentError as error:
-        raise FormatError(path, "", str(error)) from None
 
 
 HEADER = "demonstrations.json"

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from eutree.data.episode import Episode
-from eutree.errors import FileError, FormatError, InvalidArgumentError
+from eutree.errors import FileError, FormatError, InvalidArgumentError, blamed
 from eutree.files import Document, atomic
 from eutree.files.documents import decode_document, encode_document
 from eutree.files.schema_document import Index, plain_json
@@ -226,13 +226,12 @@ def recover_episode(path: str | Path) -> Episode | None:
         raise FormatError(path, "seed", f"must be >= 0, got {header.seed}")
     steps = _Steps(header.observation)
     for record in records:
-        try:
+        wrong = (msgspec.MsgspecError, ValueError, RecursionError)
+        with blamed(path, f"step {len(steps.actions)}", wrong):
             steps.add(_decoder.decode(record))
-        except (msgspec.MsgspecError, ValueError, RecursionError) as error:
-            raise FormatError(path, f"step {len(steps.actions)}", str(error)) from None
     if not steps.actions:
         return None
-    try:
+    with blamed(path, errors=(ValueError, TypeError, OverflowError)):
         return Episode(
             observations=np.array(steps.observations).reshape(-1, steps.size),
             actions=np.array(steps.actions, dtype=np.int64),
@@ -244,8 +243,6 @@ def recover_episode(path: str | Path) -> Episode | None:
             steps={name: _column(name, steps.values[name]) for name in sorted(steps.values)},
             extras=header.extras,
         )
-    except (ValueError, TypeError, OverflowError) as error:
-        raise FormatError(path, "", str(error)) from None
 
 
 class _Steps:

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eutree.data.episode import Episode, episodes_from_rows, rows_of, starts_from_ends
-from eutree.errors import FormatError, InvalidArgumentError
+from eutree.data.episode import Episode, episodes_from_rows
+from eutree.errors import FormatError, InvalidArgumentError, blamed
 from eutree.files import read_arrays, write_arrays
 
 _ALIASES = {
@@ -58,11 +58,9 @@ def read_npz(path: str | Path) -> tuple[tuple[Episode, ...], int]:
         arrays["acts"] = arrays["acts"][:, 0]
     if arrays["obs"].ndim == 1:
         arrays["obs"] = arrays["obs"][:, np.newaxis]
-    try:
+    with blamed(path, errors=(InvalidArgumentError, IndexError)):
         read = _trajectories if "indices" in arrays else _rows
         return read(arrays), int(arrays["obs"].shape[1])
-    except (InvalidArgumentError, IndexError) as error:
-        raise FormatError(path, "", str(error)) from None
 
 
 def write_npz(path: str | Path, episodes: tuple[Episode, ...], n_features: int) -> None:
@@ -70,22 +68,32 @@ def write_npz(path: str | Path, episodes: tuple[Episode, ...], n_features: int) 
 
     So are the rewards, if those of one episode are not known.
     """
-    rows = rows_of(episodes, n_features)
-    lengths = [len(episode) for episode in episodes if len(episode)]
-    dones = np.zeros(len(rows["actions"]), dtype=bool)
-    dones[np.cumsum(lengths, dtype=np.int64) - 1] = True
+    known = all(episode.has_rewards for episode in episodes)
+    episodes = tuple(episode for episode in episodes if len(episode))
+    lengths = np.array([len(episode) for episode in episodes], dtype=np.int64)
+    ends = np.cumsum(lengths)
+    starts, dones, terminated, truncated = np.zeros((4, int(lengths.sum())), dtype=bool)
+    starts[ends - lengths] = dones[ends - 1] = True
+    terminated[ends - 1] = [episode.terminated for episode in episodes]
+    truncated[ends - 1] = [episode.truncated for episode in episodes]
+    nothing = np.empty((0, n_features))
     arrays = {
-        "obs": rows["observations"],
-        "acts": rows["actions"],
-        "next_obs": rows["next_observations"],
-        "rews": rows["rewards"],
+        "obs": np.concatenate([nothing, *(e.observations[:-1] for e in episodes)]),
+        "acts": np.concatenate([np.empty(0, np.int64), *(e.actions for e in episodes)]),
+        "next_obs": np.concatenate([nothing, *(e.observations[1:] for e in episodes)]),
+        "rews": np.concatenate([np.empty(0), *(e.rewards for e in episodes)]),
         "dones": dones,
-        "terminations": rows["terminated"],
-        "truncations": rows["truncated"],
+        "terminations": terminated,
+        "truncations": truncated,
+        "episode_starts": starts,
     }
-    if not all(episode.has_rewards for episode in episodes):
-        del arrays["rews"]
-    write_arrays(path, arrays | {"episode_starts": rows["starts"]})
+    write_arrays(path, {name: array for name, array in arrays.items() if known or name != "rews"})
+
+
+def _starts_after(ends: NDArray[Any]) -> NDArray[np.bool_]:
+    """Return whether each row starts an episode, given whether each ends one."""
+    flags = ends.astype(bool)
+    return np.concatenate([[True], flags[:-1]]) if flags.size else flags
 
 
 def _rows(arrays: _Arrays) -> tuple[Episode, ...]:
@@ -96,10 +104,10 @@ def _rows(arrays: _Arrays) -> tuple[Episode, ...]:
     if "starts" in arrays:
         starts = arrays["starts"]
     elif dones is not None:
-        starts = starts_from_ends(dones)
+        starts = _starts_after(dones)
         terminated = dones if terminated is None and truncated is None else terminated
     elif terminated is not None and truncated is not None:
-        starts = starts_from_ends(terminated.astype(bool) | truncated.astype(bool))
+        starts = _starts_after(terminated.astype(bool) | truncated.astype(bool))
     else:
         starts = np.arange(n) == 0
     return episodes_from_rows(
