@@ -116,7 +116,7 @@ def test_a_start_that_somebody_else_took_is_left_out(env: GuardedEnv) -> None:
     first = recording.begin({}, [])
     assert not np.isnan(first.observation).any()
     recording.mark(3, kept=False)  # no such episode
-    recording.interrupt(first, "on fire")
+    recording.stop(first, kept=False, comment="on fire", ending="fault")
     kinds = [type(output).__name__ for output in recording.take_outputs()]
     assert kinds == ["EpisodeStarted", "EpisodeAbandoned"]
     assert recording.take_outputs() == []

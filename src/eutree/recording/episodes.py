@@ -55,7 +55,7 @@ class Trial:
         self.extras = extras or {}
         self.is_over = observation is None
         self.observation = observation
-        self._first = observation
+        self._first = np.empty(0) if observation is None else observation
         self._rows: list[StepTaken] = []
         self._info: dict[str, Any] = {}
         self._held = set(held)
@@ -98,43 +98,20 @@ class Trial:
         self.observation = observation
         return row
 
-    def finish(self) -> Episode:
-        """Return the episode that the environment ended."""
-        last = self._rows[-1]
-        return self._episode(
-            terminated=last.terminated,
-            truncated=last.truncated,
-            ending=ending_of(self._info, terminated=last.terminated),
-            is_success=success_of(self._info),
-        )
-
-    def stop(self, ending: str = STOPPED) -> Episode:
-        """Return the episode that a person, or a fault, ended: neither flag is set."""
-        return self._episode(terminated=False, truncated=False, ending=ending, is_success=None)
-
-    def started(self) -> EpisodeStarted:
-        """Return what is to be stored at the start."""
-        first = np.empty(0) if self._first is None else self._first
-        return EpisodeStarted(first, self.seed, dict(self.extras))
-
-    def abandoned(self) -> EpisodeAbandoned:
-        """End without a step."""
-        self.is_over = True
-        return EpisodeAbandoned()
-
-    def _episode(self, **fields: Any) -> Episode:
-        self.is_over = True
-        rows = self._rows
-        names = list(rows[0].steps)
-        first = np.empty(0) if self._first is None else self._first
+    def finish(self, ending: str = "") -> Episode:
+        """Return the episode; ``ending`` where the environment has not ended it."""
+        self.is_over, rows, last = True, self._rows, self._rows[-1]
         return Episode(
-            observations=np.array([first, *(row.observation for row in rows)]),
+            observations=np.array([self._first, *(row.observation for row in rows)]),
             actions=np.array([row.action for row in rows], dtype=np.int64),
             rewards=np.array([row.reward for row in rows]),
+            terminated=last.terminated,
+            truncated=last.truncated,
             seed=self.seed,
-            steps={name: np.array([row.steps[name] for row in rows]) for name in names},
+            ending=ending or ending_of(self._info, terminated=last.terminated),
+            is_success=None if ending else success_of(self._info),
+            steps={name: np.array([row.steps[name] for row in rows]) for name in rows[0].steps},
             extras={**self.extras, "edges": self._edges},
-            **fields,
         )
 
 
@@ -218,7 +195,7 @@ class Recording:
         if self._chosen is not None:
             extras = {**extras, "chosen_start": True}
         trial = Trial(observation, self._seed(), extras, held)
-        self._outputs.append(trial.started())
+        self._outputs.append(EpisodeStarted(observation, trial.seed, dict(extras)))
         return trial
 
     def step(self, trial: Trial, action: int, now: float, measured: dict[str, Any]) -> None:
@@ -235,22 +212,15 @@ class Recording:
         output = trial.step(action, self._env.step(action), now, measured)
         self._outputs.append(output)
         if output.terminated or output.truncated:
-            self._keep(trial, trial.finish())
+            self._keep(trial.finish())
 
-    def stop(self, trial: Trial, *, kept: bool, comment: str = "") -> None:
-        """End an episode by the person's wish."""
+    def stop(self, trial: Trial, *, kept: bool, comment: str = "", ending: str = STOPPED) -> None:
+        """End an episode by the person's wish, or by what ``ending`` says."""
         if trial.n_steps:
-            self._keep(trial, replace(trial.stop(), kept=kept, comment=comment))
-        else:
-            self._outputs.append(trial.abandoned())  # nothing was shown: the start is unused
-            self.last = None
-
-    def interrupt(self, trial: Trial, reason: str) -> None:
-        """End an episode because of a fault: the steps so far are stored, but not used."""
-        if trial.n_steps:
-            self._keep(trial, replace(trial.stop("fault"), kept=False, comment=reason))
-        else:
-            self._outputs.append(trial.abandoned())
+            self._keep(replace(trial.finish(ending), kept=kept, comment=comment))
+        else:  # nothing was shown: the start is unused
+            trial.is_over, self.last = True, None
+            self._outputs.append(EpisodeAbandoned())
 
     def mark(self, index: int, *, kept: bool, comment: str = "") -> None:
         """Keep or discard an episode of the list."""
@@ -262,7 +232,7 @@ class Recording:
         self.episodes[index] = changed
         self._outputs.append(EpisodeChanged(index, changed))
 
-    def _keep(self, trial: Trial, episode: Episode) -> None:
+    def _keep(self, episode: Episode) -> None:
         """Put a finished episode into the list, to be stored at once."""
         self.last, self.missing = len(self.episodes), None
         self.episodes.append(episode)

@@ -176,7 +176,7 @@ class Session:
     def fail(self, reason: str) -> None:
         """End with a clear screen after a fault; the steps so far are stored, but not used."""
         if not self.play.trial.is_over:
-            self.recording.interrupt(self.play.trial, reason)
+            self.recording.stop(self.play.trial, kept=False, comment=reason, ending="fault")
         self.play.state, self.play.message = FAILED, reason
 
     def _take(self, event: Event, now: float) -> None:
