@@ -211,22 +211,19 @@ class PageServer:
         refused = self._gate.refusal(
             path, hosts, headers.get_all("Origin"), headers.get_all("Sec-WebSocket-Protocol")
         )
+        if refused is None and getattr(request, "method", "GET") != "GET":
+            refused = HTTPStatus.METHOD_NOT_ALLOWED  # older versions of websockets refuse others
         if refused is not None:
-            return _response(refused, refused.phrase.encode(), safe_headers("", "localhost"))
-        if getattr(request, "method", "GET") != "GET":  # older versions of websockets refuse others
-            refused = HTTPStatus.METHOD_NOT_ALLOWED
-            return _response(refused, refused.phrase.encode(), safe_headers("", hosts[0]))
+            return _response(refused, refused.phrase.encode())
+        is_full = self._n_sockets >= MAX_SOCKETS
         if path == STATUS_PATH:
-            status = FULL if self._n_sockets >= MAX_SOCKETS else READY
-            return _response(HTTPStatus.OK, status.encode(), safe_headers("", hosts[0]))
+            return _response(HTTPStatus.OK, (FULL if is_full else READY).encode())
         if path == SOCKET_PATH:
-            if self._n_sockets >= MAX_SOCKETS:
-                full = HTTPStatus.SERVICE_UNAVAILABLE
-                return _response(full, b"too many pages", safe_headers("", hosts[0]))
-            return None
+            full = HTTPStatus.SERVICE_UNAVAILABLE
+            return _response(full, b"too many pages") if is_full else None
         found = page(path, hosts[0])
         if found is None:
-            return _response(HTTPStatus.NOT_FOUND, b"not found", safe_headers("", hosts[0]))
+            return _response(HTTPStatus.NOT_FOUND, b"not found")
         return _response(HTTPStatus.OK, *found)
 
     async def _attend(self, connection: "ServerConnection") -> None:
@@ -383,10 +380,9 @@ class PageServer:
                     longer = {"make": maker.make, "practise": maker.practise,
                               "hurting": maker.look, "without": maker.make_without}  # fmt: skip
                     longer[wish](show, lambda: self._is_closing)
-            except EutreeError as error:
-                show(TreeView(phase=FAILED, message=str(error)))
             except Exception as error:
-                show(TreeView(phase=FAILED, message=f"{type(error).__name__}: {error}"))
+                kind = "" if isinstance(error, EutreeError) else f"{type(error).__name__}: "
+                show(TreeView(phase=FAILED, message=f"{kind}{error}"))
             finally:
                 wishes.is_busy = False
 
@@ -432,13 +428,14 @@ class PageServer:
                     await viewer.connection.close(1000, "the session is over")
 
 
-def _response(status: HTTPStatus, body: bytes, headers: dict[str, str]) -> "Response":
+def _response(status: HTTPStatus, body: bytes, headers: dict[str, str] | None = None) -> "Response":
     from websockets.datastructures import Headers
     from websockets.http11 import Response
 
-    plain = {"Content-Type": "text/plain; charset=utf-8"}
+    if headers is None:
+        headers = {"Content-Type": "text/plain; charset=utf-8", **safe_headers("", "localhost")}
     rest = {"Content-Length": str(len(body)), "Connection": "close"}
-    return Response(status.value, status.phrase, Headers({**plain, **headers, **rest}), body)
+    return Response(status.value, status.phrase, Headers({**headers, **rest}), body)
 
 
 def _own_address() -> str:
