@@ -82,11 +82,12 @@ def keep(out: Path) -> None:
     given = context.meta[_GIVEN]
     if "resume" in given or (out / KEPT).exists() or not out.is_dir():
         return
-    users = _of_the_user(given)
+    not_kept = _EACH_TIME | _of_the_user(given).keys()
+    parameters = {str(one.name): one for one in context.command.params}
     kept = {
         name: [_absolute(parameter, text) for text in given[name]]
-        for name, parameter in _parameters(context.command).items()
-        if name in given and name not in _EACH_TIME and name not in users
+        for name, parameter in parameters.items()
+        if name in given and name not in not_kept
     }
     write_document(out / KEPT, CommandDocument(arguments=kept))
 
@@ -168,7 +169,7 @@ def _line(command: click.Command, arguments: Arguments) -> list[str]:
     Raises:
         InvalidArgumentError: It takes no such argument.
     """
-    known, words = _parameters(command), []
+    known, words = {str(one.name): one for one in command.params}, []
     for name, texts in arguments.items():
         parameter = known.get(name)
         if parameter is None:
@@ -178,10 +179,6 @@ def _line(command: click.Command, arguments: Arguments) -> list[str]:
             is_flag = isinstance(parameter, click.Option) and parameter.is_flag
             words += flag if is_flag else [*flag, text]
     return words
-
-
-def _parameters(command: click.Command) -> dict[str, click.Parameter]:
-    return {str(parameter.name): parameter for parameter in command.params}
 
 
 def _absolute(parameter: click.Parameter, text: str) -> str:

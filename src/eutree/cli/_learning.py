@@ -50,25 +50,20 @@ class Following:
 
 def progress_of(run: "Run") -> tuple[str, int, int]:
     """Return what is under way, how much of its budget is used, and that budget."""
+    from eutree.learners.learner import HasStages
     from eutree.training.phases import MANY
 
     plan, at = run.plan, run.at
+    stage = run.learner.stage_name if isinstance(run.learner, HasStages) else "learning"
     if run.racing.search is not None and plan.race is not None:
         return "racing", at.racing_steps, plan.race.steps
     if not plan.gathers:
         return "learning", at.updates, plan.episodes
     if plan.episodes < MANY:
-        return stage_of(run), at.episode, plan.episodes
+        return stage, at.episode, plan.episodes
     if plan.steps is not None:
-        return stage_of(run), at.steps, plan.steps - plan.race_steps
+        return stage, at.steps, plan.steps - plan.race_steps
     return "learning", int(at.seconds), int(plan.seconds or 0)
-
-
-def stage_of(run: "Run") -> str:
-    """Return the stage that a learner is in, where it has several."""
-    from eutree.learners.learner import HasStages
-
-    return run.learner.stage_name if isinstance(run.learner, HasStages) else "learning"
 
 
 def present(run: "Run") -> str:
@@ -89,6 +84,8 @@ def present(run: "Run") -> str:
 
 def as_values(result: "LearningResult", out: Path) -> dict[str, Any]:
     """Return a result for ``--json``."""
+    from eutree.training.run_folder import names_of
+
     steps, judgement = result.environment_steps, result.against_start
     return {
         "method": result.method.name,
@@ -98,7 +95,10 @@ def as_values(result: "LearningResult", out: Path) -> dict[str, Any]:
         "handed_over": "learned" if judgement is None else judgement.handed_over,
         "why": "" if judgement is None else judgement.why,
         "against_start": None if judgement is None else judgement.facts(),
-        "front": _front(result, out),
+        "front": [
+            one.facts(str(out / name))
+            for one, name in zip(result.front, names_of(result.front), strict=True)
+        ],
         "certificate": None if result.certificate is None else result.certificate.figures(),
         "against_fit": None if result.against_fit is None else result.against_fit.facts(),
         "against": None if result.against is None else result.against.facts(),
@@ -144,15 +144,6 @@ def in_words(result: "LearningResult", out: Path, *, recorded: int | None) -> st
     proven = "" if result.certificate is None else str(result.certificate)
     lines = [f"{words}; written to {out}", *filter(None, [front, verdict, proven])]
     return "\n".join(lines) + beside(result.against)
-
-
-def _front(result: "LearningResult", out: Path) -> list[dict[str, Any]]:
-    """Return the front in JSON's types, each tree with its file."""
-    from eutree.training.run_folder import names_of
-
-    front = result.front
-    names = names_of(front) if front else []
-    return [one.facts(str(out / name)) for one, name in zip(front, names, strict=True)]
 
 
 def _against_start(result: "LearningResult") -> str:

@@ -111,7 +111,16 @@ def record(
         target=episodes, seed=seed, fps=fps, hud=hud, viewer="browser", makes=True
     )
     recorder = Recorder(env, out, keys=keys, settings=settings)
-    return _recorded_person(spec, recorder, out, **page)
+    if recorder.recovered:
+        numbers = ", ".join(map(str, recorder.recovered))
+        say(f"recovered interrupted episode {numbers} from a recorder that died")
+    record_on_page(Output(as_json=False), recorder, spec, out, **page)
+    kept = [episode for episode in recorder.session.episodes if episode.kept]
+    steps = sum(map(len, kept))
+    return Result(
+        {"episodes": len(kept), "n_transitions": steps, "path": str(out)},
+        f"{len(kept)} episodes, {steps} transitions, in {out}",
+    )
 
 
 def _lead(environment: str, study: Path, **given: Any) -> None:
@@ -198,19 +207,6 @@ def _recorded_expert(
     return Result(
         {"episodes": len(demos), "n_transitions": demos.n_transitions, "path": str(out)},
         f"{len(demos)} episodes, {demos.n_transitions} transitions{result}, written to {out}",
-    )
-
-
-def _recorded_person(spec: EnvironmentSpec, recorder: "Recorder", out: Path, **page: Any) -> Result:
-    if recorder.recovered:
-        numbers = ", ".join(map(str, recorder.recovered))
-        say(f"recovered interrupted episode {numbers} from a recorder that died")
-    record_on_page(Output(as_json=False), recorder, spec, out, **page)
-    kept = [episode for episode in recorder.session.episodes if episode.kept]
-    steps = sum(map(len, kept))
-    return Result(
-        {"episodes": len(kept), "n_transitions": steps, "path": str(out)},
-        f"{len(kept)} episodes, {steps} transitions, in {out}",
     )
 
 

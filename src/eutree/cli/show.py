@@ -70,7 +70,13 @@ def show(
     The page plays episodes of the policy with pictures where its environment can draw them.
     """
     if run_html is not None:
-        return _write_run_page(policy, run_html)
+        from eutree.report import report_of_run, run_page
+
+        check_writable(run_html)
+        report = report_of_run(policy)
+        write_text(run_html, run_page(report))
+        trust = None if report.trust is None else report.trust.figures()
+        return Result({"path": str(run_html), "model_trust": trust}, f"written to {run_html}")
     loaded = load_policy(policy)
     values = {
         "n_leaves": loaded.n_leaves,
@@ -99,17 +105,6 @@ def show(
     write_text(html, content)
     values |= {"path": str(html), "episodes": len(watched), "bytes": len(content.encode())}
     return Result(values, f"written to {html}")
-
-
-def _write_run_page(folder: Path, file: Path) -> Result:
-    """Write the page of a run."""
-    from eutree.report import report_of_run, run_page
-
-    check_writable(file)
-    report = report_of_run(folder)
-    write_text(file, run_page(report))
-    trust = None if report.trust is None else report.trust.figures()
-    return Result({"path": str(file), "model_trust": trust}, f"written to {file}")
 
 
 def _watched(

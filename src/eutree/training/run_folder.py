@@ -222,7 +222,8 @@ class RunFolder:
 
 def names_of(front: Sequence[FrontEntry]) -> list[str]:
     """Return the name of each tree's file: the first is what the others were made of."""
-    return ["front/learned.json", *(f"front/{one.policy.n_leaves}.json" for one in front[1:])]
+    sizes = [one.policy.n_leaves for one in front[1:]]
+    return [f"front/{name}.json" for name in ("learned", *sizes)][: len(front)]
 
 
 def _save_front(folder: Path, front: Sequence[FrontEntry], picked: TreePolicy | None) -> None:

@@ -9,6 +9,7 @@ True
 """
 
 import json
+import re
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -101,14 +102,9 @@ def card(name: str) -> Card:
     known = [one for one in cards() if one.task == task]
     if not known:
         raise UnknownNameError("tree of the zoo", task, tasks(), hint="eutree zoo lists them")
-    if size:
-        return _at_most(known, task, size)
     best = max(known, key=lambda one: one.mean_return)
-    return next(one for one in known if one.mean_return >= best.interval[0])
-
-
-def _at_most(known: list[Card], task: str, size: str) -> Card:
-    """Return the best of the trees of a task with at most so many leaves."""
+    if not size:
+        return next(one for one in known if one.mean_return >= best.interval[0])
     small = [one for one in known if size.isdecimal() and one.leaves <= int(size)]
     if not small:
         raise InvalidArgumentError(
@@ -134,14 +130,10 @@ def settings_of(task: str) -> Path:
     Raises:
         UnknownNameError: There is none of this task.
     """
-    files = {_task_of(file): file for file in (_HOME / "settings").glob("*.toml")}
+    names = {file.stem: file for file in (_HOME / "settings").glob("*.toml")}
+    # The name of a file has "-" where the id of eutree's own task has "/".
+    files = {re.sub("^eutree-", "eutree/", stem): file for stem, file in names.items()}
     name = task.removeprefix(PREFIX)
     if name not in files:
         raise UnknownNameError("task with settings", name, files)
     return files[name]
-
-
-def _task_of(file: Path) -> str:
-    """Return the id of the task of a file, whose name has "-" where the id has "/"."""
-    name = file.stem
-    return name.replace("-", "/", 1) if name.startswith("eutree-") else name
