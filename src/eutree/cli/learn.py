@@ -262,33 +262,18 @@ def _saying_how_to_go_on(stop: "StopRequest", out: Path) -> Iterator[None]:
     """End the command with the signal's exit code if one interrupts what is inside."""
     try:
         yield
-    except KeyboardInterrupt:
-        stop.no_more()
-        saved = _say_how(out)
-        if not saved:
+    except (KeyboardInterrupt, EnvironmentFault) as end:
+        is_fault = isinstance(end, EnvironmentFault)
+        if not is_fault:
+            stop.no_more()
+        if (out / "checkpoint.npz").exists() or any((out / "runs").glob("*/config.json")):
+            keep(out)
+            say(f"stopped and saved; go on with: {line_to_go_on(out)}")
+        elif not is_fault:
             say("stopped before anything was learned")
+        if is_fault:
+            raise
         raise SystemExit(stop.exit_code if stop() else 128 + SIGINT) from None
-    except EnvironmentFault:
-        _say_how(out)
-        raise
-
-
-def _say_how(out: Path) -> bool:
-    """Say how a run goes on; return whether anything of it is there."""
-    saved = (out / "checkpoint.npz").exists() or any((out / "runs").glob("*/config.json"))
-    if saved:
-        keep(out)
-        say(f"stopped and saved; go on with: {line_to_go_on(out)}")
-    return saved
-
-
-def _manner(shown: EnvironmentSpec | None, environment: str) -> dict[str, Any]:
-    """Return how an environment was observed and acted in, where it was shown."""
-    from eutree.interaction.making import MANNER
-
-    if shown is None or shown.id.rpartition(":")[2] != environment.rpartition(":")[2]:
-        return {}
-    return {name: value for name, value in shown.arguments.items() if name in MANNER}
 
 
 def _spec(
@@ -302,10 +287,14 @@ def _spec(
     How the named one is observed and acted in is taken from the demonstrations of it, or else from
     the usual arguments of the settings.
     """
+    from eutree.interaction.making import MANNER
+
     chosen = chosen_by_file(arguments) | (usual.keys() - arguments.keys())
     shown = demonstrations.environment if demonstrations is not None else None
     if environment is not None:
-        manner = _manner(shown, environment)
+        manner = {}
+        if shown is not None and shown.id.rpartition(":")[2] == environment.rpartition(":")[2]:
+            manner = {name: value for name, value in shown.arguments.items() if name in MANNER}
         return EnvironmentSpec(environment, {**usual, **manner, **arguments}, chosen)
     if demonstrations is None or demonstrations.environment is None:
         raise InvalidArgumentError(

@@ -18,7 +18,7 @@ from eutree.interaction.episode import Stream
 from eutree.learners import Learner
 from eutree.policies import TreePolicy
 from eutree.schema import EnvironmentSpec
-from eutree.training.handover import AS_LEARNED, Duel, Judgement, judge, judged
+from eutree.training.handover import AS_LEARNED, Duel, Handover, Judgement, judge, judged
 from eutree.training.phases import ALONG, Plan, RunState, generator_of, left, within
 from eutree.training.proposals import key
 
@@ -163,6 +163,7 @@ class Evaluations:
 
     def __init__(self, plan: Plan, state: RunState) -> None:
         self._plan = plan
+        self._handover = plan.handover or Handover(episodes=0)
         self._state = state
         self.played = PlayedStarts()
         self._counted = 0
@@ -209,21 +210,19 @@ class Evaluations:
         """
         from eutree.training.front import IMAGINING, Extent, front_of_run
 
-        plan, at, state = self._plan, self._state.at, self._state
+        plan, handover, at, state = self._plan, self._handover, self._state.at, self._state
         state.whole = True
-        extent = None
         ground = arena.ground(plan.seed)
-        if plan.handover is not None:
-            steps = plan.handover.steps_of_front(at.steps, side_by_side=ground.side_by_side)
-            if plan.is_dear and plan.handover.front_steps is None:
-                steps = min(steps, int(self._left() / 2 * at.steps / max(at.episode, 1)))
-            time = self._seconds_left() / 4  # for imagining, and as much for playing
+        steps = handover.steps_of_front(at.steps, side_by_side=ground.side_by_side)
+        if plan.is_dear and handover.front_steps is None:
+            steps = min(steps, int(self._left() / 2 * at.steps / max(at.episode, 1)))
+        time = self._seconds_left() / 4  # for imagining, and as much for playing
+        if plan.seconds is not None:
+            steps = min(steps, within(time, self.played.steps, self.played.seconds))
+        extent = Extent.of(steps, at.steps, at.episode)
+        if extent is not None:
             if plan.seconds is not None:
-                steps = min(steps, within(time, self.played.steps, self.played.seconds))
-            extent = Extent.of(steps, at.steps, at.episode)
-            if plan.seconds is not None and extent is not None:
                 extent = replace(extent, imagined=min(extent.imagined, int(time * IMAGINING)))
-        if plan.handover is not None and extent is not None:
             found = front_of_run(
                 [learned, *reversed(self.earlier)],
                 first,
@@ -231,8 +230,8 @@ class Evaluations:
                 ground,
                 extent,
                 keeping,
-                max_leaves=plan.handover.max_leaves,
-                success_margin=plan.handover.success_margin,
+                max_leaves=handover.max_leaves,
+                success_margin=handover.success_margin,
                 generator=generator_of(plan.seed, Stream.FRONT, 0),
             )
             self.front, self.picked = found.entries, self._preferred(found, arena)
@@ -245,17 +244,16 @@ class Evaluations:
 
     def _proven(self, arena: Arena) -> ProvenFirst | None:
         """Return what tells proven trees from others, where they are preferred."""
-        handover = self._plan.handover
-        question = None if handover is None else handover.prefer_proven
+        question = self._handover.prefer_proven
         return None if question is None else ProvenFirst(arena.env.spec, question)
 
     def _preferred(self, found: "Front", arena: Arena) -> TreePolicy | None:
         """Return the pick or, where proven trees are preferred, the best of those, if any is."""
         proven, picked = self._proven(arena), found.picked
-        if proven is None or picked is None or self._plan.handover is None:
+        if proven is None or picked is None:
             return picked
         others = sorted(found.entries[1:], key=lambda one: -one.mean_return)
-        most = self._plan.handover.max_leaves
+        most = self._handover.max_leaves
         fit = [one.policy for one in others if most is None or one.policy.n_leaves <= most]
         trees = [picked, *fit]
         first = proven.first(trees)
@@ -263,10 +261,8 @@ class Evaluations:
 
     def _remember(self, policy: TreePolicy) -> None:
         """Keep the last few trees that differ: smaller ones are made of them at the end."""
-        handover = self._plan.handover
-        if handover is None or not handover.has_front:
-            return
-        if not self.earlier or key(self.earlier[-1]) != key(policy):
+        is_new = not self.earlier or key(self.earlier[-1]) != key(policy)
+        if self._handover.has_front and is_new:
             self.earlier = [*self.earlier, policy][-EARLIER:]
 
     def judge(self, first: TreePolicy, policy: TreePolicy, challengers: int, arena: Arena) -> None:
@@ -310,9 +306,9 @@ class Evaluations:
 
     def _pairs(self, first: TreePolicy, policy: TreePolicy, most: int, arena: Arena) -> int:
         """Return the most pairs that start and result may play: what was played counts again."""
-        plan, seed, handover = self._plan, self._seed(self._fresh), self._plan.handover
+        plan, seed = self._plan, self._seed(self._fresh)
         more = 2 * most
-        if plan.is_dear and handover is not None and handover.episodes is None:
+        if plan.is_dear and self._handover.episodes is None:
             more = min(more, self._left())
         if plan.seconds is not None:
             self.played.of(first, [0], seed, arena)  # an episode at least, which tells the time
