@@ -130,13 +130,6 @@ class RecentEpisodes:
         stay = recent | (ranks[first] < self.bounds[0])
         return np.repeat(stay, lengths)
 
-    def rescaled(self, leaves: Labels, actions: Labels, ranks: Ranks) -> Ranks:
-        """Return the ranks: a leaf has no reservoir here."""
-        return ranks
-
-    def reset(self, n_leaves: int, leaves: list[int] | None = None) -> None:
-        """Do nothing: a leaf has no reservoir here."""
-
 
 Forgetting: TypeAlias = LeafReservoirs | RecentEpisodes
 

@@ -377,7 +377,13 @@ class History:
         leaving, entering = self.leaving.of(leaf), self.entering.of(leaf)
         rows = np.empty(leaving.size + entering.size, dtype=np.int64)
         rows = rows[: _kernels.merge(leaving, entering, rows)]
-        self._reset_ranks(leaving, new_leaf + 1, [leaf, new_leaf])
+        rule = self._forgetting
+        if isinstance(rule, LeafReservoirs):  # those of a leaf that changes take in all again
+            ranks = self.columns["ranks"]
+            ranks[leaving] = rule.rescaled(
+                self.left[leaving], self.actions[leaving], ranks[leaving]
+            )
+            rule.reset(new_leaf + 1, [leaf, new_leaf])
         old_left, old_entered = self.left[rows], self.entered[rows]
         goes_right = ~(self.observations[leaving, feature] <= threshold)
         self.leaving.split(leaf, new_leaf, leaving, goes_right)
@@ -386,14 +392,6 @@ class History:
         return Relabelling(
             rows, leaving, old_left, old_entered, self.left[rows], self.entered[rows]
         )
-
-    def _reset_ranks(self, rows: Integers, n_leaves: int, leaves: list[int] | None) -> None:
-        """Let reservoirs whose leaf is changing, and whose rows these are, take in all again."""
-        rule = self._forgetting
-        if rule is not None:
-            ranks = self.columns["ranks"]
-            ranks[rows] = rule.rescaled(self.left[rows], self.actions[rows], ranks[rows])
-            rule.reset(n_leaves, leaves)
 
     def _label(self, tree: DecisionTree) -> None:
         """Write the leaves of all rows, and the lists of rows."""

@@ -128,17 +128,12 @@ def progress_to_csv(events: Sequence[Mapping[str, Any]], episodes: GatheredEpiso
         pending = {}
     own = sorted({name for row in rows for name in row} - set(COLUMNS))
     text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    columns = [*COLUMNS, *own]
-    writer.writerow(columns)
-    writer.writerows([_text(row.get(name)) for name in columns] for row in rows)
+    table = csv.DictWriter(text, [*COLUMNS, *own], lineterminator="\n")
+    table.writeheader()
+    for row in rows:  # numbers so that they read back to the same bits
+        table.writerow({name: repr(value) for name, value in row.items() if value is not None})
     return text.getvalue()
 
 
 def _mean(values: Sequence[float]) -> float | None:
     return float(np.mean(values)) if values else None
-
-
-def _text(value: float | None) -> str:
-    """Return a number so that it reads back to the same bits; nothing for None."""
-    return "" if value is None else repr(value)
