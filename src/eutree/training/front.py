@@ -21,7 +21,6 @@ from eutree.learners import Learner
 from eutree.learners.learner import Imagines
 from eutree.policies import TreePolicy
 from eutree.training.proposals import key
-from eutree.world_model.rollouts import Rollouts
 
 IMAGINED, MOST_IMAGINED = 2000, 40_000_000  # steps for each step of the run, and at most
 FEWEST, MOST = 60, 1000  # starts
@@ -99,9 +98,11 @@ def front_of_run(
     rollouts = None
     if isinstance(learner, Imagines):
         rollouts = learner.imagined(IMAGINED_EPISODES, generator)
-    least = LOSES if max_leaves is None else 1.0
     if rollouts is not None:
-        found = _imagined(trees, rollouts, checked, extent.imagined, least)
+        search = FrontSearch(trees, ImaginedCommonEpisodes(rollouts), extent.imagined, checked)
+        search.run(2, loses=LOSES if max_leaves is None else 1.0)
+        best = search.waiting() | search.found
+        found = [one for size in sorted(best, reverse=True) for one in best[size][:EACH]]
     else:
         found = _by_labels(learned, learner, checked)
     demand = Demand(
@@ -109,20 +110,6 @@ def front_of_run(
     )
     common = CommonEpisodes(ground, extent.starts)
     return front_among(learned, _few([checked(learned), *found], extent.trees), common, demand)
-
-
-def _imagined(
-    trees: Sequence[TreePolicy],
-    rollouts: Rollouts,
-    checked: Callable[[TreePolicy], TreePolicy],
-    steps: int,
-    loses: float,
-) -> list[TreePolicy]:
-    """Return the best trees of each size in a world model, the largest first."""
-    search = FrontSearch(trees, ImaginedCommonEpisodes(rollouts), steps, checked)
-    search.run(2, loses=loses)
-    found = search.waiting() | search.found
-    return [one for size in sorted(found, reverse=True) for one in found[size][:EACH]]
 
 
 def _by_labels(

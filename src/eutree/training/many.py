@@ -165,7 +165,8 @@ def learn_runs(
     check_integer("selection_episodes", selection_episodes, low=2)
     check_integer("judging_episodes", judging_episodes, low=2)
     check_seed(seed)
-    spec = Recipe.of(environment).spec
+    recipe = Recipe.of(environment)
+    spec = recipe.spec
     asked, given = _asked(folder, options)
     workers, question = Workers(n_jobs), asked.handover.prefer_proven
     proven = None if question is None else ProvenFirst(spec, question)
@@ -173,7 +174,9 @@ def learn_runs(
         check_possible(spec, asked.of_one_run(), given, seed=seed)
     where = _opened(asked.folder)
     path = Path(where.path)
-    task = _Task(spec, path / "runs", selection_episodes, seed, asked, given)
+    place = (path / "runs").absolute()  # a cluster's processes may be in another folder
+    of_one = asked.of_one_run()
+    task = _Task(recipe, path / "runs", place, selection_episodes, seed, of_one, given)
     found: dict[int, FinishedRun] = {}
     for run in workers.as_finished(task, range(seed, seed + runs)):
         found[run.seed] = run
@@ -297,44 +300,39 @@ def _text_of(path: Path) -> str:
         raise FormatError(path, f"byte {error.start}", "must be text in UTF-8") from None
 
 
+@dataclass(frozen=True, eq=False)
 class _Task:
     """One run in a process of its own; the same bytes whichever process does it."""
 
-    def __init__(
-        self,
-        spec: EnvironmentSpec,
-        folder: Path,
-        episodes: int,
-        seed: int,
-        asked: Asked,
-        given: dict[str, Any],
-    ) -> None:
-        self._recipe, self._folder = Recipe.of(spec), folder
-        self._place = folder.absolute()  # a cluster's processes may be in another folder
-        self._episodes, self._seed = episodes, seed
-        self._asked, self._given = asked.of_one_run(), given
+    recipe: Recipe
+    folder: Path
+    place: Path
+    episodes: int
+    seed: int
+    asked: Asked
+    given: dict[str, Any]
 
     def learn(self, env: gymnasium.Env[Any, Any], seed: int) -> LearningResult:
         """Return the result of a run, which goes on if it was begun."""
-        asked, path = self._asked, self._place / str(seed)
+        asked, path = self.asked, self.place / str(seed)
         seconds = None if asked.folder is None else asked.folder.checkpoint_seconds
         folder = Folder(path, resume=True, checkpoint_seconds=seconds)
-        return learn(env, folder=folder, seed=seed, **self._given, **asked.arguments())
+        return learn(env, folder=folder, seed=seed, **self.given, **asked.arguments())
 
     def __call__(self, seed: int) -> FinishedRun:
-        env = self._recipe.make()
+        env = self.recipe.make()
         try:
             result = self.learn(env, seed)
             selection = evaluate(
                 result.policy,
                 env,
-                episodes=self._episodes,
-                seed=episode_seed(self._seed, 0, Stream.SELECTION),
+                episodes=self.episodes,
+                seed=episode_seed(self.seed, 0, Stream.SELECTION),
             )
         finally:
             env.close()
         steps = result.environment_steps.total
-        path = self._folder / str(seed)
+        path = self.folder / str(seed)
         return FinishedRun(seed, path, result.policy.n_leaves, steps, selection)
 
 
