@@ -47,7 +47,7 @@ PARTS = re.compile(
 )
 
 
-class Command(click.Command):
+class ResultCommand(click.Command):
     """A command that returns its ``Result``, which is printed here: with ``--json`` as one object.
 
     Args:
@@ -81,7 +81,7 @@ def wants_json() -> bool:
     return bool(click.get_current_context().meta[_JSON])
 
 
-class Helped(Command):
+class Helped(ResultCommand):
     """A command with many options, of which ``--help`` shows those that come first.
 
     Args:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from eutree.cli import _options as option
-from eutree.cli._options import Command, Written
+from eutree.cli._options import ResultCommand, Written
 from eutree.cli._output import Result, figures_of
 from eutree.cli.fit import hurting
 from eutree.display import counted
@@ -29,7 +29,7 @@ def demos() -> None:
 
 
 demos.add_command(hurting)
-demos.command_class = Command
+demos.command_class = ResultCommand
 
 
 def _folder(command: _Command) -> _Command:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from eutree.cli import _options as option
-from eutree.cli._options import Command, Helped, line_with
+from eutree.cli._options import Helped, ResultCommand, line_with
 from eutree.cli._output import Result, figures_of, progress
 from eutree.cli._policies import OWN, controller, load_demonstrations, load_policy
 from eutree.cli.parts import cluster, workers_options
@@ -99,7 +99,7 @@ def fit(
     return Result(_values(report, out), f"{report.policy}\n{report}\nwritten to {out}{hint}")
 
 
-@click.command(cls=Command, epilog="Example: eutree demos hurting demos/ --out demos-cut/")
+@click.command(cls=ResultCommand, epilog="Example: eutree demos hurting demos/ --out demos-cut/")
 @click.argument("folder", type=click.Path(path_type=Path))
 @option.output("--out", text="A new folder, without the segments that were found.")
 @option.count("--episodes", 3000, "Episodes of a search; confirming takes more.")

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from eutree.cli import _options as option
-from eutree.cli._options import Command, Helped
+from eutree.cli._options import Helped, ResultCommand
 from eutree.cli._output import Result, figures_of
 from eutree.cli._policies import (
     in_zoo,
@@ -23,7 +23,8 @@ from eutree.trees.text import labelled
 
 
 @click.command(
-    cls=Command, epilog="Example: eutree why expert.json --observation 8,3.2,-1 --demos demos/"
+    cls=ResultCommand,
+    epilog="Example: eutree why expert.json --observation 8,3.2,-1 --demos demos/",
 )
 @click.argument("policy", type=click.Path(path_type=Path))
 @click.option("--observation", required=True, metavar="X,Y,...",
@@ -71,7 +72,9 @@ def why(policy: Path, observation: str, demos: Path | None) -> Result:
     )
 
 
-@click.command(cls=Command, epilog="Example: eutree diff runs/a/expert.json runs/a/policy.json")
+@click.command(
+    cls=ResultCommand, epilog="Example: eutree diff runs/a/expert.json runs/a/policy.json"
+)
 @click.argument("first", type=click.Path(path_type=Path))
 @click.argument("second", type=click.Path(path_type=Path))
 @option.path("--demos", text="Demonstrations: how many of their steps each change concerns.")
@@ -100,7 +103,7 @@ EXIT_REFUTED = 1
 
 
 @click.command(
-    cls=Command,
+    cls=ResultCommand,
     epilog="Example: eutree verify expert.json --property 'always go when position > 25'",
 )
 @click.argument("policy", type=click.Path(path_type=Path))

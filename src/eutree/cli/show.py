@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from eutree.cli import _options as option
-from eutree.cli._options import Command
+from eutree.cli._options import ResultCommand
 from eutree.cli._output import Result, say
 from eutree.cli._policies import load_demonstrations, load_policy
 from eutree.display import counted
@@ -42,7 +42,7 @@ _COMMENTS: dict[str, Callable[[str], str]] = {
 
 
 @click.command(
-    cls=Command, epilog="Example: eutree show small.json --html small.html --demos demos/"
+    cls=ResultCommand, epilog="Example: eutree show small.json --html small.html --demos demos/"
 )
 @click.argument("policy", type=click.Path(path_type=Path))
 @option.output("--html", text="Write a page on which the policy can be watched and questioned.")
@@ -173,7 +173,8 @@ def _words(policy: "TreePolicy", node: int, digits: "Digits") -> "Text":
 
 
 @click.command(
-    cls=Command, epilog="Example: eutree export small.json --format c --out evasion.c --header"
+    cls=ResultCommand,
+    epilog="Example: eutree export small.json --format c --out evasion.c --header",
 )
 @click.argument("policy", type=click.Path(path_type=Path))
 @click.option(

@@ -146,14 +146,17 @@ class Run:
         if phase is None:
             return
         self.phase, self.state.whole = phase, False
-        {
-            Phase.GATHER: self._gather,
-            Phase.UPDATE: self._update,
-            Phase.EVALUATE: self._evaluate,
-            Phase.RACE: self._race,
-            Phase.FRONT: self._end,
-            Phase.JUDGE: self._end,
-        }[phase]()
+        match phase:
+            case Phase.GATHER:
+                self._gather()
+            case Phase.UPDATE:
+                self._update()
+            case Phase.EVALUATE:
+                self.evaluations.add(self._best(), self._acting())
+            case Phase.RACE:
+                self.racing.run(self.racing.search or self.new_search(), self._acting().env)
+            case Phase.FRONT | Phase.JUDGE:
+                self._end()
         self.state.whole = True
         self._take_time()
 
@@ -276,14 +279,6 @@ class Run:
         )
         n_leaves = self.learner.decisions().tree.n_leaves
         state.note("expansion", {"splits": splits, "n_leaves": n_leaves, **update.figures})
-
-    def _evaluate(self) -> None:
-        """Freeze the policy and evaluate it."""
-        self.evaluations.add(self._best(), self._acting())
-
-    def _race(self) -> None:
-        """Run one episode of the policy search."""
-        self.racing.run(self.racing.search or self.new_search(), self._acting().env)
 
     def _end(self) -> None:
         """Find the best tree of each size, and pick one; or compare the pick with the start."""
