@@ -249,13 +249,13 @@ def record_on_page(
         if tree is not None:
             recorder.session.driving.offer(maker.driving(tree, server.show_tree))
         if not is_loopback(host):
-            say(
+            output.say(
                 f"warning: other machines can reach this page at {host}, unencrypted; whoever has "
                 "the address below can record. An SSH tunnel to 127.0.0.1 is safer."
             )
-        say(f"open {server.url}")
+        output.say(f"open {server.url}")
         if is_loopback(host) and not browser.open(server.url):
-            say(
+            output.say(
                 f"from another machine, first: ssh -L {server.port}:127.0.0.1:{server.port} "
                 "THIS-MACHINE"
             )
