@@ -122,7 +122,7 @@ def controller(name: str, option: str, spec: EnvironmentSpec) -> "Controller":
     if name in known:
         return known[name]
     if is_own(name):
-        return own_controller(name, option)
+        return _own(name, option)
     path = policy_file(Path(name))
     if path.suffix == ".py":
         raise InvalidArgumentError(f"{option} {name}: name what decides in it: {name}:NAME")
@@ -138,12 +138,8 @@ def is_own(name: str) -> bool:
     return ":" in name and not Path(name).exists() and not in_zoo(name)
 
 
-def own_controller(name: str, option: str) -> "Controller":
-    """Return what ``MODULE:NAME`` or ``FILE.py:NAME`` names.
-
-    Raises:
-        InvalidArgumentError: It is not there, or importing it fails.
-    """
+def _own(name: str, option: str) -> "Controller":
+    """Return what ``MODULE:NAME`` or ``FILE.py:NAME`` names."""
     module, _, attribute = name.rpartition(":")
     found: Any = _imported(module, f"{option} {name}")
     for part in attribute.split("."):

@@ -124,8 +124,7 @@ def planned(
         _check_acts_nowhere(asked)
     races, keeps = budget.race_steps, handover.keep_success
     choice = _choice_of(method, start, asked, demonstrations, offline=env is None)
-    remembers = _remembering(choice.method, asked.max_transitions)
-    chosen = _with_limit(remembers, handover.max_leaves, races=races > 0)
+    chosen = _bounded(choice.method, asked)
     race = SearchSettings(steps=races, max_leaves=handover.max_leaves, keep_success=keeps)
     expected = _expected(budget, demonstrations, env)
     usual = EPISODES if budget.is_open else MANY  # only where nothing else ends the run
@@ -229,36 +228,30 @@ def _choice_of(
     return choice
 
 
-def _with_limit(method: Method, max_leaves: int | None, *, races: bool) -> Method:
-    """Return a method that ends with at most so many leaves, unless a race sees to that.
+def _bounded(method: Method, asked: Asked) -> Method:
+    """Return a method with the bounds on its memory and on the leaves that it ends with.
 
-    Where one does, a planner knows no limit: what its explorers may try decides what is stored, and
-    from that the race's models are fitted (``docs/decisions/racing.md``).
+    Where a race sees to the leaves a planner knows no limit: what its explorers may try decides
+    what is stored, and from that the race's models are fitted (``docs/decisions/racing.md``).
     """
-    if max_leaves is None:
-        return method
-    check_integer("max_leaves", max_leaves, low=2)
-    if hasattr(method, "max_leaves"):
-        return cast(Method, replace(cast(Any, method), max_leaves=max_leaves))
-    if races:
-        return method
-    planner = getattr(method, "planner", None)
-    if planner is None:
-        raise InvalidArgumentError(
-            f"max_leaves must be None for method {method.name!r} without race_steps, "
-            f"got {max_leaves}"
-        )
-    improvement = replace(planner.improvement, max_leaves=max_leaves)
-    limited = replace(planner, improvement=improvement)
-    return cast(Method, replace(cast(Any, method), planner=limited))
-
-
-def _remembering(chosen: Method, max_transitions: int | None) -> Method:
-    """Return a method with the bound on its memory."""
-    if max_transitions is None:
-        return chosen
-    if not hasattr(chosen, "max_transitions"):
-        raise InvalidArgumentError(
-            f"max_transitions must be None for method {chosen.name!r}, got {max_transitions}"
-        )
-    return cast(Method, replace(cast(Any, chosen), max_transitions=max_transitions))
+    changes: dict[str, Any] = {}
+    if (most := asked.max_transitions) is not None:
+        if not hasattr(method, "max_transitions"):
+            raise InvalidArgumentError(
+                f"max_transitions must be None for method {method.name!r}, got {most}"
+            )
+        changes["max_transitions"] = most
+    if (leaves := asked.handover.max_leaves) is not None:
+        check_integer("max_leaves", leaves, low=2)
+        planner = getattr(method, "planner", None)
+        if hasattr(method, "max_leaves"):
+            changes["max_leaves"] = leaves
+        elif planner is not None and not asked.budget.race_steps:
+            improvement = replace(planner.improvement, max_leaves=leaves)
+            changes["planner"] = replace(planner, improvement=improvement)
+        elif not asked.budget.race_steps:
+            raise InvalidArgumentError(
+                f"max_leaves must be None for method {method.name!r} without race_steps, "
+                f"got {leaves}"
+            )
+    return cast(Method, replace(cast(Any, method), **changes)) if changes else method

@@ -43,12 +43,12 @@ from eutree.learners.learner import (
     Update,
 )
 from eutree.learners.u_tree.leaves import (
+    LeafEpisode,
     LeafSteps,
     OneStep,
     Target,
     counted,
     counted_again,
-    uncount,
 )
 from eutree.mdp import TabularMDP
 from eutree.policies.leaf_statistics import leaf_statistics
@@ -267,9 +267,19 @@ class UTree:
         stored = store(self.history, one.steps, one.leaves, self._steps.generator)
         if self.method.max_transitions is not None:
             if not stored.all():
-                uncount(self.mdp, self._rewards_before, one, stored)
+                self._uncount(one, stored)
             if self.history.forget() is not None:
                 self.mdp = counted_again(self.mdp, self.history)
+
+    def _uncount(self, episode: LeafEpisode, stored: Booleans) -> None:
+        """Take back the counts of those transitions of the last episode that were not stored."""
+        left, actions, rewards = episode.leaves[:-1], episode.steps.actions, episode.steps.rewards
+        out = ~stored
+        self.mdp.counts.forget(left[out], actions[out], rewards[out], episode.entered[out])
+        state = self.mdp.state()
+        state["reward_sums"] = self._rewards_before  # to the bit: as if never added
+        np.add.at(state["reward_sums"], (left[stored], actions[stored]), rewards[stored])
+        self.mdp.restore(state)
 
     def discard_episode(self) -> None:
         """Be as before ``start_episode``, to the bit; do nothing between two episodes."""

@@ -10,7 +10,7 @@ from typing import NamedTuple, TypeAlias
 import msgspec
 import numpy as np
 
-from eutree.arrays import Booleans, Floats, Int32s, Integers
+from eutree.arrays import Floats, Int32s, Integers
 from eutree.compiled import machine_code
 from eutree.learners import _kernels
 from eutree.learners.episode_buffer import EpisodeBuffer, FinishedEpisode
@@ -179,23 +179,3 @@ def counted_again(mdp: TabularMDP, history: History) -> TabularMDP:
     again = TabularMDP(counts, mdp.discount, untried=mdp.untried)
     again.restore(mdp.state() | {"reward_sums": counts.reward_sums.copy()})
     return again
-
-
-def uncount(
-    mdp: TabularMDP, rewards_before: Floats, episode: LeafEpisode, stored: Booleans
-) -> None:
-    """Take back the counts of those transitions of the last episode that were not stored.
-
-    Args:
-        mdp: The MDP, in which all are counted.
-        rewards_before: Its reward sums before the episode, shape [L, A].
-        episode: The episode.
-        stored: Which of its transitions are stored, shape [T].
-    """
-    left, actions, rewards = episode.leaves[:-1], episode.steps.actions, episode.steps.rewards
-    out = ~stored
-    mdp.counts.forget(left[out], actions[out], rewards[out], episode.entered[out])
-    state = mdp.state()
-    state["reward_sums"] = rewards_before  # to the bit: as if never added
-    np.add.at(state["reward_sums"], (left[stored], actions[stored]), rewards[stored])
-    mdp.restore(state)
