@@ -51,7 +51,8 @@ def gather(
         state.recorded.clear()
         state.whole = state.whole or whole
 
-    masks, masked = bool(inspect.signature(learner.act).parameters), cast(ActsAmongAllowed, learner)
+    knows_masks = bool(inspect.signature(learner.act).parameters)
+    act_among = cast(ActsAmongAllowed, learner).act
     generator = generator_of(seed, Stream.EXPLORATION, number)
     state.whole = True  # until it has begun
     observation = env.reset(_seed_of_next(learner, seed, number))
@@ -61,8 +62,8 @@ def gather(
     try:
         while not is_over and not state.must_stop():
             allowed = env.allowed
-            action = learner.act() if allowed is None or not masks else masked.act(allowed)
-            if allowed is not None and not allowed[action]:  # the method knows of no masks
+            action = act_among(allowed) if knows_masks and allowed is not None else learner.act()
+            if allowed is not None and not allowed[action]:
                 action = int(generator.choice(np.flatnonzero(allowed)))
             try:
                 observation, reward, terminated, truncated, info = env.step(action)
