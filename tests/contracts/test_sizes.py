@@ -18,9 +18,7 @@ MOST_KERNEL_PARAMETERS = 8  # what is more is state, and goes into a named tuple
 COMPILING = {"compiled", "compiled_later", "compiled_uncounted", "inlined"}
 LEAST_COMMENTS = 60  # per 1,000 lines of all kernels together
 
-# scikit-learn's conventions ask for one argument of ``__init__`` a setting.
 LONG_SIGNATURES = {
-    "eutree/c45/estimator.py C45Classifier.__init__": "scikit-learn",
     "eutree/training/learn.py learn": "the main job in one call: two more, no further",
 }
 

@@ -118,7 +118,8 @@ def test_a_certificate_comes_back_from_its_file(file, bad):
     [
         ({"verdict": "sure"}, "must be one of proven, refuted, undecided"),
         ({"starts": {"names": ["a"], "low": [[0.0]], "high": [[-1.0]]}}, "must be boxes"),
-        ({"starts": {"names": ["a"], "low": [[0.0, 1.0]], "high": [[1.0]]}}, "one length"),
+        ({"starts": {"names": ["a"], "low": [[0.0, 1.0]], "high": [[1.0]]}}, "must be boxes"),
+        ({"starts": {"names": ["a"], "low": [[0.0], [1.0, 2.0]], "high": [[1.0]]}}, "one length"),
         ({"starts": {"names": [], "low": [], "high": []}}, "must be boxes"),
     ],
 )

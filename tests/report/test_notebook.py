@@ -69,7 +69,8 @@ def test_scikit_learns_own_diagram_stays(shown: dict[str, Any]) -> None:
     classifier = shown["classifier"]
     for html in (classifier._repr_html_(), classifier._repr_mimebundle_()["text/html"]):
         assert "sk-top-container" in html
-        assert "position &lt;=" in html
+        assert "<pre>x" in html
+        assert "&lt;=" in html
     unfitted = eutree.C45Classifier()._repr_html_()
     assert "sk-top-container" in unfitted
     assert "eutree-shown" not in unfitted

@@ -198,7 +198,7 @@ class C45Tree:
         code, which halve what is left of it. Where a value is unknown the two trees may differ.
         """
         built = TreeBuilder(self.n_features)
-        work = [(self._branches(0), -1, 0)]  # branches, the test above, and its side
+        work = [(_branches(self, 0), -1, 0)]  # branches, the test above, and its side
         while work:
             (feature, branches), above, side = work.pop()
             if feature == self.NO_FEATURE:
@@ -207,19 +207,20 @@ class C45Tree:
             middle = len(branches) // 2
             at = built.test(feature, branches[middle - 1][0], parent=above, side=side)
             for half, part in ((1, branches[middle:]), (0, branches[:middle])):
-                below = self._branches(part[0][1]) if len(part) == 1 else (feature, part)
+                below = _branches(self, part[0][1]) if len(part) == 1 else (feature, part)
                 work.append((below, at, half))
         return built.build()
 
-    def _branches(self, node: int) -> tuple[int, list[tuple[float, int]]]:
-        """Return a node's attribute, and the threshold up to which each child is taken, in order.
 
-        A leaf has itself as the only child.
-        """
-        feature, children = int(self.feature[node]), self.children(node)
-        if feature == self.NO_FEATURE:
-            return feature, [(np.inf, node)]
-        ends = [float(self.threshold[node]), np.inf]
-        if self.n_values[feature]:
-            ends = [code + 0.5 for code in range(len(children))]
-        return feature, list(zip(ends, children, strict=True))
+def _branches(known: C45Tree, node: int) -> tuple[int, list[tuple[float, int]]]:
+    """Return a node's attribute, and the threshold up to which each child is taken, in order.
+
+    A leaf has itself as the only child.
+    """
+    feature, children = int(known.feature[node]), known.children(node)
+    if feature == known.NO_FEATURE:
+        return feature, [(np.inf, node)]
+    ends = [float(known.threshold[node]), np.inf]
+    if known.n_values[feature]:
+        ends = [code + 0.5 for code in range(len(children))]
+    return feature, list(zip(ends, children, strict=True))

@@ -4,7 +4,7 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar
 
 import msgspec
 import numpy as np
@@ -15,8 +15,8 @@ from eutree.errors import FormatError, InvalidArgumentError
 from eutree.files import Document, read_document, write_document
 from eutree.policies import TreePolicy
 
-PROVEN, REFUTED, UNDECIDED = "proven", "refuted", "undecided"
-PROOF, STATISTICAL = "proof", "statistical"
+VERDICTS = PROVEN, REFUTED, UNDECIDED = "proven", "refuted", "undecided"
+KINDS = PROOF, STATISTICAL = "proof", "statistical"
 KNOWN, OPEN, FAILS, EMPTY = range(4)  # of a picture's cells
 NEVER = 2**31 - 1  # number of steps after which nothing has happened
 
@@ -165,8 +165,8 @@ class CertificateDocument(Document, frozen=True, kw_only=True):
     FORMAT: ClassVar[str] = "eutree/certificate"
 
     policy: str
-    verdict: Literal["proven", "refuted", "undecided"]
-    kind: Literal["proof", "statistical"]
+    verdict: str
+    kind: str
     sentence: str
     bounds: dict[str, tuple[float, float]]
     undecided: float
@@ -213,6 +213,10 @@ def load_certificate(path: str | Path, policy: TreePolicy | None = None) -> Cert
     document = read_document(path, CertificateDocument)
     if policy is not None and document.policy != _mark(policy):
         raise InvalidArgumentError(f"{path} must be a certificate of this policy, got another's")
+    for name, known in (("verdict", VERDICTS), ("kind", KINDS)):
+        if getattr(document, name) not in known:
+            reason = f"must be one of {', '.join(known)}, got {getattr(document, name)!r}"
+            raise FormatError(path, name, reason)
     kept = {name: getattr(document, name) for name in _KEPT}
     kept["starts"] = document.starts and _starts(document.starts, path)
     pictures = enumerate(document.pictures)
