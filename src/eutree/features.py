@@ -13,6 +13,7 @@ episodes, and for policies, which keep a ``FeatureMap`` so that an export can sa
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from eutree.arrays import Floats, Integers
 from eutree.formulas import Formula, parse
@@ -73,6 +74,21 @@ class Derivation:
                                                         else before[..., j]))  # fmt: skip
             columns.append(np.broadcast_to(value, measured.shape[:-1]))
         return np.stack(columns, axis=-1)
+
+    def after(self, measured: Floats, state: Floats | None, starts: ArrayLike | None) -> Floats:
+        """Return observations [..., d] of what is measured, after what a state remembers.
+
+        Args:
+            measured: Shape [..., m].
+            state: What begins with the observations of one step before; None at the first step.
+            starts: Whether each observation is the first of its episode; None for none.
+        """
+        fresh = self.rows(measured)
+        if state is None or not self.remembered:
+            return fresh
+        after = self.rows(measured, state[..., : fresh.shape[-1]])
+        begins = np.asarray(False if starts is None else starts, dtype=bool)
+        return np.where(begins[..., np.newaxis], fresh, after)
 
     def of_episode(self, measured: Floats) -> Floats:
         """Return the observations of an episode with their derived features, shape [T + 1, d].
@@ -139,6 +155,24 @@ class FeatureMap:
         latest = np.eye(self.n_actions)[action]
         taken = taken[..., : self.n_actions * (self.actions - 1)]
         return np.concatenate([observation, seen, latest, taken], axis=-1)
+
+    def after(self, state: Floats | None, observation: Floats, starts: ArrayLike | None) -> Floats:
+        """Return the features of observations [..., d] after what a state remembers.
+
+        Args:
+            state: The features of the step before, and the action that followed them if actions
+                are remembered; None at the first step.
+            observation: Shape [..., d].
+            starts: Whether each observation is the first of its episode; None for none.
+        """
+        fresh = self.first(observation)
+        if state is None:
+            return fresh
+        size = self.n_features
+        action = state[..., size:].astype(np.int64).sum(axis=-1)  # none where none is remembered
+        features = self.next(state[..., :size], action, observation)
+        begins = np.asarray(False if starts is None else starts, dtype=bool)
+        return np.where(begins[..., np.newaxis], fresh, features)
 
     def of_episode(self, observations: Floats, actions: Integers) -> Floats:
         """Return the features at every observation of an episode, shape [T + 1, n_features].

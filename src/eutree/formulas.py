@@ -209,16 +209,22 @@ class _FormulaParser:
         return found
 
     def formula(self) -> Formula:
-        self.depth += 1
-        if self.depth > _MAX_NESTING:
-            self._fail(f"at most {_MAX_NESTING} formulas inside one another")
-        found = self.chain("+-", lambda: self.chain("*/", self.factor))
+        self.descend()
+        found = self.sum()
         if self.taken("if"):
             condition = self.chain(("or",), lambda: self.chain(("and",), self.test))
             self.expect("else")
             found = Formula("if", (condition, found, self.formula()))
         self.depth -= 1
         return found
+
+    def descend(self) -> None:
+        self.depth += 1
+        if self.depth > _MAX_NESTING:
+            self._fail(f"at most {_MAX_NESTING} formulas inside one another")
+
+    def sum(self) -> Formula:
+        return self.chain("+-", lambda: self.chain("*/", self.factor))
 
     def chain(self, signs: Sequence[str], part: Callable[[], Formula]) -> Formula:
         found = part()
@@ -227,10 +233,10 @@ class _FormulaParser:
         return found
 
     def test(self) -> Formula:
-        left = self.chain("+-", lambda: self.chain("*/", self.factor))
+        left = self.sum()
         if self.peek() not in {"<", "<=", ">", ">="}:
             self._fail("a comparison")
-        return Formula(self.next(), (left, self.chain("+-", lambda: self.chain("*/", self.factor))))
+        return Formula(self.next(), (left, self.sum()))
 
     def factor(self) -> Formula:
         kind, word = self.tokens[self.at] if self.at < len(self.tokens) else ("", "")
@@ -240,9 +246,7 @@ class _FormulaParser:
                 self._fail("finite numbers")
             return Formula("number", value=float(word))
         if self.taken("-"):
-            self.depth += 1
-            if self.depth > _MAX_NESTING:
-                self._fail(f"at most {_MAX_NESTING} formulas inside one another")
+            self.descend()
             found = Formula("negative", (self.factor(),))
             self.depth -= 1
             return found

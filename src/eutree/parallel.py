@@ -73,7 +73,7 @@ class Workers:
             while len(results) < len(arguments) and time.perf_counter() - begin < PATIENCE:
                 results.append(function(arguments[len(results)]))
         rest = arguments[len(results) :]
-        return results + (self._parallel(function, rest) if rest else [])
+        return results + (list(self._answers(function, rest, "list")) if rest else [])
 
     def as_finished(
         self, function: Callable[[Argument], Result], arguments: Sequence[Argument]
@@ -82,15 +82,10 @@ class Workers:
 
         Ray's back end hands everything back at the end.
         """
-        import joblib
         from joblib.parallel import get_active_backend
 
-        alone = _Alone(function)
         one_by_one = get_active_backend()[0].supports_return_generator
-        ways = "generator_unordered" if one_by_one else "list"
-        parallel = joblib.Parallel(n_jobs=self.n_jobs, return_as=ways)
-        answers = parallel(joblib.delayed(alone)(argument) for argument in arguments)
-        yield from (_given(*answer) for answer in answers)
+        return self._answers(function, arguments, "generator_unordered" if one_by_one else "list")
 
     def blocks(self, n: int, most: int) -> list[range]:
         """Return the numbers from 0 to n - 1 in blocks, each the work of one call.
@@ -102,15 +97,15 @@ class Workers:
         size = min(most, -(-n // (BLOCKS * self.count)))
         return [range(first, min(first + size, n)) for first in range(0, n, size)]
 
-    def _parallel(
-        self, function: Callable[[Argument], Result], arguments: Sequence[Argument]
-    ) -> list[Result]:
+    def _answers(
+        self, function: Callable[[Argument], Result], arguments: Sequence[Argument], ways: str
+    ) -> Iterator[Result]:
         import joblib
 
         alone = _Alone(function)
-        parallel = joblib.Parallel(n_jobs=self.n_jobs)
-        answers = parallel(joblib.delayed(alone)(argument) for argument in arguments)
-        return [_given(*answer) for answer in answers]
+        parallel = joblib.Parallel(n_jobs=self.n_jobs, return_as=ways)
+        for answer in parallel(joblib.delayed(alone)(argument) for argument in arguments):
+            yield _given(*answer)
 
 
 _Warned = tuple[str, type[Warning], str, int]  # text, category, file and line

@@ -58,14 +58,21 @@ def check_choice(name: str, value: _Value, choices: Iterable[_Value]) -> _Value:
     return value
 
 
-def check_observations(name: str, value: ArrayLike, *, n_features: int | None = None) -> Floats:
-    """Return ``value`` as a C-contiguous float64 array of shape [N, d] with finite values."""
+def check_numbers(name: str, value: ArrayLike, *, ndim: int) -> Floats:
+    """Return ``value`` as a C-contiguous float64 matrix or vector, which may hold NaN."""
+    what, shape = ("a matrix", "(N, d)") if ndim == 2 else ("a vector", "(N,)")
     try:
         array = np.ascontiguousarray(value, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise InvalidArgumentError(f"{name} must be a matrix of numbers: {error}") from None
-    if array.ndim != 2:
-        raise InvalidArgumentError(f"{name} must have shape (N, d), got shape {array.shape}")
+        raise InvalidArgumentError(f"{name} must be {what} of numbers: {error}") from None
+    if array.ndim != ndim:
+        raise InvalidArgumentError(f"{name} must have shape {shape}, got shape {array.shape}")
+    return array
+
+
+def check_observations(name: str, value: ArrayLike, *, n_features: int | None = None) -> Floats:
+    """Return ``value`` as a C-contiguous float64 array of shape [N, d] with finite values."""
+    array = check_numbers(name, value, ndim=2)
     if n_features is not None and array.shape[1] != n_features:
         raise InvalidArgumentError(f"{name} must have {n_features} columns, got {array.shape[1]}")
     check_finite(name, array)
@@ -74,12 +81,7 @@ def check_observations(name: str, value: ArrayLike, *, n_features: int | None = 
 
 def check_vector(name: str, value: ArrayLike, *, size: int | None = None) -> Floats:
     """Return ``value`` as a C-contiguous float64 vector with finite values."""
-    try:
-        array = np.ascontiguousarray(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InvalidArgumentError(f"{name} must be a vector of numbers: {error}") from None
-    if array.ndim != 1:
-        raise InvalidArgumentError(f"{name} must have shape (N,), got shape {array.shape}")
+    array = check_numbers(name, value, ndim=1)
     if size is not None and array.size != size:
         raise InvalidArgumentError(f"{name} must have {size} entries, got {array.size}")
     check_finite(name, array)

@@ -3,13 +3,12 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from eutree.arrays import Floats
 from eutree.c45 import _kernels_pruning as _kernels
 from eutree.c45._kernels import Nodes
 from eutree.c45.growing import C45Settings, Training, grow_nodes
 from eutree.c45.tree import C45Tree, read_only
 from eutree.errors import InvalidArgumentError
-from eutree.validation import check_actions, check_integer, check_vector
+from eutree.validation import check_actions, check_integer, check_numbers, check_vector
 
 
 def compact(nodes: Nodes) -> Nodes:
@@ -62,7 +61,12 @@ def grow(
         InvalidArgumentError: If an argument is not as described, or no row has weight.
     """
     check_integer("n_classes", n_classes, low=1, high=MOST_CLASSES)
-    rows = _matrix(observations)
+    rows = check_numbers("observations", observations, ndim=2)
+    if not rows.shape[1]:
+        raise InvalidArgumentError("observations must have at least one column, got none")
+    if np.isinf(rows).any():
+        place = ", ".join(map(str, np.argwhere(np.isinf(rows))[0]))
+        raise InvalidArgumentError(f"observations must not be infinite, got infinity at [{place}]")
     labels = check_actions("actions", actions, size=len(rows))
     if labels.size and labels.max() >= n_classes:
         raise InvalidArgumentError(
@@ -94,19 +98,3 @@ def grow(
         )
         _kernels.prune(nodes, cases, estimate, settings.subtree_raising)
     return C45Tree(training.n_values, *compact(nodes))
-
-
-def _matrix(observations: ArrayLike) -> Floats:
-    """Return the observations as a C-ordered float64 matrix without infinities."""
-    try:
-        rows = np.ascontiguousarray(observations, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InvalidArgumentError(f"observations must be a matrix of numbers: {error}") from None
-    if rows.ndim != 2 or rows.shape[1] == 0:
-        raise InvalidArgumentError(
-            f"observations must have shape (N, d) with d >= 1, got {rows.shape}"
-        )
-    if np.isinf(rows).any():
-        place = ", ".join(map(str, np.argwhere(np.isinf(rows))[0]))
-        raise InvalidArgumentError(f"observations must not be infinite, got infinity at [{place}]")
-    return rows

@@ -29,6 +29,7 @@ from eutree.arrays import Floats, Integers
 from eutree.c45 import C45Settings, grow
 from eutree.data import Episode
 from eutree.policies import TreePolicy
+from eutree.trees import DecisionTree
 from eutree.trees.edit import INNER, merge, rebuild
 from eutree.world_model.dynamics import ModelTree, fit_model_tree
 
@@ -249,49 +250,35 @@ def cuts(policy: TreePolicy, log: FittedLog) -> list[TreePolicy]:
     """
     if policy.locked:
         return [policy]
-    pruning = _Pruning(policy, log)
+    tree, worth = policy.tree, _worth(policy, log)  # [M, A]
+    label = np.full(tree.n_nodes, INNER)
+    label[tree.node_of_leaf] = policy.actions
     found = [policy]
     for share in SHARES:
-        small = pruning.cut_to(max(int(share * policy.n_leaves), 1))
+        _cut_to(max(int(share * policy.n_leaves), 1), tree, label, worth)
+        small, actions = merge(*rebuild(tree, np.arange(tree.n_nodes), label))
         if small.n_leaves < found[-1].n_leaves:
-            found.append(small)
+            found.append(replace(policy, tree=small, actions=actions, leaves=None))
     return found
 
 
-class _Pruning:
-    """A tree that is cut node by node."""
-
-    def __init__(self, policy: TreePolicy, log: FittedLog) -> None:
-        self._policy, self._tree = policy, policy.tree
-        self._label = np.full(self._tree.n_nodes, INNER)
-        self._label[self._tree.node_of_leaf] = policy.actions
-        self._worth = _worth(policy, log)  # [M, A]
-
-    def cut_to(self, most: int) -> TreePolicy:
-        """Return the tree of at most so many leaves."""
-        while True:
-            value, leaves = self._below()
-            if leaves[0] <= most:
-                break
-            inner = np.flatnonzero(leaves > 1)
-            loss = value[inner] - self._worth[inner].max(axis=1)
-            node = int(inner[(loss / (leaves[inner] - 1)).argmin()])
-            self._label[node] = self._worth[node].argmax()
-        every = np.arange(self._tree.n_nodes)
-        tree, actions = merge(*rebuild(self._tree, every, self._label))
-        return replace(self._policy, tree=tree, actions=actions, leaves=None)
-
-    def _below(self) -> tuple[Floats, Integers]:
-        """Return the earnings of the leaves below each node, and their number, both [M]."""
-        tree, n_nodes = self._tree, self._tree.n_nodes
-        value, leaves = np.zeros(n_nodes), np.zeros(n_nodes, dtype=np.int64)
-        for node in range(n_nodes - 1, -1, -1):  # children have larger numbers
-            if self._label[node] != INNER:
-                value[node], leaves[node] = self._worth[node, self._label[node]], 1
+def _cut_to(most: int, tree: DecisionTree, label: Integers, worth: Floats) -> None:
+    """Label nodes as leaves until there are at most so many leaves."""
+    while True:
+        # What the leaves below each node earn, and their number, both [M].
+        value, leaves = np.zeros(tree.n_nodes), np.zeros(tree.n_nodes, dtype=np.int64)
+        for node in range(tree.n_nodes - 1, -1, -1):  # children have larger numbers
+            if label[node] != INNER:
+                value[node], leaves[node] = worth[node, label[node]], 1
             else:
                 below = [tree.left[node], tree.right[node]]
                 value[node], leaves[node] = value[below].sum(), leaves[below].sum()
-        return value, leaves
+        if leaves[0] <= most:
+            return
+        inner = np.flatnonzero(leaves > 1)
+        loss = value[inner] - worth[inner].max(axis=1)
+        node = int(inner[(loss / (leaves[inner] - 1)).argmin()])
+        label[node] = worth[node].argmax()
 
 
 def _worth(policy: TreePolicy, log: FittedLog) -> Floats:

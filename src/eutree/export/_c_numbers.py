@@ -20,6 +20,7 @@ from eutree.errors import InvalidArgumentError, UnknownNameError
 from eutree.policies import TreePolicy
 from eutree.schema import Feature
 from eutree.trees import DecisionTree
+from eutree.trees.edit import reachable
 from eutree.validation import check_choice, check_number
 
 Number = Literal["double", "float", "int32"]
@@ -105,38 +106,17 @@ def in_integers(policy: TreePolicy, scales: tuple[float, ...]) -> tuple[TreePoli
         The policy, and the number that each of its leaves has in the given one, shape [L].
     """
     tree = policy.tree
-    limit = {
-        node: largest_integer(float(tree.threshold[node]), scales[tree.feature[node]])
-        for node in range(tree.n_nodes)
-        if tree.feature[node] != tree.NO_FEATURE
-    }
-
-    def deciding(node: int) -> int:
-        while node in limit and not _LOWEST <= limit[node] < _HIGHEST:
-            node = int((tree.left if limit[node] == _HIGHEST else tree.right)[node])
-        return node
-
-    kept = [deciding(0)]
-    children: list[tuple[int, int]] = []
-    for node in kept:  # grows as it goes: parents come before their children
-        children.append((-1, -1))
-        if node in limit:
-            children[-1] = (len(kept), len(kept) + 1)
-            kept += [deciding(int(tree.left[node])), deciding(int(tree.right[node]))]
-    is_inner = np.array([node in limit for node in kept])
-    leaves = np.where(is_inner, -1, np.cumsum(~is_inner) - 1)
-    left, right = np.array(children, dtype=np.int32).T
-    scaled = DecisionTree(
-        n_features=tree.n_features,
-        feature=tree.feature[kept],
-        threshold=np.array([float(limit[node]) if node in limit else math.nan for node in kept]),
-        left=left,
-        right=right,
-        leaf=leaves.astype(np.int32),
-    )
-    numbers_before = tree.leaf[kept][~is_inner]
-    actions = policy.actions[numbers_before]
-    return replace(policy, tree=scaled, actions=actions, leaves=None, locked=()), numbers_before
+    inner = np.flatnonzero(tree.feature != tree.NO_FEATURE)
+    limit = np.full(tree.n_nodes, np.nan)
+    for node in inner.tolist():
+        scale = scales[tree.feature[node]]
+        limit[node] = largest_integer(float(tree.threshold[node]), scale)
+    reached = np.ones(tree.n_nodes, dtype=np.bool_)
+    reached[tree.left[inner]] = limit[inner] >= _LOWEST
+    reached[tree.right[inner]] = limit[inner] < _HIGHEST
+    scaled, before = reachable(replace(tree, threshold=limit), reached)
+    actions = policy.actions[before]
+    return replace(policy, tree=scaled, actions=actions, leaves=None, locked=()), before
 
 
 def largest_integer(threshold: float, scale: float) -> int:

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from dataclasses import astuple
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -59,19 +60,12 @@ class EnvironmentDocument(msgspec.Struct, frozen=True, forbid_unknown_fields=Tru
 
 def schema_to_document(schema: Schema) -> SchemaDocument:
     """Return the schema as part of a document."""
-    features = [
-        FeatureDocument(
-            name=feature.name,
-            unit=feature.unit,
-            low=None if feature.low == -math.inf else float(feature.low),
-            high=None if feature.high == math.inf else float(feature.high),
-            integer=feature.is_integer,
-            categories=list(feature.categories) or None,
-            group=feature.group,
-            formula=feature.formula,
-        )
-        for feature in schema.features
-    ]
+    features = []
+    for feature in schema.features:
+        name, unit, low, high, is_integer, categories, *more = astuple(feature)
+        bounds = (float(bound) if math.isfinite(bound) else None for bound in (low, high))
+        parts = (name, unit, *bounds, is_integer, list(categories) or None, *more)
+        features.append(FeatureDocument(*parts))
     controls = [
         ControlDocument(control.name, control.unit, list(control.levels))
         for control in schema.controls

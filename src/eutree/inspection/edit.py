@@ -9,10 +9,10 @@ from eutree.arrays import Integers
 from eutree.display import Displayed
 from eutree.errors import InvalidArgumentError, UnknownNameError
 from eutree.inspection.properties import Property, parse
-from eutree.inspection.regions import Region, domain, is_box
+from eutree.inspection.regions import Region, is_box, leaf_parts
 from eutree.policies import TreePolicy
 from eutree.trees import DecisionTree
-from eutree.trees.boxes import leaf_boxes, possible
+from eutree.trees.boxes import leaf_boxes
 from eutree.trees.edit import graft
 from eutree.trees.text import Digits, asked, printable
 from eutree.validation import check_integer, check_number
@@ -142,13 +142,8 @@ def _leaves_below(tree: DecisionTree, nodes: Iterable[int]) -> list[int]:
 
 def _warnings(before: TreePolicy, after: TreePolicy) -> list[str]:
     """Name the leaves that some observation within the bounds reached before, and none does now."""
-    inside = domain(before.schema)
-    reached = []
-    for policy in (before, after):
-        low, high = leaf_boxes(policy.tree)
-        low, high = np.maximum(low, inside.low), np.minimum(high, inside.high)
-        reached.append(is_box(*possible(low, high, before.schema)))
-    lost = np.flatnonzero(reached[0] & ~reached[1]).tolist()
+    was, now = (is_box(*leaf_parts(policy.tree, before.schema)) for policy in (before, after))
+    lost = np.flatnonzero(was & ~now).tolist()
     return [f"no observation reaches leaf {leaf} any more" for leaf in lost]
 
 

@@ -12,7 +12,8 @@ import numpy as np
 
 from eutree.arrays import Booleans, Floats, freeze
 from eutree.schema import Schema
-from eutree.trees.boxes import left_of_group, possible, whole_bounds
+from eutree.trees import DecisionTree
+from eutree.trees.boxes import leaf_boxes, left_of_group, possible, whole_bounds
 from eutree.trees.text import Digits, choice, printable, whole
 
 _FLIPPED = {">": "<", ">=": "<="}
@@ -110,6 +111,13 @@ def domain(schema: Schema) -> Region:
     low = np.array([feature.low for feature in schema.features])
     high = np.array([feature.high for feature in schema.features])
     return Region(*possible(before(low), high, schema))
+
+
+def leaf_parts(tree: DecisionTree, schema: Schema) -> tuple[Floats, Floats]:
+    """Return what observations within the schema's bounds reach of each leaf's box, [L, d] each."""
+    inside = domain(schema)
+    low, high = leaf_boxes(tree)
+    return possible(np.maximum(low, inside.low), np.minimum(high, inside.high), schema)
 
 
 def finite_box(schema: Schema, cuts: list[Floats]) -> tuple[Floats, Floats]:

@@ -8,9 +8,9 @@ from numpy.typing import ArrayLike
 from eutree.arrays import Floats
 from eutree.data import Demonstrations
 from eutree.display import Displayed, counted
-from eutree.inspection.regions import Region, domain, is_box
+from eutree.inspection.regions import Region, domain, is_box, leaf_parts
 from eutree.policies import TreePolicy
-from eutree.trees.boxes import leaf_boxes, possible
+from eutree.trees.boxes import leaf_boxes
 from eutree.trees.text import Digits, asked, printable, whole
 from eutree.validation import check_vector
 
@@ -175,10 +175,8 @@ def _alternatives(
     policy: TreePolicy, point: Floats, action: int, scale: Floats, digits: Digits
 ) -> tuple[Alternative, ...]:
     """Return the nearest observation of each other action, the nearest first."""
-    inside = domain(policy.schema)
-    low, high = leaf_boxes(policy.tree)
     schema = policy.schema
-    low, high = possible(np.maximum(low, inside.low), np.minimum(high, inside.high), schema)
+    low, high = leaf_parts(policy.tree, schema)
     is_whole = np.array([feature.is_integer for feature in schema.features])
     # The nearest double of a box: the first one above its exclusive bound, or its upper bound.
     first = np.where(is_whole, low + 1.0, np.nextafter(low, np.inf))

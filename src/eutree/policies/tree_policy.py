@@ -180,24 +180,10 @@ class TreePolicy(Displayed):
                 f"history must be >= 0 and history + 1 must divide the tree's "
                 f"{seen} features that are not actions, got {self.history}"
             )
-        features = FeatureMap(
-            n_observed=seen // (self.history + 1),
-            n_actions=self.schema.n_actions,
-            observations=self.history,
-            actions=self.past_actions,
-        )
-        observed = replace(self.schema, features=self.schema.features[: features.n_observed])
-        derivation = Derivation.of(observed)
-        if derivation.n_measured + len(derivation.formulas) != features.n_observed:
-            derivation = Derivation(features.n_observed)  # whoever hands in the past has derived it
-        object.__setattr__(self, "_feature_map", features)
-        object.__setattr__(self, "_derivation", derivation)
-        object.__setattr__(self, "_observed", observed.feature_names)
         if list(self.locked) != sorted(set(self.locked) & set(range(self.n_leaves))):
             raise InvalidArgumentError(
                 f"locked must be leaves from 0 to {self.n_leaves - 1} in order, got {self.locked}"
             )
-        object.__setattr__(self, "_action_list", self.actions.tolist())
 
     @property
     def n_leaves(self) -> int:
@@ -214,17 +200,34 @@ class TreePolicy(Displayed):
         """Number of entries of one observation, without the past."""
         return self.features.n_observed
 
-    @property
+    @cached_property
     def features(self) -> FeatureMap:
         """How observations and the past become the tree's features."""
-        features: FeatureMap = self._feature_map  # type: ignore[attr-defined]  # set when frozen
-        return features
+        seen = self.tree.n_features - self.past_actions * self.schema.n_actions
+        return FeatureMap(
+            n_observed=seen // (self.history + 1),
+            n_actions=self.schema.n_actions,
+            observations=self.history,
+            actions=self.past_actions,
+        )
 
-    @property
+    @cached_property
+    def _observed(self) -> Schema:
+        """What one observation holds, derived features included."""
+        return replace(self.schema, features=self.schema.features[: self.observation_size])
+
+    @cached_property
     def derivation(self) -> Derivation:
         """How the derived features of an observation are computed of those measured."""
-        derivation: Derivation = self._derivation  # type: ignore[attr-defined]  # set when frozen
-        return derivation
+        known = Derivation.of(self._observed)
+        if known.n_measured + len(known.formulas) == self.observation_size:
+            return known
+        return Derivation(self.observation_size)  # whoever hands in the past has derived it
+
+    @cached_property
+    def _action_list(self) -> list[int]:
+        actions: list[int] = self.actions.tolist()
+        return actions
 
     def save(self, path: str | Path) -> None:
         """Write the policy to a file that ``load`` reads; see docs/formats.
@@ -295,7 +298,7 @@ class TreePolicy(Displayed):
             features: The features.
             allowed: Which actions are allowed, shape [A]; None for all.
         """
-        actions: list[int] = self._action_list  # type: ignore[attr-defined]  # set when frozen
+        actions = self._action_list
         leaf = self.tree.leaf_of(features)
         if allowed is None or allowed[actions[leaf]]:
             return actions[leaf]
@@ -326,18 +329,17 @@ class TreePolicy(Displayed):
         Returns:
             An int for one observation, an int64 array of shape [E] for a batch; and the state.
         """
-        names: tuple[str, ...] = self._observed  # type: ignore[attr-defined]  # set when frozen
-        derivation = self.derivation
+        names, derivation = self._observed.feature_names, self.derivation
         if not derivation.formulas or np.shape(observation)[-1:] == (len(names),):
             array = rows_of(observation, names)
         else:
             measured = rows_of(observation, names[: derivation.n_measured])
-            array = self._derive(measured, state, episode_start)
+            array = derivation.after(measured, state, episode_start)
             if self.features.is_identity and derivation.remembered:
                 state = array
         if self.features.is_identity:
             return self._decide(array, action_masks), state
-        state = self._remember(array, state, episode_start)
+        state = self.features.after(state, array, episode_start)
         actions = self._decide(state, action_masks)
         if self.past_actions:  # the action chosen on these features follows them
             state = np.concatenate([state, np.asarray(actions, np.float64)[..., None]], axis=-1)
@@ -381,32 +383,6 @@ class TreePolicy(Displayed):
         orders = self.orders[leaves]
         allowed = np.take_along_axis(check_masks(masks, orders.shape), orders, axis=1)
         return orders[np.arange(len(orders)), allowed.argmax(axis=1)]
-
-    def _derive(
-        self, measured: Floats, state: Floats | None, episode_start: ArrayLike | None
-    ) -> Floats:
-        """Return observations [..., d] of what is measured, after what the state remembers."""
-        fresh = self.derivation.rows(measured)
-        if state is None or not self.derivation.remembered:
-            return fresh
-        after = self.derivation.rows(measured, state[..., : self.observation_size])
-        starts = np.asarray(False if episode_start is None else episode_start, dtype=bool)
-        return np.where(starts[..., np.newaxis], fresh, after)
-
-    def _remember(
-        self, observation: Floats, state: Floats | None, episode_start: ArrayLike | None
-    ) -> Floats:
-        """Return the features of observations [..., d] after what the state remembers."""
-        fresh = self.features.first(observation)
-        if state is None:
-            return fresh
-        size = self.features.n_features
-        action = state[..., size:].astype(np.int64).sum(axis=-1)  # none where none is remembered
-        features = self.features.next(state[..., :size], action, observation)
-        if episode_start is None:
-            return features
-        starts = np.asarray(episode_start, dtype=bool)
-        return np.where(starts[:, np.newaxis] if observation.ndim == 2 else starts, fresh, features)
 
     def __repr__(self) -> str:
         """Return the policy's size in one line; ``str`` gives its rules."""

@@ -209,8 +209,26 @@ class BeginningThere(gymnasium.Wrapper[Any, Any, Any, Any]):
         share: float = 1.0,
     ) -> None:
         super().__init__(env)
-        self._plant = _plant_of(env)
-        self._starts = [_starts_of(one, self._plant) for one in certificates]
+        spec = spec_of(env)
+        plant = plant_of(spec)
+        if plant is None:
+            raise InvalidArgumentError(
+                f"starts need a plant, which puts an environment there; none is known for {spec}"
+            )
+        self._plant, self._starts = plant, []
+        for certificate in certificates:
+            starts = certificate.starts
+            if starts is None:
+                raise InvalidArgumentError(
+                    "certificate must have boxes in which the proof fails or is undecided, got one "
+                    f"without any: {certificate}"
+                )
+            if plant.state != starts.names:
+                raise InvalidArgumentError(
+                    f"certificate must be of {plant.environment}, whose state is "
+                    f"{', '.join(plant.state)}, got starts of {', '.join(starts.names)}"
+                )
+            self._starts.append(starts)
         self._share = share
         self._generator = np.random.default_rng()
 
@@ -228,28 +246,3 @@ class BeginningThere(gymnasium.Wrapper[Any, Any, Any, Any]):
         observation = self._plant.put(self.env, point)
         self.env.unwrapped.np_random = self._generator  # putting it there has used the same seed
         return observation, info
-
-
-def _plant_of(env: gymnasium.Env[Any, Any]) -> Plant:
-    spec = spec_of(env)
-    plant = plant_of(spec)
-    if plant is None:
-        raise InvalidArgumentError(
-            f"starts need a plant, which puts an environment there; none is known for {spec}"
-        )
-    return plant
-
-
-def _starts_of(certificate: Certificate, plant: Plant) -> Starts:
-    starts = certificate.starts
-    if starts is None:
-        raise InvalidArgumentError(
-            "certificate must have boxes in which the proof fails or is undecided, got one without "
-            f"any: {certificate}"
-        )
-    if plant.state != starts.names:
-        raise InvalidArgumentError(
-            f"certificate must be of {plant.environment}, whose state is "
-            f"{', '.join(plant.state)}, got starts of {', '.join(starts.names)}"
-        )
-    return starts
