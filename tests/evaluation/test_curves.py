@@ -38,7 +38,7 @@ def test_the_text_is_plain():
     [
         ("", "line 1: must name the columns"),
         ("episode,steps\n1,2\n", "must name the columns success_rate, mean_return, n_leaves"),
-        ("episode,steps,success_rate,mean_return,n_leaves\n0,0,,x,1\n", "line 2: could not"),
+        ("episode,steps,success_rate,mean_return,n_leaves\n0,0,,x,1\n", "line 2: Expected `float`"),
         ("episode,steps,success_rate,mean_return,n_leaves\n0,0,,nan,1\n", "line 2: must hold"),
         ("episode,steps,success_rate,mean_return,n_leaves\n0,0,2,1,1\n", "line 2: must hold"),
         ("episode,steps,success_rate,mean_return,n_leaves\n0,0\n", "line 2"),

@@ -6,8 +6,7 @@ from eutree.c45.growing import C45Settings
 from eutree.lazy import lazily
 
 if TYPE_CHECKING:
-    from eutree.c45.growing import best_reductions
-    from eutree.c45.learner import grow
+    from eutree.c45.growing import best_reductions, grow
     from eutree.c45.tree import C45Tree
 
 __all__ = ["C45Settings", "C45Tree", "best_reductions", "grow"]
@@ -15,8 +14,7 @@ __all__ = ["C45Settings", "C45Tree", "best_reductions", "grow"]
 __getattr__ = lazily(
     __name__,
     {
-        "eutree.c45.growing": "best_reductions",
-        "eutree.c45.learner": "grow",
+        "eutree.c45.growing": "best_reductions grow",
         "eutree.c45.tree": "C45Tree",
     },
 )

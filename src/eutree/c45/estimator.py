@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from eutree.arrays import Booleans, Floats, Int32s, Integers
 from eutree.c45 import text
-from eutree.c45.growing import C45Settings, Dialect
-from eutree.c45.learner import grow
+from eutree.c45.growing import C45Settings, Dialect, grow
 from eutree.c45.tree import C45Tree
 from eutree.display import framed
 from eutree.errors import InvalidArgumentError, MissingExtraError, UnknownNameError

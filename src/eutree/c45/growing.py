@@ -1,4 +1,4 @@
-"""Growing a C4.5 tree level by level (release 8's ``FormTree``), and collapsing it.
+"""C4.5 from a training set to a tree: grown level by level (release 8's ``FormTree``), pruned.
 
 Each attribute is sorted once; a level costs O(d n) however many nodes it has.
 """
@@ -8,12 +8,22 @@ from statistics import NormalDist
 from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from eutree.arrays import Booleans, Floats, Int16s, Int32s, Integers
-from eutree.c45 import _kernels
+from eutree.c45 import _kernels, _kernels_pruning
 from eutree.c45._kernels import Nodes
+from eutree.c45.tree import C45Tree, read_only
+from eutree.errors import InvalidArgumentError
 from eutree.features import threshold_between
-from eutree.validation import check_choice, check_number
+from eutree.validation import (
+    check_actions,
+    check_choice,
+    check_integer,
+    check_number,
+    check_numbers,
+    check_vector,
+)
 
 Dialect = Literal["table", "normal"]
 
@@ -122,14 +132,6 @@ class Training:
         """Whether the gain of each attribute counts in the average (not if of many values)."""
         few: Booleans = self.n_values < 0.3 * self.weights.sum()
         return few if few.any() else ~few
-
-
-def grow_nodes(training: Training, settings: C45Settings) -> Nodes:
-    """Grow the tree and collapse it as the settings say; nothing is pruned."""
-    nodes = _Grower(training, settings).grow()
-    if settings.collapse:
-        _collapse(nodes)
-    return nodes
 
 
 def best_reductions(observations: Floats, actions: Integers, weights: Floats) -> Floats:
@@ -376,3 +378,96 @@ def _collapse(nodes: Nodes) -> None:
             nodes.n_children[node], nodes.first_child[node] = 0, -1
         else:
             errors[node] = below
+
+
+def _compact(nodes: Nodes) -> Nodes:
+    """Return the nodes that the root still reaches, numbered level by level."""
+    kept = [np.array([0], dtype=np.int32)]
+    while len(kept[-1]):
+        inner = kept[-1][nodes.feature[kept[-1]] >= 0]
+        first, forks = nodes.first_child[inner], nodes.n_children[inner]
+        inside = np.arange(forks.sum()) - np.repeat(np.cumsum(forks) - forks, forks)
+        kept.append((np.repeat(first, forks) + inside).astype(np.int32))
+    old = np.concatenate(kept)
+    new = np.full(len(nodes.feature), -1, dtype=np.int32)
+    new[old] = np.arange(len(old), dtype=np.int32)
+    tested = nodes.feature[old] >= 0
+    return Nodes(
+        feature=nodes.feature[old],
+        threshold=np.where(tested, nodes.threshold[old], np.nan),
+        first_child=np.where(tested, new[nodes.first_child[old]], -1).astype(np.int32),
+        n_children=np.where(tested, nodes.n_children[old], 0).astype(np.int32),
+        distribution=nodes.distribution[old],
+    )
+
+
+MOST_CLASSES = 2**15 - 1
+
+_DEFAULT = C45Settings()
+
+
+def grow(
+    observations: ArrayLike,
+    actions: ArrayLike,
+    *,
+    n_classes: int,
+    weights: ArrayLike | None = None,
+    n_values: ArrayLike | None = None,
+    settings: C45Settings = _DEFAULT,
+) -> C45Tree:
+    """Return the tree that C4.5 makes of a training set.
+
+    Args:
+        observations: Numbers, shape [N, d]; NaN where a value is unknown.
+        actions: Class of each row, an integer in 0..n_classes - 1, shape [N].
+        n_classes: Number of classes; it enters the least size of a branch.
+        weights: Weight of each row, none negative; rows of weight 0 are left out. 1 by default.
+        n_values: Number of values of each nominal attribute, whose column holds the codes
+            0..n_values - 1; 0 for a continuous attribute. All are continuous by default.
+        settings: Every choice of the learner; release 8 by default.
+
+    Raises:
+        InvalidArgumentError: If an argument is not as described, or no row has weight.
+    """
+    check_integer("n_classes", n_classes, low=1, high=MOST_CLASSES)
+    rows = check_numbers("observations", observations, ndim=2)
+    if not rows.shape[1]:
+        raise InvalidArgumentError("observations must have at least one column, got none")
+    if np.isinf(rows).any():
+        place = ", ".join(map(str, np.argwhere(np.isinf(rows))[0]))
+        raise InvalidArgumentError(f"observations must not be infinite, got infinity at [{place}]")
+    labels = check_actions("actions", actions, size=len(rows))
+    if labels.size and labels.max() >= n_classes:
+        raise InvalidArgumentError(
+            f"actions must be in 0..{n_classes - 1}, got {int(labels.max())}"
+        )
+    weight = np.ones(len(rows)) if weights is None else check_vector(
+        "weights", weights, size=len(rows)
+    )  # fmt: skip
+    if weight.size and weight.min() < 0:
+        raise InvalidArgumentError(f"weights must not be negative, got {weight.min()}")
+    used = weight > 0
+    if not used.any():
+        raise InvalidArgumentError("observations must have at least one row with weight, got none")
+    if not used.all():
+        rows, labels, weight = rows[used], labels[used], weight[used]
+    values = np.zeros(rows.shape[1]) if n_values is None else np.asarray(n_values)
+    training = Training(
+        observations=read_only(rows),
+        actions=labels.astype(np.int16),
+        weights=weight.copy(),
+        n_values=values.astype(np.int32),
+        n_classes=n_classes,
+    )
+    nodes = _Grower(training, settings).grow()
+    if settings.collapse:
+        _collapse(nodes)
+    if settings.prune:
+        cases = _kernels_pruning.TrainingCases(
+            training.observations, training.actions, training.weights
+        )
+        estimate = _kernels_pruning.ErrorEstimate(
+            float(settings.confidence), settings.deviate, settings.z == "normal"
+        )
+        _kernels_pruning.prune(nodes, cases, estimate, settings.subtree_raising)
+    return C45Tree(training.n_values, *_compact(nodes))

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from eutree.display import counted
@@ -113,16 +114,10 @@ def curve_from_csv(text: str, *, path: str = "curve") -> tuple[CurvePoint, ...]:
 
 def _point(row: dict[str, str], path: str, line: int) -> CurvePoint:
     try:
-        success = float(row["success_rate"]) if row["success_rate"] else None
-        point = CurvePoint(
-            episode=int(row["episode"]),
-            steps=int(row["steps"]),
-            success_rate=success,
-            mean_return=float(row["mean_return"]),
-            n_leaves=int(row["n_leaves"]),
-        )
-    except (TypeError, ValueError) as error:
+        known = {name: row[name] or None for name in COLUMNS}
+        point = msgspec.convert(known, CurvePoint, strict=False)
+    except msgspec.ValidationError as error:
         raise FormatError(path, f"line {line}", str(error)) from None
-    if not math.isfinite(point.mean_return) or not 0.0 <= (success or 0.0) <= 1.0:
+    if not math.isfinite(point.mean_return) or not 0.0 <= (point.success_rate or 0.0) <= 1.0:
         raise FormatError(path, f"line {line}", f"must hold finite numbers, got {row}")
     return point

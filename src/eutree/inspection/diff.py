@@ -102,7 +102,7 @@ def diff(
     seen = None
     if observations is not None:
         seen = check_observations("observations", observations, n_features=mine.n_features)
-    box_low, box_high = finite_box(mine, _cuts(first, second, seen))
+    box_low, box_high = finite_box(mine, first.tree, second.tree, seen=seen)
     low, high = possible(low, high, mine)
     real = is_box(low, high)
     low, high, actions = _joined(low[real], high[real], actions[real])
@@ -179,18 +179,6 @@ def _runs(spans: list[tuple[float, float]]) -> list[tuple[float, float]]:
         else:
             joined.append((start, end))
     return joined
-
-
-def _cuts(first: TreePolicy, second: TreePolicy, seen: Floats | None) -> list[Floats]:
-    """Return the thresholds of both trees on each feature, and what was observed of it."""
-    trees = (first.tree, second.tree)
-    rows = np.empty((0, first.tree.n_features)) if seen is None else seen
-    return [
-        np.concatenate(
-            [tree.threshold[tree.feature == number] for tree in trees] + [rows[:, number]]
-        )
-        for number in range(first.tree.n_features)
-    ]
 
 
 def _structure(first: TreePolicy, second: TreePolicy, digits: Digits) -> list[str]:

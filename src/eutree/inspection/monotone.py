@@ -18,10 +18,10 @@ import numpy as np
 from eutree.arrays import Booleans, Floats, Integers
 from eutree.errors import InvalidArgumentError
 from eutree.inspection.properties import Property, parse
-from eutree.inspection.regions import is_box
+from eutree.inspection.regions import is_box, ways
 from eutree.policies import TreePolicy
 from eutree.schema import Schema
-from eutree.trees.boxes import leaf_boxes, meetings
+from eutree.trees.boxes import leaf_boxes
 from eutree.trees.edit import merge
 from eutree.trees.text import printable
 
@@ -146,17 +146,14 @@ def _worth(policy: TreePolicy) -> Floats:
 
 def _above(policy: TreePolicy, rule: Property) -> tuple[Integers, Integers]:
     """Return pairs of leaves: changing the rule's feature leads from the first to the second."""
-    j, found = rule.feature, [(np.empty(0, np.intp), np.empty(0, np.intp))]
+    found = [(np.empty(0, np.intp), np.empty(0, np.intp))]
     for region in rule.regions:
         low, high = leaf_boxes(policy.tree)
         low, high = np.maximum(low, region.low), np.minimum(high, region.high)
-        asked = is_box(low, high)
-        ways = low.copy(), high.copy()
-        ways[0][:, j], ways[1][:, j] = (-np.inf, low[:, j]) if rule.falls else (high[:, j], np.inf)
-        ways[1][~asked] = -np.inf  # empty
-        for one, two in meetings(*ways, policy.tree):
-            beyond = high[two, j] <= low[one, j] if rule.falls else low[two, j] >= high[one, j]
-            found.append((one[beyond & asked[two]], two[beyond & asked[two]]))
+        is_asked = is_box(low, high)
+        leaves = np.flatnonzero(is_asked)
+        for one, two in ways(policy.tree, low, high, leaves, rule.feature, falls=rule.falls):
+            found.append((one[is_asked[two]], two[is_asked[two]]))
     one, two = (np.concatenate(part) for part in zip(*found, strict=True))
     if _is_mirrored(rule, policy.schema):  # of two actions, the other one is closed the other way
         return two, one

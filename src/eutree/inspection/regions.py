@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eutree.arrays import Booleans, Floats, freeze
+from eutree.arrays import Booleans, Floats, Integers, freeze
 from eutree.schema import Schema
 from eutree.trees import DecisionTree
-from eutree.trees.boxes import leaf_boxes, left_of_group, possible, whole_bounds
+from eutree.trees.boxes import leaf_boxes, left_of_group, meetings, possible, whole_bounds
 from eutree.trees.text import Digits, choice, printable, whole
 
 _FLIPPED = {">": "<", ">=": "<="}
@@ -120,21 +120,52 @@ def leaf_parts(tree: DecisionTree, schema: Schema) -> tuple[Floats, Floats]:
     return possible(np.maximum(low, inside.low), np.minimum(high, inside.high), schema)
 
 
-def finite_box(schema: Schema, cuts: list[Floats]) -> tuple[Floats, Floats]:
+def finite_box(
+    schema: Schema, *trees: DecisionTree, seen: Floats | None = None
+) -> tuple[Floats, Floats]:
     """Return the box that shares are of: the schema's bounds.
 
-    An infinite bound is replaced by the outermost of the given thresholds of the feature, moved
-    outwards by a tenth of what they span (by 1 where they span nothing).
+    An infinite bound is replaced by the outermost of the trees' thresholds on the feature and of
+    what was seen of it [N, d], moved outwards by a tenth of what they span (by 1 where that is
+    nothing).
     """
     low = np.array([feature.low for feature in schema.features])
     high = np.array([feature.high for feature in schema.features])
-    for number, values in enumerate(cuts):
-        known = np.concatenate([values, [v for v in (low[number], high[number]) if np.isfinite(v)]])
+    for j in range(low.size):
+        cuts = [tree.threshold[tree.feature == j] for tree in trees]
+        known = np.concatenate([*cuts, [] if seen is None else seen[:, j], [low[j], high[j]]])
+        known = known[np.isfinite(known)]
         least, most = (known.min(), known.max()) if known.size else (0.0, 0.0)
         beyond = (most - least) / 10 or 1.0
-        low[number] = low[number] if np.isfinite(low[number]) else least - beyond
-        high[number] = high[number] if np.isfinite(high[number]) else most + beyond
+        low[j] = low[j] if np.isfinite(low[j]) else least - beyond
+        high[j] = high[j] if np.isfinite(high[j]) else most + beyond
     return whole_bounds(low, high, schema)
+
+
+def ways(
+    tree: DecisionTree, low: Floats, high: Floats, leaves: Integers, feature: int, *, falls: bool
+) -> Iterator[tuple[Integers, Integers]]:
+    """Yield pairs of leaves: raising a feature, or lowering it, leads from the first to the second.
+
+    Args:
+        tree: The tree.
+        low: Where the part of each leaf begins that is asked about, shape [L, d].
+        high: Where it ends.
+        leaves: From which it leads.
+        feature: The feature; nothing else changes.
+        falls: Whether it is lowered.
+    """
+    begin, end = low[leaves], high[leaves]
+    if falls:
+        begin[:, feature], end[:, feature] = -np.inf, low[leaves, feature]
+    else:
+        begin[:, feature], end[:, feature] = high[leaves, feature], np.inf
+    for number, two in meetings(begin, end, tree):
+        one = leaves[number]
+        beyond = high[two, feature] <= low[one, feature]
+        if not falls:
+            beyond = low[two, feature] >= high[one, feature]
+        yield one[beyond], two[beyond]
 
 
 def is_box(low: Floats, high: Floats) -> Booleans:

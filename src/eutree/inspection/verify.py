@@ -15,9 +15,9 @@ from eutree.arrays import Floats, Integers
 from eutree.display import Displayed, counted
 from eutree.errors import InvalidArgumentError
 from eutree.inspection.properties import Property, parse
-from eutree.inspection.regions import Region, domain, finite_box, is_box
+from eutree.inspection.regions import Region, domain, finite_box, is_box, ways
 from eutree.policies import TreePolicy
-from eutree.trees.boxes import leaf_boxes, meetings, possible, volumes
+from eutree.trees.boxes import leaf_boxes, possible, volumes
 from eutree.trees.text import Digits, printable
 from eutree.validation import check_observations
 
@@ -224,14 +224,8 @@ def _switching(
     is_reached[reaching] = True
     found: list[_Pair] = []
     whole = _finite(policy, domain(schema))
-    ways = low[keeps], high[keeps]  # where raising (or lowering) the feature leads from each
-    ways[0][:, j], ways[1][:, j] = (
-        (-np.inf, low[keeps, j]) if asked.falls else (high[keeps, j], np.inf)
-    )
-    for number, two in meetings(*ways, policy.tree):
-        one = keeps[number]
-        beyond = high[two, j] <= low[one, j] if asked.falls else low[two, j] >= high[one, j]
-        loses = is_reached[two] & (rank[two] < rank[one]) & beyond
+    for one, two in ways(policy.tree, low, high, keeps, j, falls=asked.falls):
+        loses = is_reached[two] & (rank[two] < rank[one])
         one, two = one[loses], two[loses]
         lows, highs = np.maximum(low[one], low[two]), np.minimum(high[one], high[two])
         lows[:, j], highs[:, j] = low[one, j], high[one, j]
@@ -284,8 +278,6 @@ def _dead(policy: TreePolicy, observations: ArrayLike | None) -> _Part:
 
 def _finite(policy: TreePolicy, whole: Region) -> tuple[Floats, Floats]:
     """Return the bounds of a region; infinite sides end a little beyond the thresholds."""
-    tree = policy.tree
-    cuts = [tree.threshold[tree.feature == j] for j in range(tree.n_features)]
-    low, high = finite_box(policy.schema, cuts)
+    low, high = finite_box(policy.schema, policy.tree)
     low, high = np.maximum(low, whole.low), np.minimum(high, whole.high)
     return low, np.maximum(low, high)
