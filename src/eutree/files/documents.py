@@ -51,7 +51,6 @@ class Document(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     made_by: str = ""
 
 
-_Document = TypeVar("_Document", bound=Document)
 _Plain = TypeVar("_Plain", bound=msgspec.Struct)
 
 
@@ -74,10 +73,10 @@ def write_document(path: str | Path, document: Document) -> None:
     atomic.write_bytes(path, encode_document(document))
 
 
-def read_document(
-    path: str | Path, kind: type[_Document], *, limit: int = MAX_DOCUMENT
-) -> _Document:
+def read_document(path: str | Path, kind: type[_Plain], *, limit: int = MAX_DOCUMENT) -> _Plain:
     """Read a document of the given kind from a file of at most ``limit`` bytes.
+
+    A kind that is no ``Document`` has no header: people write such files.
 
     Raises:
         FormatError: The file is no such document.
@@ -163,16 +162,6 @@ def _spelled(value: Any) -> Iterator[bytes]:
         for item in value:
             yield from _spelled(item)
         yield b"]"
-
-
-def read_plain(path: str | Path, kind: type[_Plain], *, limit: int = MAX_DOCUMENT) -> _Plain:
-    """Read a file that people write, so without a header, with the same suspicion.
-
-    Raises:
-        FormatError: The file is not what ``kind`` declares.
-        FileError: The file is missing or cannot be read.
-    """
-    return decode_document(atomic.read_bytes(path, limit=limit), kind, path)
 
 
 def decode_document(data: bytes, kind: type[_Plain], path: str | Path) -> _Plain:

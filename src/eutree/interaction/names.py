@@ -23,8 +23,7 @@ import gymnasium
 import msgspec
 
 from eutree.errors import FormatError, InvalidArgumentError
-from eutree.files import read_bytes
-from eutree.files.documents import read_plain
+from eutree.files import read_bytes, read_document
 from eutree.interaction.deriving import DerivedObservation
 from eutree.interaction.spaces import describe
 from eutree.schema import Feature, Schema
@@ -65,7 +64,7 @@ class Names(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
             FormatError: It is no JSON object with lists of names.
             FileError: It is missing or cannot be read.
         """
-        return read_plain(path, cls, limit=MAX_FILE)
+        return read_document(path, cls, limit=MAX_FILE)
 
     def besides(self, other: "Names | None") -> "Names":
         """Return these names, and of others what these do not say."""

@@ -268,35 +268,18 @@ COLUMNS, CELLS = 320, 64  # of a picture: along one number, and along each of tw
 BREAKS = "Black: not decided; red: it fails."
 
 
-def picture_of(pieces: Pieces, values: Integers, marks: Integers, legend: str) -> Picture | None:
-    """Return the starts, cut into pieces, along the first two numbers that vary.
+def pictures_of_pieces(pieces: Pieces, fails: Booleans, open_: Booleans) -> tuple[Picture, ...]:
+    """Return the starts by the steps that they take at most, along the first two that vary.
 
-    Args:
-        pieces: The pieces.
-        values: What is known of each, shape [N]; a cell gets the highest.
-        marks: A mark for each; a cell gets the worst, shape [N].
-        legend: What the colours mean.
+    None where the starts are a point. A cell gets the worst of the pieces in it.
     """
+    if not pieces.low.size:
+        return ()
     low, high = pieces.low.min(axis=0), pieces.high.max(axis=0)
     varying = np.flatnonzero(high > low)[:2]
     if not varying.size:
-        return None
+        return ()
     low, high = low[varying], high[varying]
-    shape = (COLUMNS, 1) if varying.size == 1 else (CELLS, CELLS)
-    scale = np.array(shape[: varying.size]) / (high - low)
-    begins = np.floor((pieces.low[:, varying] - low) * scale).astype(int)
-    finish = np.maximum(np.ceil((pieces.high[:, varying] - low) * scale).astype(int), begins + 1)
-    found, marked = np.zeros(shape), np.full(shape, EMPTY)
-    for k in np.lexsort((values, marks)):  # the worst is painted last
-        room = tuple(slice(b, e) for b, e in zip(begins[k], finish[k], strict=True))
-        found[room], marked[room] = values[k], marks[k]
-    names = tuple(pieces.names[k] for k in varying)
-    ends = tuple(low.tolist()), tuple(high.tolist())
-    return Picture("The starts", names, *ends, found, marked, legend)
-
-
-def pictures_of_pieces(pieces: Pieces, fails: Booleans, open_: Booleans) -> tuple[Picture, ...]:
-    """Return the starts by the steps that they take at most; none where the starts are a point."""
     ends = (pieces.last != NEVER) & ~fails & ~open_
     steps = np.where(ends, pieces.last, 0)
     legend = f"Blue: it holds. {BREAKS}"
@@ -304,5 +287,14 @@ def pictures_of_pieces(pieces: Pieces, fails: Booleans, open_: Booleans) -> tupl
         fewest = int(steps[ends].min())
         legend = f"Light: {fewest} steps; dark: {int(steps.max())}. {BREAKS}"
     marks = np.select([fails, open_], [FAILS, OPEN], KNOWN)
-    found = picture_of(pieces, steps, marks, legend) if pieces.low.size else None
-    return () if found is None else (found,)
+    shape = (COLUMNS, 1) if varying.size == 1 else (CELLS, CELLS)
+    scale = np.array(shape[: varying.size]) / (high - low)
+    begins = np.floor((pieces.low[:, varying] - low) * scale).astype(int)
+    finish = np.maximum(np.ceil((pieces.high[:, varying] - low) * scale).astype(int), begins + 1)
+    found, marked = np.zeros(shape), np.full(shape, EMPTY)
+    for k in np.lexsort((steps, marks)):  # the worst is painted last
+        room = tuple(slice(b, e) for b, e in zip(begins[k], finish[k], strict=True))
+        found[room], marked[room] = steps[k], marks[k]
+    names = tuple(pieces.names[k] for k in varying)
+    sides = tuple(low.tolist()), tuple(high.tolist())
+    return (Picture("The starts", names, *sides, found, marked, legend),)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eutree.arrays import Booleans, Floats
+from eutree.arrays import Floats
 from eutree.contests.betting import lower_bound
 from eutree.errors import InvalidArgumentError
 from eutree.evaluation import Evaluation, Interval
@@ -77,22 +77,40 @@ def certify_sample(
     """
     sampling = sampling or Sampling()
     asked = asked_of_episodes(question, environment, sampling)
-    if asked is None:
-        return _plain(evaluation, environment, sampling)
-    if asked.kind == "succeeds" and asked.chance is None:
-        _successes(evaluation, environment)  # there must be some to speak of
-        return _plain(evaluation, environment, sampling)
-    if asked.kind == "succeeds":
-        name, reached = "success", _successes(evaluation, environment)
+    n, successes = evaluation.episodes, evaluation.successes
+    rests_on = (
+        f"in {environment}, with {100 * sampling.confidence:g} % confidence by {n:,} episodes"
+    )
+    if asked is not None and asked.kind == "succeeds" and successes is None:
+        raise InvalidArgumentError(
+            f"{environment} reports no success (is_success in the info of a last step); ask for "
+            "'returns at least R with probability at least P'"
+        )
+    if asked is None or (asked.kind == "succeeds" and asked.chance is None):
+        bounds, words = _plain(evaluation, sampling)
+        return Certificate(
+            f"{rests_on}: {words}", STATISTICAL, PROVEN, bounds, work={"episodes": n}
+        )
+    least = float(asked.least or 0.0)
+    if asked.chance is None:
+        name, found = "mean_return", mean_bounds(evaluation.returns, sampling)
     else:
-        name, reached = "share", evaluation.returns >= float(asked.least or 0.0)
-    if asked.chance is not None:
-        least, found = asked.chance, share_bounds(int(reached.sum()), evaluation, sampling)
-    else:
-        name, least = "mean_return", float(asked.least or 0.0)
-        found = mean_bounds(evaluation.returns, sampling)
-    conditions = _words_of(evaluation, environment, sampling)
-    return _judged(asked, {name: found}, least, conditions, evaluation.episodes)
+        name, reached = "share", evaluation.returns >= least
+        if asked.kind == "succeeds" and successes is not None:
+            name, reached = "success", successes
+        least = asked.chance
+        found = binomial_bounds(int(np.sum(reached)), n, error=sampling.error)
+    verdict = PROVEN if found.low >= least else REFUTED if found.high < least else UNDECIDED
+    holds = {PROVEN: "holds", REFUTED: "does not hold", UNDECIDED: "is open"}[verdict]
+    return Certificate(
+        sentence=f"{rests_on}: '{asked.text}' {holds}; {name.replace('_', ' ')} is in "
+        f"{_words(found)}",
+        kind=STATISTICAL,
+        verdict=verdict,
+        bounds={name: found},
+        undecided=1.0 if verdict == UNDECIDED else 0.0,
+        work={"episodes": n},
+    )
 
 
 def asked_of_episodes(
@@ -113,11 +131,6 @@ def asked_of_episodes(
     if asked is not None and asked.kind == "returns" and asked.chance is None:
         _range(sampling)
     return asked
-
-
-def share_bounds(successes: int, evaluation: Evaluation, sampling: Sampling) -> Interval:
-    """Return exact bounds of the probability of which so many episodes are a sample."""
-    return binomial_bounds(successes, evaluation.episodes, error=sampling.error)
 
 
 def binomial_bounds(successes: int, n: int, *, error: float) -> Interval:
@@ -151,58 +164,21 @@ def _range(sampling: Sampling) -> tuple[float, float]:
     return sampling.returns
 
 
-def _plain(evaluation: Evaluation, environment: str, sampling: Sampling) -> Certificate:
-    """Return all bounds that the episodes allow, with nothing to be proven."""
+def _plain(evaluation: Evaluation, sampling: Sampling) -> tuple[dict[str, Interval], str]:
+    """Return all bounds that the episodes allow, with nothing to be proven, and in words."""
     worst = float(evaluation.returns.min())
     # Wilks: what so many draws all reach, a further one reaches with this probability at least.
     reaching = (1.0 - sampling.confidence) ** (1.0 / evaluation.episodes) - _SLACK
     bounds = {"share_at_least_worst_seen": Interval(reaching, 1.0)}
     parts = [f"an episode returns at least {worst:g} with probability at least {reaching:.4g}"]
     if evaluation.successes is not None:
-        successes = int(np.sum(evaluation.successes))
-        bounds["success"] = share_bounds(successes, evaluation, sampling)
+        successes, n = int(np.sum(evaluation.successes)), evaluation.episodes
+        bounds["success"] = binomial_bounds(successes, n, error=sampling.error)
         parts.append(f"it succeeds with probability in {_words(bounds['success'])}")
     if sampling.returns is not None:
         bounds["mean_return"] = mean_bounds(evaluation.returns, sampling)
         parts.append(f"the mean return is in {_words(bounds['mean_return'])}")
-    return Certificate(
-        sentence=f"{_words_of(evaluation, environment, sampling)}: {'; '.join(parts)}",
-        kind=STATISTICAL,
-        verdict=PROVEN,
-        bounds=bounds,
-        work={"episodes": evaluation.episodes},
-    )
-
-
-def _judged(
-    asked: EpisodeProperty,
-    bounds: dict[str, Interval],
-    least: float,
-    conditions: str,
-    episodes: int,
-) -> Certificate:
-    """Return whether a number that lies between bounds is at least what was asked for."""
-    ((name, found),) = bounds.items()
-    verdict = PROVEN if found.low >= least else REFUTED if found.high < least else UNDECIDED
-    holds = {PROVEN: "holds", REFUTED: "does not hold", UNDECIDED: "is open"}[verdict]
-    return Certificate(
-        sentence=f"{conditions}: '{asked.text}' {holds}; {name.replace('_', ' ')} is in "
-        f"{_words(found)}",
-        kind=STATISTICAL,
-        verdict=verdict,
-        bounds=bounds,
-        undecided=1.0 if verdict == UNDECIDED else 0.0,
-        work={"episodes": episodes},
-    )
-
-
-def _successes(evaluation: Evaluation, environment: str) -> Booleans:
-    if evaluation.successes is None:
-        raise InvalidArgumentError(
-            f"{environment} reports no success (is_success in the info of a last step); ask for "
-            "'returns at least R with probability at least P'"
-        )
-    return evaluation.successes
+    return bounds, "; ".join(parts)
 
 
 def _quantile(successes: int, n: int, error: float) -> float:
@@ -228,14 +204,6 @@ def _tail(successes: int, n: int, p: float) -> float:
     logs = first + np.concatenate([[0.0], np.cumsum(steps)])
     logs = logs + k * math.log(p) + (n - k) * math.log1p(-p)
     return float(np.exp(np.logaddexp.reduce(logs)))
-
-
-def _words_of(evaluation: Evaluation, environment: str, sampling: Sampling) -> str:
-    """Return what a statistical statement rests on."""
-    return (
-        f"in {environment}, with {100 * sampling.confidence:g} % confidence by "
-        f"{evaluation.episodes:,} episodes"
-    )
 
 
 def _words(found: Interval) -> str:
