@@ -11,14 +11,14 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from eutree.arrays import Booleans, Integers
+from eutree.arrays import Booleans
 from eutree.c45 import C45Settings
 from eutree.compression.candidates import Costs, Prunings, by_c45, merged, with_tree
 from eutree.compression.playing import PairedEpisodes, moved
 from eutree.features import threshold_between
 from eutree.policies import TreePolicy
 from eutree.trees import DecisionTree
-from eutree.trees.edit import INNER, TreeBuilder, rebuild
+from eutree.trees.edit import INNER, graft, rebuild
 
 SHIFTS = (0.02, 0.06, 0.15, 0.35, 0.7)  # of the smaller side's rows
 FEW = 20  # rows
@@ -194,26 +194,9 @@ def _refitted(episodes: PairedEpisodes) -> Iterator[TreePolicy]:
         rows = features[below[leaves]]
         if size < 4 or len(rows) < FEW:
             continue
+        kept = {leaf: int(policy.actions[leaf]) for leaf in np.flatnonzero(~below).tolist()}
         grown = by_c45(policy, rows, C45Settings.unpruned())
         prunings = Prunings(grown, Costs.of(policy, rows, "visits"))
         for smaller in range(1, REFITTED + 1):
             part = prunings.of_size(min(size - smaller, prunings.costs.size))
-            yield with_tree(policy, *_with_part(policy, node, part))
-
-
-def _with_part(policy: TreePolicy, node: int, part: TreePolicy) -> tuple[DecisionTree, Integers]:
-    """Return the tree with another tree in the place of a node."""
-    built = TreeBuilder(policy.tree.n_features)
-    work = [(policy, 0, -1, 0)]
-    while work:
-        of, at, parent, side = work.pop()
-        if of is policy and at == node:
-            of, at = part, 0
-        tree = of.tree
-        if tree.feature[at] == tree.NO_FEATURE:
-            built.leaf(int(of.actions[tree.leaf[at]]), parent=parent, side=side)
-            continue
-        test = int(tree.feature[at]), float(tree.threshold[at])
-        number = built.test(*test, parent=parent, side=side)
-        work += [(of, int(tree.right[at]), number, 1), (of, int(tree.left[at]), number, 0)]
-    return built.build()
+            yield with_tree(policy, *graft(tree, kept, part.tree, part.actions)[:2])
