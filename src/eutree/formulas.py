@@ -124,10 +124,6 @@ class Formula:
         return known[0] if known and all(powers == known[0] for powers in known) else {}
 
 
-def _least(a: Any, b: Any) -> Any:
-    return np.where(b < a, b, a)
-
-
 def _ratio(a: Any, b: Any) -> Any:
     bound = np.where(a > 0.0, LARGEST_RATIO, np.where(a < 0.0, -LARGEST_RATIO, a))
     quotient = np.divide(a, b)
@@ -139,7 +135,7 @@ def _ratio(a: Any, b: Any) -> Any:
 _OPERATIONS: Mapping[str, Callable[..., Any]] = {
     **_TESTS,
     "+": np.add, "-": np.subtract, "*": np.multiply, "/": _ratio, "negative": np.negative,
-    "min": _least, "max": lambda a, b: np.where(b > a, b, a),
+    "min": lambda a, b: np.where(b < a, b, a), "max": lambda a, b: np.where(b > a, b, a),
     "abs": lambda a: np.where(a < 0.0, -a, a), "if": np.where,
 }  # fmt: skip
 

@@ -362,15 +362,10 @@ class C45Classifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # sk
             ) from None
         table, y = checked if fitting else (checked, None)
         if fitting:
-            self.categories_: list[NDArray[Any] | None] = self._categories(X, table, nominal)
+            every = nominal if nominal.any() else np.zeros(table.shape[1], dtype=bool)
+            self.categories_: list[NDArray[Any] | None] = [
+                values_of(X, table, j) if named else None for j, named in enumerate(every.tolist())
+            ]
         if not nominal.any():
             return table, y
         return encode(table, self.categories_, self.handle_unknown), y
-
-    def _categories(
-        self, X: ArrayLike, table: NDArray[Any], nominal: Booleans
-    ) -> list[NDArray[Any] | None]:
-        """Return the values of each nominal column, None for a continuous one."""
-        if not nominal.any():
-            return [None] * table.shape[1]
-        return [values_of(X, table, j) if nominal[j] else None for j in range(table.shape[1])]

@@ -45,7 +45,8 @@ class Costs:
         and a leaf of which nothing else is known like the mean leaf.
         """
         leaves = policy.tree.leaf_index(rows)
-        per_leaf = _one_each(policy) if weights == "visits" else _gaps(policy)
+        others = np.not_equal.outer(policy.actions, np.arange(policy.schema.n_actions))
+        per_leaf = others.astype(np.float64) if weights == "visits" else _gaps(policy)
         of_action = per_leaf[leaves]
         return cls(rows, of_action, float(of_action.max(axis=1, initial=0.0).sum()))
 
@@ -61,12 +62,6 @@ class Costs:
             return 0.0
         leaves = tree.leaf_index(self.rows)
         return float(self.of_action[np.arange(leaves.size), actions[leaves]].sum()) / self.worst
-
-
-def _one_each(policy: TreePolicy) -> Floats:
-    cost = np.ones((policy.n_leaves, policy.schema.n_actions))
-    cost[np.arange(policy.n_leaves), policy.actions] = 0.0
-    return cost
 
 
 def _gaps(policy: TreePolicy) -> Floats:

@@ -254,11 +254,9 @@ def met_by(policy: TreePolicy, ground: Ground) -> Floats:
 def returns_of(policy: TreePolicy, ground: Ground, block: int, episodes: int) -> Floats:
     """Return the returns of a policy in a block of starts; the same for each policy."""
     seed = episode_seed(ground.seed, block, Stream.COMPRESSION)
-    if ground.recipe is None:
-        result = evaluate(policy, ground.env, episodes=episodes, seed=seed)
-    else:
-        spec, n_jobs = ground.recipe.spec, ground.n_jobs
-        result = evaluate(policy, spec, episodes=episodes, seed=seed, n_jobs=n_jobs)
+    recipe = ground.recipe
+    where, n_jobs = (ground.env, None) if recipe is None else (recipe.spec, ground.n_jobs)
+    result = evaluate(policy, where, episodes=episodes, seed=seed, n_jobs=n_jobs)
     ground.steps += result.steps
     return result.returns
 

@@ -156,7 +156,8 @@ def _part(policy: TreePolicy, asked: Property, region: Region, everywhere: bool)
     low, high = np.maximum(low, region.low), np.minimum(high, region.high)
     if not everywhere:
         bounds = domain(schema)
-        region = Region(*possible(*_both(region, bounds), schema))
+        both = np.maximum(region.low, bounds.low), np.minimum(region.high, bounds.high)
+        region = Region(*possible(*both, schema))
         if not is_box(region.low, region.high):
             return None
         low, high = possible(np.maximum(low, bounds.low), np.minimum(high, bounds.high), schema)
@@ -173,10 +174,6 @@ def _part(policy: TreePolicy, asked: Property, region: Region, everywhere: bool)
     whole = _finite(policy, domain(schema))
     size = float(volumes(region.low, region.high, *whole, schema))
     return _Part(found, int(reaching.size), size, is_asked)
-
-
-def _both(one: Region, other: Region) -> tuple[Floats, Floats]:
-    return np.maximum(one.low, other.low), np.minimum(one.high, other.high)
 
 
 def _unasked(policy: TreePolicy, asked: Property) -> str:
