@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from eutree.training.proposals import LAMBDA, Advantages, Variation, _add_what_follows
+from eutree.policy_search.variation import Variation
+from eutree.training.proposals import LAMBDA, Advantages, _add_what_follows
 from eutree.world_model import Transitions
 from eutree.world_model.action_trees import n_leaves, packed
 

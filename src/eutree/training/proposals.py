@@ -15,10 +15,11 @@ from eutree.compiled import compiled
 from eutree.compression.candidates import Costs, Ladder, with_locks
 from eutree.contests.rules import OBVIOUS, Lead
 from eutree.data import Episode
-from eutree.features import threshold_between
 from eutree.policies import TreePolicy
+from eutree.policy_search.climbing import climbed
 from eutree.policy_search.improvement import Improvement
 from eutree.policy_search.planner import FEWEST_ROLLOUTS
+from eutree.policy_search.variation import Variation
 from eutree.validation import check_integer, check_number
 from eutree.world_model import (
     ActionTree,
@@ -26,107 +27,18 @@ from eutree.world_model import (
     Transitions,
     WorldModel,
     fit_world_models,
-    leaf_node,
 )
 from eutree.world_model.action_trees import (
     from_decision_tree,
-    n_leaves,
-    nested,
-    packed,
     to_decision_tree,
-    with_box,
-    with_child,
 )
 from eutree.world_model.dynamics import MAX_LEAVES, fit_model_tree
 
-SHIFTS = (0.015, 0.05, 0.15, 0.45)  # of the visited observations that change sides, at most
-MORE = 0.4  # chance of one more change
-BOX_ROWS = 300  # looked at for the other edges of a box
 MOST_ROWS = 30_000
 VALUE_ROWS_PER_LEAF = 30
 VALUE_LEAVES = 64
 LAMBDA = 0.9
 FEW = 5  # rows that say nothing
-
-
-class Variation:
-    """Makes variants of a policy tree.
-
-    Args:
-        n_actions: Number of actions A.
-        max_leaves: Most leaves of a variant.
-        generator: Source of all chance.
-    """
-
-    def __init__(self, n_actions: int, max_leaves: int, generator: np.random.Generator) -> None:
-        self._n_actions = n_actions
-        self._max_leaves = max_leaves
-        self._generator = generator
-        self._ways = (
-            self._perturb_thresholds,
-            self._flip_label,
-            self._insert_boxes,
-            self._replace_subtrees,
-        )
-
-    def of(self, tree: ActionTree, visited: Floats) -> ActionTree | None:
-        """Return a variant; None if it came out too large or too small.
-
-        Args:
-            tree: The policy.
-            visited: Observations of its episodes, shape [K, d].
-        """
-        while True:
-            way = self._generator.choice(4, p=(0.4, 0.1, 0.3, 0.2))
-            tree = packed(nested(self._ways[way](tree, visited)))
-            if self._generator.random() >= MORE:
-                return tree if 2 <= n_leaves(tree) <= self._max_leaves else None
-
-    def _perturb_thresholds(self, tree: ActionTree, visited: Floats) -> ActionTree:
-        inner = np.flatnonzero(tree.feature >= 0)
-        if not inner.size:
-            return tree
-        node = self._generator.choice(inner)
-        values = np.sort(visited[:, tree.feature[node]])
-        at = int(np.searchsorted(values, tree.threshold[node]))
-        reach = values.size * self._generator.choice(SHIFTS) * self._generator.random()
-        at += int(self._generator.choice((-1, 1)) * max(1.0, reach))
-        at = int(np.clip(at, 1, values.size - 1))
-        thresholds = tree.threshold.copy()
-        thresholds[node] = threshold_between(*values[at - 1 : at + 1].tolist())
-        return tree._replace(threshold=thresholds)
-
-    def _flip_label(self, tree: ActionTree, visited: Floats) -> ActionTree:
-        leaf = self._generator.choice(np.flatnonzero(tree.feature < 0))
-        actions = tree.action.copy()
-        actions[leaf] = self._other(actions[leaf])
-        return tree._replace(action=actions)
-
-    def _insert_boxes(self, tree: ActionTree, visited: Floats) -> ActionTree:
-        x = visited[self._generator.integers(len(visited))]
-        leaf = leaf_node(tree, 0, x)
-        some = visited[self._generator.integers(len(visited), size=BOX_ROWS)]
-        near = some[_in_leaf(tree, leaf, some)]
-        near = near if len(near) else x[None]
-        box = np.full((x.size, 2), (-np.inf, np.inf))
-        n_features = min(int(self._generator.choice((1, 1, 2))), x.size)
-        for feature in self._generator.choice(x.size, n_features, replace=False):
-            edge = near[self._generator.integers(len(near))][feature]
-            if edge != x[feature]:
-                box[feature, int(edge > x[feature])] = edge
-        taken = int(tree.action[leaf])
-        return packed(nested(tree, instead={int(leaf): with_box(box, self._other(taken), taken)}))
-
-    def _replace_subtrees(self, tree: ActionTree, visited: Floats) -> ActionTree:
-        inner = np.flatnonzero(tree.feature >= 0)
-        if not inner.size:
-            return tree
-        node = int(self._generator.choice(inner))
-        return with_child(tree, node, goes_left=bool(self._generator.random() < 0.5))[0]
-
-    def _other(self, action: int) -> int:
-        others = [a for a in range(self._n_actions) if a != action]
-        return int(self._generator.choice(others))
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,15 +86,6 @@ class Advantages:
             return 0.0
         error = np.sqrt(likes.var() / likes.size + own.var() / own.size)
         return float((likes.mean() - own.mean()) / max(error, 1e-9))
-
-
-@compiled
-def _in_leaf(tree: ActionTree, leaf: int, observations: Floats) -> Booleans:
-    """Return which of the observations [K, d] fall into the leaf, shape [K]."""
-    inside = np.zeros(len(observations), dtype=np.bool_)
-    for row in range(len(observations)):  # inside[:row] is decided
-        inside[row] = leaf_node(tree, 0, observations[row]) == leaf
-    return inside
 
 
 @compiled
@@ -343,6 +246,14 @@ class Proposals:
                 dearer = replace(self._improvement, price=self._improvement.price * factor)
                 tree = dearer.improve(rollouts, tree, self._scale)
                 yield self._policy_of(tree)
+
+    def climbed(self, policy: TreePolicy, episodes: Sequence[Episode]) -> Iterator[TreePolicy]:
+        """Yield what many small changes make of the policy in each world model."""
+        variation = Variation(policy.schema.n_actions, self.max_leaves, self._generator)
+        start = from_decision_tree(policy.tree, policy.actions)
+        for model in self._models(episodes):
+            tree = climbed(self._rollouts(model), start, variation, price=self.leaf_price)
+            yield self._policy_of(tree)
 
     def guessed(
         self,

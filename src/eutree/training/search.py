@@ -41,8 +41,11 @@ FIRST_EPISODES = 4  # of the incumbent, in which a variant has to make a differe
 MOST_EPISODES = 64  # of a race of many
 KNOWING, MOST_KNOWING = 0.1, 16  # share of a race's steps, and episodes, by which models are chosen
 OF_ONE_ERRORS, OF_MANY_ERRORS = 1.0, 2.0  # standard errors that win: of one challenger, of many
+CLIMBS = 4  # rounds of climbing, at most
+MANY = 200  # longest episodes for which there is room in a race that can be patient
+LONG, LONG_OF_MANY = (128, 256, 512), (4, 8, 16, 128, 256)  # looks at the pairs of a patient test
 IDLE = 100  # of those tried, without a step: nothing is left to vary
-STAGES = ("begin", "cut", "propose", "race", "prove", "vary", "end")
+STAGES = ("begin", "cut", "propose", "climb", "race", "prove", "vary", "end")
 
 
 @dataclass(frozen=True)
@@ -177,6 +180,7 @@ class PolicySearch:
             "begin": self._begin,
             "cut": self._cut,
             "propose": self._propose,
+            "climb": self._climb,
             "race": self._race,
             "prove": self._prove,
             "vary": self._vary,
@@ -214,7 +218,15 @@ class PolicySearch:
             rivals += self._proposals.pruned(state.incumbent)
         yield from ()
         proposed = self._with_challengers(state, "race", rivals, ROUND_SHARE)
-        return self._before_varying(state) if proposed is state else proposed
+        return self._after_rounds(state) if proposed is state else proposed
+
+    def _climb(self, state: SearchState) -> Running[SearchState]:
+        """Let each model propose what many small changes come to."""
+        rivals = list(self._proposals.climbed(state.incumbent, self.raced.all))
+        yield from ()
+        climbing = replace(state, round=max(state.round, ROUNDS) + 1)
+        proposed = self._with_challengers(climbing, "race", rivals, ROUND_SHARE)
+        return self._before_varying(state) if proposed is climbing else proposed
 
     def _race(self, state: SearchState) -> Running[SearchState]:
         """Find the best of the proposed."""
@@ -234,12 +246,26 @@ class PolicySearch:
         better = yield from self._better(state, rival, errors=OF_ONE_ERRORS)
         if better is None:
             better = self._proposals.prefer(policy, rival, self.raced.all)
-        if not better:
-            return self._before_varying(state)
-        won = replace(state, incumbent=rival, won=state.won + 1, round=state.round + 1)
-        if won.round >= ROUNDS:
-            return self._before_varying(won)
-        return replace(won, stage="propose", challengers=())
+        climbing = state.round > ROUNDS
+        if better:
+            round = state.round + (not climbing)
+            state = replace(state, incumbent=rival, won=state.won + 1, round=round)
+        if better and state.round < ROUNDS:
+            return replace(state, stage="propose", challengers=())
+        if better or not climbing:
+            return self._after_rounds(state)
+        return self._before_varying(state)
+
+    def _after_rounds(self, state: SearchState) -> SearchState:
+        """Climb where there are steps for long tests, else vary."""
+        if self._is_patient and state.round < ROUNDS + CLIMBS:
+            return replace(state, stage="climb", challengers=())
+        return self._before_varying(state)
+
+    @property
+    def _is_patient(self) -> bool:
+        """Whether so many steps are left that small differences can be shown."""
+        return (self._settings.steps - self.raced.steps) // self.raced.longest >= MANY
 
     def _before_varying(self, state: SearchState) -> SearchState:
         self.raced.leave_block()
@@ -326,6 +352,9 @@ class PolicySearch:
         trees = (state.incumbent, rival)
         known = self._proposals.range_seen(self.raced.all)
         rule = Ahead(errors=errors, final=errors, prices=self._prices(trees), known=known)
+        if self._is_patient:
+            patient = state.stage == "prove"
+            rule = replace(rule, looks=LONG if patient else LONG_OF_MANY, patient=patient)
         verdict = yield from self.raced.hold(rule, state.starts, trees)
         if not verdict.winner:
             return False
