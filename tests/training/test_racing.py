@@ -11,6 +11,7 @@ from eutree.errors import InvalidArgumentError, RunFolderError
 from eutree.interaction import GuardedEnv, episode_seed, run_episode
 from eutree.learners.episode_buffer import transitions_of
 from eutree.training import proposals
+from eutree.training import search as search_module
 from eutree.training.proposals import PROMISING, SearchSettings, key
 from eutree.training.search import PolicySearch
 from eutree.world_model import WorldModel
@@ -90,8 +91,11 @@ def test_a_search_keeps_its_budget_and_its_limit(searched):
     assert 2_000 < searched.raced.steps == sum(map(len, searched.raced.all)) <= 6_000
 
 
-def test_a_search_that_is_stored_and_restored_ends_the_same(env, plain):
-    """A kill costs the episode under way, and nothing else."""
+@pytest.mark.parametrize("many", [search_module.MANY, 10])
+def test_a_search_that_is_stored_and_restored_ends_the_same(env, plain, monkeypatch, many):
+    """A kill costs the episode under way, and nothing else; where it climbs, too."""
+    monkeypatch.setattr(search_module, "MANY", many)
+    monkeypatch.setattr(search_module, "LONG", (8, 16))
     brief = {"steps": 1_200, "model_steps": 500}
     searched = run(search_of(plain, **brief), env)
     again = run(
@@ -100,6 +104,7 @@ def test_a_search_that_is_stored_and_restored_ends_the_same(env, plain):
     assert key(again.incumbent) == key(searched.incumbent)
     assert (again.raced.steps, again.state.tried) == (searched.raced.steps, searched.state.tried)
     assert again.state.chance == searched.state.chance
+    assert (searched.state.round > search_module.ROUNDS) == (many == 10)
 
 
 @pytest.mark.parametrize("foretold", [True, False])
