@@ -19,6 +19,7 @@ from eutree.policies import TreePolicy
 from eutree.policy_search.climbing import climbed
 from eutree.policy_search.improvement import Improvement
 from eutree.policy_search.planner import FEWEST_ROLLOUTS
+from eutree.policy_search.restarts import restarts
 from eutree.policy_search.variation import Variation
 from eutree.validation import check_integer, check_number
 from eutree.world_model import (
@@ -100,6 +101,7 @@ def _add_what_follows(gains: Floats, last: Booleans) -> None:
 MOST_LEAVES = 40
 ROWS_PER_LEAF = 100  # of a detailed model
 DEARER = (1.0, 6.0)  # prices of a leaf at which each model proposes
+LARGER = 2  # times the leaves allowed that a tree of good episodes has at most, before it is cut
 MOST_RUNGS = 12  # prunings that race
 MOST_KNOWN = 50_000  # transitions that models are fitted to
 RECENT = 300  # episodes whose advantages are known
@@ -249,11 +251,31 @@ class Proposals:
 
     def climbed(self, policy: TreePolicy, episodes: Sequence[Episode]) -> Iterator[TreePolicy]:
         """Yield what many small changes make of the policy in each world model."""
-        variation = Variation(policy.schema.n_actions, self.max_leaves, self._generator)
         start = from_decision_tree(policy.tree, policy.actions)
         for model in self._models(episodes):
-            tree = climbed(self._rollouts(model), start, variation, price=self.leaf_price)
-            yield self._policy_of(tree)
+            yield self._climbed(self._rollouts(model), start)
+
+    def restarted(
+        self, policy: TreePolicy, own: Sequence[Episode], episodes: Sequence[Episode]
+    ) -> Iterator[TreePolicy]:
+        """Yield what the model that is closest to the incumbent's returns makes of other starts.
+
+        Args:
+            policy: The incumbent.
+            own: Real episodes of it.
+            episodes: All episodes run so far.
+        """
+        missed = [(self._missed(one, policy, own).mean(), one) for one in self._models(episodes)]
+        closest = min(missed, key=lambda item: item[0])[1]
+        known = self._data.followed_by(episodes)
+        for start in restarts(known, max_leaves=LARGER * self.max_leaves):
+            rollouts = self._rollouts(closest)
+            cut = next(self._improvement.shrunk(rollouts, start, self._scale))
+            yield self._climbed(rollouts, cut)
+
+    def _climbed(self, rollouts: PairedRollouts, tree: ActionTree) -> TreePolicy:
+        variation = Variation(rollouts.n_actions, self.max_leaves, self._generator)
+        return self._policy_of(climbed(rollouts, tree, variation, price=self.leaf_price))
 
     def guessed(
         self,

@@ -41,9 +41,11 @@ FIRST_EPISODES = 4  # of the incumbent, in which a variant has to make a differe
 MOST_EPISODES = 64  # of a race of many
 KNOWING, MOST_KNOWING = 0.1, 16  # share of a race's steps, and episodes, by which models are chosen
 OF_ONE_ERRORS, OF_MANY_ERRORS = 1.0, 2.0  # standard errors that win: of one challenger, of many
-CLIMBS = 4  # rounds of climbing, at most
+CLIMBS = 2  # rounds of climbing, at most
 MANY = 200  # longest episodes for which there is room in a race that can be patient
 LONG, LONG_OF_MANY = (128, 256, 512), (4, 8, 16, 128, 256)  # looks at the pairs of a patient test
+TELLING = 64  # episodes of the incumbent that tell which model is closest
+MOST_OF_LONG = 256  # episodes of a race of many, where it can be patient
 IDLE = 100  # of those tried, without a step: nothing is left to vary
 STAGES = ("begin", "cut", "propose", "climb", "race", "prove", "vary", "end")
 
@@ -221,9 +223,15 @@ class PolicySearch:
         return self._after_rounds(state) if proposed is state else proposed
 
     def _climb(self, state: SearchState) -> Running[SearchState]:
-        """Let each model propose what many small changes come to."""
-        rivals = list(self._proposals.climbed(state.incumbent, self.raced.all))
-        yield from ()
+        """Let each model propose what many small changes come to, and what others began from."""
+        policy = state.incumbent
+        own = yield from self.raced.of(policy, range(TELLING), state.starts)
+        if own is None:
+            return self._before_varying(state)
+        rivals = [
+            *self._proposals.climbed(policy, self.raced.all),
+            *self._proposals.restarted(policy, own, self.raced.all),
+        ]
         climbing = replace(state, round=max(state.round, ROUNDS) + 1)
         proposed = self._with_challengers(climbing, "race", rivals, ROUND_SHARE)
         return self._before_varying(state) if proposed is climbing else proposed
@@ -259,7 +267,14 @@ class PolicySearch:
     def _after_rounds(self, state: SearchState) -> SearchState:
         """Climb where there are steps for long tests, else vary."""
         if self._is_patient and state.round < ROUNDS + CLIMBS:
-            return replace(state, stage="climb", challengers=())
+            self.raced.leave_block()
+            return replace(
+                state,
+                stage="climb",
+                challengers=(),
+                block=state.block + 1,
+                limit=self._settings.steps,
+            )
         return self._before_varying(state)
 
     @property
@@ -327,18 +342,20 @@ class PolicySearch:
         """
         trees, length = state.challengers, self.raced.longest
         guesses: tuple[float, ...] = ()
+        most = MOST_OF_LONG if state.round > ROUNDS else MOST_EPISODES
         n = KNOWING * (state.limit - self.raced.steps) // self.raced.longest
         n = int(np.clip(n, 2, MOST_KNOWING))
         own = None
         if len(trees) > PROMISING:
             own = yield from self.raced.of(state.incumbent, range(n), state.starts)
-        if own is not None:
+        if own is not None and state.round <= ROUNDS:
             trees, guesses = self._proposals.guessed(state.incumbent, own, trees, self.raced.all)
+        if own is not None:
             length = sum(map(len, own)) // n
         affordable = (state.limit - self.raced.steps) // (2 * length * len(trees))
-        first = int(np.clip(affordable, 1, MOST_EPISODES // 2))
+        first = int(np.clip(affordable, 1, most // 2))
         prices = self._prices(trees)
-        rule = Halving(first=first, most=MOST_EPISODES, prices=prices, guesses=guesses)
+        rule = Halving(first=first, most=most, prices=prices, guesses=guesses)
         verdict = yield from self.raced.hold(rule, state.starts, trees)
         return trees[verdict.winner]
 
