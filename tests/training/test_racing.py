@@ -96,6 +96,7 @@ def test_a_search_that_is_stored_and_restored_ends_the_same(env, plain, monkeypa
     """A kill costs the episode under way, and nothing else; where it climbs, too."""
     monkeypatch.setattr(search_module, "MANY", many)
     monkeypatch.setattr(search_module, "LONG", (8, 16))
+    monkeypatch.setattr(search_module, "TELLING", 8)
     brief = {"steps": 1_200, "model_steps": 500}
     searched = run(search_of(plain, **brief), env)
     again = run(
