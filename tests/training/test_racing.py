@@ -13,7 +13,7 @@ from eutree.learners.episode_buffer import transitions_of
 from eutree.training import proposals
 from eutree.training import search as search_module
 from eutree.training.proposals import PROMISING, SearchSettings, key
-from eutree.training.search import PolicySearch
+from eutree.training.search import LONG, ROUNDS, PolicySearch
 from eutree.world_model import WorldModel
 from tests.corridor import WRONG, Corridor, policy_of
 
@@ -91,11 +91,10 @@ def test_a_search_keeps_its_budget_and_its_limit(searched):
     assert 2_000 < searched.raced.steps == sum(map(len, searched.raced.all)) <= 6_000
 
 
-@pytest.mark.parametrize("many", [search_module.MANY, 10])
-def test_a_search_that_is_stored_and_restored_ends_the_same(env, plain, monkeypatch, many):
+@pytest.mark.parametrize("long", [LONG, (8, 16)])
+def test_a_search_that_is_stored_and_restored_ends_the_same(env, plain, monkeypatch, long):
     """A kill costs the episode under way, and nothing else; where it climbs, too."""
-    monkeypatch.setattr(search_module, "MANY", many)
-    monkeypatch.setattr(search_module, "LONG", (8, 16))
+    monkeypatch.setattr(search_module, "LONG", long)
     monkeypatch.setattr(search_module, "TELLING", 8)
     brief = {"steps": 1_200, "model_steps": 500}
     searched = run(search_of(plain, **brief), env)
@@ -105,7 +104,7 @@ def test_a_search_that_is_stored_and_restored_ends_the_same(env, plain, monkeypa
     assert key(again.incumbent) == key(searched.incumbent)
     assert (again.raced.steps, again.state.tried) == (searched.raced.steps, searched.state.tried)
     assert again.state.chance == searched.state.chance
-    assert (searched.state.round > search_module.ROUNDS) == (many == 10)
+    assert (searched.state.round > ROUNDS) == (long != LONG)
 
 
 @pytest.mark.parametrize("foretold", [True, False])

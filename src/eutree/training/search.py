@@ -4,7 +4,8 @@ Several world models, none of which need be right, each propose improved or smal
 proposes prunings, and the incumbent is changed at random. All of them have to prove themselves in
 episodes that start as the incumbent's do; one replaces it only if it earns more by a standard
 error, or is smaller and does as well. All steps are counted, and an episode begins only if the
-budget allows for the longest.
+budget allows for the longest. Where there are steps to spare, small changes climb in the models,
+trees of the episodes that earned most are begun from, and tests are long.
 
 The search has no environment: ``next_heat`` says which tree to run from which start, and
 ``heat_run`` takes the episode. It goes through stages; between two of them it can be stored, and
@@ -41,11 +42,9 @@ FIRST_EPISODES = 4  # of the incumbent, in which a variant has to make a differe
 MOST_EPISODES = 64  # of a race of many
 KNOWING, MOST_KNOWING = 0.1, 16  # share of a race's steps, and episodes, by which models are chosen
 OF_ONE_ERRORS, OF_MANY_ERRORS = 1.0, 2.0  # standard errors that win: of one challenger, of many
-CLIMBS = 2  # rounds of climbing, at most
-MANY = 200  # longest episodes for which there is room in a race that can be patient
-LONG, LONG_OF_MANY = (128, 256, 512), (4, 8, 16, 128, 256)  # looks at the pairs of a patient test
+CLIMBS, MOST_OF_CLIMBED = 2, 256  # rounds in which trees climb, at most; episodes of their race
 TELLING = 64  # episodes of the incumbent that tell which model is closest
-MOST_OF_LONG = 256  # episodes of a race of many, where it can be patient
+LONG, LONG_OF_MANY = (128, 256, 512), (4, 8, 16, 128, 256)  # looks of a long test; of one of many
 IDLE = 100  # of those tried, without a step: nothing is left to vary
 STAGES = ("begin", "cut", "propose", "climb", "race", "prove", "vary", "end")
 
@@ -58,7 +57,7 @@ class SearchState:
         stage: The stage that comes next.
         incumbent: The best tree so far.
         challengers: Those that are to run next.
-        round: Rounds of proposals so far.
+        round: Rounds of proposals so far; those in which trees climb begin above ``ROUNDS``.
         block: Number of the present block of starts.
         limit: Steps that may be run until the end of the stage.
         tried: Challengers so far.
@@ -83,6 +82,11 @@ class SearchState:
     own: tuple[int, ...] = ()
     fitted: tuple[int, int, dict[str, Any]] | None = None
     chance: dict[str, Any] | None = None
+
+    @property
+    def climbs(self) -> bool:
+        """Whether this is a round of climbing."""
+        return self.round > ROUNDS
 
     @property
     def starts(self) -> Block:
@@ -122,6 +126,7 @@ class PolicySearch:
         self._generator = np.random.default_rng(np.random.SeedSequence((seed, Stream.PROPOSING)))
         self._proposals = Proposals(policy, data, settings, self._generator)
         self._max_leaves = self._proposals.max_leaves
+        self._mean_length = data.mean_length
         self.state = SearchState("begin", policy)
         self._known: Advantages | None = None
         self._stages = self._go_on()
@@ -239,14 +244,7 @@ class PolicySearch:
     def _race(self, state: SearchState) -> Running[SearchState]:
         """Find the best of the proposed."""
         winner = yield from self._winner(state)
-        self.raced.leave_block()
-        return replace(
-            state,
-            stage="prove",
-            challengers=(winner,),
-            block=state.block + 1,
-            limit=self._settings.steps,
-        )
+        return self._on_new_starts(state, "prove", (winner,))
 
     def _prove(self, state: SearchState) -> Running[SearchState]:
         """Let it replace the incumbent if it earns clearly more on other starts."""
@@ -254,45 +252,36 @@ class PolicySearch:
         better = yield from self._better(state, rival, errors=OF_ONE_ERRORS)
         if better is None:
             better = self._proposals.prefer(policy, rival, self.raced.all)
-        climbing = state.round > ROUNDS
-        if better:
-            round = state.round + (not climbing)
-            state = replace(state, incumbent=rival, won=state.won + 1, round=round)
-        if better and state.round < ROUNDS:
-            return replace(state, stage="propose", challengers=())
-        if better or not climbing:
-            return self._after_rounds(state)
-        return self._before_varying(state)
+        if not better:
+            return self._before_varying(state) if state.climbs else self._after_rounds(state)
+        n = state.round if state.climbs else state.round + 1
+        won = replace(state, incumbent=rival, won=state.won + 1, round=n)
+        if n >= ROUNDS:
+            return self._after_rounds(won)
+        return replace(won, stage="propose", challengers=())
 
     def _after_rounds(self, state: SearchState) -> SearchState:
         """Climb where there are steps for long tests, else vary."""
-        if self._is_patient and state.round < ROUNDS + CLIMBS:
-            self.raced.leave_block()
-            return replace(
-                state,
-                stage="climb",
-                challengers=(),
-                block=state.block + 1,
-                limit=self._settings.steps,
-            )
+        if self._has_steps_to_spare and state.round < ROUNDS + CLIMBS:
+            return self._on_new_starts(state, "climb")
         return self._before_varying(state)
 
     @property
-    def _is_patient(self) -> bool:
-        """Whether so many steps are left that small differences can be shown."""
-        return (self._settings.steps - self.raced.steps) // self.raced.longest >= MANY
+    def _has_steps_to_spare(self) -> bool:
+        """Whether there is room for a long test to its end."""
+        left = self._settings.steps - self.raced.steps
+        return left >= 2 * LONG[-1] * self._mean_length
 
     def _before_varying(self, state: SearchState) -> SearchState:
+        return self._on_new_starts(replace(state, fitted=self._fit_advantages()), "vary")
+
+    def _on_new_starts(
+        self, state: SearchState, stage: str, challengers: tuple[TreePolicy, ...] = ()
+    ) -> SearchState:
+        """Return the state before a stage that may take all steps that are left."""
         self.raced.leave_block()
-        fitted = self._fit_advantages()
-        return replace(
-            state,
-            stage="vary",
-            challengers=(),
-            block=state.block + 1,
-            limit=self._settings.steps,
-            fitted=fitted,
-        )
+        block, limit = state.block + 1, self._settings.steps
+        return replace(state, stage=stage, challengers=challengers, block=block, limit=limit)
 
     def _vary(self, state: SearchState) -> Running[SearchState]:
         """Try one random change of the incumbent, the most promising of several."""
@@ -338,20 +327,22 @@ class PolicySearch:
     def _winner(self, state: SearchState) -> Running[TreePolicy]:
         """Return the best of the challengers; only the most promising of them run.
 
-        World models that foretell what the incumbent earns say which these are.
+        World models that foretell what the incumbent earns say which these are. All run where
+        trees climb.
         """
         trees, length = state.challengers, self.raced.longest
         guesses: tuple[float, ...] = ()
-        most = MOST_OF_LONG if state.round > ROUNDS else MOST_EPISODES
+        most = MOST_OF_CLIMBED if state.climbs else MOST_EPISODES
         n = KNOWING * (state.limit - self.raced.steps) // self.raced.longest
         n = int(np.clip(n, 2, MOST_KNOWING))
         own = None
         if len(trees) > PROMISING:
             own = yield from self.raced.of(state.incumbent, range(n), state.starts)
-        if own is not None and state.round <= ROUNDS:
-            trees, guesses = self._proposals.guessed(state.incumbent, own, trees, self.raced.all)
         if own is not None:
             length = sum(map(len, own)) // n
+            if not state.climbs:  # then there are steps for all of them
+                known = self.raced.all
+                trees, guesses = self._proposals.guessed(state.incumbent, own, trees, known)
         affordable = (state.limit - self.raced.steps) // (2 * length * len(trees))
         first = int(np.clip(affordable, 1, most // 2))
         prices = self._prices(trees)
@@ -369,9 +360,10 @@ class PolicySearch:
         trees = (state.incumbent, rival)
         known = self._proposals.range_seen(self.raced.all)
         rule = Ahead(errors=errors, final=errors, prices=self._prices(trees), known=known)
-        if self._is_patient:
-            patient = state.stage == "prove"
-            rule = replace(rule, looks=LONG if patient else LONG_OF_MANY, patient=patient)
+        if state.stage == "prove" and self._has_steps_to_spare:
+            rule = replace(rule, looks=LONG, patient=True)
+        elif state.climbs:
+            rule = replace(rule, looks=LONG_OF_MANY)
         verdict = yield from self.raced.hold(rule, state.starts, trees)
         if not verdict.winner:
             return False
