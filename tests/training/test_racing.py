@@ -372,3 +372,16 @@ def test_what_is_refused(env, expert):
             eutree.learn(env, **options)
     with pytest.raises(InvalidArgumentError, match="race_steps must be 0"):
         eutree.learn(None, race_steps=1)
+
+
+@pytest.mark.parametrize(("steps", "climbs"), [(16_000, True), (9_000, False)])
+def test_a_race_with_steps_to_spare_begins_again_elsewhere(env, plain, monkeypatch, steps, climbs):
+    """Where nothing near the incumbent is better, a tree of good episodes takes its place."""
+    right = policy_of(0, 5.0, 1)
+    nothing = {"planned": [], "pruned": [], "climbed": [], "promising": None, "restarted": [right]}
+    for name, found in nothing.items():
+        monkeypatch.setattr(proposals.Proposals, name, lambda *_, found=found: found)
+    result = replace(plain, policy=WRONG)
+    found = run(search_of(result, steps=steps), env)
+    assert key(found.incumbent) == key(right if climbs else WRONG)
+    assert found.state.won == climbs
