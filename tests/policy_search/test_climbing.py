@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from eutree.policy_search.climbing import climbed
+from eutree.policy_search.climbing import annealed, climbed
 from eutree.policy_search.variation import Variation
 from eutree.world_model import PairedRollouts, Transitions, fit_world_models
 from eutree.world_model.action_trees import n_leaves, nested, packed
@@ -49,3 +49,15 @@ def test_leaves_that_earn_nothing_go(model):
     useless = packed((0, 0.7, (0, -1.99, 0, 1), (0, 1.99, 0, 1)))
     tree, _ = climb(model, useless, 0.5, 0)
     assert n_leaves(tree) == 2
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_annealing_leaves_a_tree_that_no_single_change_improves(model, seed):
+    """All actions are wrong: a label turned alone loses, and so does no other change of it."""
+    generator = np.random.default_rng(seed)
+    rollouts = PairedRollouts(model, 100, 1.0, generator)
+    variation = Variation(2, 4, generator)
+    tree = annealed(rollouts, packed((0, 0.7, 0, 1)), variation, price=0.2, scale=20.0)
+    rollouts.redraw()
+    rollouts.run(packed((0, 0.7, 1, 0)))
+    assert rollouts.gain(tree).mean > -0.5

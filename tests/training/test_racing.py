@@ -378,7 +378,7 @@ def test_what_is_refused(env, expert):
 def test_a_race_with_steps_to_spare_begins_again_elsewhere(env, plain, monkeypatch, steps, climbs):
     """Where nothing near the incumbent is better, a tree of good episodes takes its place."""
     right = policy_of(0, 5.0, 1)
-    nothing = {"planned": [], "pruned": [], "climbed": [], "promising": None, "restarted": [right]}
+    nothing = {"planned": [], "pruned": [], "promising": None, "climbed": [right]}
     for name, found in nothing.items():
         monkeypatch.setattr(proposals.Proposals, name, lambda *_, found=found: found)
     result = replace(plain, policy=WRONG)

@@ -1,7 +1,9 @@
 """Climb in a world model: many small random changes of a policy tree, each kept if it earns more.
 
 What :mod:`eutree.policy_search.improvement` leaves are thresholds that have to move together, or by
-less than its few places allow. It takes thousands of rollouts, which cost no step.
+less than its few places allow, and trees that no single change improves. Thousands of changes cost
+no step. Annealed first, changes that cost something are kept too, fewer and fewer of them
+(Kirkpatrick, Gelatt and Vecchi 1983).
 """
 
 from eutree.policy_search.variation import Variation
@@ -11,6 +13,8 @@ from eutree.world_model.rollouts import Rollouts
 
 TRIES = 1000
 DRAWN = 4  # times that all chance of the rollouts is drawn again: one may be climbed on too long
+ANNEALED = 4000  # changes tried
+HOT = 0.02  # share of a typical return that a change may cost at first, about
 
 
 def climbed(
@@ -28,12 +32,39 @@ def climbed(
         rollouts.redraw()
         rollouts.run(policy)
         for _ in range(TRIES // DRAWN):
-            rival = variation.of(rollouts.policy, rollouts.observations)
-            if rival is None:
-                continue
-            needed = price * (n_leaves(rival) - n_leaves(rollouts.policy))
-            gain = rollouts.gain(rival, hopeless=needed)
-            if gain.complete and gain.mean > needed:
-                rollouts.run(rival)
+            _try(rollouts, variation, price, 0.0)
         policy = rollouts.policy
     return policy
+
+
+def annealed(
+    rollouts: Rollouts, policy: ActionTree, variation: Variation, *, price: float, scale: float
+) -> ActionTree:
+    """Return the best of the policies that annealing comes by; few rollouts are enough.
+
+    Arguments are those of ``climbed``; ``scale`` is a typical size of returns.
+    """
+    rollouts.redraw()
+    rollouts.run(policy)
+    best, worth, most = policy, 0.0, 0.0
+    for k in range(ANNEALED):
+        temperature = HOT * scale * (1.0 - k / ANNEALED) ** 3
+        gain = _try(rollouts, variation, price, temperature)
+        worth += gain
+        if gain and worth > most:
+            best, most = rollouts.policy, worth
+    return best
+
+
+def _try(rollouts: Rollouts, variation: Variation, price: float, temperature: float) -> float:
+    """Change the policy of the rollouts if that pays or luck allows; return what it earns more."""
+    rival = variation.of(rollouts.policy, rollouts.observations)
+    if rival is None:
+        return 0.0
+    needed = price * (n_leaves(rival) - n_leaves(rollouts.policy))
+    allowed = needed - temperature * rollouts.generator.exponential()
+    gain = rollouts.gain(rival, hopeless=allowed)
+    if not gain.complete or gain.mean <= allowed:
+        return 0.0
+    rollouts.run(rival)
+    return gain.mean - needed

@@ -16,7 +16,7 @@ from eutree.compression.candidates import Costs, Ladder, with_locks
 from eutree.contests.rules import OBVIOUS, Lead
 from eutree.data import Episode
 from eutree.policies import TreePolicy
-from eutree.policy_search.climbing import climbed
+from eutree.policy_search.climbing import annealed, climbed
 from eutree.policy_search.improvement import Improvement
 from eutree.policy_search.planner import FEWEST_ROLLOUTS
 from eutree.policy_search.restarts import restarts
@@ -102,6 +102,7 @@ MOST_LEAVES = 40
 ROWS_PER_LEAF = 100  # of a detailed model
 DEARER = (1.0, 6.0)  # prices of a leaf at which each model proposes
 LARGER = 2  # times the leaves allowed that a tree of good episodes has at most, before it is cut
+ROUGH = 5  # times fewer rollouts are enough to anneal
 MOST_RUNGS = 12  # prunings that race
 MOST_KNOWN = 50_000  # transitions that models are fitted to
 RECENT = 300  # episodes whose advantages are known
@@ -249,16 +250,13 @@ class Proposals:
                 tree = dearer.improve(rollouts, tree, self._scale)
                 yield self._policy_of(tree)
 
-    def climbed(self, policy: TreePolicy, episodes: Sequence[Episode]) -> Iterator[TreePolicy]:
-        """Yield what many small changes make of the policy in each world model."""
-        start = from_decision_tree(policy.tree, policy.actions)
-        for model in self._models(episodes):
-            yield self._climbed(self._rollouts(model), start)
-
-    def restarted(
+    def climbed(
         self, policy: TreePolicy, own: Sequence[Episode], episodes: Sequence[Episode]
     ) -> Iterator[TreePolicy]:
-        """Yield what the model that is closest to the incumbent's returns makes of other starts.
+        """Yield what many small changes make of the incumbent and of trees of good episodes.
+
+        They are tried in the model that is closest to the incumbent's returns. Where it is wrong
+        they may lead astray, so each tree is proposed as it is cut to size, annealed and climbed.
 
         Args:
             policy: The incumbent.
@@ -266,16 +264,24 @@ class Proposals:
             episodes: All episodes run so far.
         """
         missed = [(self._missed(one, policy, own).mean(), one) for one in self._models(episodes)]
-        closest = min(missed, key=lambda item: item[0])[1]
+        model = min(missed, key=lambda item: item[0])[1]
+        rollouts = self._rollouts(model)
+        yield from self._changed(rollouts, from_decision_tree(policy.tree, policy.actions))
         known = self._data.followed_by(episodes)
         for start in restarts(known, max_leaves=LARGER * self.max_leaves):
-            rollouts = self._rollouts(closest)
             cut = next(self._improvement.shrunk(rollouts, start, self._scale))
-            yield self._climbed(rollouts, cut)
+            yield self._policy_of(cut)
+            yield from self._changed(rollouts, cut)
 
-    def _climbed(self, rollouts: PairedRollouts, tree: ActionTree) -> TreePolicy:
+    def _changed(self, rollouts: PairedRollouts, tree: ActionTree) -> Iterator[TreePolicy]:
+        """Yield what annealing makes of a tree, and what climbing makes of that."""
         variation = Variation(rollouts.n_actions, self.max_leaves, self._generator)
-        return self._policy_of(climbed(rollouts, tree, variation, price=self.leaf_price))
+        n_episodes = max(rollouts.n_episodes // ROUGH, FEWEST_ROLLOUTS)
+        rough = PairedRollouts(rollouts.model, n_episodes, 1.0, self._generator)
+        price = self.leaf_price
+        tree = annealed(rough, tree, variation, price=price, scale=self._scale)
+        yield self._policy_of(tree)
+        yield self._policy_of(climbed(rollouts, tree, variation, price=price))
 
     def guessed(
         self,

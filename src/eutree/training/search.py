@@ -228,15 +228,12 @@ class PolicySearch:
         return self._after_rounds(state) if proposed is state else proposed
 
     def _climb(self, state: SearchState) -> Running[SearchState]:
-        """Let each model propose what many small changes come to, and what others began from."""
+        """Let many small changes be tried in a model, and other trees begun from."""
         policy = state.incumbent
         own = yield from self.raced.of(policy, range(TELLING), state.starts)
         if own is None:
             return self._before_varying(state)
-        rivals = [
-            *self._proposals.climbed(policy, self.raced.all),
-            *self._proposals.restarted(policy, own, self.raced.all),
-        ]
+        rivals = list(self._proposals.climbed(policy, own, self.raced.all))
         climbing = replace(state, round=max(state.round, ROUNDS) + 1)
         proposed = self._with_challengers(climbing, "race", rivals, ROUND_SHARE)
         return self._before_varying(state) if proposed is climbing else proposed
