@@ -1,8 +1,8 @@
 """Climb in a world model: many small random changes of a policy tree, each kept if it earns more.
 
-What :mod:`eutree.policy_search.improvement` leaves are thresholds that have to move together, or by
-less than its few places allow, and trees that no single change improves. Thousands of changes cost
-no step. Annealed first, changes that cost something are kept too, fewer and fewer of them
+:mod:`eutree.policy_search.improvement` leaves thresholds that have to move together, or by less
+than its few places allow, and trees that no single change improves. Thousands of changes cost no
+step. Annealed first, changes that cost something are kept too, fewer and fewer of them
 (Kirkpatrick, Gelatt and Vecchi 1983).
 """
 
@@ -20,7 +20,7 @@ HOT = 0.02  # share of a typical return that a change may cost at first, about
 def climbed(
     rollouts: Rollouts, policy: ActionTree, variation: Variation, *, price: float
 ) -> ActionTree:
-    """Return what many random changes make of a policy.
+    """Return a policy after many random changes, of which those stay that pay.
 
     Args:
         rollouts: Where to run rollouts.

@@ -1,4 +1,4 @@
-"""Trees to begin from again: C4.5's of the episodes that earned most, whoever acted in them.
+"""Trees to begin from again: C4.5 grows them from the episodes that earned most.
 
 A search by changes of one tree stays where all changes cost something. Other trees have earned as
 much in between, or more in some episodes; a tree that imitates these is somewhere else.

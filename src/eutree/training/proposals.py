@@ -253,7 +253,7 @@ class Proposals:
     def climbed(
         self, policy: TreePolicy, own: Sequence[Episode], episodes: Sequence[Episode]
     ) -> Iterator[TreePolicy]:
-        """Yield what many small changes make of the incumbent and of trees of good episodes.
+        """Yield the incumbent and trees of good episodes after many small changes.
 
         They are tried in the model that is closest to the incumbent's returns. Where it is wrong
         they may lead astray, so each tree is proposed as it is cut to size, annealed and climbed.
@@ -274,7 +274,7 @@ class Proposals:
             yield from self._changed(rollouts, cut)
 
     def _changed(self, rollouts: PairedRollouts, tree: ActionTree) -> Iterator[TreePolicy]:
-        """Yield what annealing makes of a tree, and what climbing makes of that."""
+        """Yield a tree once it is annealed, and once that has climbed."""
         variation = Variation(rollouts.n_actions, self.max_leaves, self._generator)
         n_episodes = max(rollouts.n_episodes // ROUGH, FEWEST_ROLLOUTS)
         rough = PairedRollouts(rollouts.model, n_episodes, 1.0, self._generator)
@@ -323,6 +323,10 @@ class Proposals:
         worth = np.array(foretold) - self.leaf_price * np.array([one.n_leaves for one in rivals])
         best = np.argsort(-worth, kind="stable")[:PROMISING].tolist()
         return tuple(rivals[k] for k in best), tuple(foretold[k] for k in best)
+
+    def prices(self, trees: Sequence[TreePolicy]) -> tuple[float, ...]:
+        """Return the return that each tree has to earn for its leaves."""
+        return tuple(self.leaf_price * tree.n_leaves for tree in trees)
 
     def range_seen(self, episodes: Sequence[Episode]) -> tuple[float, float]:
         """Return the lowest and highest return of all that was stored, and of some episodes."""

@@ -93,6 +93,13 @@ class SearchState:
         """The present block of starts."""
         return Block(self.block, self.limit)
 
+    def on_new_starts(
+        self, stage: str, limit: int, challengers: tuple[TreePolicy, ...] = ()
+    ) -> "SearchState":
+        """Return the state before a stage on the next block of starts."""
+        block = self.block + 1
+        return replace(self, stage=stage, challengers=challengers, block=block, limit=limit)
+
 
 class PolicySearch:
     """One search.
@@ -126,7 +133,7 @@ class PolicySearch:
         self._generator = np.random.default_rng(np.random.SeedSequence((seed, Stream.PROPOSING)))
         self._proposals = Proposals(policy, data, settings, self._generator)
         self._max_leaves = self._proposals.max_leaves
-        self._mean_length = data.mean_length
+        self._spared = 2 * LONG[-1] * data.mean_length  # steps of a long test to its end
         self.state = SearchState("begin", policy)
         self._known: Advantages | None = None
         self._stages = self._go_on()
@@ -232,16 +239,17 @@ class PolicySearch:
         policy = state.incumbent
         own = yield from self.raced.of(policy, range(TELLING), state.starts)
         if own is None:
-            return self._before_varying(state)
+            return self._after_rounds(state, climbs=False)
         rivals = list(self._proposals.climbed(policy, own, self.raced.all))
         climbing = replace(state, round=max(state.round, ROUNDS) + 1)
         proposed = self._with_challengers(climbing, "race", rivals, ROUND_SHARE)
-        return self._before_varying(state) if proposed is climbing else proposed
+        return self._after_rounds(state, climbs=False) if proposed is climbing else proposed
 
     def _race(self, state: SearchState) -> Running[SearchState]:
         """Find the best of the proposed."""
         winner = yield from self._winner(state)
-        return self._on_new_starts(state, "prove", (winner,))
+        self.raced.leave_block()
+        return state.on_new_starts("prove", self._settings.steps, (winner,))
 
     def _prove(self, state: SearchState) -> Running[SearchState]:
         """Let it replace the incumbent if it earns clearly more on other starts."""
@@ -250,35 +258,20 @@ class PolicySearch:
         if better is None:
             better = self._proposals.prefer(policy, rival, self.raced.all)
         if not better:
-            return self._before_varying(state) if state.climbs else self._after_rounds(state)
+            return self._after_rounds(state, climbs=not state.climbs)
         n = state.round if state.climbs else state.round + 1
         won = replace(state, incumbent=rival, won=state.won + 1, round=n)
         if n >= ROUNDS:
             return self._after_rounds(won)
         return replace(won, stage="propose", challengers=())
 
-    def _after_rounds(self, state: SearchState) -> SearchState:
+    def _after_rounds(self, state: SearchState, *, climbs: bool = True) -> SearchState:
         """Climb where there are steps for long tests, else vary."""
-        if self._has_steps_to_spare and state.round < ROUNDS + CLIMBS:
-            return self._on_new_starts(state, "climb")
-        return self._before_varying(state)
-
-    @property
-    def _has_steps_to_spare(self) -> bool:
-        """Whether there is room for a long test to its end."""
-        left = self._settings.steps - self.raced.steps
-        return left >= 2 * LONG[-1] * self._mean_length
-
-    def _before_varying(self, state: SearchState) -> SearchState:
-        return self._on_new_starts(replace(state, fitted=self._fit_advantages()), "vary")
-
-    def _on_new_starts(
-        self, state: SearchState, stage: str, challengers: tuple[TreePolicy, ...] = ()
-    ) -> SearchState:
-        """Return the state before a stage that may take all steps that are left."""
+        steps = self._settings.steps
         self.raced.leave_block()
-        block, limit = state.block + 1, self._settings.steps
-        return replace(state, stage=stage, challengers=challengers, block=block, limit=limit)
+        if climbs and self._spared <= steps - self.raced.steps and state.round < ROUNDS + CLIMBS:
+            return state.on_new_starts("climb", steps)
+        return replace(state, fitted=self._fit_advantages()).on_new_starts("vary", steps)
 
     def _vary(self, state: SearchState) -> Running[SearchState]:
         """Try one random change of the incumbent, the most promising of several."""
@@ -342,7 +335,7 @@ class PolicySearch:
                 trees, guesses = self._proposals.guessed(state.incumbent, own, trees, known)
         affordable = (state.limit - self.raced.steps) // (2 * length * len(trees))
         first = int(np.clip(affordable, 1, most // 2))
-        prices = self._prices(trees)
+        prices = self._proposals.prices(trees)
         rule = Halving(first=first, most=most, prices=prices, guesses=guesses)
         verdict = yield from self.raced.hold(rule, state.starts, trees)
         return trees[verdict.winner]
@@ -356,8 +349,8 @@ class PolicySearch:
         """
         trees = (state.incumbent, rival)
         known = self._proposals.range_seen(self.raced.all)
-        rule = Ahead(errors=errors, final=errors, prices=self._prices(trees), known=known)
-        if state.stage == "prove" and self._has_steps_to_spare:
+        rule = Ahead(errors=errors, final=errors, prices=self._proposals.prices(trees), known=known)
+        if state.stage == "prove" and self._spared <= state.limit - self.raced.steps:
             rule = replace(rule, looks=LONG, patient=True)
         elif state.climbs:
             rule = replace(rule, looks=LONG_OF_MANY)
@@ -367,10 +360,6 @@ class PolicySearch:
         if self._settings.keep_success and self.raced.succeeds_less(*trees):
             return False
         return True if verdict.shown else None
-
-    def _prices(self, trees: Sequence[TreePolicy]) -> tuple[float, ...]:
-        """Return what each tree has to earn for its leaves."""
-        return tuple(self._proposals.leaf_price * tree.n_leaves for tree in trees)
 
     def _fit_advantages(self) -> tuple[int, int, dict[str, Any]]:
         """Fit what recorded steps gained; return what it takes to fit the same again."""
