@@ -103,3 +103,20 @@ def ensemble_step(world, draws, at, member, action, state):
         kind = 2
     mean, unit, low, high = world.earned[kind]
     return after, float(np.clip(mean + unit * out[2 * d + kind], low, high)), kind > 0
+
+
+def action_values(out, n_actions):
+    """Return the mean output of each action."""
+    return np.array([[part.mean() for part in np.split(row, n_actions)] for row in out])
+
+
+def quantile_loss(quantiles, goals, limit):
+    """Return the loss of quantile regression, twice the paper's and not divided by ``limit``."""
+    loss = 0.0
+    for k, quantile in enumerate(quantiles):
+        below = (k + 0.5) / len(quantiles)
+        for goal in goals:
+            error = abs(goal - quantile)
+            huber = 0.5 * error**2 if error <= limit else limit * (error - 0.5 * limit)
+            loss += 2.0 * (below if goal > quantile else 1.0 - below) * huber
+    return loss / len(goals)

@@ -113,6 +113,36 @@ def test_all_stages_are_passed_and_the_budget_is_kept(whole):
     assert len(loop.learner.races.contenders) >= 4
 
 
+def test_the_teacher_goes_on_learning_from_trees(whole, shown, env):
+    loop, states = whole
+    known = [int(states[stage][0]["teacher_updates"][0]) for stage in (Stage.DAGGER, Stage.RACE)]
+    assert known[0] < known[1]
+    learned = METHOD.teacher.updates_per_step * (1.0 - METHOD.last_share) * BUDGET
+    assert loop.learner.teacher.updates == pytest.approx(learned, rel=0.15)
+    few = replace(METHOD, teacher_steps=1_000)
+    loop = Loop(few.start(problem_of(shown), Start(None, shown.kept)), env, 0)
+    while loop.learner.stage is Stage.TEACHER:
+        loop.advance()
+    updates = loop.learner.teacher.updates
+    loop.advance()
+    assert loop.learner.teacher.updates == updates
+
+
+def test_labels_are_those_of_the_present_teacher(whole, shown):
+    state = copied(whole[1][Stage.RACE, "within"][0])
+    learner = METHOD.restore(problem_of(shown), Start(None, shown.kept), state)
+    observations, first = learner.history.observations, learner.dagger.labelled_from
+    students = learner._students
+    students.fit(observations, 4)
+    assert (students._labels == learner.teacher.predict(observations[first:])[0]).all()
+    observation = observations[0]
+    learner.start_episode(observation, np.random.default_rng(0))
+    learner.observe(Step(0, 1.0, observation, True, False))
+    learner.end_episode()
+    learner.update(np.random.default_rng(1))
+    assert students._labels.size == 0
+
+
 def test_the_policy_changes_only_by_a_race(whole):
     loop, states = whole
     for key in (Stage.TEACHER, Stage.DAGGER, Stage.RACE):

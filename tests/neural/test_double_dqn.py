@@ -5,7 +5,7 @@ import pytest
 
 from eutree.data import Episode
 from eutree.errors import InvalidArgumentError
-from eutree.neural import DoubleDQN, DoubleDQNSettings, Scaling
+from eutree.neural import DoubleDQN, DoubleDQNSettings, Scaling, _kernels
 from eutree.neural.double_dqn import reward_scale_of, stretches
 from tests import naive_neural
 
@@ -75,14 +75,45 @@ def chain_learner(seed, updates=3000, **settings):
     return learner, generator
 
 
+@pytest.mark.parametrize("quantiles", [1, 4])
 @pytest.mark.parametrize("seed", range(5))
-def test_a_chain_is_valued_as_value_iteration_values_it(seed):
-    learner, generator = chain_learner(seed)
+def test_a_chain_is_valued_as_value_iteration_values_it(seed, quantiles):
+    learner, generator = chain_learner(seed, quantiles=quantiles)
     learner.update(3000, generator)
     places = np.array([seen(place) for place in range(PLACES)])
     exact = value_iteration()
     np.testing.assert_allclose(learner.action_values(places), exact, atol=0.1)
     assert [learner.act(place) for place in places] == exact.argmax(axis=1).tolist()
+
+
+@pytest.mark.parametrize("limit", [0.2, 2.0])
+@pytest.mark.parametrize("m", [1, 2, 7])
+def test_errors_of_quantiles_are_the_differences_of_their_loss(m, limit):
+    generator = np.random.default_rng(m)
+    quantiles, goals = generator.standard_normal((2, m))
+    errors, small = np.empty(m), 1e-6
+    _kernels.quantile_errors(quantiles, goals, limit, errors)
+    for k, error in enumerate(errors):
+        above, below = quantiles.copy(), quantiles.copy()
+        above[k] += small
+        below[k] -= small
+        change = naive_neural.quantile_loss(above, goals, limit)
+        change -= naive_neural.quantile_loss(below, goals, limit)
+        assert error == pytest.approx(change / (2 * small), rel=1e-5, abs=1e-8)
+
+
+def test_a_single_quantile_has_the_error_of_a_value():
+    error = np.empty(1)
+    for difference in (-3.0, -0.5, 0.0, 0.7, 5.0):
+        _kernels.quantile_errors(np.array([1.0 + difference]), np.ones(1), 2.0, error)
+        assert error[0] == min(max(difference, -2.0), 2.0)
+
+
+def test_the_value_of_an_action_is_the_mean_of_its_quantiles():
+    out = np.random.default_rng(0).standard_normal((5, 12))
+    values = np.empty((5, 3))
+    _kernels.action_values(out, 3, values)
+    np.testing.assert_allclose(values, naive_neural.action_values(out, 3), rtol=1e-14)
 
 
 @pytest.mark.parametrize("terminated", [True, False])
@@ -104,10 +135,11 @@ def test_stretches_are_those_of_the_obvious_loop(terminated):
             assert found.discounts[begin] == pytest.approx(weight)
 
 
-def test_a_restored_learner_goes_on_to_the_same_bytes():
-    learner, _ = chain_learner(0)
+@pytest.mark.parametrize("quantiles", [1, 3])
+def test_a_restored_learner_goes_on_to_the_same_bytes(quantiles):
+    learner, _ = chain_learner(0, quantiles=quantiles)
     learner.update(20, np.random.default_rng(1))
-    other, _ = chain_learner(0, 3000)
+    other, _ = chain_learner(0, 3000, quantiles=quantiles)
     other.restore({name: array.copy() for name, array in learner.state().items()})
     for one in (learner, other):
         one.update(20, np.random.default_rng(2))

@@ -278,13 +278,49 @@ def take_batch(experience: StretchRows, rows: Integers, x: Float32s, later: Floa
 
 
 @compiled
-def best(values: Float32s, allowed: Booleans) -> int:
+def best(values: Floats, allowed: Booleans) -> int:
     """Return the first of the largest values of actions that are allowed, at least one."""
     chosen = -1
     for a in range(values.size):
         if allowed[a] and (chosen < 0 or values[a] > values[chosen]):
             chosen = a
     return chosen
+
+
+@compiled
+def action_values(out: Float32s, n_actions: int, values: Floats) -> None:
+    """Write the mean of each action's quantiles, from outputs [n, A m] to values [n, A]."""
+    m = out.shape[1] // n_actions
+    for i in range(out.shape[0]):
+        for a in range(n_actions):
+            total = 0.0
+            for k in range(a * m, (a + 1) * m):
+                total += out[i, k]
+            values[i, a] = total / m
+
+
+@compiled
+def quantile_errors(quantiles: Float32s, goals: Floats, limit: float, error: Float32s) -> None:
+    """Write the derivatives of the loss of quantile regression (Dabney et al. 2018, Eq. 10).
+
+    The k-th of m quantiles is to have a share (k + 1/2) / m of the goals below it. Squares are
+    linear beyond ``limit``. A single quantile has the squared error of DQN.
+
+    Args:
+        quantiles: Those of an action, [m].
+        goals: Equally likely returns, [m].
+        limit: Largest difference that counts.
+        error: Out, [m].
+    """
+    m = quantiles.size
+    for k in range(m):
+        below = (k + 0.5) / m
+        total = 0.0
+        for j in range(m):
+            difference = quantiles[k] - goals[j]
+            weight = below if difference < 0.0 else 1.0 - below
+            total += weight * min(max(difference, -limit), limit)
+        error[k] = 2.0 * total / m
 
 
 @compiled
@@ -298,38 +334,44 @@ def update(
 ) -> None:
     """Make U updates of Double DQN (van Hasselt, Guez and Silver 2016, Eq. 4).
 
-    The online network chooses the action at the end of a stretch, the target network values it. The
-    squared error is linear beyond ``rates.error``, as in DQN. ``number`` is how many updates were
-    made before.
+    The online network chooses the action at the end of a stretch, the target network values it. An
+    action has m outputs, the quantiles of its return. ``number`` is how many updates were made
+    before.
     """
-    n = rows.shape[1]
+    n, n_actions = rows.shape[1], experience.allowed.shape[1]
     dtype = learning.online.weights.dtype
     x = np.empty((n, experience.observations.shape[1]), dtype)
     later = np.empty_like(x)
     at, at_target = room(learning.online, n), room(learning.online, n)
+    m = at.out.shape[1] // n_actions
+    values = np.empty((n, n_actions), np.float64)
     chosen = np.empty(n, np.int64)
-    goal = np.empty(n, np.float64)
+    goals = np.empty((n, m), np.float64)
     error = np.empty_like(at.out)
     for u in range(rows.shape[0]):
         take_batch(experience, rows[u], x, later)
         forward(learning.online, later, at)
+        action_values(at.out, n_actions, values)
         # Chosen by one network and valued by the other: no action is valued by the noise that chose
         # it. Where the task ended the discount is 0.
         for i in range(n):
-            chosen[i] = best(at.out[i], experience.allowed[rows[u, i]])
+            chosen[i] = best(values[i], experience.allowed[rows[u, i]])
         forward(learning.target, later, at_target)
         for i in range(n):
             row = rows[u, i]
-            value = at_target.out[i, chosen[i]]
-            goal[i] = experience.earned[row] + experience.discounts[row] * value
+            for k in range(m):
+                value = at_target.out[i, chosen[i] * m + k]
+                goals[i, k] = experience.earned[row] + experience.discounts[row] * value
         # Last of the forward passes, for ``backward`` needs what the layers put out for x.
         forward(learning.online, x, at)
         # Only the action that was taken has a target.
         error[:] = 0
         for i in range(n):
-            action = experience.actions[rows[u, i]]
-            difference = at.out[i, action] - goal[i]
-            error[i, action] = min(max(difference, -rates.error), rates.error) / n
+            begin = experience.actions[rows[u, i]] * m
+            of_action = error[i, begin : begin + m]
+            quantile_errors(at.out[i, begin : begin + m], goals[i], rates.error, of_action)
+            for k in range(m):
+                of_action[k] /= n
         backward(learning.online, x, at, error, learning.gradient)
         limit_norm(learning.gradient.weights, rates.norm)
         adam_step(
@@ -349,4 +391,6 @@ def greedy_action(network: Network, x: Float32s, allowed: Booleans) -> int:
     """Return the allowed action of the largest value at one observation, scaled, shape [1, d]."""
     at = room(network, 1)
     forward(network, x, at)
-    return best(at.out[0], allowed)
+    values = np.empty((1, allowed.size), np.float64)
+    action_values(at.out, allowed.size, values)
+    return best(values[0], allowed)

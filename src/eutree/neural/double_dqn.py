@@ -3,8 +3,9 @@
 Q(o, a) is a network of two hidden layers. Every step is kept and learned from again and again: Q
 of the action taken moves towards the rewards of the next n steps and the value of where they led,
 as the target network sees it (van Hasselt, Guez and Silver 2016; n-step returns as in Hessel et al.
-2018). The target follows softly (Lillicrap et al. 2016). What is handed on is a slow average of the
-weights (Polyak and Juditsky 1992), which acts more evenly than the last ones do.
+2018). An action may have several outputs, the quantiles of its return (Dabney et al. 2018), and its
+value is their mean. The target follows softly (Lillicrap et al. 2016). What is handed on is a slow
+average of the weights (Polyak and Juditsky 1992), which acts more evenly than the last ones do.
 """
 
 from collections.abc import Mapping, Sequence
@@ -112,6 +113,7 @@ class DoubleDQNSettings:
 
     Attributes:
         hidden: Units of each of the two hidden layers.
+        quantiles: Outputs of an action: quantiles of its return, whose mean is its value.
         discount: gamma, per step.
         n_steps: Steps of a stretch n.
         rate: Adam's step size at first; it falls linearly to a tenth.
@@ -124,6 +126,7 @@ class DoubleDQNSettings:
     """
 
     hidden: int = 128
+    quantiles: int = 1
     discount: float = 0.99
     n_steps: int = 3
     rate: float = 5e-4
@@ -135,7 +138,7 @@ class DoubleDQNSettings:
     norm: float = 10.0
 
     def __post_init__(self) -> None:
-        for name in ("hidden", "n_steps", "batch"):
+        for name in ("hidden", "quantiles", "n_steps", "batch"):
             check_integer(name, getattr(self, name), low=1)
         check_number("discount", self.discount, low=0.0, high=1.0)
         for name in ("rate", "updates_per_step", "error", "norm"):
@@ -178,7 +181,8 @@ class DoubleDQN:
         self._n_actions = n_actions
         self._reward_scale = check_number("reward_scale", reward_scale, low=0.0, low_open=True)
         self._planned = check_integer("updates", updates, low=1)
-        online = random_network(scaling.mean.size, settings.hidden, n_actions, generator)
+        self._size = scaling.mean.size, settings.hidden, n_actions * settings.quantiles
+        online = random_network(*self._size, generator)
         none = np.zeros_like(online.weights)
         self._learning = Learning(
             online, copied(online), copied(online), copied(online), none, none.copy()
@@ -265,8 +269,10 @@ class DoubleDQN:
 
     def action_values(self, observations: Floats) -> Floats:
         """Return Q of each action at observations [N, d], by the averaged weights, shape [N, A]."""
-        values = outputs(self._learning.average, self._scaling(observations))
-        return values / self._reward_scale
+        found = outputs(self._learning.average, self._scaling(observations))
+        quantiles = found.reshape(len(found), self._n_actions, self._settings.quantiles)
+        values: Floats = quantiles.mean(axis=2) / self._reward_scale
+        return values
 
     def predict(
         self,
@@ -297,10 +303,10 @@ class DoubleDQN:
 
     def restore(self, state: Mapping[str, Float32s | Integers]) -> None:
         """Take over what ``state`` returned."""
-        of, size = self._learning, (self._scaling.mean.size, self._settings.hidden)
+        of = self._learning
         for name in ("online", "target", "average"):
             weights = np.asarray(state[name], dtype=np.float32)
-            getattr(of, name).weights[:] = network_of(weights, *size, self._n_actions).weights
+            getattr(of, name).weights[:] = network_of(weights, *self._size).weights
         of.mean[:], of.square[:] = state["mean"], state["square"]
         self.updates = int(state["updates"][0])
 

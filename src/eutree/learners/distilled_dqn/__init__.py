@@ -1,6 +1,7 @@
 """Learn with a network, hand over a tree: a counted teacher, DAgger, imagined pruning, real races.
 
 1. *Teacher.* A Double DQN learns the task, demonstrations in its replay. Its steps are counted.
+   It goes on learning from what trees do in the stages that follow, which costs no step.
 2. *DAgger* (Ross, Gordon and Bagnell 2011). Large trees act, the teacher says what it would do.
 3. *Rounds*, as long as steps are left. An ensemble of networks is fitted to all transitions so far.
    CART makes trees of two and three times the leaves allowed from all labelled observations, plain
@@ -70,7 +71,8 @@ class DistilledDQN(DistilledDQNChoices):
 
     def _teacher_part(self, problem: Problem) -> Part:
         """Return what is stored of a network that teaches."""
-        size = n_weights(problem.n_features, self.teacher.hidden, problem.n_actions)
+        outputs = problem.n_actions * self.teacher.quantiles
+        size = n_weights(problem.n_features, self.teacher.hidden, outputs)
         weights = ("online", "target", "average", "mean", "square")
         arrays = {f"teacher_{name}": Stored("f4", (size,)) for name in weights}
         arrays["teacher_square"] = Stored("f4", (size,), low=0)

@@ -63,7 +63,8 @@ class StepBudget:
 
     Attributes:
         total: Steps to learn in.
-        teacher: Those in which the teacher learns.
+        teacher: Those in which the teacher acts.
+        learning: Those from which it learns: its own, and of those that follow as many as may be.
         dagger: Those in which DAgger gathers.
         last: Those that are kept for the last races.
         longest: Steps of the longest possible episode; None where there is no limit.
@@ -71,6 +72,7 @@ class StepBudget:
 
     total: int
     teacher: int
+    learning: int
     dagger: int
     last: float
     longest: int | None
@@ -79,11 +81,13 @@ class StepBudget:
     def of(cls, method: DistilledDQNChoices, problem: Problem) -> "StepBudget":
         """Return the budget of a run: its own, or else the method's."""
         total = method.steps if problem.steps is None else problem.steps
+        last, acts = method.last_share * total, int(method.teacher_share * total)
         return cls(
             total,
-            min(int(method.teacher_share * total), method.teacher_steps),
+            min(acts, method.teacher_steps),
+            min(max(acts, int(total - last)), method.teacher_steps),
             int(method.dagger_share * total),
-            method.last_share * total,
+            last,
             problem.max_episode_steps,
         )
 
@@ -118,7 +122,7 @@ class DistilledDQNLearner:
         self._teacher: NetworkTeacher | GivenTeacher
         if start.teacher is None:
             chance = np.random.default_rng((problem.n_features, history.size))
-            self._teacher = NetworkTeacher(method, problem, start, history, budget.teacher, chance)
+            self._teacher = NetworkTeacher(method, problem, start, history, budget.learning, chance)
         else:
             self._teacher = GivenTeacher(start.teacher)
         students = Students(
@@ -195,8 +199,11 @@ class DistilledDQNLearner:
     def update(self, generator: np.random.Generator) -> Update:
         """Let the teacher learn from the last episode; go on to the next stage when it is time."""
         facts: Figures = {"stage": self.stage.name.lower()}
+        if self._teacher.learn(self.history, generator) and self.stage is not Stage.TEACHER:
+            # It may say now something else of what it was asked about before.
+            self._students.begin(self.dagger.labelled_from)
         if self.stage is Stage.TEACHER:
-            facts |= self._teach(generator)
+            facts |= self._taught()
         elif self.stage is Stage.DAGGER:
             facts |= self._gather(generator)
         else:
@@ -211,9 +218,8 @@ class DistilledDQNLearner:
         """Return how the world model orders the trees that were really run; None without one."""
         return self.rivals.trust(self.races.contenders)
 
-    def _teach(self, generator: np.random.Generator) -> Figures:
-        """Let the teacher learn from the episodes that are new."""
-        self._teacher.learn(self.history, generator)
+    def _taught(self) -> Figures:
+        """Go on to DAgger when the teacher has had its steps."""
         if self.steps >= self._budget.teacher:
             self.dagger.begin(self.steps)
             self.stage = Stage.DAGGER
@@ -289,9 +295,7 @@ class DistilledDQNLearner:
         self._experience.take_back(part(state, "history_"))
         self.history = self._experience.history
         self.steps, self.stage = numbers["steps"], Stage(numbers["stage"])
-        self._teacher.restore(
-            part(state, "teacher_"), self.history, replay=self.stage is Stage.TEACHER
-        )
+        self._teacher.restore(part(state, "teacher_"), self.history)
         (student,) = unpacked_trees(part(state, "student_"))
         self.dagger.take_back(student, numbers["labelled_from"], numbers["round_from"])
         if "model_weights" in state:

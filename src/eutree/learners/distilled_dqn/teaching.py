@@ -39,8 +39,9 @@ class DistilledDQNChoices:
         max_leaves: Most leaves of the policy.
         leaf_price: Return that a leaf must earn, as a share of the mean size of a return shown.
         steps: Environment steps to learn in, where the run has no budget of steps itself.
-        teacher_share: Share of the steps in which the teacher learns.
-        teacher_steps: Most steps in which it learns.
+        teacher_share: Share of the steps in which the teacher acts.
+        teacher_steps: Most steps that it learns from: its own and, where these are fewer, those of
+            trees until the last races.
         dagger_share: Share of the steps in which DAgger gathers.
         last_share: Share of the steps that is kept for the last races.
         exploration: Chance of a random action of the teacher at first.
@@ -301,14 +302,15 @@ class GivenTeacher:
         values = self.policy.action_values(observation[np.newaxis])[0]
         return int((values if allowed is None else np.where(allowed, values, -np.inf)).argmax())
 
-    def learn(self, history: History, generator: np.random.Generator) -> None:
-        """Do nothing."""
+    def learn(self, history: History, generator: np.random.Generator) -> bool:
+        """Do nothing; return that nothing was learned."""
+        return False
 
     def state(self) -> Arrays:
         """Return nothing: it is given again to a run that goes on."""
         return {}
 
-    def restore(self, state: Arrays, history: History, *, replay: bool) -> None:
+    def restore(self, state: Arrays, history: History) -> None:
         """Do nothing."""
 
 
@@ -320,7 +322,7 @@ class NetworkTeacher:
         problem: What is learned.
         start: The demonstrations.
         history: They, stored.
-        steps: Steps that it is going to learn in.
+        steps: Steps that it is going to learn from.
         generator: Source of its first weights.
 
     Attributes:
@@ -340,6 +342,7 @@ class NetworkTeacher:
         self._per_step = settings.updates_per_step
         self._first_updates = min(method.demonstration_updates, history.size)
         self._n_shown = self._known = history.n_episodes
+        self._last_row = history.size + steps
         self.policy = DoubleDQN(
             settings,
             Scaling.of(history.observations),
@@ -366,24 +369,27 @@ class NetworkTeacher:
         """Return its action at an observation [d], by its present weights."""
         return self.policy.act(observation, allowed)
 
-    def learn(self, history: History, generator: np.random.Generator) -> None:
-        """Learn from the episodes that are new."""
+    def learn(self, history: History, generator: np.random.Generator) -> bool:
+        """Learn from the episodes that are new, whoever acted; return whether it still learns."""
+        first = int(np.searchsorted(history.episodes, self._known))
+        if first >= self._last_row:
+            return False
         if not self.updates:
             self.policy.update(self._first_updates, generator)
-        first = int(np.searchsorted(history.episodes, self._known))
         self._show(history, self._known, history.n_episodes)
         self._known = history.n_episodes
         self.policy.update(round(self._per_step * (history.size - first)), generator)
+        return True
 
     def state(self) -> Arrays:
         """Return its weights, and how many episodes it has learned from."""
         return {"known": np.array([self._known], dtype=np.int64), **self.policy.state()}
 
-    def restore(self, state: Arrays, history: History, *, replay: bool) -> None:
-        """Go on from a ``state()``; with ``replay`` it will learn more."""
+    def restore(self, state: Arrays, history: History) -> None:
+        """Go on from a ``state()``."""
         self._known = int(state["known"][0])
         self.policy.restore(state)
-        if replay:
+        if int(np.searchsorted(history.episodes, self._known)) < self._last_row:
             self._show(history, self._n_shown, self._known)
 
     def _show(self, history: History, first: int, last: int) -> None:
