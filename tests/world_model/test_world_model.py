@@ -112,9 +112,10 @@ def test_the_best_interval_is_the_best_of_all_intervals(data, min_rows, shape):
 def test_the_best_cut_leaves_the_least_squared_error(data, min_leaf):
     table = np.array(data, dtype=float)
     X, y, rows = np.ascontiguousarray(table[:, :2]), table[:, 2].copy(), np.arange(len(table))
-    edges, n_edges = np.zeros((2, 256)), np.zeros(2, dtype=np.int64)
+    edges, n_edges = np.full((2, 256), np.inf), np.zeros(2, dtype=np.int64)
     bins = np.zeros((2, len(table)), dtype=np.int16)
-    regression.bin_columns(X, 256, edges, n_edges, bins)
+    columns = np.ascontiguousarray(X.T)
+    regression.bin_columns(columns, np.sort(columns), edges, n_edges, bins)
     feature, cut = regression.best_cut(
         regression.Design(X, edges, n_edges, bins), y, rows, min_leaf
     )

@@ -14,6 +14,8 @@ from eutree.world_model._kernels import overwrite
 
 threshold_between = compiled(features.threshold_between)
 
+N_BINS = 256  # a power of two, known when kernels are compiled: searches are unrolled
+ONE = np.uint64(1)
 MANY_ROWS = 256  # nodes above this look at bin edges only, nodes below at every cut
 # Ridge on standardised inputs, as a share of the rows: too small to be seen in a fit, large enough
 # for inputs that depend on each other.
@@ -55,31 +57,38 @@ class Unrolled(NamedTuple):
 
 @compiled
 def bin_columns(
-    X: Floats,  # [N, p]
-    n_bins: int,
-    edges: Floats,  # [p, n_bins]
+    columns: Floats,  # [p, N]
+    ordered: Floats,  # [p, N] each of them sorted
+    edges: Floats,  # [p, N_BINS] infinite, as the last stays
     n_edges: Integers,  # [p]
     bins: Int16s,  # [p, N]
 ) -> None:
     """Cut each column at its quantiles, between distinct values; a value at an edge is below it."""
-    n, p = X.shape
+    p, n = columns.shape
     for j in range(p):
-        ordered = np.sort(X[:, j])
-        count = 0
-        for b in range(1, n_bins):
-            i = b * n // n_bins
+        values, mine = ordered[j], edges[j]
+        count, i = 0, 0
+        for b in range(1, N_BINS):
             # An edge between equal values would separate nothing: go on to the next distinct one.
-            while i > 0 and i < n and ordered[i] == ordered[i - 1]:
+            # All values from the quantile to where the last edge was sought are equal, too.
+            i = max(i, b * n // N_BINS)
+            while i > 0 and i < n and values[i] == values[i - 1]:
                 i += 1
             if i < 1 or i >= n:
                 continue
-            edge = threshold_between(ordered[i - 1], ordered[i])
-            if count == 0 or edge > edges[j, count - 1]:
-                edges[j, count] = edge
+            edge = threshold_between(values[i - 1], values[i])
+            if count == 0 or edge > mine[count - 1]:
+                mine[count] = edge
                 count += 1
         n_edges[j] = count
+        # Halving without a branch, which no processor could foresee: the edges before ``at`` are
+        # below x, and those from at + 2 * half on are not. Unsigned: no place can be negative.
         for i in range(n):
-            bins[j, i] = np.searchsorted(edges[j, :count], X[i, j])
+            x, at, half = columns[j, i], np.uint64(0), np.uint64(N_BINS // 2)
+            while half >= ONE:
+                at += half * np.uint64(mine[at + half - ONE] < x)
+                half >>= ONE
+            bins[j, i] = at
 
 
 @compiled

@@ -217,7 +217,6 @@ def _pruned(
     )
 
 
-N_BINS = 256
 MAX_LEAVES = 64
 MIN_LEAF = 8
 GOOD_ENOUGH = 1e-4  # share of the variation that need not be explained
@@ -375,9 +374,10 @@ def _design(*columns: Floats) -> kernels.Design:
     """Return the inputs of regression trees, cut into bins."""
     X = np.ascontiguousarray(np.concatenate(columns, axis=1))
     p = X.shape[1]
-    edges, n_edges = np.zeros((p, N_BINS)), np.zeros(p, dtype=np.int64)
+    edges, n_edges = np.full((p, kernels.N_BINS), np.inf), np.zeros(p, dtype=np.int64)
     bins = np.zeros((p, X.shape[0]), dtype=np.int16)
-    kernels.bin_columns(X, N_BINS, edges, n_edges, bins)
+    by_input = np.ascontiguousarray(X.T)
+    kernels.bin_columns(by_input, np.sort(by_input), edges, n_edges, bins)
     return kernels.Design(X, edges, n_edges, bins)
 
 
