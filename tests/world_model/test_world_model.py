@@ -312,23 +312,24 @@ def test_a_comparison_side_by_side_is_the_plain_one_to_the_bit(hopeless, discoun
 
 
 @given(tree=trees, x=st.lists(st.sampled_from([np.nan, np.inf, -np.inf, -1.0, 0.0, 2.5, 7.0])))
-def test_four_go_down_a_tree_as_one_does_whatever_the_state_is(tree, x):
-    """Also on a threshold, with no number, and where the last group of four is not full."""
+def test_lanes_go_down_a_tree_as_one_does_whatever_the_state_is(tree, x):
+    """Also on a threshold, and with no number."""
     policy, lanes = packed(tree), _kernels_lanes.empty_lanes(2)
     n = min(len(x), _kernels_lanes.LANES)
     lanes.states[:n, 0], lanes.states[:n, 1] = x[:n], x[:n][::-1]
     lanes.forced[:] = -1
     lanes.forced[:1] = 5
-    _kernels_lanes.decide(_kernels_lanes.laid_out(policy), lanes, n)
+    table = _kernels_lanes.laid_out(policy)
+    _kernels_lanes.decide(table, lanes, n)
     nodes = [_kernels.leaf_node(policy, 0, state) for state in lanes.states[:n]]
-    assert lanes.nodes[:n].tolist() == nodes
+    assert table.sources[lanes.nodes[:n]].tolist() == nodes
     assert lanes.actions[1:n].tolist() == policy.action[nodes[1:]].tolist()
     assert lanes.actions[:1].tolist() == ([5] if n else [0])
 
 
-def test_four_go_down_the_trees_of_a_model_as_one_does():
+def test_lanes_go_down_the_trees_of_a_model_as_one_does():
     world, lanes = model_of(walks(200, 8)).world, _kernels_lanes.empty_lanes(2)
-    values = [np.nan, np.inf, -np.inf, 0.0, *world.thresholds.tolist()]
+    values = [np.nan, np.inf, -np.inf, 0.0, *world.tests.thresholds.tolist()]
     generator = np.random.default_rng(0)
     assert world.levels.max() > 2
     for _, tree in itertools.product(range(20), range(world.roots.shape[1])):
@@ -336,10 +337,10 @@ def test_four_go_down_the_trees_of_a_model_as_one_does():
         lanes.actions[:4] = STAY, GO, GO, STAY
         _kernels_lanes.descend(world, tree, lanes, 4)
         rows = [
-            _kernels.model_leaf(world.tests, world.thresholds, root, lanes.states, k)
+            _kernels.model_leaf(world, root, lanes.states, k)
             for k, root in enumerate(world.roots[lanes.actions[:4], tree])
         ]
-        assert world.tests[lanes.nodes[:4], 3].tolist() == rows
+        assert world.rows[lanes.nodes[:4]].tolist() == rows
 
 
 @settings(max_examples=100, deadline=None)

@@ -16,6 +16,19 @@ from eutree.compiled import compiled, compiled_later, inlined
 EPISODE_STRIDE = 7919
 
 
+class Tests(NamedTuple):
+    """Trees as walks see them: of two children, the one below comes right before the one above.
+
+    So a step down is ``above`` less whether the test holds, without a branch or a second look. A
+    leaf leads to itself, for no number is at most NaN: a walk may take more steps than it needs.
+    """
+
+    # Numbers of nodes are unsigned: numba then leaves out the test for negative ones.
+    features: Uint32s  # [M]
+    thresholds: Floats  # [M] NaN at a leaf
+    above: Uint32s  # [M]
+
+
 class World(NamedTuple):
     """Model trees of each action in common arrays, laid out for one step after another.
 
@@ -24,12 +37,10 @@ class World(NamedTuple):
     a good end. All look at a state: an observation and the displacement that led to it.
     """
 
-    # Numbers of nodes are unsigned: numba then leaves out the test for negative ones.
     roots: Uint32s  # [A, d + 5]
-    levels: Integers  # [A, d + 5] tests on the longest way down from each root
-    # A leaf leads to itself, so a walk may take more steps than there are tests on its way.
-    tests: Uint32s  # [M, 4] feature, node below, node above, row of the leaf
-    thresholds: Floats  # [M]
+    levels: Integers  # [d + 5] tests on the longest way down from each tree's roots
+    tests: Tests
+    rows: Uint32s  # [M] of each leaf in what follows
     lines: Floats  # [L, 2 d + 4] coefficients, constant, the action's constant, lowest, highest
     noise: Integers  # [L, 3] first residual, number of residuals, coefficients up to the last not 0
     residuals: Floats  # [K]
@@ -110,13 +121,13 @@ def keep(
 
 
 @inlined
-def model_leaf(tests: Uint32s, thresholds: Floats, root: int, states: Floats, k: int) -> int:
+def model_leaf(world: World, root: int, states: Floats, k: int) -> int:
     """Return the row of the model's leaf below ``root`` that state k of [N, 2 d] falls into."""
+    features, thresholds, above = world.tests
     node = root
-    while tests[node, 1] != node:
-        below = states[k, tests[node, 0]] <= thresholds[node]
-        node = tests[node, 1] if below else tests[node, 2]
-    row: int = tests[node, 3]
+    while above[node] != node:
+        node = above[node] - np.uint32(states[k, features[node]] <= thresholds[node])
+    row: int = world.rows[node]
     return row
 
 

@@ -46,25 +46,24 @@ def expected_step(world: World, action: int, states: Floats, move: Floats) -> tu
     in a step that is drawn, a good end is what a bad one leaves over.
     """
     world.tally[0] += 1
-    roots, tests, thresholds = world.roots, world.tests, world.thresholds
-    lines, noise = world.lines, world.noise
+    roots, lines, noise = world.roots, world.lines, world.noise
     d = move.size
     for i in range(d):
-        row = model_leaf(tests, thresholds, roots[action, i], states, 0)
+        row = model_leaf(world, roots[action, i], states, 0)
         move[i] = fitted(lines, noise, row, states, 0)
     # Only now: all displacements were asked of the state before the step.
     for i in range(d):
         states[0, i] += move[i]
         states[0, d + i] = 0.0  # held actions start from places, not from movements
-    row = model_leaf(tests, thresholds, roots[action, d + 3], states, 0)
+    row = model_leaf(world, roots[action, d + 3], states, 0)
     bad = chance(lines, noise, row, states, 0, 0.0)
-    row = model_leaf(tests, thresholds, roots[action, d + 4], states, 0)
+    row = model_leaf(world, roots[action, d + 4], states, 0)
     good = min(chance(lines, noise, row, states, 0, 0.0), 1.0 - bad)
     goes_on = max(1.0 - bad - good, 0.0)
     reward = 0.0
     for kind, share in enumerate((goes_on, bad, good)):
         if share > 0.0:
-            row = model_leaf(tests, thresholds, roots[action, d + kind], states, 0)
+            row = model_leaf(world, roots[action, d + kind], states, 0)
             reward += share * fitted(lines, noise, row, states, 0)
     return reward, goes_on
 

@@ -2,8 +2,9 @@
 
 Apart from ``_kernels.py``, which looks at one state. A way down a tree is a chain of loads of which
 each waits for the one before, with tests that no processor can foresee. Here many episodes are
-under way at once, each in a *lane*, four go down a tree together without a branch, and their
-chains overlap. Each sum is taken in the order of a single episode: results are its bits.
+under way at once, each in a *lane*. All take one step down a tree before any takes the next, and
+without a branch, so their chains overlap. Each sum is taken in the order of a single episode:
+results are its bits.
 """
 
 from typing import NamedTuple
@@ -17,6 +18,7 @@ from eutree.world_model._kernels import (
     ActionTree,
     Conditions,
     Episodes,
+    Tests,
     World,
     chance,
     fitted,
@@ -24,11 +26,7 @@ from eutree.world_model._kernels import (
     model_leaf,
 )
 
-LANES = 64  # a multiple of four; what is done once for all lanes costs each little
-# Column of the node below; that of the node above is the next one. Unsigned, as the numbers of
-# nodes are.
-BELOW = np.uint32(1)
-Four = tuple[np.uint32, np.uint32, np.uint32, np.uint32]
+LANES = 64  # what is done once for all lanes costs each little
 # Episodes compared before a hopeless rival may be given up.
 FIRST_LOOK = 8
 
@@ -51,30 +49,34 @@ class Lanes(NamedTuple):
 
 
 class PolicyTable(NamedTuple):
-    """A policy tree laid out as a tree of ``World``: a leaf leads to itself."""
+    """A policy tree laid out as a tree of ``World``."""
 
-    tests: Uint32s  # [M, 4] feature, node below, node above, action
-    thresholds: Floats  # [M]
-    levels: int
+    tests: Tests
+    sources: Integers  # [M] the node of the policy that each node is
+    actions: Integers  # [M]
+    levels: int  # tests on the longest way down
 
 
 @compiled
 def laid_out(policy: ActionTree) -> PolicyTable:
     """Return a policy tree as lanes go down it."""
-    tests = np.zeros((policy.feature.size, 4), dtype=np.uint32)
-    above = np.zeros(policy.feature.size, dtype=np.int64)
-    levels = 0
-    # Preorder: the tests above a node are known before those above its children.
-    for node in range(policy.feature.size):
-        tests[node, 3] = policy.action[node]
-        if policy.feature[node] < 0:
-            tests[node, 1] = tests[node, 2] = node
-            levels = max(levels, above[node])
-            continue
-        left, right = policy.left[node], policy.right[node]
-        tests[node, 0], tests[node, 1], tests[node, 2] = policy.feature[node], left, right
-        above[left] = above[right] = above[node] + 1
-    return PolicyTable(tests, policy.threshold, levels)
+    n_nodes = policy.feature.size
+    features, above = np.zeros(n_nodes, dtype=np.uint32), np.zeros(n_nodes, dtype=np.uint32)
+    thresholds = np.full(n_nodes, np.nan)
+    sources, actions = np.zeros(n_nodes, dtype=np.int64), np.zeros(n_nodes, dtype=np.int64)
+    depths = np.zeros(n_nodes, dtype=np.int64)
+    known = 1
+    for node in range(n_nodes):  # breadth first: the first ``known`` nodes have their sources
+        source = sources[node]
+        actions[node], above[node] = policy.action[source], node
+        if policy.feature[source] >= 0:
+            features[node], thresholds[node] = policy.feature[source], policy.threshold[source]
+            sources[known], sources[known + 1] = policy.left[source], policy.right[source]
+            depths[known] = depths[known + 1] = depths[node] + 1
+            above[node] = known + 1
+            known += 2
+    tests = Tests(features, thresholds, above)
+    return PolicyTable(tests, sources, actions, depths[n_nodes - 1])
 
 
 @compiled
@@ -97,73 +99,60 @@ def empty_lanes(d: int) -> Lanes:
 
 
 @inlined
-def four_down(
-    tests: Uint32s, thresholds: Floats, levels: int, states: Floats, k: int, nodes: Four
-) -> Four:
-    """Return where the lanes k to k + 3 come to, so many levels down a tree from their nodes."""
-    a, b, c, d = nodes
-    # Not "above", but "not below": NaN compares false and goes up, as in ``model_leaf``. Who is at
-    # a leaf stays there until the last of the four is.
+def go_down(tests: Tests, levels: int, lanes: Lanes, n: int) -> None:
+    """Let the first n lanes go so many levels down from their nodes."""
+    features, thresholds, above = tests
+    states, nodes = lanes.states, lanes.nodes
     for _ in range(levels):
-        a = tests[a, BELOW + np.uint32(not states[k, tests[a, 0]] <= thresholds[a])]
-        b = tests[b, BELOW + np.uint32(not states[k + 1, tests[b, 0]] <= thresholds[b])]
-        c = tests[c, BELOW + np.uint32(not states[k + 2, tests[c, 0]] <= thresholds[c])]
-        d = tests[d, BELOW + np.uint32(not states[k + 3, tests[d, 0]] <= thresholds[d])]
-    return a, b, c, d
+        for k in range(n):
+            node = nodes[k]
+            nodes[k] = above[node] - np.uint32(states[k, features[node]] <= thresholds[node])
 
 
 @inlined
 def descend(world: World, tree: int, lanes: Lanes, n: int) -> None:
     """Write the leaf node of each lane's state in one tree of its action."""
-    roots, levels, tests, thresholds = world.roots, world.levels, world.tests, world.thresholds
-    states, nodes, actions = lanes.states, lanes.nodes, lanes.actions
-    # A last group of four may reach beyond n: what is left in those lanes leads somewhere, too.
-    for k in range(0, n, 4):
-        one, two, three, four = actions[k], actions[k + 1], actions[k + 2], actions[k + 3]
-        depth = max(levels[one, tree], levels[two, tree])
-        depth = max(depth, max(levels[three, tree], levels[four, tree]))
-        begin = roots[one, tree], roots[two, tree], roots[three, tree], roots[four, tree]
-        found = four_down(tests, thresholds, depth, states, k, begin)
-        nodes[k], nodes[k + 1], nodes[k + 2], nodes[k + 3] = found
+    roots, nodes, actions = world.roots, lanes.nodes, lanes.actions
+    for k in range(n):
+        nodes[k] = roots[actions[k], tree]
+    go_down(world.tests, world.levels[tree], lanes, n)
 
 
 @inlined
 def decide(policy: PolicyTable, lanes: Lanes, n: int) -> None:
     """Write the policy's leaf node in each lane and its action, or what is forced there once."""
-    tests, thresholds, levels = policy
-    states, nodes, actions, forced = lanes.states, lanes.nodes, lanes.actions, lanes.forced
-    root = np.uint32(0)
-    for k in range(0, n, 4):  # as in ``descend``
-        found = four_down(tests, thresholds, levels, states, k, (root, root, root, root))
-        nodes[k], nodes[k + 1], nodes[k + 2], nodes[k + 3] = found
+    nodes, actions, forced = lanes.nodes, lanes.actions, lanes.forced
     for k in range(n):
-        actions[k] = forced[k] if forced[k] >= 0 else tests[nodes[k], 3]
+        nodes[k] = 0
+    go_down(policy.tests, policy.levels, lanes, n)
+    for k in range(n):
+        actions[k] = forced[k] if forced[k] >= 0 else policy.actions[nodes[k]]
         forced[k] = -1
 
 
 @inlined
-def write_down(lanes: Lanes, n: int, trace: Episodes, to: int) -> None:
+def write_down(policy: PolicyTable, lanes: Lanes, n: int, trace: Episodes, to: int) -> None:
     """Write where each lane is before its step, to one place after the other."""
     states = lanes.states
     for k in range(n):
         for j in range(states.shape[1]):
             trace.states[to + k, j] = states[k, j]
         trace.earned[to + k] = lanes.totals[k]
-        trace.node[to + k] = lanes.nodes[k]
+        trace.node[to + k] = policy.sources[lanes.nodes[k]]
         trace.owner[to + k] = lanes.owners[k]
 
 
 @inlined
 def move(world: World, draws: Floats, lanes: Lanes, n: int) -> None:
     """Move the states of the first n lanes by a draw of the leaf's fit and its residuals."""
-    tests, lines, noise, residuals = world.tests, world.lines, world.noise, world.residuals
+    rows, lines, noise, residuals = world.rows, world.lines, world.noise, world.residuals
     states, moves, nodes, at = lanes.states, lanes.moves, lanes.nodes, lanes.at
     d = moves.shape[1]
     mask = draws.size - 1
     for i in range(d):
         descend(world, i, lanes, n)
         for k in range(n):
-            row = tests[nodes[k], 3]
+            row = rows[nodes[k]]
             pick = int(draws[(at[k] + i) & mask] * noise[row, 1])
             moves[k, i] = fitted(lines, noise, row, states, k) + residuals[noise[row, 0] + pick]
     # Only now: all displacements were asked of the state before the step.
@@ -179,34 +168,34 @@ def end(world: World, draws: Floats, lanes: Lanes, n: int) -> None:
 
     One draw decides from both sides: a bad end where it is low, a good one where it is high.
     """
-    tests, lines, noise, states = world.tests, world.lines, world.noise, lanes.states
+    rows, lines, noise, states = world.rows, world.lines, world.noise, lanes.states
     nodes, at, kinds = lanes.nodes, lanes.at, lanes.kinds
     d = states.shape[1] // 2
     mask = draws.size - 1
     descend(world, d + 3, lanes, n)
     for k in range(n):
         draw = draws[(at[k] + d) & mask]
-        kinds[k] = int(draw < chance(lines, noise, tests[nodes[k], 3], states, k, draw))
+        kinds[k] = int(draw < chance(lines, noise, rows[nodes[k]], states, k, draw))
     descend(world, d + 4, lanes, n)
     for k in range(n):
         draw = 1.0 - draws[(at[k] + d) & mask]
-        if kinds[k] == 0 and draw <= chance(lines, noise, tests[nodes[k], 3], states, k, draw):
+        if kinds[k] == 0 and draw <= chance(lines, noise, rows[nodes[k]], states, k, draw):
             kinds[k] = 2
 
 
 @inlined
 def earn(world: World, lanes: Lanes, n: int) -> None:
     """Add the reward of the step to what the first n lanes have earned."""
-    tests, lines, noise, thresholds = world.tests, world.lines, world.noise, world.thresholds
+    rows, lines, noise = world.rows, world.lines, world.noise
     states, nodes, kinds = lanes.states, lanes.nodes, lanes.kinds
     d = states.shape[1] // 2
     # Most steps go on; an end's own tree is looked at only where there is one.
     descend(world, d, lanes, n)
     for k in range(n):
-        row = tests[nodes[k], 3]
+        row = rows[nodes[k]]
         if kinds[k] > 0:
             root = world.roots[lanes.actions[k], d + kinds[k]]
-            row = model_leaf(tests, thresholds, root, states, k)
+            row = model_leaf(world, root, states, k)
         reward = fitted(lines, noise, row, states, k)
         lanes.totals[k] += lanes.weights[k] * reward
 
@@ -268,7 +257,7 @@ def go_on(
             begun += 1
         decide(policy, lanes, n)
         if writes:
-            write_down(lanes, n, trace, written)
+            write_down(policy, lanes, n, trace, written)
             written += n
         world.tally[0] += n
         move(world, draws, lanes, n)

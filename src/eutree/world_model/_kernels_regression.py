@@ -10,7 +10,7 @@ import numpy as np
 from eutree import features
 from eutree.arrays import Booleans, Floats, Int16s, Integers, Uint32s
 from eutree.compiled import compiled
-from eutree.world_model._kernels import overwrite
+from eutree.world_model._kernels import Tests, overwrite
 
 threshold_between = compiled(features.threshold_between)
 
@@ -49,8 +49,8 @@ class ModelNodes(NamedTuple):
 class Unrolled(NamedTuple):
     """The trees of a world model, one after the other, with the tests of the action decided."""
 
-    tests: Uint32s  # [room, 4] feature, left, right, line; a leaf leads to itself
-    thresholds: Floats  # [room]
+    tests: Tests  # room for as many nodes
+    rows: Uint32s  # [room] line of each leaf
     lines: Floats  # [room, p + 4] coefficients, constant, what the action adds, low and high
     noise: Integers  # [room, 3] first residual, their number, coefficients up to the last not 0
 
@@ -390,10 +390,10 @@ def unroll(
 ) -> tuple[int, int, int]:
     """Write one tree as it is for one action; return the nodes and lines so far, and its levels."""
     feature, threshold, left, right, coefficients, low, high, first, n_rows = tree
-    tests, thresholds, lines, noise = out
+    (features, thresholds, above), rows, lines, noise = out
     begin = n_nodes
     source = np.zeros(feature.size, dtype=np.int64)  # of each node written
-    above = np.zeros(feature.size, dtype=np.int64)  # tests on the way to it
+    depth = np.zeros(feature.size, dtype=np.int64)
     n_nodes += 1
     node = begin
     while node < n_nodes:  # the nodes before it are written, those behind it have their source
@@ -403,14 +403,13 @@ def unroll(
             value = 1.0 if feature[at] == p + action else 0.0
             at = left[at] if value <= threshold[at] else right[at]
         if feature[at] >= 0:
-            tests[node, 0] = feature[at]
-            tests[node, 1], tests[node, 2] = n_nodes, n_nodes + 1
-            thresholds[node] = threshold[at]
+            features[node], thresholds[node] = feature[at], threshold[at]
+            above[node] = n_nodes + 1
             source[n_nodes - begin], source[n_nodes + 1 - begin] = left[at], right[at]
-            above[n_nodes - begin] = above[n_nodes + 1 - begin] = above[node - begin] + 1
+            depth[n_nodes - begin] = depth[n_nodes + 1 - begin] = depth[node - begin] + 1
             n_nodes += 2
         else:
-            tests[node, 1], tests[node, 2], tests[node, 3] = node, node, n_lines
+            above[node], thresholds[node], rows[node] = node, np.nan, n_lines
             for j in range(p):
                 lines[n_lines, j] = coefficients[at, j]
                 if coefficients[at, j] != 0.0:
@@ -423,4 +422,4 @@ def unroll(
             n_lines += 1
         node += 1
     # Nodes are written level by level: the last one lies deepest.
-    return n_nodes, n_lines, above[n_nodes - 1 - begin]
+    return n_nodes, n_lines, depth[n_nodes - 1 - begin]

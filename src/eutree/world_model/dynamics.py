@@ -21,7 +21,7 @@ from eutree.features import threshold_between
 from eutree.trees import DecisionTree
 from eutree.world_model import _kernels_chances
 from eutree.world_model import _kernels_regression as kernels
-from eutree.world_model._kernels import World
+from eutree.world_model._kernels import Tests, World
 from eutree.world_model._kernels_regression import move_towards_better
 from eutree.world_model.transitions import Transitions
 
@@ -414,10 +414,10 @@ def _unrolled(trees: Sequence[ModelTree], n_actions: int) -> World:
     room = n_actions * sum(tree.feature.size for tree in trees)
     p = trees[0].coefficients.shape[1] - 1 - n_actions
     roots = np.zeros((n_actions, len(trees)), dtype=np.uint32)
-    levels = np.zeros((n_actions, len(trees)), dtype=np.int64)
+    levels = np.zeros(len(trees), dtype=np.int64)
     out = kernels.Unrolled(
-        tests=np.zeros((room, 4), dtype=np.uint32),
-        thresholds=np.zeros(room),
+        tests=Tests(np.zeros(room, np.uint32), np.zeros(room), np.zeros(room, np.uint32)),
+        rows=np.zeros(room, dtype=np.uint32),
         lines=np.zeros((room, p + 4)),
         noise=np.zeros((room, 3), dtype=np.int64),
     )
@@ -426,15 +426,16 @@ def _unrolled(trees: Sequence[ModelTree], n_actions: int) -> World:
         nodes = kernels.ModelNodes._make(tree[:-1])  # all but the residuals
         for action in range(n_actions):
             roots[action, i] = n_nodes
-            n_nodes, n_lines, levels[action, i] = kernels.unroll(
+            n_nodes, n_lines, depth = kernels.unroll(
                 p, action, n_residuals, n_nodes, n_lines, nodes, out
             )
+            levels[i] = max(levels[i], depth)
         n_residuals += tree.residuals.size
     residuals = np.concatenate([tree.residuals for tree in trees])
-    tests, thresholds = out.tests[:n_nodes], out.thresholds[:n_nodes]
+    tests = Tests._make(array[:n_nodes] for array in out.tests)
     lines, noise = out.lines[:n_lines], out.noise[:n_lines]
     tally = np.zeros(1, dtype=np.int64)
-    return World(roots, levels, tests, thresholds, lines, noise, residuals, tally)
+    return World(roots, levels, tests, out.rows[:n_nodes], lines, noise, residuals, tally)
 
 
 def hold(
