@@ -293,7 +293,7 @@ def test_a_comparison_side_by_side_is_the_plain_one_to_the_bit(hopeless, discoun
     departs, episodes = rollouts._departs, rollouts._episodes
     before = rollouts.n_steps_taken
     found = _kernels_lanes.difference(
-        rollouts._conditions, episodes, departs, packed(rival), hopeless
+        rollouts._conditions, episodes, departs, packed(rival), hopeless, np.ptp(episodes.returns)
     )
     n_steps = rollouts.n_steps_taken - before
     k = departs[departs >= 0]
@@ -322,7 +322,7 @@ def test_lanes_go_down_a_tree_as_one_does_whatever_the_state_is(tree, x):
     table = _kernels_lanes.laid_out(policy)
     _kernels_lanes.decide(table, lanes, n)
     nodes = [_kernels.leaf_node(policy, 0, state) for state in lanes.states[:n]]
-    assert table.sources[lanes.nodes[:n]].tolist() == nodes
+    assert table.sources[lanes.nodes[0, :n]].tolist() == nodes
     assert lanes.actions[1:n].tolist() == policy.action[nodes[1:]].tolist()
     assert lanes.actions[:1].tolist() == ([5] if n else [0])
 
@@ -332,15 +332,17 @@ def test_lanes_go_down_the_trees_of_a_model_as_one_does():
     values = [np.nan, np.inf, -np.inf, 0.0, *world.tests.thresholds.tolist()]
     generator = np.random.default_rng(0)
     assert world.levels.max() > 2
-    for _, tree in itertools.product(range(20), range(world.roots.shape[1])):
+    n_trees = world.levels.size
+    for _, first in itertools.product(range(20), range(n_trees)):
         lanes.states[:4] = generator.choice(values, (4, 4))
         lanes.actions[:4] = STAY, GO, GO, STAY
-        _kernels_lanes.descend(world, tree, lanes, 4)
+        end = int(generator.integers(first, n_trees)) + 1
+        _kernels_lanes.descend(world, first, end, lanes, 4)
         rows = [
-            _kernels.model_leaf(world, root, lanes.states, k)
-            for k, root in enumerate(world.roots[lanes.actions[:4], tree])
+            [_kernels.model_leaf(world, root, lanes.states, k) for k, root in enumerate(roots)]
+            for roots in world.roots[lanes.actions[:4], first:end].T
         ]
-        assert world.rows[lanes.nodes[:4]].tolist() == rows
+        assert world.rows[lanes.nodes[first:end, :4]].tolist() == rows
 
 
 @settings(max_examples=100, deadline=None)

@@ -235,7 +235,7 @@ def bucket(
 def departures(
     policy: ActionTree,
     rival: ActionTree,
-    within: Integers,  # [M] overlay
+    within: Integers,  # [M] out: the overlay
     episodes: Episodes,
     begin: Integers,  # [M + 1]
     steps: Integers,  # [K] by leaf node of the policy
@@ -245,6 +245,7 @@ def departures(
 
     Only steps in leaves that the rival treats in more than one way, or differently, are visited.
     """
+    overlay(policy, rival, episodes.states.shape[1] // 2, within)
     out[:] = -1
     for leaf in range(policy.feature.size):
         if policy.feature[leaf] >= 0:

@@ -36,7 +36,7 @@ class Lanes(NamedTuple):
 
     states: Floats  # [L, 2 d]
     moves: Floats  # [L, d]
-    nodes: Uint32s  # [L] where the last descent has led
+    nodes: Uint32s  # [d + 5, L] where the last descent in each tree has led
     actions: Integers  # [L]
     at: Integers  # [L] first entry of the table of draws that the step reads
     kinds: Integers  # [L] 0 goes on, 1 ends badly, 2 ends well
@@ -85,7 +85,7 @@ def empty_lanes(d: int) -> Lanes:
     return Lanes(
         np.zeros((LANES, 2 * d)),
         np.zeros((LANES, d)),
-        np.zeros(LANES, dtype=np.uint32),
+        np.zeros((d + 5, LANES), dtype=np.uint32),
         np.zeros(LANES, dtype=np.int64),
         np.zeros(LANES, dtype=np.int64),
         np.zeros(LANES, dtype=np.int64),
@@ -99,23 +99,28 @@ def empty_lanes(d: int) -> Lanes:
 
 
 @inlined
-def go_down(tests: Tests, levels: int, lanes: Lanes, n: int) -> None:
-    """Let the first n lanes go so many levels down from their nodes."""
+def step_down(tests: Tests, states: Floats, nodes: Uint32s, tree: int, n: int) -> None:
+    """Let the first n lanes take a step down a tree, each from its node."""
     features, thresholds, above = tests
-    states, nodes = lanes.states, lanes.nodes
-    for _ in range(levels):
-        for k in range(n):
-            node = nodes[k]
-            nodes[k] = above[node] - np.uint32(states[k, features[node]] <= thresholds[node])
+    for k in range(n):
+        node = nodes[tree, k]
+        nodes[tree, k] = above[node] - np.uint32(states[k, features[node]] <= thresholds[node])
 
 
 @inlined
-def descend(world: World, tree: int, lanes: Lanes, n: int) -> None:
-    """Write the leaf node of each lane's state in one tree of its action."""
-    roots, nodes, actions = world.roots, lanes.nodes, lanes.actions
-    for k in range(n):
-        nodes[k] = roots[actions[k], tree]
-    go_down(world.tests, world.levels[tree], lanes, n)
+def descend(world: World, first: int, end: int, lanes: Lanes, n: int) -> None:
+    """Write the leaf node of each lane's state in the trees of its action from the first on."""
+    roots, levels, states, nodes = world.roots, world.levels, lanes.states, lanes.nodes
+    deepest = 0
+    for tree in range(first, end):
+        deepest = max(deepest, levels[tree])
+        for k in range(n):
+            nodes[tree, k] = roots[lanes.actions[k], tree]
+    # A few lanes alone would wait for each other's chains: those of all trees overlap, too.
+    for level in range(deepest):
+        for tree in range(first, end):
+            if level < levels[tree]:
+                step_down(world.tests, states, nodes, tree, n)
 
 
 @inlined
@@ -123,10 +128,11 @@ def decide(policy: PolicyTable, lanes: Lanes, n: int) -> None:
     """Write the policy's leaf node in each lane and its action, or what is forced there once."""
     nodes, actions, forced = lanes.nodes, lanes.actions, lanes.forced
     for k in range(n):
-        nodes[k] = 0
-    go_down(policy.tests, policy.levels, lanes, n)
+        nodes[0, k] = 0
+    for _ in range(policy.levels):
+        step_down(policy.tests, lanes.states, nodes, 0, n)
     for k in range(n):
-        actions[k] = forced[k] if forced[k] >= 0 else policy.actions[nodes[k]]
+        actions[k] = forced[k] if forced[k] >= 0 else policy.actions[nodes[0, k]]
         forced[k] = -1
 
 
@@ -138,7 +144,7 @@ def write_down(policy: PolicyTable, lanes: Lanes, n: int, trace: Episodes, to: i
         for j in range(states.shape[1]):
             trace.states[to + k, j] = states[k, j]
         trace.earned[to + k] = lanes.totals[k]
-        trace.node[to + k] = policy.sources[lanes.nodes[k]]
+        trace.node[to + k] = policy.sources[lanes.nodes[0, k]]
         trace.owner[to + k] = lanes.owners[k]
 
 
@@ -149,10 +155,10 @@ def move(world: World, draws: Floats, lanes: Lanes, n: int) -> None:
     states, moves, nodes, at = lanes.states, lanes.moves, lanes.nodes, lanes.at
     d = moves.shape[1]
     mask = draws.size - 1
+    descend(world, 0, d, lanes, n)
     for i in range(d):
-        descend(world, i, lanes, n)
         for k in range(n):
-            row = rows[nodes[k]]
+            row = rows[nodes[i, k]]
             pick = int(draws[(at[k] + i) & mask] * noise[row, 1])
             moves[k, i] = fitted(lines, noise, row, states, k) + residuals[noise[row, 0] + pick]
     # Only now: all displacements were asked of the state before the step.
@@ -172,14 +178,14 @@ def end(world: World, draws: Floats, lanes: Lanes, n: int) -> None:
     nodes, at, kinds = lanes.nodes, lanes.at, lanes.kinds
     d = states.shape[1] // 2
     mask = draws.size - 1
-    descend(world, d + 3, lanes, n)
+    descend(world, d + 3, d + 5, lanes, n)
     for k in range(n):
         draw = draws[(at[k] + d) & mask]
-        kinds[k] = int(draw < chance(lines, noise, rows[nodes[k]], states, k, draw))
-    descend(world, d + 4, lanes, n)
+        kinds[k] = int(draw < chance(lines, noise, rows[nodes[d + 3, k]], states, k, draw))
     for k in range(n):
         draw = 1.0 - draws[(at[k] + d) & mask]
-        if kinds[k] == 0 and draw <= chance(lines, noise, rows[nodes[k]], states, k, draw):
+        row = rows[nodes[d + 4, k]]
+        if kinds[k] == 0 and draw <= chance(lines, noise, row, states, k, draw):
             kinds[k] = 2
 
 
@@ -190,9 +196,9 @@ def earn(world: World, lanes: Lanes, n: int) -> None:
     states, nodes, kinds = lanes.states, lanes.nodes, lanes.kinds
     d = states.shape[1] // 2
     # Most steps go on; an end's own tree is looked at only where there is one.
-    descend(world, d, lanes, n)
+    descend(world, d, d + 1, lanes, n)
     for k in range(n):
-        row = rows[nodes[k]]
+        row = rows[nodes[d, k]]
         if kinds[k] > 0:
             root = world.roots[lanes.actions[k], d + kinds[k]]
             row = model_leaf(world, root, states, k)
@@ -325,6 +331,7 @@ def difference(
     departs: Integers,  # [E] step from which on the rival acts on its own, -1 where it never does
     rival: ActionTree,
     hopeless: float,
+    spread: float,  # from the least to the largest return
 ) -> tuple[int, float, float, bool]:
     """Compare a rival with the recorded policy, in the episodes in which it acts on its own.
 
@@ -334,11 +341,12 @@ def difference(
     population), and by half the spread of returns over the number compared. That second term, as in
     an empirical Bernstein bound, reckons with a rare large difference, and keeps many looks honest.
     """
-    # enough: the sum of differences that a mean of ``hopeless`` over all episodes takes.
-    spread = episodes.returns.max() - episodes.returns.min()
-    enough = hopeless * episodes.returns.size
     begins = departs[departs >= 0]
     n_departing = begins.size
+    if n_departing == 0:
+        return 0, 0.0, 0.0, True
+    # enough: the sum of differences that a mean of ``hopeless`` over all episodes takes.
+    enough = hopeless * episodes.returns.size
     own = np.full(n_departing, -1)
     rest = np.zeros(n_departing)
     nowhere = without_room(episodes.states.shape[1] // 2)

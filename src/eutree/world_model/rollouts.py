@@ -137,7 +137,6 @@ class Rollouts(ABC):
     def _compare(self, rival: ActionTree) -> None:
         """Find the first step of each episode at which a rival acts differently."""
         self._within = np.zeros(self.policy.feature.size, dtype=np.int64)
-        _kernels.overlay(self.policy, rival, self._n_features, self._within)
         steps = self._begin, self._steps, self._departs
         _kernels.departures(self.policy, rival, self._within, self._episodes, *steps)
 
@@ -168,7 +167,7 @@ class PairedRollouts(Rollouts):
         self, model: WorldModel, n_episodes: int, discount: float, generator: np.random.Generator
     ) -> None:
         self.model = model
-        self._discount = discount
+        self._conditions = Conditions(model.world, np.empty(DRAWS), model.horizon, discount)
         self._trace = _empty(n_episodes, n_episodes * model.horizon, model.starts.shape[1])
         super().__init__(model, n_episodes, generator)
 
@@ -189,7 +188,8 @@ class PairedRollouts(Rollouts):
         """
         self._compare(rival)
         here = self._conditions, self._episodes, self._departs
-        n, total, squares, complete = _kernels_lanes.difference(*here, rival, hopeless)
+        bounds = hopeless, self._spread
+        n, total, squares, complete = _kernels_lanes.difference(*here, rival, *bounds)
         if n == 0:
             return Gain(0.0, 0.0, complete)
         share = 1.0 if complete else np.count_nonzero(self._departs >= 0) / n
@@ -204,11 +204,11 @@ class PairedRollouts(Rollouts):
         return out
 
     def _draw(self) -> None:
-        draws = self.generator.random(DRAWS)
-        self._conditions = Conditions(self.model.world, draws, self.model.horizon, self._discount)
+        self.generator.random(out=self._conditions.draws)
         starts = self.model.starts
         _kernels.assign_starts(starts[self.generator.permutation(starts.shape[0])], self._episodes)
 
     def _record(self, policy: ActionTree) -> None:
         here = self._conditions, self._episodes, self._departs
         _kernels_lanes.record(*here, self._within, policy, self._trace, self._spare)
+        self._spread = float(np.ptp(self._spare.returns))
