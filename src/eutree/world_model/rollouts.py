@@ -1,5 +1,6 @@
 """Paired rollouts in model trees."""
 
+import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -192,10 +193,10 @@ class PairedRollouts(Rollouts):
         n, total, squares, complete = _kernels_lanes.difference(*here, rival, *bounds)
         if n == 0:
             return Gain(0.0, 0.0, complete)
-        share = 1.0 if complete else np.count_nonzero(self._departs >= 0) / n
+        share = 1.0 if complete else int(np.count_nonzero(self._departs >= 0)) / n
         mean, square = share * total / self.n_episodes, share * squares / self.n_episodes
-        error = np.sqrt(max(square - mean * mean, 0.0) / self.n_episodes)
-        return Gain(mean, float(error), complete)
+        error = math.sqrt(max(square - mean * mean, 0.0) / self.n_episodes)
+        return Gain(mean, error, complete)
 
     def deviations(self, steps: Integers) -> Floats:
         """Return the gain of one other action at each of the steps, shape [n, A]."""
