@@ -16,7 +16,7 @@ from eutree.compiled import compiled, compiled_later, inlined
 EPISODE_STRIDE = 7919
 
 
-class Tests(NamedTuple):
+class NodeTests(NamedTuple):
     """Trees as walks see them: of two children, the one below comes right before the one above.
 
     So a step down is ``above`` less whether the test holds, without a branch or a second look. A
@@ -39,7 +39,7 @@ class World(NamedTuple):
 
     roots: Uint32s  # [A, d + 5]
     levels: Integers  # [d + 5] tests on the longest way down from each tree's roots
-    tests: Tests
+    tests: NodeTests
     rows: Uint32s  # [M] of each leaf in what follows
     lines: Floats  # [L, 2 d + 4] coefficients, constant, the action's constant, lowest, highest
     noise: Integers  # [L, 3] first residual, number of residuals, coefficients up to the last not 0

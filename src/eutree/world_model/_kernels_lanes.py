@@ -18,7 +18,7 @@ from eutree.world_model._kernels import (
     ActionTree,
     Conditions,
     Episodes,
-    Tests,
+    NodeTests,
     World,
     chance,
     fitted,
@@ -51,7 +51,7 @@ class Lanes(NamedTuple):
 class PolicyTable(NamedTuple):
     """A policy tree laid out as a tree of ``World``."""
 
-    tests: Tests
+    tests: NodeTests
     sources: Integers  # [M] the node of the policy that each node is
     actions: Integers  # [M]
     levels: int  # tests on the longest way down
@@ -75,7 +75,7 @@ def laid_out(policy: ActionTree) -> PolicyTable:
             depths[known] = depths[known + 1] = depths[node] + 1
             above[node] = known + 1
             known += 2
-    tests = Tests(features, thresholds, above)
+    tests = NodeTests(features, thresholds, above)
     return PolicyTable(tests, sources, actions, depths[n_nodes - 1])
 
 
@@ -99,7 +99,7 @@ def empty_lanes(d: int) -> Lanes:
 
 
 @inlined
-def step_down(tests: Tests, states: Floats, nodes: Uint32s, tree: int, n: int) -> None:
+def step_down(tests: NodeTests, states: Floats, nodes: Uint32s, tree: int, n: int) -> None:
     """Let the first n lanes take a step down a tree, each from its node."""
     features, thresholds, above = tests
     for k in range(n):

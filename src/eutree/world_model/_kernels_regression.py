@@ -10,7 +10,7 @@ import numpy as np
 from eutree import features
 from eutree.arrays import Booleans, Floats, Int16s, Integers, Uint32s
 from eutree.compiled import compiled
-from eutree.world_model._kernels import Tests, overwrite
+from eutree.world_model._kernels import NodeTests, overwrite
 
 threshold_between = compiled(features.threshold_between)
 
@@ -49,7 +49,7 @@ class ModelNodes(NamedTuple):
 class Unrolled(NamedTuple):
     """The trees of a world model, one after the other, with the tests of the action decided."""
 
-    tests: Tests  # room for as many nodes
+    tests: NodeTests  # room for as many nodes
     rows: Uint32s  # [room] line of each leaf
     lines: Floats  # [room, p + 4] coefficients, constant, what the action adds, low and high
     noise: Integers  # [room, 3] first residual, their number, coefficients up to the last not 0

@@ -21,7 +21,7 @@ from eutree.features import threshold_between
 from eutree.trees import DecisionTree
 from eutree.world_model import _kernels_chances
 from eutree.world_model import _kernels_regression as kernels
-from eutree.world_model._kernels import Tests, World
+from eutree.world_model._kernels import NodeTests, World
 from eutree.world_model._kernels_regression import move_towards_better
 from eutree.world_model.transitions import Transitions
 
@@ -416,7 +416,7 @@ def _unrolled(trees: Sequence[ModelTree], n_actions: int) -> World:
     roots = np.zeros((n_actions, len(trees)), dtype=np.uint32)
     levels = np.zeros(len(trees), dtype=np.int64)
     out = kernels.Unrolled(
-        tests=Tests(np.zeros(room, np.uint32), np.zeros(room), np.zeros(room, np.uint32)),
+        tests=NodeTests(np.zeros(room, np.uint32), np.zeros(room), np.zeros(room, np.uint32)),
         rows=np.zeros(room, dtype=np.uint32),
         lines=np.zeros((room, p + 4)),
         noise=np.zeros((room, 3), dtype=np.int64),
@@ -432,7 +432,7 @@ def _unrolled(trees: Sequence[ModelTree], n_actions: int) -> World:
             levels[i] = max(levels[i], depth)
         n_residuals += tree.residuals.size
     residuals = np.concatenate([tree.residuals for tree in trees])
-    tests = Tests._make(array[:n_nodes] for array in out.tests)
+    tests = NodeTests._make(array[:n_nodes] for array in out.tests)
     lines, noise = out.lines[:n_lines], out.noise[:n_lines]
     tally = np.zeros(1, dtype=np.int64)
     return World(roots, levels, tests, out.rows[:n_nodes], lines, noise, residuals, tally)
