@@ -7,7 +7,14 @@ import pytest
 from eutree.cli.main import run
 from eutree.envs import PLANTS
 from eutree.proof import Plant
+from tests.little_proof import little_proof
 from tests.proof.policies import BAD, GOOD, policy_of
+
+
+@pytest.fixture(autouse=True)
+def coarse():
+    with little_proof():
+        yield
 
 
 @pytest.fixture

@@ -115,8 +115,9 @@ def test_a_run_folder_has_the_experience(tmp_path, capsys):
     shown = eutree.record(env, follow_the_fall, episodes=3, seed=0)
     folder = tmp_path / "run"
     result = eutree.learn(
-        env, demonstrations=shown, method="u-tree", episodes=4, evaluation_episodes=2, out=folder
-    )
+        env, demonstrations=shown, method="u-tree", episodes=4, evaluation_episodes=2,
+        judge_episodes=0, front_steps=0, out=folder,
+    )  # fmt: skip
     stored = stored_transitions(folder, 2)
     assert (stored.observations == result.history.observations).all()
     assert (stored.rewards == result.history.rewards).all()

@@ -11,14 +11,16 @@ from eutree.compression.episodes import FrontEntry
 from eutree.compression.front import Front
 from eutree.compression.playing import Outcome
 from eutree.errors import InvalidArgumentError
-from eutree.proof import prove
+from eutree.proof import Effort, prove
 from eutree.schema import EnvironmentSpec
 from eutree.training import front as front_of_runs
 from eutree.training.evaluations import ProvenFirst
+from tests.little_search import little_search
 from tests.proof.policies import BAD, GOOD, SWITCH, policy_of
 
 CAR = EnvironmentSpec("MountainCar-v0")
-SHOWN = {}  # what has been proven of which tree: a proof takes seconds, and all ask for the same
+SHOWN = {}  # what has been proven of which tree: all ask for the same
+COARSE = Effort(smallest=2.0**-10)  # enough to count the steps of these trees
 
 
 @pytest.fixture(autouse=True)
@@ -26,7 +28,7 @@ def proven_once(monkeypatch):
     def once(policy, plant, asked):
         key = (policy.to_bytes(), asked.text)
         if key not in SHOWN:
-            SHOWN[key] = prove(policy, plant, asked)
+            SHOWN[key] = prove(policy, plant, asked, effort=COARSE)
         return SHOWN[key]
 
     monkeypatch.setattr("eutree.proof.prove", once)
@@ -52,7 +54,7 @@ def learned(folder, expert, **options):
     return eutree.learn_runs(
         CAR, runs=2, n_jobs=1, out=folder, expert=policy_of(expert), start="tree", episodes=1,
         evaluate_every=1, evaluation_episodes=1, selection_episodes=2, judging_episodes=2,
-        **options,
+        front_steps=0, judge_episodes=0, **options,
     )  # fmt: skip
 
 
@@ -86,8 +88,9 @@ def test_on_the_command_line(tmp_path, capsys):
     policy_of(GOOD).save(tmp_path / "car.json")
     line = ["learn", "MountainCar-v0", "--expert", str(tmp_path / "car.json"), "--start", "tree",
             "--episodes", "1", "--evaluation-episodes", "1", "--out"]  # fmt: skip
-    several = [*line, str(tmp_path / "many"), "--runs", "2", "--n-jobs", "1"]
-    assert run([*several, "--prefer-proven", "--json"]) == 0
+    several = [*line, str(tmp_path / "many"), "--runs", "2", "--n-jobs", "1", "--front-steps", "0"]
+    with little_search():
+        assert run([*several, "--prefer-proven", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["certificate"]["proven"]
     assert run([*line, str(tmp_path / "one"), "--prefer-proven", "--front-steps", "0"]) == 2
     assert "needs several trees to choose among" in capsys.readouterr().err
