@@ -17,6 +17,7 @@ from tests.proof.policies import BAD, GOOD, SWITCH, policy_of
 
 SPEC = EnvironmentSpec("MountainCar-v0")
 PLANT = MountainCar(SPEC)
+COARSE = Effort(smallest=2.0**-11)  # where bounds need not be tight
 
 
 @functools.cache
@@ -28,6 +29,11 @@ def proof_of(nested):
 @pytest.fixture(scope="module")
 def good():
     return proof_of(GOOD)
+
+
+@pytest.fixture(scope="module")
+def coarse():
+    return prove(policy_of(GOOD), PLANT, effort=COARSE)
 
 
 def test_a_learned_tree_arrives_from_every_start(good):
@@ -132,8 +138,7 @@ def test_a_wrong_plant_is_caught_by_sampling(wrong):
         check_plant(wrong(SPEC), episodes=3, generator=np.random.default_rng(0))
 
 
-def test_coarser_pieces_leave_bounds_that_are_wider_and_true(good):
-    coarse = prove(policy_of(GOOD), PLANT, effort=Effort(smallest=2.0**-14))
+def test_coarser_pieces_leave_bounds_that_are_wider_and_true(good, coarse):
     assert coarse.bounds["mean_return"][0] <= good.bounds["mean_return"][0]
     assert coarse.bounds["mean_return"][1] >= good.bounds["mean_return"][1]
     assert coarse.work["pieces"] < good.work["pieces"]
@@ -147,9 +152,9 @@ def test_without_effort_nothing_is_decided_and_nothing_is_claimed():
 
 def test_what_must_hold_at_every_step():
     policy = policy_of(GOOD)
-    assert prove(policy, PLANT, "stays in position <= 0.6 for 150 steps").proven
-    assert prove(policy, PLANT, "avoids velocity >= 0.071").proven
-    broken = prove(policy, PLANT, "stays in position >= -0.9")
+    assert prove(policy, PLANT, "stays in position <= 0.6 for 150 steps", effort=COARSE).proven
+    assert prove(policy, PLANT, "avoids velocity >= 0.071", effort=COARSE).proven
+    broken = prove(policy, PLANT, "stays in position >= -0.9", effort=COARSE)
     assert broken.verdict == "refuted"
     assert broken.counterexample["steps"] > 0
 
@@ -208,11 +213,11 @@ def test_a_plant_of_ones_own_is_found_by_the_id():
     assert plant_of(EnvironmentSpec("LunarLander-v3")) is None
 
 
-def test_the_mean_return_over_all_starts_is_proven_too(good):
-    low, high = good.bounds["mean_return"]
+def test_the_mean_return_over_all_starts_is_proven_too(coarse):
+    low, high = coarse.bounds["mean_return"]
     for least, verdict in ((low - 0.01, "proven"), (high + 0.01, "refuted"),
                            ((low + high) / 2, "undecided")):  # fmt: skip
-        found = prove(policy_of(GOOD), PLANT, f"returns at least {least!r}")
+        found = prove(policy_of(GOOD), PLANT, f"returns at least {least!r}", effort=COARSE)
         assert found.verdict == verdict
         assert "its mean return is in [-9" in found.sentence
         assert found.counterexample is None

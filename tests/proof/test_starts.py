@@ -11,6 +11,7 @@ from eutree.cli.main import run
 from eutree.errors import FormatError, InvalidArgumentError
 from eutree.proof import (
     BeginningThere,
+    Effort,
     Plant,
     load_certificate,
     plant_of,
@@ -49,7 +50,7 @@ def test_the_starts_are_the_pieces_that_fail_joined(bad):
     assert width.sum() == pytest.approx((pieces.high - pieces.low)[fails, 0].sum(), rel=1e-12)
     assert len(width) < fails.sum()
     assert (np.diff(width) <= 0).all()
-    assert prove(policy_of(GOOD), PLANT).starts is None
+    assert prove(policy_of(GOOD), PLANT, effort=Effort(smallest=2.0**-10)).starts is None
 
 
 def test_every_episode_begins_there_and_the_policy_fails(bad):

@@ -162,10 +162,10 @@ def test_what_a_step_along_the_path_is_off():
 def coarse(monkeypatch):
     """Take cells that are larger than those of the command, for a test of seconds."""
     for name, value in (
-        ("_CELLS", 440),
-        ("_BEST_CELLS", 220),
-        ("_SPACING", 0.6),
-        ("_BEST_SPACING", 0.8),
+        ("_CELLS", 330),
+        ("_BEST_CELLS", 110),
+        ("_SPACING", 0.8),
+        ("_BEST_SPACING", 1.5),
     ):
         monkeypatch.setattr(f"eutree_lab.plants.evasion.{name}", value)
 
@@ -201,7 +201,9 @@ def test_verdicts():
     assert prove(always, plant, between, effort=COARSE).verdict == "undecided"
 
 
-def test_a_mean_return_is_bounded_too():
+def test_a_mean_return_is_bounded_too(monkeypatch):
+    monkeypatch.setattr("eutree_lab.plants.evasion._CELLS", 440)
+    monkeypatch.setattr("eutree_lab.plants.evasion._SPACING", 0.6)
     policy = policy_of(GO, SPEC.id)
     found = prove(policy, plant_of(SPEC), "returns at least 20", effort=COARSE)
     low, high = found.bounds["mean_return"]
