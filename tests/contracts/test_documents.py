@@ -23,6 +23,7 @@ from tests.contracts.documents import (
     run_command,
     shortened,
 )
+from tests.little_proof import little_proof
 from tests.little_search import little_search
 
 # Why a block may not run; any other reason is refused. Anything else in python or console runs.
@@ -74,20 +75,32 @@ def processes(request, folder):
             yield
 
 
+def at_most(**most):
+    """Let what learns take no option that is larger than these."""
+
+    def less(function):
+        return lambda *given, **options: function(
+            *given, **{k: min(v, most[k]) if k in most else v for k, v in options.items()}
+        )
+
+    learning = {name: less(getattr(eutree, name)) for name in ("learn", "learn_runs")}
+    return mock.patch.multiple(eutree, **learning)
+
+
+@contextmanager
+def less_work():
+    """Search little and learn twice where the best of more runs is taken."""
+    with little_search(), at_most(runs=2):
+        yield
+
+
 @contextmanager
 def shorter():
     """Learn few episodes, search little and prove on coarse cells; ``shortened`` for Python."""
-
-    def few(function):
-        return lambda *given, **options: function(
-            *given, **{k: min(v, ENOUGH["learn"]) if k == "episodes" else v
-                       for k, v in options.items()}
-        )  # fmt: skip
-
-    learning = {name: few(getattr(eutree, name)) for name in ("learn", "learn_runs")}
-    coarse = {"_CELLS": 440, "_SPACING": 0.5, "_BEST_CELLS": 220, "_BEST_SPACING": 1.0}
+    coarse = {"_CELLS": 330, "_SPACING": 0.6, "_BEST_CELLS": 110, "_BEST_SPACING": 1.5}
     cells = mock.patch.multiple("eutree_lab.plants.evasion", **coarse)
-    with little_search(), cells, mock.patch.multiple(eutree, **learning):
+    few = at_most(runs=2, episodes=ENOUGH["learn"])
+    with little_search(), little_proof(), cells, few:
         yield
 
 
@@ -99,7 +112,7 @@ def test_blocks_run(page: Path, folder: Path) -> None:
     exact = max((k for k, block in enumerate(found) if block.mark == "output"), default=-1)
     for k, block in enumerate(found):
         quickly = k > exact
-        with nullcontext() if not quickly else little_search() if exact >= 0 else shorter():
+        with nullcontext() if not quickly else less_work() if exact >= 0 else shorter():
             shown = run_block(
                 block, namespace, page=page, folder=folder, printed=printed, quickly=quickly
             )
