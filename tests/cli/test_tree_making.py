@@ -24,6 +24,12 @@ from tests.recording.people import Corridor
 EVASION = EnvironmentSpec("eutree/Evasion2-v0")
 
 
+@pytest.fixture(autouse=True)
+def few_episodes(monkeypatch):
+    """Let fewer episodes choose and judge the tree that is fitted."""
+    monkeypatch.setattr(page_tree, "FITTED", 40)
+
+
 class Views(list):
     """What the page was shown; ``programmes`` is what there was to watch."""
 
@@ -127,6 +133,7 @@ def test_a_tree_of_another_task_is_not_let_drive(folder, tmp_path, capsys) -> No
 
 
 def test_practice_keeps_the_better_tree_and_shows_its_curve(folder, monkeypatch) -> None:
+    monkeypatch.setattr(page_tree, "FITTED", 200)
     monkeypatch.setattr(page_tree, "PRACTICE", 20)
     maker, views = made(folder, episodes=3)
     fitted = wins_of(views[-1])
