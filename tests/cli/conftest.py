@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import pytest
 
 from eutree.cli.main import run
+from tests.little_search import little_search
 
 
 @dataclass
@@ -17,6 +18,13 @@ class Answer:
     @property
     def json(self):
         return json.loads(self.out)
+
+
+@pytest.fixture(autouse=True)
+def searches_little():
+    """Search little in this process: the command line hands on what is found, much or little."""
+    with little_search():
+        yield
 
 
 @pytest.fixture
