@@ -67,6 +67,7 @@ def dask_cluster(tmp_path_factory):
     said = tmp_path_factory.mktemp("dask") / "scheduler.json"  # the scheduler chooses its port
     there = ["--scheduler-file", str(said)]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    environment["DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED"] = "False"  # each samples itself
     dask = [sys.executable, "-m", "dask"]
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": environment}
     alone = ["--nthreads", "1", "--no-nanny", "--no-dashboard"]
@@ -197,7 +198,7 @@ def heard(*arguments):
         if found:
             process.stdin.close()
         seen += 1
-        time.sleep(0.1)
+        time.sleep(0.15)
     assert process.returncode == 0, process.stderr.read()
     process.stderr.close()
     process.stdin.close()
