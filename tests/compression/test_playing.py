@@ -1,6 +1,7 @@
 """Common episodes: those that are not run again are those that would have come out the same."""
 
 from dataclasses import replace
+from unittest import mock
 
 import gymnasium
 import numpy as np
@@ -116,6 +117,15 @@ def test_the_best_of_at_most_so_many_leaves_is_never_worse_because_it_is_smaller
     sizes = [one.policy.n_leaves for one in report.front]
     assert sizes == [4, 2]  # the input first; what two leaves do as well is left out
     assert report.front[1].mean_return == report.mean_return_after
+
+
+def test_a_limit_of_leaves_holds_where_the_steps_end_before_a_small_tree_is_found():
+    """It used to hand the tree back as it was; labels say which nodes to cut, though."""
+    policy = striped(0, 2.0, 1, 3.0, 0, 4.6, 1, 7.0, 0, 7.5, 1, 9.0, 1)
+    with mock.patch.multiple("eutree.compression.front", STEPS=1, FEW_STEPS=1):
+        small, report = eutree.compress(policy, np.empty((0, 1)), env=Corridor(), max_leaves=3)
+    assert small.n_leaves <= 3 < policy.n_leaves
+    assert report.method == "budget"
 
 
 @pytest.mark.parametrize("n_jobs", [None, 2])

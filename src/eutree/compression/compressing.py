@@ -153,7 +153,7 @@ def compress(
     verdict = scores = played = too_few = None
     front: tuple[FrontEntry, ...] = ()
     if searches:
-        found = _by_playing(policy, rows, ground, demand, steps if shortened else None)
+        found = _by_playing(policy, costs, ground, demand, steps if shortened else None)
         result, method, verdict, front = found
     else:
         result, method, scores = by_labels(costs, ground)
@@ -273,25 +273,29 @@ def _check_demands(
 
 def _by_playing(
     policy: TreePolicy,
-    rows: Floats,
+    costs: Costs,
     ground: Ground,
     demand: Demand,
     steps: Mapping[int, float] | None,
 ) -> tuple[TreePolicy, str, Comparison | None, tuple[FrontEntry, ...]]:
     """Return the pick of the front, which way made it, its verdict, and the front.
 
-    Where no smaller tree deserves it that is the exact merge, without a verdict. What is rounded
+    Where no smaller tree deserves it that is the exact merge, without a verdict; where the steps
+    end before one that is small enough is found, the tree whose labels cost least. What is rounded
     (unless ``steps`` is None) is rounded before it is chosen, so the tree that is returned has run.
     """
 
     def finish(tree: TreePolicy) -> TreePolicy:
         tree = with_locks(merged(tree), policy)
-        return tree if steps is None else rounded(tree, rows, steps)
+        return tree if steps is None else rounded(tree, costs.rows, steps)
 
     from eutree.compression.front import front_of
 
     exact = with_locks(merged(policy), policy)
     front = front_of(policy, exact, ground, demand, finish)
+    most = demand.max_leaves
+    if front.picked is None and most is not None and exact.n_leaves > most:
+        return Ladder(policy, costs).of_size(most), "budget", None, front.entries
     if front.picked is None:
         return exact, "merge", None, front.entries
     return front.picked, "return", front.verdict, front.entries
