@@ -81,11 +81,11 @@ class StepBudget:
     def of(cls, method: DistilledDQNChoices, problem: Problem) -> "StepBudget":
         """Return the budget of a run: its own, or else the method's."""
         total = method.steps if problem.steps is None else problem.steps
-        last, acts = method.last_share * total, int(method.teacher_share * total)
+        last, share = method.last_share * total, int(method.teacher_share * total)
         return cls(
             total,
-            min(acts, method.teacher_steps),
-            min(max(acts, int(total - last)), method.teacher_steps),
+            min(share, method.teacher_steps),
+            min(max(share, int(total - last)), method.teacher_steps),
             int(method.dagger_share * total),
             last,
             problem.max_episode_steps,
