@@ -176,6 +176,17 @@ def test_a_folder_without_a_run_is_said_to_be_one(eutree, tmp_path):
     assert not (tmp_path / "nothing here").exists()
 
 
+def test_a_run_that_a_resume_begins_is_said_to_be_new_and_goes_on_by_its_folder(eutree, strange):
+    """Its command was not kept, so no later resume found it."""
+    strange(Healthy)
+    begun = eutree(*LEARN, "--out", "run", "--resume")
+    assert begun.code == 0
+    assert "run holds no run to go on with: a new one begins" in begun.err
+    resumed = eutree("learn", "--out", "run", "--resume")
+    assert resumed.code == 0
+    assert "a new one begins" not in resumed.err
+
+
 def test_a_run_begun_elsewhere_asks_for_what_it_was_begun_with(eutree, interrupted, tmp_path):
     interrupted(*LEARN, "--out", "run")
     (tmp_path / "run/command.json").unlink()

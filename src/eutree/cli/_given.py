@@ -61,7 +61,11 @@ class GoesOn(Helped):
         """Read the arguments, those kept first."""
         ctx.meta[_GIVEN] = given = _given(self, ctx, args)
         if "resume" in given and "out" in given:
-            kept = _without(_kept(Path(given["out"][0]), given), given)
+            out = Path(given["out"][0])
+            kept = _without(_kept(out, given), given)
+            if not kept and not _was_begun(out):
+                del given["resume"]  # as a new run is, it is kept what it was begun with
+                click.echo(f"{out} holds no run to go on with: a new one begins", err=True)
             ctx.meta[_FROM_FILE] = {_key(text) for text in kept.get(_ENV_ARG, [])}
             args = [*_line(self, kept), *args]
         return super().parse_args(ctx, args)
@@ -129,6 +133,11 @@ def _given(command: click.Command, context: click.Context, args: list[str]) -> A
     }
 
 
+def _was_begun(out: Path) -> bool:
+    """Return whether a folder holds a run, or several."""
+    return any((out / name).exists() for name in (KEPT, "config.json", "runs"))
+
+
 def _kept(out: Path, given: Arguments) -> Arguments:
     """Return what is kept in a folder; nothing where the whole command is given again.
 
@@ -142,10 +151,9 @@ def _kept(out: Path, given: Arguments) -> Arguments:
                 raise FormatError(out / KEPT, "arguments", f"no file may choose {name!r}")
         return arguments
     if not {"environment", "demos"} & given.keys():
-        begun = any((out / name).exists() for name in ("config.json", "runs"))
         raise InvalidArgumentError(
             f"{out} was not begun by this command, so give again all that it was begun with"
-            if begun
+            if _was_begun(out)
             else f"--out must be the folder of a run that is to go on, got {out}, which holds none"
         )
     return {}
