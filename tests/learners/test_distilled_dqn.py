@@ -25,6 +25,7 @@ from tests.learners.battery import checked_state
 BUDGET = 6000
 METHOD = DistilledDQN(
     max_leaves=4,
+    learning_share=0.8,
     demonstration_updates=50,
     teacher=DoubleDQNSettings(hidden=16, batch=16),
     world_model=EnsembleSettings(members=2, hidden=16, batch=32, updates=100, more_updates=50),
@@ -117,9 +118,9 @@ def test_the_teacher_goes_on_learning_from_trees(whole, shown, env):
     loop, states = whole
     known = [int(states[stage][0]["teacher_updates"][0]) for stage in (Stage.DAGGER, Stage.RACE)]
     assert known[0] < known[1]
-    learned = METHOD.teacher.updates_per_step * (1.0 - METHOD.last_share) * BUDGET
+    learned = METHOD.teacher.updates_per_step * METHOD.learning_share * BUDGET
     assert loop.learner.teacher.updates == pytest.approx(learned, rel=0.15)
-    few = replace(METHOD, teacher_steps=1_000)
+    few = replace(METHOD, learning_share=0.0)
     loop = Loop(few.start(problem_of(shown), Start(None, shown.kept)), env, 0)
     while loop.learner.stage is Stage.TEACHER:
         loop.advance()

@@ -1,7 +1,7 @@
 """Learn with a network, hand over a tree: a counted teacher, DAgger, imagined pruning, real races.
 
 1. *Teacher.* A Double DQN learns the task, demonstrations in its replay. Its steps are counted.
-   It goes on learning from what trees do in the stages that follow, which costs no step.
+   With ``learning_share`` it goes on learning from what trees do in the stages that follow.
 2. *DAgger* (Ross, Gordon and Bagnell 2011). Large trees act, the teacher says what it would do.
 3. *Rounds*, as long as steps are left. An ensemble of networks is fitted to all transitions so far.
    CART makes trees of two and three times the leaves allowed from all labelled observations, plain

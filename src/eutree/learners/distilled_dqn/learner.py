@@ -64,7 +64,7 @@ class StepBudget:
     Attributes:
         total: Steps to learn in.
         teacher: Those in which the teacher acts.
-        learning: Those from which it learns: its own, and of those that follow as many as may be.
+        learning: Those from which it learns: its own, and of those that follow.
         dagger: Those in which DAgger gathers.
         last: Those that are kept for the last races.
         longest: Steps of the longest possible episode; None where there is no limit.
@@ -81,13 +81,13 @@ class StepBudget:
     def of(cls, method: DistilledDQNChoices, problem: Problem) -> "StepBudget":
         """Return the budget of a run: its own, or else the method's."""
         total = method.steps if problem.steps is None else problem.steps
-        last, share = method.last_share * total, int(method.teacher_share * total)
+        own = int(method.teacher_share * total)
         return cls(
             total,
-            min(share, method.teacher_steps),
-            min(max(share, int(total - last)), method.teacher_steps),
+            min(own, method.teacher_steps),
+            min(max(own, int(method.learning_share * total)), method.teacher_steps),
             int(method.dagger_share * total),
-            last,
+            method.last_share * total,
             problem.max_episode_steps,
         )
 

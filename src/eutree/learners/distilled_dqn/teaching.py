@@ -40,8 +40,9 @@ class DistilledDQNChoices:
         leaf_price: Return that a leaf must earn, as a share of the mean size of a return shown.
         steps: Environment steps to learn in, where the run has no budget of steps itself.
         teacher_share: Share of the steps in which the teacher acts.
-        teacher_steps: Most steps that it learns from: its own and, where these are fewer, those of
-            trees until the last races.
+        teacher_steps: Most steps that it learns from.
+        learning_share: Share of the steps that it learns from: beyond its own, those of the trees
+            that follow; 0 for its own alone.
         dagger_share: Share of the steps in which DAgger gathers.
         last_share: Share of the steps that is kept for the last races.
         exploration: Chance of a random action of the teacher at first.
@@ -57,6 +58,7 @@ class DistilledDQNChoices:
     steps: int = 500_000
     teacher_share: float = 0.5
     teacher_steps: int = 180_000
+    learning_share: float = 0.0
     dagger_share: float = 0.08
     last_share: float = 0.2
     exploration: float = 0.3
@@ -70,7 +72,9 @@ class DistilledDQNChoices:
         check_number("leaf_price", self.leaf_price, low=0.0)
         for name in ("steps", "teacher_steps", "demonstration_updates"):
             check_integer(name, getattr(self, name), low=1)
-        for name in ("teacher_share", "dagger_share", "last_share", "exploration"):
+        for name in (
+            "teacher_share", "learning_share", "dagger_share", "last_share", "exploration"
+        ):  # fmt: skip
             check_number(name, getattr(self, name), low=0.0, high=1.0)
         check_number("last_exploration", self.last_exploration, low=0.0, high=1.0)
 
