@@ -22,6 +22,7 @@ import importlib
 import multiprocessing
 import resource
 import subprocess
+import sys
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -124,6 +125,8 @@ class Settings:
 def script_of(task: str, name: str) -> Any:
     """Return who demonstrates: one of the package's, or MODULE:NAME, which registers the task."""
     module, _, own = name.rpartition(":")
+    if module and str(ROOT) not in sys.path:
+        sys.path.append(str(ROOT))  # examples of this repository, run from wherever
     found = getattr(importlib.import_module(module), own) if module else EXPERTS[task][name]
     return found() if isinstance(found, type) else found
 
