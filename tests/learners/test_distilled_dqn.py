@@ -129,6 +129,15 @@ def test_the_teacher_goes_on_learning_from_trees(whole, shown, env):
     assert loop.learner.teacher.updates == updates
 
 
+def test_a_teacher_without_steps_of_its_own_learns_from_demonstrations(shown, env):
+    """It taught with its first weights, which are random."""
+    loop = Loop(replace(METHOD, teacher_share=0.0, learning_share=0.0).start(
+        problem_of(shown), Start(None, shown.kept)), env, 0)  # fmt: skip
+    while loop.learner.stage is Stage.TEACHER:
+        loop.advance()
+    assert loop.learner.teacher.updates >= METHOD.demonstration_updates
+
+
 def test_labels_are_those_of_the_present_teacher(whole, shown):
     state = copied(whole[1][Stage.RACE, "within"][0])
     learner = METHOD.restore(problem_of(shown), Start(None, shown.kept), state)

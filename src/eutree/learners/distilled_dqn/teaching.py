@@ -376,7 +376,7 @@ class NetworkTeacher:
     def learn(self, history: History, generator: np.random.Generator) -> bool:
         """Learn from the episodes that are new, whoever acted; return whether it still learns."""
         first = int(np.searchsorted(history.episodes, self._known))
-        if first >= self._last_row:
+        if self.updates and first >= self._last_row:  # at first there are demonstrations at least
             return False
         if not self.updates:
             self.policy.update(self._first_updates, generator)
