@@ -326,7 +326,7 @@ def import_(
 @_folder
 @click.argument("target", type=Written())
 @option.module
-def export(folder: Path, target: str) -> Result | None:
+def export(folder: Path, target: str) -> Result:
     """Write the kept episodes of FOLDER to TARGET: minari:ID, or a file .csv or .npz.
 
     A .csv file also holds the discarded episodes, marked. A Minari dataset names the environment if

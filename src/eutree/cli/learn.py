@@ -262,18 +262,23 @@ def _saying_how_to_go_on(stop: "StopRequest", out: Path) -> Iterator[None]:
     """End the command with the signal's exit code if one interrupts what is inside."""
     try:
         yield
-    except (KeyboardInterrupt, EnvironmentFault) as end:
-        is_fault = isinstance(end, EnvironmentFault)
-        if not is_fault:
-            stop.no_more()
-        if (out / "checkpoint.npz").exists() or any((out / "runs").glob("*/config.json")):
-            keep(out)
-            say(f"stopped and saved; go on with: {line_to_go_on(out)}")
-        elif not is_fault:
+    except EnvironmentFault:
+        _say_how_to_go_on(out)
+        raise
+    except KeyboardInterrupt:
+        stop.no_more()
+        if not _say_how_to_go_on(out):
             say("stopped before anything was learned")
-        if is_fault:
-            raise
         raise SystemExit(stop.exit_code if stop() else 128 + SIGINT) from None
+
+
+def _say_how_to_go_on(out: Path) -> bool:
+    """Say how a run goes on; return whether anything of it is there."""
+    saved = (out / "checkpoint.npz").exists() or any((out / "runs").glob("*/config.json"))
+    if saved:
+        keep(out)
+        say(f"stopped and saved; go on with: {line_to_go_on(out)}")
+    return saved
 
 
 def _spec(
