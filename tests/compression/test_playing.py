@@ -125,7 +125,7 @@ def test_a_limit_of_leaves_holds_where_the_steps_end_before_a_small_tree_is_foun
     with mock.patch.multiple("eutree.compression.front", STEPS=1, FEW_STEPS=1):
         small, report = eutree.compress(policy, np.empty((0, 1)), env=Corridor(), max_leaves=3)
     assert small.n_leaves <= 3 < policy.n_leaves
-    assert report.method == "budget"
+    assert (report.method, report.by) == ("budget", "labels")
 
 
 @pytest.mark.parametrize("n_jobs", [None, 2])

@@ -173,7 +173,7 @@ def compress(
         episodes_needed=too_few,
         imagined=scores,
         rounding=played,
-        by="episodes" if searches else "labels" if scores is None else "model",
+        by="episodes" if searches and method != "budget" else "model" if scores else "labels",
         front=front,
     )  # fmt: skip
 
