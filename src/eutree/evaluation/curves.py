@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 
 from eutree.display import counted
-from eutree.errors import FormatError
+from eutree.errors import FormatError, blamed
 from eutree.validation import data_frame
 
 
@@ -113,11 +113,9 @@ def curve_from_csv(text: str, *, path: str = "curve") -> tuple[CurvePoint, ...]:
 
 
 def _point(row: dict[str, str], path: str, line: int) -> CurvePoint:
-    try:
+    with blamed(path, f"line {line}", msgspec.ValidationError):
         known = {name: row[name] or None for name in COLUMNS}
         point = msgspec.convert(known, CurvePoint, strict=False)
-    except msgspec.ValidationError as error:
-        raise FormatError(path, f"line {line}", str(error)) from None
     if not math.isfinite(point.mean_return) or not 0.0 <= (point.success_rate or 0.0) <= 1.0:
         raise FormatError(path, f"line {line}", f"must hold finite numbers, got {row}")
     return point

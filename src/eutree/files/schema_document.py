@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import msgspec
 import numpy as np
 
-from eutree.errors import FormatError, InvalidArgumentError, shown
+from eutree.errors import FormatError, InvalidArgumentError, blamed, shown
 from eutree.schema import Control, EnvironmentSpec, Feature, Schema, combined_actions
 
 _MAX_NESTING = 40  # of what others hand in; leaves room for the document around it
@@ -75,7 +75,7 @@ def schema_to_document(schema: Schema) -> SchemaDocument:
 
 def schema_from_document(document: SchemaDocument, path: str | Path) -> Schema:
     """Return the schema; ``path`` is for the messages."""
-    try:
+    with blamed(path, "schema"):
         features = tuple(
             Feature(
                 feature.name,
@@ -97,8 +97,6 @@ def schema_from_document(document: SchemaDocument, path: str | Path) -> Schema:
         if controls and actions == _names_up_to_0_2(controls):
             actions = combined_actions(controls)
         return Schema(features, actions, controls)
-    except InvalidArgumentError as error:
-        raise FormatError(path, "schema", str(error)) from None
 
 
 def _names_up_to_0_2(controls: tuple[Control, ...]) -> tuple[str, ...]:

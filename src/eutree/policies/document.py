@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from eutree.arrays import Floats, Integers
-from eutree.errors import FormatError, InvalidArgumentError
+from eutree.errors import FormatError, InvalidArgumentError, blamed
 from eutree.files import Document
 from eutree.files.documents import checksum_of, encode_document
 from eutree.files.schema_document import (
@@ -61,7 +61,7 @@ def tree_from_document(
         problem = _node_problem(node, index, len(nodes), n_features, parents)
         if problem:
             raise FormatError(path, f"nodes[{index}]", problem)
-    try:
+    with blamed(path, "nodes"):
         return DecisionTree(
             n_features,
             feature=np.array([node.feature for node in nodes], dtype=np.int32),
@@ -72,8 +72,6 @@ def tree_from_document(
             right=np.array([node.right for node in nodes], dtype=np.int32),
             leaf=np.array([node.leaf for node in nodes], dtype=np.int32),
         )
-    except InvalidArgumentError as error:
-        raise FormatError(path, "nodes", str(error)) from None
 
 
 def _node_problem(

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from eutree.arrays import Booleans, Floats, Integers, freeze, frozen
 from eutree.display import Displayed, counted
-from eutree.errors import FormatError, InvalidArgumentError, shown
+from eutree.errors import InvalidArgumentError, blamed, shown
 from eutree.features import Derivation, FeatureMap
 from eutree.files import read_bytes, write_bytes
 from eutree.files.documents import MAX_DOCUMENT, decode_document
@@ -265,10 +265,8 @@ class TreePolicy(Displayed):
     ) -> "TreePolicy":
         """Return the policy that ``to_bytes`` wrote; ``path`` is for the messages."""
         document = decode_document(data, PolicyDocument, path)
-        try:
+        with blamed(path):
             policy = cls(**policy_parts(document, path))
-        except InvalidArgumentError as error:
-            raise FormatError(path, "", str(error)) from None
         if not hand_edited:  # last: a message about what is wrong in a file says more
             check_unchanged(document, path)
         return policy

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from eutree.compression.episodes import FrontEntry
-from eutree.errors import FormatError, InvalidArgumentError
+from eutree.errors import FormatError, InvalidArgumentError, blamed
 from eutree.files import read_bytes
 from eutree.policies import TreePolicy
 from eutree.policy_search.model_trust import ModelTrust
@@ -119,10 +119,8 @@ def _objects(path: Path) -> list[Event]:
     """Return the JSON objects of a file, one or one in each line."""
     text = read_bytes(path, limit=_MOST).decode(errors="replace")
     lines = text.splitlines() if path.suffix == ".jsonl" else [text]
-    try:
+    with blamed(path, "document", (ValueError, RecursionError)):
         found = [json.loads(line) for line in lines]
-    except (ValueError, RecursionError) as error:
-        raise FormatError(path, "document", str(error)) from None
     if not all(isinstance(one, dict) for one in found):
         raise FormatError(path, "document", "must be objects of JSON")
     return found

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from eutree.arrays import Floats
 from eutree.compression.episodes import FrontEntry
-from eutree.errors import FormatError
+from eutree.errors import FormatError, blamed
 from eutree.evaluation import CurvePoint
 from eutree.files import Document, read_archive, write_archive
 from eutree.learners import History, Part, Stored
@@ -213,12 +213,10 @@ def _events(path: Path, arrays: dict[str, NDArray[Any]]) -> list[dict[str, Any]]
     stored = arrays.pop(_EVENTS, None)
     if stored is None or stored.dtype != np.uint8 or stored.ndim != 1:
         raise FormatError(path, _EVENTS, "must be there, as bytes")
-    events = []
+    events, wrong = [], (msgspec.MsgspecError, RecursionError, UnicodeDecodeError)
     for number, line in enumerate(stored.tobytes().splitlines(), 1):
-        try:
+        with blamed(path, f"{_EVENTS}, line {number}", wrong):
             events.append(msgspec.json.decode(line, type=dict[str, Any]))
-        except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
-            raise FormatError(path, f"{_EVENTS}, line {number}", str(error)) from None
     return events
 
 

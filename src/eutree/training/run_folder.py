@@ -27,7 +27,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from eutree.compression.episodes import FrontEntry
-from eutree.errors import FormatError, InvalidArgumentError, RunFolderError
+from eutree.errors import FormatError, RunFolderError, blamed
 from eutree.evaluation import curve_to_csv
 from eutree.files import Document, make_folder, read_document, write_document, write_text
 from eutree.files.atomic import RUN, lock, remove_orphans, reported
@@ -269,10 +269,8 @@ def _method(path: Path, config: ConfigDocument, kind: type[Method]) -> dict[str,
         raise FormatError(path, "method", "must have a name")
     if config.method["name"] != kind.name:
         return {"name": config.method["name"]}
-    try:
+    with blamed(path, "method"):
         return to_document(from_document(config.method, kind=kind))
-    except InvalidArgumentError as error:
-        raise FormatError(path, "method", str(error)) from None
 
 
 def _choices(
