@@ -135,7 +135,7 @@ def card_lines(card: zoo.Card) -> Iterator[str]:
     yield f"| counted steps, seed | {card.steps:,}, {card.seed} |"
     if card.module:
         yield f"| its task | an example of the repository: `--import {card.module}` |"
-    yield f"| learned by | `{card.command}` |"
+    yield f"| learned by | `{card.command}`, at {card.commit} |"
     yield f"| proven | {card.proven or 'nothing'} |"
     yield f"| `play(x)` | {len(program.encode())} bytes |"
     share = f"1/{network / decision:.0f}"
